@@ -1,0 +1,31 @@
+# Two commands do everything: `make study` and `make test`.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STUDY ?= results/study
+
+.PHONY: study test test-all lint bench clean
+
+study: $(VENV)/.installed
+	$(BIN)/windsysid study --output $(STUDY) --overwrite
+
+test: lint
+	$(BIN)/python -m pytest -n 2 -q
+
+test-all: lint
+	$(BIN)/python -m pytest -n 2 -q -m "slow or not slow"
+
+lint: $(VENV)/.installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+$(VENV)/.installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "windsysid needs Python 3.11 or newer; got $$($(PYTHON) --version). Try: make PYTHON=python3.12 ..."; exit 2; }
+	test -d $(VENV) || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
+	touch $@
+
+clean:
+	rm -rf $(VENV) results .mypy_cache .ruff_cache .pytest_cache

@@ -1,0 +1,67 @@
+"""windsysid: stiffness and damping of a running wind turbine, identified from its vibration.
+
+import windsysid as ws
+
+turbine = ws.load_turbine("nrel5mw")
+record = ws.read_record("a2_rot12_decay_min.outb")
+result = ws.identify(record, turbine)
+print(result)
+result.plot().savefig("coefficients.png")
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from windsysid.errors import ConfigurationError, OutputError, RecordError, WindsysidError
+    from windsysid.filters import EKF, Belief, Filter, Info
+    from windsysid.formats import read_record, write_record
+    from windsysid.formulation import Prior
+    from windsysid.identification import Estimate, Identification
+    from windsysid.identify import add_noise, identify
+    from windsysid.mechanics.compile import CompiledModel, compile_model
+    from windsysid.mechanics.equations import Equations, lagrange
+    from windsysid.mechanics.rotor import RotorModel
+    from windsysid.mechanics.sensors import Sensor, read_sensors
+    from windsysid.modal import Mode
+    from windsysid.record import Record
+    from windsysid.simulate import simulate_record
+    from windsysid.statespace import GaussMarkov, Parameter, StateSpace, compose
+    from windsysid.turbine import Turbine, load_turbine, packaged_turbines
+
+__version__ = "0.1.0"
+
+_WHERE = {
+    "errors": ("ConfigurationError", "OutputError", "RecordError", "WindsysidError"),
+    "filters": ("EKF", "Belief", "Filter", "Info"),
+    "formats": ("read_record", "write_record"),
+    "formulation": ("Prior",),
+    "identification": ("Estimate", "Identification"),
+    "identify": ("add_noise", "identify"),
+    "mechanics.compile": ("CompiledModel", "compile_model"),
+    "mechanics.equations": ("Equations", "lagrange"),
+    "mechanics.rotor": ("RotorModel",),
+    "mechanics.sensors": ("Sensor", "read_sensors"),
+    "modal": ("Mode",),
+    "record": ("Record",),
+    "simulate": ("simulate_record",),
+    "statespace": ("GaussMarkov", "Parameter", "StateSpace", "compose"),
+    "turbine": ("Turbine", "load_turbine", "packaged_turbines"),
+}
+_MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
+
+__all__ = [
+    "EKF", "Belief", "CompiledModel", "ConfigurationError", "Equations", "Estimate", "Filter", "GaussMarkov",
+    "Identification", "Info", "Mode", "OutputError", "Parameter", "Prior", "Record", "RecordError", "RotorModel", "Sensor",
+    "StateSpace", "Turbine", "WindsysidError", "add_noise", "compile_model", "compose", "identify", "lagrange",
+    "load_turbine", "packaged_turbines", "read_record", "read_sensors", "simulate_record", "write_record",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used: `import windsysid` itself loads nothing heavy."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'windsysid' has no attribute '{name}'")
+    value = getattr(import_module(f"windsysid.{_MODULE_OF[name]}"), name)
+    globals()[name] = value
+    return value

@@ -1,0 +1,245 @@
+r"""Records from OpenFAST: ``.out`` (text) and ``.outb`` (packed binary), under our names, signs and units.
+
+OpenFAST has x downwind, y to the left looking downwind, z up; we look upwind, with x to the right, y up and
+angles counter-clockwise, which is the way the rotor turns. So our x is +y of OpenFAST, our y its z, a
+rotation about its x axis keeps its sign, and an in-plane blade motion changes it, because OpenFAST counts lag
+against the rotation:
+
+    psi = Azimuth + 90 deg                 azimuth of blade 1 from +x; blade b sits at psi + 2 pi (b - 1) / N
+    lag = -IPDefl, -TipALyb, -TipALgyb     positive with the rotation
+
+What OpenFAST calls an acceleration "with gravity" is what an accelerometer reads: the specific force, that is
+the acceleration plus g upwards, along axes that turn with the instrument. With our signs, the roll theta of
+the tower top, the tilt tau of the shaft and psi_b = psi + 2 pi (b - 1) / N,
+
+    YawBrTAgyp = YawBrTAyp + g sin(theta)                               tower_x_acceleration
+    TipALgyb   = TipALyb + g cos(tau) cos(psi_b + theta + alpha_b)      blade_b_tip_lag_acceleration
+
+where alpha_b is the slope of the bent blade at its tip (0.0282 rad per metre of lag for the NREL 5 MW blade):
+the tip's axes turn with it, in TipALyb too. Blade axes also turn with the pitch, which is left as it is: at
+zero pitch TipALyb and RootMxb are in the rotor plane. An instrument at height h above the tower top reads
+NcIMUTAgys = YawBrTAgyp - h times the roll acceleration. A root moment RootMx is what the outboard blade
+exerts on its root about the downwind axis. It is positive with the rotation already: a blade bent forward
+(lag > 0) shows a positive moment.
+
+A channel that `CHANNELS` does not list keeps OpenFAST's own name and sign, in SI.
+"""
+
+import re
+import struct
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.formats.files import check_input
+from windsysid.record import AS_WRITTEN, Array, Record, check_channels, check_rows, convert
+from windsysid.units import canonical
+
+__all__ = ["CHANNELS", "read_openfast"]
+
+
+CHANNELS: dict[str, tuple[str, float]] = {
+    # OpenFAST, # stands for the blade: (our name, sign)
+    "Azimuth": ("rotor_azimuth", 1.0),  # and a quarter turn, see _azimuth
+    "RotSpeed": ("rotor_speed", 1.0),
+    "TTDspSS": ("tower_x_displacement", 1.0),
+    "YawBrTVyp": ("tower_x_velocity", 1.0),
+    "YawBrTAyp": ("tower_x_acceleration_kinematic", 1.0),
+    "YawBrTAgyp": ("tower_x_acceleration", 1.0),
+    "YawBrRDxt": ("tower_roll", 1.0),
+    "NcIMUTAgys": ("nacelle_x_acceleration", 1.0),
+    "TipALyb#": ("blade_#_tip_lag_acceleration_kinematic", -1.0),
+    "TipALgyb#": ("blade_#_tip_lag_acceleration", -1.0),
+    "IPDefl#": ("blade_#_tip_lag_deflection", -1.0),
+    "RootMxb#": ("blade_#_root_lag_moment", 1.0),
+    "RootMxc#": ("blade_#_root_inplane_moment", 1.0),
+    "Wind1VelX": ("wind_speed", 1.0),
+}
+"""OpenFAST's channels that have a name of ours, with the sign that turns the one into the other."""
+
+_INSTALL = 'reading OpenFAST files needs openfast_io; install it with: pip install "windsysid[openfast]"'
+_HEADER_LINES = 8  # of a .out file: names in the seventh, units in the eighth
+
+
+def read_openfast(path: str | Path) -> Record:
+    """Read OpenFAST output, text or binary, with our names and signs (see the module).
+
+    Parameters
+    ----------
+    path : str or Path
+        Ends in ``.out`` or ``.outb``.
+
+    Returns
+    -------
+    Record
+        In SI units, named after the file. `rotor_azimuth` is wrapped to [0, 2π). The time is exactly uniform
+        wherever it was so before it was rounded for the file. A unit that windsysid does not know stays with
+        its values as ``"as written: <unit>"``.
+
+    Raises
+    ------
+    RecordError
+        If the file is missing, damaged, cut off or not OpenFAST output, a cell is not a number, a value is
+        infinite, or `openfast_io` is not installed.
+    """
+    path = Path(path)
+    check_input(path)
+    table, info = _read_binary(path) if path.suffix.lower() == ".outb" else _read_text(path)
+    names, units = info["attribute_names"], info["attribute_units"]
+    if not names or names[0].lower() != "time" or len(names) != len(units) or table.ndim != 2:
+        raise RecordError(f"{path}: is not OpenFAST output, expected a first channel 'Time'; export it again")
+    columns = [_channel(names[i], units[i], table[:, i]) for i in range(1, len(names))]
+    if not columns:
+        raise RecordError(f"{path}: holds no channel but the time; ask OpenFAST for some in OutList")
+    channels = tuple(name for name, _, _ in columns)
+    values = np.column_stack([values for _, values, _ in columns])
+    time = np.ascontiguousarray(table[:, 0])
+    offset = None if path.suffix.lower() == ".outb" else _HEADER_LINES + 1
+    try:
+        check_channels(channels)
+        check_rows(time, values, channels, lambda row: f"sample {row}" if offset is None else f"line {row + offset}")
+        return Record(
+            _without_rounding(time),
+            values,
+            channels,
+            tuple(unit for _, _, unit in columns),
+            name=path.name,
+            attributes={"source": "OpenFAST", "description": str(info["description"])},
+        )
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from error
+
+
+def _channel(name: str, unit: str, values: Array) -> tuple[str, Array, str]:
+    try:
+        canonical(unit)
+    except ConfigurationError:
+        unit = AS_WRITTEN + unit
+    values, unit = convert(values, unit, name)
+    blade = re.fullmatch(r"(.*[A-Za-z])(\d)", name)
+    ours, sign = CHANNELS.get(name, (name, 1.0))
+    if blade and blade[1] + "#" in CHANNELS:
+        ours, sign = CHANNELS[blade[1] + "#"]
+        ours = ours.replace("#", blade[2])
+    if ours == "rotor_azimuth":
+        values = _azimuth(values)
+    return ours, values if sign > 0.0 else -values, unit
+
+
+def _azimuth(values: Array) -> Array:
+    turn = 2.0 * np.pi
+    with np.errstate(invalid="ignore"):  # infinity is named by whoever checks the rows
+        wrapped = np.mod(values + 0.5 * np.pi, turn)
+    return np.where(wrapped == turn, 0.0, wrapped)  # the remainder of -1e-17 rounds up to a whole turn
+
+
+def _without_rounding(time: Array) -> Array:
+    """The uniform time that these times are a rounded copy of; the times themselves if they are none."""
+    index = np.arange(time.size)
+    step = (time[-1] - time[0]) / (time.size - 1)
+    scatter = np.max(np.abs(time - time[0] - step * index))
+    if scatter > 0.02 * step:  # four decimals of a 160 Hz record are 0.8 % of a step, at both ends
+        return time
+    allowed = max(2.0 * scatter, 4.0 * np.spacing(np.max(np.abs(time))))
+    for digits in range(1, 13):  # a step has few digits: 0.01, 0.00625
+        tidy = round(float(step), digits)
+        if np.max(np.abs(time - time[0] - tidy * index)) <= allowed:
+            return np.asarray(time[0] + tidy * index)
+    return np.asarray(time[0] + step * index)
+
+
+def _reader(name: str) -> Any:
+    try:
+        import openfast_io.FAST_output_reader as reader
+    except ImportError:
+        raise RecordError(_INSTALL) from None
+    return getattr(reader, name)
+
+
+def _read_binary(path: Path) -> tuple[Array, dict[str, Any]]:
+    # openfast_io believes the sizes in the header, however absurd: check them against the file first.
+    _check_binary_size(path)
+    load = _reader("load_binary_output")
+    try:
+        with np.errstate(all="ignore"):
+            table, info, *_ = load(str(path))
+    except Exception as error:
+        raise RecordError(f"{path}: is damaged ({error}); run the simulation or copy the file again") from error
+    return np.asarray(table, dtype=np.float64), info
+
+
+def _check_binary_size(path: Path) -> None:
+    """Refuse a header that makes no sense and a file that is shorter than its header says."""
+    rubbish = RecordError(f"{path}: is not OpenFAST binary output; give the file the ending of what it is")
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(12)
+        if len(head) < 12:
+            raise rubbish
+        (kind,) = struct.unpack_from("<h", head)
+        if kind not in (1, 2, 3, 4):
+            raise rubbish
+        width = struct.unpack_from("<h", head, 2)[0] if kind == 4 else 10
+        at = 4 if kind == 4 else 2
+        channels, samples = struct.unpack_from("<ii", head, at)
+        if width <= 0 or channels <= 0 or samples < 0:
+            raise rubbish
+        at += 8 + 16  # two counts, two numbers for the time
+        at += 0 if kind == 3 else 8 * channels  # scale and offset of the packed ones
+        if at + 4 <= size:
+            file.seek(at)
+            (description,) = struct.unpack("<i", file.read(4))
+            if description < 0:
+                raise rubbish
+            at += description
+        rows = channels * (8 if kind == 3 else 2) + (4 if kind == 1 else 0)
+        expected = at + 4 + 2 * width * (channels + 1) + samples * rows
+    if size < expected:
+        raise RecordError(
+            f"{path}: is cut off: {samples} samples of {channels} channels need {expected} bytes, got "
+            f"{size}; run the simulation or copy the file again"
+        )
+
+
+def _read_text(path: Path) -> tuple[Array, dict[str, Any]]:
+    load = _reader("load_ascii_output")
+    try:
+        table, info = load(str(path))
+        if table.ndim == 2 and table.shape[1] == len(info["attribute_names"]):
+            return np.asarray(table, dtype=np.float64), info
+    except Exception:  # what is wrong is found out below, where it can be named
+        pass
+    _name_what_is_wrong(path)
+
+
+def _name_what_is_wrong(path: Path) -> NoReturn:
+    try:
+        lines = path.read_bytes().decode().splitlines()
+        if "\0" in "".join(lines[:_HEADER_LINES]):
+            raise ValueError
+        names = lines[_HEADER_LINES - 2].split()
+    except (ValueError, IndexError):
+        names = []
+    if not names or names[0].lower() != "time":
+        raise RecordError(
+            f"{path}: is not OpenFAST text output, expected channel names from 'Time' on in line 7; "
+            "give the file the ending of what it is"
+        )
+    rows = lines[_HEADER_LINES:]
+    for number, line in enumerate(rows, _HEADER_LINES + 1):
+        cells = line.split()
+        for name, cell in zip(names, cells, strict=False):
+            try:
+                float(cell)
+            except ValueError:
+                raise RecordError(
+                    f"{path}: channel '{name}', line {number}: '{cell[:40]}' is not a number; run the simulation again"
+                ) from None
+        if len(cells) != len(names):
+            raise RecordError(
+                f"{path}: line {number} has {len(cells)} cells, expected {len(names)}; the file may be "
+                "cut off; remove that line or run the simulation again"
+            )
+    raise RecordError(f"{path}: has {len(rows)} samples, expected at least 2; run the simulation again")

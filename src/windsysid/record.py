@@ -1,0 +1,442 @@
+"""A record: what the instruments of one turbine read over time, as one labelled table in SI units.
+
+`Record` holds the time t_k (T,) and the values y_k (T, m), one row per sample and one column per channel.
+NaN means that a channel is missing at that sample, everywhere in this package. Channels are named
+``<point>_<direction>_<quantity>``: ``tower_x_acceleration``, ``blade_1_lag_displacement``, ``rotor_azimuth``.
+Readers and writers of files live in `windsysid.formats`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import textwrap
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.units import UNITS, canonical, si_unit, to_si
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["AS_WRITTEN", "Record", "implied_unit"]
+
+Array = npt.NDArray[np.float64]
+
+AS_WRITTEN = "as written: "
+"""Prefix of a unit that windsysid does not know: the values are as the file has them, not converted."""
+
+_OFF_GRID = 0.1  # of a step: beyond this a time stamp does not belong to a uniform grid
+_UNIFORM = 1e-3  # of a step: within this a grid counts as uniform
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Record:
+    """A labelled time series with units.
+
+    Parameters
+    ----------
+    time : array_like (T,)
+        Time [s], finite and strictly increasing, T ≥ 2.
+    values : array_like (T, m)
+        One column per channel, in the SI unit of `units`; NaN where a channel is missing. Infinity is
+        refused.
+    channels : tuple of str (m,)
+        Names, each once.
+    units : tuple of str (m,)
+        SI units, one per channel, ``"1"`` for a ratio. A unit that windsysid does not know is spelt
+        ``"as written: <unit>"`` and means that nothing was converted.
+    name : str
+        What it is, the file name for instance.
+    attributes : mapping of str to str
+        Free text about the record, kept in netCDF.
+
+    Raises
+    ------
+    RecordError
+        If shapes disagree, a name occurs twice, a unit is not SI, the time does not increase or a value is
+        infinite.
+
+    Notes
+    -----
+    Arrays are shared, not copied, where their type allows it: do not write into them.
+    """
+
+    time: Array
+    values: Array
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    name: str = "record"
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        try:
+            time = np.ascontiguousarray(self.time, dtype=np.float64)
+            values = np.ascontiguousarray(self.values, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise RecordError(f"time and values of a record must be numbers: {error}") from error
+        channels, units = tuple(self.channels), tuple(self.units)
+        if time.ndim != 1 or values.shape != (time.size, len(channels)) or len(units) != len(channels):
+            raise RecordError(
+                f"expected time (T,), values (T, m), m channels and m units, got time {time.shape}, "
+                f"values {values.shape}, {len(channels)} channels and {len(units)} units"
+            )
+        check_channels(channels)
+        check_rows(time, values, channels)
+        set_field = object.__setattr__  # the dataclass is frozen
+        set_field(self, "time", time)
+        set_field(self, "values", values)
+        set_field(self, "channels", channels)
+        set_field(self, "units", tuple(map(_checked_unit, units, channels)))
+        set_field(self, "attributes", {str(key): str(text) for key, text in self.attributes.items()})
+
+    @property
+    def samples(self) -> int:
+        """Number of samples T."""
+        return self.time.size
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]: the mean of all steps that are nearer to the median step than to a gap."""
+        return 1.0 / _step(self.time)
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether every sample lies on one uniform time grid, to a thousandth of a step."""
+        step = self.duration / (self.samples - 1)
+        grid = self.time[0] + step * np.arange(self.samples)
+        return bool(np.max(np.abs(self.time - grid)) <= _UNIFORM * step)
+
+    def __contains__(self, channel: object) -> bool:
+        return channel in self.channels
+
+    def __getitem__(self, channel: str) -> Array:
+        """The values (T,) of one channel, as a copy.
+
+        Raises
+        ------
+        RecordError
+            If the record has no such channel.
+        """
+        return np.ascontiguousarray(self.values[:, self._column(channel)])
+
+    def unit(self, channel: str) -> str:
+        """The unit of one channel; RecordError if the record has no such channel."""
+        return self.units[self._column(channel)]
+
+    def __repr__(self) -> str:
+        listed = ", ".join(
+            f"{name}\N{NO-BREAK SPACE}[{unit}]" for name, unit in zip(self.channels, self.units, strict=True)
+        )
+        heading = (
+            f"Record '{self.name}': {self.samples} samples at {self.rate:.6g} Hz, {self.duration:.6g} s, "
+            f"{len(self.channels)} channels"
+        )
+        body = textwrap.wrap(listed, 100, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
+        return "\n".join([heading, *body]).replace("\N{NO-BREAK SPACE}", " ")
+
+    def section(self, start: float, end: float) -> Record:
+        """The samples with start ≤ t < end, their times kept as they are.
+
+        Parameters
+        ----------
+        start, end : float
+            [s], on the record's own clock; inside the record to within one sampling step.
+
+        Raises
+        ------
+        RecordError
+            If the section is empty, holds a single sample, or reaches outside the record.
+        """
+        first, last, step = self.time[0], self.time[-1], _step(self.time)
+        own = f"the record runs from {first:g} to {last:g} s"
+        if not start < end:
+            raise RecordError(
+                f"the section {start:g} to {end:g} s is empty: expected start before end; {own}; choose others"
+            )
+        if start < first - step or end > last + step * (1.0 + _UNIFORM):
+            raise RecordError(
+                f"the section {start:g} to {end:g} s reaches outside the record: {own}; choose a section inside"
+            )
+        low, high = np.searchsorted(self.time, (start, end), side="left")
+        if high - low < 2:
+            raise RecordError(
+                f"the section {start:g} to {end:g} s holds {high - low} samples, expected at least 2: {own} "
+                f"at {self.rate:g} Hz; choose a longer section"
+            )
+        return replace(self, time=self.time[low:high], values=self.values[low:high])
+
+    def select(self, channels: Iterable[str]) -> Record:
+        """The same record with only these channels, in this order; RecordError for one that is missing."""
+        columns = [self._column(channel) for channel in channels]
+        return replace(
+            self,
+            values=self.values[:, columns],
+            channels=tuple(self.channels[i] for i in columns),
+            units=tuple(self.units[i] for i in columns),
+        )
+
+    def with_channels(self, channels: Mapping[str, tuple[npt.ArrayLike, str]]) -> Record:
+        """A new record with channels replaced, or added at the end.
+
+        Parameters
+        ----------
+        channels : mapping of str to (array_like (T,), str)
+            Name to values and unit; any unit that windsysid knows, the values are converted to SI.
+
+        Raises
+        ------
+        RecordError
+            If an array is not (T,), a unit is unknown or a value is infinite.
+        """
+        columns = {name: (self.values[:, i], self.units[i]) for i, name in enumerate(self.channels)}
+        for name, (values, unit) in channels.items():
+            array = np.asarray(values, dtype=np.float64)
+            if array.shape != self.time.shape:
+                raise RecordError(f"channel '{name}': expected values {self.time.shape}, got {array.shape}")
+            columns[name] = convert(array, unit, f"channel '{name}'")
+        return replace(
+            self,
+            values=_table([values for values, _ in columns.values()], self.samples),
+            channels=tuple(columns),
+            units=tuple(unit for _, unit in columns.values()),
+        )
+
+    def with_name(self, name: str) -> Record:
+        """The same record under another name."""
+        return replace(self, name=name)
+
+    def on_uniform_grid(self) -> Record:
+        """The record on a uniform time grid at its own rate; rows that were not recorded become NaN.
+
+        The grid starts at the first sample. Nothing is interpolated: each sample keeps its values and moves
+        to the grid point it belongs to, at most a tenth of a step away.
+
+        Raises
+        ------
+        RecordError
+            If a sample is farther than that from the grid, or the gaps dwarf the data.
+        """
+        if self.is_uniform:
+            return self
+        step = _step(self.time)
+        elapsed = self.time - self.time[0]
+        index = np.rint(elapsed / step)
+        step = float(elapsed @ index / (index @ index))  # least squares through the first sample
+        index = np.rint(elapsed / step)
+        off = np.abs(elapsed - step * index) / step
+        off[1:][np.diff(index) == 0.0] = 0.5  # two samples on one grid point: one of them is half a step off
+        if np.any(off > _OFF_GRID):
+            k = int(np.argmax(off > _OFF_GRID))
+            raise RecordError(
+                f"irregular sampling: sample {k} at {self.time[k]:.9g} s lies {100 * off[k]:.0f} % of "
+                "a step off the "
+                f"uniform grid at {1 / step:.6g} Hz, expected at most {100 * _OFF_GRID:.0f} %; resample "
+                "the record first"
+            )
+        rows = int(index[-1]) + 1
+        if rows > 10 * self.samples + 1_000_000:
+            raise RecordError(
+                f"the gaps of the record are too long: {self.samples} samples on a grid of {rows}; "
+                "choose a section without the gaps"
+            )
+        values = np.full((rows, len(self.channels)), np.nan)
+        values[index.astype(np.int64)] = self.values
+        return replace(self, time=self.time[0] + step * np.arange(rows), values=values)
+
+    def to_xarray(self) -> xr.Dataset:
+        """As an `xarray.Dataset`: one variable (time,) with ``units`` per channel, and the attributes."""
+        import xarray as xr
+
+        columns = {
+            name: ("time", self.values[:, i].copy(), {"units": self.units[i]}) for i, name in enumerate(self.channels)
+        }
+        marks = {
+            "windsysid_name": self.name,
+            "windsysid_channels": json.dumps(self.channels, ensure_ascii=False),
+        }
+        return xr.Dataset(
+            columns,
+            coords={"time": ("time", self.time.copy(), {"units": "s"})},
+            attrs={**self.attributes, **marks},
+        )
+
+    @classmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> Record:
+        """A record from a dataset whose variables are (time,), with time [s] as numbers.
+
+        Units other than SI are converted; a variable without ``units`` gets the one its name implies
+        (see `implied_unit`).
+
+        Raises
+        ------
+        RecordError
+            If there is no such time, a variable has other dimensions or is not a number, or a unit is
+            unknown.
+        """
+        if "time" not in dataset.variables or dataset["time"].dims != ("time",):
+            raise RecordError(
+                "not a record: expected a coordinate 'time' (T,) in seconds, got the variables "
+                f"{_listed([str(name) for name in dataset.variables])}"
+            )
+        try:
+            order = [str(name) for name in json.loads(dataset.attrs.get("windsysid_channels", "[]"))]
+        except (TypeError, ValueError):
+            order = []
+        if sorted(order) != sorted(map(str, dataset.data_vars)):
+            order = [str(name) for name in dataset.data_vars]
+        time, unit = convert(_column(dataset["time"], "time"), str(dataset["time"].attrs.get("units", "s")), "time")
+        if unit != "s":
+            raise RecordError(f"time is in '{dataset['time'].attrs['units']}', expected seconds; convert it first")
+        columns = [
+            convert(
+                _column(dataset[name], name),
+                str(dataset[name].attrs.get("units", implied_unit(name))),
+                f"'{name}'",
+            )
+            for name in order
+        ]
+        return cls(
+            time,
+            _table([values for values, _ in columns], time.size),
+            tuple(order),
+            tuple(unit for _, unit in columns),
+            name=str(dataset.attrs.get("windsysid_name", "record")),
+            attributes={str(k): str(v) for k, v in dataset.attrs.items() if not str(k).startswith("windsysid_")},
+        )
+
+    def _column(self, channel: str) -> int:
+        if channel in self.channels:
+            return self.channels.index(channel)
+        close = difflib.get_close_matches(channel, self.channels, n=3)
+        hint = f"did you mean {_listed(close)}?" if close else f"it has {_listed(self.channels)}"
+        raise RecordError(f"record '{self.name}' has no channel '{channel}': {hint}")
+
+
+def implied_unit(channel: str) -> str:
+    """The SI unit that a channel's name implies when nobody wrote one; ``"1"`` where it implies none.
+
+    Lag and roll are angles (``blade_1_lag_displacement`` [rad]); motion of a blade's tip is a length
+    (``blade_1_tip_lag_acceleration`` [m/s²]).
+    """
+    words = channel.lower().split("_")
+    turns = "tip" not in words and any(word in words for word in ("lag", "roll", "angular", "rotor"))
+    length = "rad" if turns else "m"
+    for words_of_quantity, unit in (
+        (("acceleration",), f"{length}/s^2"),
+        (("velocity", "speed"), f"{length}/s"),
+        (("displacement", "deflection"), length),
+        (("moment", "torque"), "N*m"),
+        (("force", "load"), "N"),
+        (("azimuth", "pitch", "roll", "yaw", "angle", "direction"), "rad"),
+        (("power",), "W"),
+    ):
+        if any(word in words for word in words_of_quantity):
+            return unit
+    return "1"
+
+
+def convert(values: Array, unit: str, what: str) -> tuple[Array, str]:
+    """`values` in SI and the SI unit; RecordError naming `what` if the unit is unknown."""
+    if unit.startswith(AS_WRITTEN):
+        return values, unit
+    try:
+        factor = to_si(1.0, unit)
+    except ConfigurationError as error:
+        raise RecordError(f"{what}: {error}") from error
+    return (values if factor == 1.0 else values * factor), si_unit(unit)
+
+
+def check_channels(channels: Iterable[str]) -> None:
+    """Refuse names that cannot be told apart or written to a file."""
+    seen = set()
+    for name in channels:
+        if not isinstance(name, str) or not name or name != name.strip() or len(name.splitlines()) > 1:
+            raise RecordError(f"{name!r} is not a channel name: expected text on one line without spaces around it")
+        if name == "time":
+            raise RecordError("a channel is called 'time', which is the record's own: rename it")
+        if name in seen:
+            raise RecordError(f"channel '{name}' occurs twice: expected each name once; rename one of them")
+        seen.add(name)
+
+
+def check_rows(
+    time: Array, values: Array, channels: tuple[str, ...], place: Callable[[int], str] = "sample {}".format
+) -> None:
+    """Refuse a time that does not increase and infinite values, naming the first place."""
+    if time.size < 2:
+        raise RecordError(f"expected at least 2 samples, got {time.size}; give a longer record")
+    finite = np.isfinite(time)
+    if not finite.any():
+        raise RecordError("the time is missing or infinite everywhere: expected seconds as numbers; write the time")
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise RecordError(f"the time at {place(k)} is {time[k]}: expected seconds; remove that row or write its time")
+    steps = np.diff(time)
+    if not np.all(steps > 0.0):
+        k = int(np.argmax(steps <= 0.0))
+        what = "is repeated" if steps[k] == 0.0 else "runs backwards"
+        raise RecordError(
+            f"the time {what} at {place(k + 1)} ({float(time[k])!r} s, then {float(time[k + 1])!r} s): "
+            "expected strictly increasing; sort the rows and drop the repeated ones"
+        )
+    infinite = np.isinf(values)
+    if infinite.any():
+        row, column = (int(i) for i in np.argwhere(infinite)[0])
+        raise RecordError(
+            f"channel '{channels[column]}' is infinite at {place(row)}: expected a finite number; "
+            "leave the cell empty or write NaN where a value is missing"
+        )
+
+
+def _checked_unit(unit: str, channel: str) -> str:
+    if unit.startswith(AS_WRITTEN):
+        return unit
+    try:
+        known = canonical(unit)
+    except ConfigurationError as error:
+        raise RecordError(f"channel '{channel}': {error}") from error
+    si, factor = UNITS[known]
+    if factor != 1.0:
+        raise RecordError(
+            f"channel '{channel}' is in '{unit}': a record holds SI, expected '{si}'; "
+            "convert the values, or add them by with_channels, which does"
+        )
+    return si
+
+
+def _step(time: Array) -> float:
+    steps = np.diff(time)
+    median = np.median(steps)
+    # Times written with few digits scatter about the step, so the median alone is wrong by that scatter.
+    near = steps[np.abs(steps - median) < 0.5 * median]
+    return float(np.mean(near)) if near.size else float(median)
+
+
+def _table(columns: list[Array], samples: int) -> Array:
+    return np.column_stack(columns) if columns else np.empty((samples, 0))
+
+
+def _column(variable: xr.DataArray, name: str) -> Array:
+    if variable.dims != ("time",) or variable.dtype.kind not in "fiu":
+        raise RecordError(
+            f"'{name}' is {variable.dtype} with dimensions ({', '.join(map(str, variable.dims))}): "
+            "expected numbers with dimension (time); leave it out or convert it"
+        )
+    return np.asarray(variable.to_numpy(), dtype=np.float64)
+
+
+def _listed(names: Iterable[str], most: int = 12) -> str:
+    names = list(names)
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return (", ".join(names[:most]) + more) or "none"

@@ -1,0 +1,116 @@
+"""Units at the edge of the house: inside, everything is SI and radians.
+
+`to_si` turns a value written in an engineer's unit into SI. Only units that appear on wind-turbine records
+and data sheets are known; a unit nobody listed is an error, never a guess.
+"""
+
+import math
+
+from windsysid.errors import ConfigurationError
+
+__all__ = ["UNITS", "canonical", "is_same_quantity", "si_unit", "to_si", "unit_text"]
+
+_TURN = 2.0 * math.pi
+_DEGREE = math.pi / 180.0
+_G = 9.80665
+
+UNITS: dict[str, tuple[str, float]] = {
+    # unit: (the SI unit of the same quantity, factor)
+    "1": ("1", 1.0), "-": ("1", 1.0), "": ("1", 1.0), "%": ("1", 0.01), "V/V": ("1", 1.0),
+    "mV/V": ("1", 1e-3), "strain": ("1", 1.0), "microstrain": ("1", 1e-6), "ue": ("1", 1e-6),
+    "µε": ("1", 1e-6),
+    "s": ("s", 1.0), "ms": ("s", 1e-3), "min": ("s", 60.0), "h": ("s", 3600.0),
+    "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "km": ("m", 1e3),
+    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3), "km/h": ("m/s", 1.0 / 3.6),
+    "m/s^2": ("m/s^2", 1.0), "mm/s^2": ("m/s^2", 1e-3), "g": ("m/s^2", _G), "mg": ("m/s^2", 1e-3 * _G),
+    "rad": ("rad", 1.0), "deg": ("rad", _DEGREE), "mrad": ("rad", 1e-3),
+    "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", _DEGREE), "rpm": ("rad/s", _TURN / 60.0), "Hz": ("Hz", 1.0),
+    "rad/s^2": ("rad/s^2", 1.0), "deg/s^2": ("rad/s^2", _DEGREE),
+    "rad/m": ("rad/m", 1.0), "deg/m": ("rad/m", _DEGREE),
+    "kg": ("kg", 1.0), "t": ("kg", 1e3), "kg*m": ("kg*m", 1.0), "kg*m^2": ("kg*m^2", 1.0),
+    "N": ("N", 1.0), "kN": ("N", 1e3), "MN": ("N", 1e6),
+    "N*m": ("N*m", 1.0), "kN*m": ("N*m", 1e3), "MN*m": ("N*m", 1e6),
+    "N/m": ("N/m", 1.0), "kN/m": ("N/m", 1e3), "MN/m": ("N/m", 1e6),
+    "N*s/m": ("N*s/m", 1.0), "kN*s/m": ("N*s/m", 1e3),
+    "N*m/rad": ("N*m/rad", 1.0), "kN*m/rad": ("N*m/rad", 1e3),
+    "N*m*s/rad": ("N*m*s/rad", 1.0), "kN*m*s/rad": ("N*m*s/rad", 1e3),
+    "W": ("W", 1.0), "kW": ("W", 1e3), "MW": ("W", 1e6), "Pa": ("Pa", 1.0), "degC": ("degC", 1.0),
+    "V": ("V", 1.0), "A": ("A", 1.0),
+}  # fmt: skip
+
+_EXAMPLES = ("m/s^2", "g", "mm", "deg", "rpm", "kN*m", "N/m")
+
+# Two letters look like µ: the Greek one is turned into the micro sign.
+_SPELLINGS = str.maketrans({"·": "*", "⋅": "*", "•": "*", "²": "^2", "μ": "µ", " ": None})
+_PIECES = (
+    ("**", "^"),
+    ("/sec", "/s"),
+    ("N-m", "N*m"),
+    ("Nm", "N*m"),
+    ("kg-m", "kg*m"),
+    ("kgm", "kg*m"),
+    ("N-s", "N*s"),
+    ("Ns/", "N*s/"),
+    ("°", "deg"),
+)
+_WORDS = {
+    "sec": "s", "seconds": "s", "second": "s", "degrees": "deg", "degree": "deg", "RPM": "rpm",
+    "rev/min": "rpm", "1/min": "rpm", "m/s2": "m/s^2", "m/ss": "m/s^2", "m/s/s": "m/s^2", "mm/s2": "mm/s^2",
+    "deg/s2": "deg/s^2", "rad/s2": "rad/s^2", "kg*m2": "kg*m^2", "degrees/s": "deg/s",
+    "ustrain": "microstrain", "none": "1",
+}  # fmt: skip
+
+
+def canonical(unit: str) -> str:
+    """One spelling for a unit: ``kN-m``, ``(kN·m)`` and ``kN*m`` are the same, so are ``m/s²`` and ``m/s^2``.
+
+    Parameters
+    ----------
+    unit : str
+        The unit as somebody wrote it; brackets around it and spaces are ignored.
+
+    Returns
+    -------
+    str
+        A key of `UNITS`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the unit is not known.
+    """
+    text = unit.strip()
+    if len(text) > 1 and text[0] + text[-1] in ("()", "[]"):
+        text = text[1:-1]
+    text = text.translate(_SPELLINGS)
+    if text not in UNITS:
+        for written, spelt in _PIECES:
+            text = text.replace(written, spelt)
+        text = _WORDS.get(text, text)
+    if text not in UNITS:
+        raise ConfigurationError(
+            f"unknown unit '{unit}': expected one of the units windsysid knows (such as "
+            f"{', '.join(_EXAMPLES)}); "
+            "write the value in one of those"
+        )
+    return text
+
+
+def si_unit(unit: str) -> str:
+    """The SI unit of the quantity that `unit` measures: ``si_unit("rpm") == "rad/s"``."""
+    return UNITS[canonical(unit)][0]
+
+
+def to_si(value: float, unit: str) -> float:
+    """`value` in `unit`, expressed in SI."""
+    return value * UNITS[canonical(unit)][1]
+
+
+def is_same_quantity(unit: str, other: str) -> bool:
+    """Whether two units measure the same quantity, so that one can be turned into the other."""
+    return si_unit(unit) == si_unit(other)
+
+
+def unit_text(unit: str) -> str:
+    """A unit as it is printed: ``N*m/rad`` → N·m/rad, ``m/s^2`` → m/s²."""
+    return unit.replace("*", "·").replace("^2", "²")
