@@ -1,0 +1,215 @@
+"""The command line: reads options, calls the library, prints. Heavy modules are imported by the command that needs them."""
+
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from windsysid import __version__
+from windsysid.errors import ConfigurationError, WindsysidError
+
+if TYPE_CHECKING:
+    from windsysid.mechanics.sensors import Sensor
+    from windsysid.record import Record
+    from windsysid.turbine import Turbine
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Identify the stiffness and damping of a wind turbine from its vibration.",
+)
+
+TurbineOption = Annotated[
+    str, typer.Option("--turbine", help="A packaged turbine (windsysid turbines lists them) or a TOML file.")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are already there.")]
+
+
+def main() -> None:
+    """Run the command line: bad input ends in one line on standard error and exit code 2."""
+    try:
+        app()
+    except WindsysidError as error:
+        print(f"windsysid: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+@app.callback(invoke_without_command=True)
+def _options(version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False) -> None:
+    if version:
+        print(f"windsysid {__version__}")
+        raise typer.Exit
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("windsysid: %(message)s"))
+    logger = logging.getLogger("windsysid")
+    logger.handlers = [handler]
+    logger.setLevel(logging.INFO)
+
+
+@app.command()
+def study(
+    output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")] = Path(
+        "results/study"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated record.")] = 0,
+    overwrite: Overwrite = False,
+) -> None:
+    """Repeat the published study: ten coefficients at once by the paper's extended Kalman filter."""
+    from windsysid.output import new_folder
+    from windsysid.study import run_study
+    from windsysid.study.report import error_table
+
+    with new_folder(output, overwrite=overwrite) as folder, _progress("study") as progress:
+        found = run_study(seed, progress)
+        progress("writing the report")
+        found.save(folder)
+    table = error_table(found)
+    _print_table(table.headings, table.rows, table.caption)
+    print(f"filter: {found.arm_a.elapsed:.3f} s for {found.arm_a.samples} samples (published: 30 s)")
+    print(f"report: {output / 'report.html'}")
+
+
+@app.command()
+def simulate(
+    turbine: TurbineOption,
+    output: Annotated[Path, typer.Option(help="Record to write: .csv or .nc.")],
+    duration: Annotated[float, typer.Option(help="Length [s].")] = 600.0,
+    rate: Annotated[float, typer.Option(help="Samples per second [Hz].")] = 100.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of loads and noise.")] = 0,
+    overwrite: Overwrite = False,
+) -> None:
+    """Simulate what a turbine's sensors record under random loads."""
+    from windsysid.formats import write_record
+    from windsysid.simulate import simulate_record
+    from windsysid.turbine import load_turbine
+
+    machine = load_turbine(turbine)
+    if output.exists() and not overwrite:
+        raise ConfigurationError(f"{output} is already there: choose another name, or add --overwrite")
+    with _progress("simulate") as progress:
+        progress(f"{duration:g} s of {machine.name} at {rate:g} Hz")
+        record = simulate_record(machine, duration=duration, rate=rate, seed=seed)
+        progress(f"writing {output}")
+        write_record(record, output, overwrite=overwrite)
+    print(record)
+    print(f"record: {output}")
+
+
+@app.command()
+def identify(
+    record: Annotated[Path, typer.Argument(help="CSV, netCDF, or OpenFAST .out / .outb.")],
+    turbine: TurbineOption,
+    output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")],
+    sensors: Annotated[
+        Path | None, typer.Option(help="TOML list of the record's sensors; the turbine's usual ones by default.")
+    ] = None,
+    formulation: Annotated[
+        Literal["joint", "force-balance"],
+        typer.Option(help="joint: from accelerometers, loads as states. force-balance: the published study's."),
+    ] = "joint",
+    section: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="START END", help="Part of the record to use [s].")
+    ] = None,
+    prior_scale: Annotated[float, typer.Option(help="Centre every prior this many times off its reference.")] = 1.0,
+    add_noise: Annotated[
+        float,
+        typer.Option(metavar="PERCENT", help="Add white noise of this percentage of each sensor's standard deviation."),
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the added noise.")] = 0,
+    overwrite: Overwrite = False,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+) -> None:
+    """Identify stiffness and damping of a turbine from a record."""
+    from windsysid.formats import read_record
+    from windsysid.formulation import Prior
+    from windsysid.identify import identify as identify_record
+    from windsysid.mechanics.sensors import read_sensors
+    from windsysid.output import check_output, new_folder
+    from windsysid.turbine import load_turbine
+
+    check_output(output, overwrite=overwrite)
+    machine = load_turbine(turbine)
+    listed = read_sensors(sensors) if sensors is not None else None
+    prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
+    with _progress("identify") as progress:
+        progress(f"reading {record}")
+        data = read_record(record)
+        if add_noise != 0.0:
+            data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
+        progress(f"{formulation} formulation, {data.samples} samples")
+        found = identify_record(data, machine, sensors=listed, formulation=formulation, section=section, prior=prior)
+        with new_folder(output, overwrite=overwrite) as folder:
+            found.save(folder)
+            if not no_report:
+                from windsysid.report import identification_report
+
+                progress("writing the report")
+                identification_report(folder / "report.html", found, data.section(*section) if section else data)
+    print(found)
+    print(
+        f"{found.samples} samples in {found.elapsed:.2f} s; results: {output / ('summary.json' if no_report else 'report.html')}"
+    )
+
+
+@app.command()
+def turbines() -> None:
+    """List the packaged turbines."""
+    from windsysid.turbine import load_turbine, packaged_turbines
+
+    rows = []
+    for name in packaged_turbines():
+        machine = load_turbine(name)
+        free = ", ".join(machine.model.coordinates)
+        rows.append((name, f"{machine.rotor_speed * 30.0 / 3.141592653589793:.4g} rpm", free, machine.description))
+    _print_table(("turbine", "speed", "degrees of freedom", "description"), rows, "Packaged turbines")
+    for name in packaged_turbines():
+        machine = load_turbine(name)
+        print(f"{name}: {machine.source}")
+        print(f"  assumed: {', '.join(machine.assumed)}")
+
+
+def _noisy(
+    record: "Record", turbine: "Turbine", sensors: "tuple[Sensor, ...] | None", formulation: str,
+    section: tuple[float, float] | None, percent: float, seed: int,
+) -> "tuple[Record, tuple[Sensor, ...] | None]":  # fmt: skip
+    """The record with noise added to what will be measured, and the sensors told of it."""
+    from windsysid.forcebalance import measured_channels
+    from windsysid.identify import add_noise, usable_sensors, with_noise
+
+    if formulation == "force-balance":
+        return add_noise(record, measured_channels(record, turbine), percent, seed)[0], sensors
+    found = usable_sensors(record.section(*section) if section else record, turbine, sensors)
+    noisy, added = add_noise(record, [sensor.channel for sensor in found], percent, seed)
+    return noisy, with_noise(found, added)
+
+
+@contextmanager
+def _progress(title: str) -> Iterator[Any]:
+    """Say on standard error what is being done: a spinner on a terminal, nothing in a pipe."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    with console.status(title) as status:
+        yield lambda text: status.update(f"{title}: {text}")
+
+
+def _print_table(headings: Any, rows: Any, title: str) -> None:
+    from rich.table import Table
+
+    from windsysid.console import render
+
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        table.add_column(heading)
+    for row in rows:
+        table.add_row(*row)
+    print(render(table))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,224 @@
+"""Identify: record + turbine + sensors → `Identification`, the front door of the house."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.filters import EKF
+from windsysid.forcebalance import identify_by_force_balance
+from windsysid.formulation import Outcome, Prior
+from windsysid.identification import SIGMAS, Estimate, Identification, coefficient_errors
+from windsysid.joint import identify_jointly
+from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.sensors import Sensor
+from windsysid.modal import modes_with_bands
+from windsysid.record import Record
+from windsysid.turbine import Turbine
+
+__all__ = ["Formulation", "Prior", "add_noise", "conclude", "identify", "usable_sensors", "with_noise"]
+
+Array = NDArray[np.float64]
+
+Formulation = Literal["joint", "force-balance"]
+
+
+def identify(
+    record: Record,
+    turbine: Turbine,
+    *,
+    sensors: Sequence[Sensor] | None = None,
+    formulation: Formulation = "joint",
+    section: tuple[float, float] | None = None,
+    prior: Prior | None = None,
+) -> Identification:
+    """Identify stiffness and damping of `turbine` from `record`.
+
+    Parameters
+    ----------
+    record
+        Channels in SI, with ``rotor_azimuth`` [rad]; ``rotor_speed`` [rad/s] and known loads ``load_x`` … [N, N·m]
+        where measured.
+    turbine
+        Masses, geometry, and the references that priors are centred on.
+    sensors
+        Instruments on the record's channels; the turbine's usual ones, as far as they are recorded, by default. The
+        force balance reads displacement, velocity and acceleration of every degree of freedom by name and integrates
+        what is missing.
+    formulation
+        ``"joint"`` or ``"force-balance"``.
+    section
+        Start and end of the part to use [s]; the whole record by default.
+    prior
+        Where priors are centred and how wide they are; on the turbine's references, as wide as its file says, by
+        default.
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If the record does not hold what is needed, or an option is out of range.
+    """
+    part = (record.section(*section) if section else record).on_uniform_grid()
+    _check_length(part, turbine)
+    if formulation == "joint":
+        found = usable_sensors(part, turbine, sensors)
+        return conclude(identify_jointly(part, turbine, found, prior or Prior()), part, formulation)
+    if formulation == "force-balance":
+        if sensors is not None:
+            raise ConfigurationError(
+                "the force balance takes no sensor list: it reads tower_x_acceleration, blade_1_lag_displacement … by name"
+            )
+        whole = record.on_uniform_grid()
+        outcome = identify_by_force_balance(whole, part, turbine, prior or Prior(spread=1.0))
+        return conclude(outcome, part, formulation)
+    raise ConfigurationError(f"formulation: expected joint or force-balance, got '{formulation}'")
+
+
+def add_noise(record: Record, channels: Sequence[str], percent: float, seed: int) -> tuple[Record, dict[str, float]]:
+    """White noise of `percent` of each channel's standard deviation added to it; returns the noise rms per channel too.
+
+    Raises
+    ------
+    ConfigurationError
+        If `percent` is negative or not finite.
+    """
+    if not (math.isfinite(percent) and 0.0 <= percent <= 1000.0):
+        raise ConfigurationError(f"added noise: expected a percentage between 0 and 1000, got {percent:g}")
+    rng = np.random.default_rng(seed)
+    added: dict[str, float] = {}
+    changed: dict[str, tuple[Array, str]] = {}
+    for channel in channels:
+        values = record[channel]
+        added[channel] = percent / 100.0 * float(np.nanstd(values))
+        noisy = values + added[channel] * rng.standard_normal(len(values))
+        changed[channel] = (noisy, record.units[record.channels.index(channel)])
+    return record.with_channels(changed), added
+
+
+def with_noise(sensors: Sequence[Sensor], added: Mapping[str, float]) -> tuple[Sensor, ...]:
+    """The same sensors, as noisy as they and the added noise are together."""
+    return tuple(
+        sensor.model_copy(update={"noise": math.hypot(sensor.noise, added.get(sensor.channel, 0.0))})
+        for sensor in sensors
+    )
+
+
+def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None) -> tuple[Sensor, ...]:
+    """The sensors given, all of which the record must hold, or those of the turbine's usual ones that it does hold."""
+    if sensors is None:
+        found = tuple(sensor for sensor in turbine.sensors if sensor.channel in record)
+        if not found:
+            wanted = ", ".join(sensor.channel for sensor in turbine.sensors)
+            raise RecordError(
+                f"{record.name}: expected at least one of the channels {wanted}; got {', '.join(record.channels)}; "
+                "list the record's own channels with --sensors FILE"
+            )
+    else:
+        found = tuple(sensors)
+    for sensor in found:
+        values = record[sensor.channel]
+        unit = record.units[record.channels.index(sensor.channel)]
+        if sensor.quantity != "strain" and unit != sensor.unit:
+            raise RecordError(
+                f"channel '{sensor.channel}': expected {sensor.unit} for {sensor.quantity}, got {unit}: correct the unit or the sensor"
+            )
+        if not np.isfinite(values).any():
+            raise RecordError(
+                f"channel '{sensor.channel}' holds no numbers in this section: leave it out of the sensor list, "
+                "or choose another section"
+            )
+    return found
+
+
+def _check_length(record: Record, turbine: Turbine) -> None:
+    turn = 2.0 * math.pi / turbine.rotor_speed
+    if record.duration < turn:
+        raise RecordError(
+            f"{record.name}: expected at least one revolution ({turn:.3g} s at {turbine.rotor_speed * 30.0 / math.pi:.3g} rpm), "
+            f"got {record.duration:.3g} s: choose a longer record or section"
+        )
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    if fastest / record.rate > 0.6:
+        raise RecordError(
+            f"{record.name}: expected at least {fastest / 0.6:.3g} samples per second for a mode at "
+            f"{fastest / (2.0 * math.pi):.3g} Hz, got {record.rate:.3g}"
+        )
+
+
+def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Identification:
+    """Put what a formulation found on `record` into physical units, with bands, modes and errors."""
+    turbine, model, theta, cov = outcome.turbine, outcome.model, outcome.theta, outcome.cov
+    block = model.parameter_block
+    history_mean, history_std = outcome.online.mean[:, block], outcome.online.std[:, block]
+    std = np.sqrt(np.diag(cov))
+    estimates = []
+    for i, q in enumerate(model.parameters):
+        reference = turbine.values[q.name]
+        low, value, high = (float(q.physical(theta[i] + k * std[i])) for k in (-SIGMAS, 0.0, SIGMAS))
+        spread = std[i] * (value if q.logarithmic else q.scale)
+        errors = coefficient_errors(q.physical(history_mean[:, i]), reference)
+        estimates.append(
+            Estimate(
+                name=q.name,
+                unit=_unit(q.name),
+                kind="damping" if q.name.startswith("c_") else "stiffness",
+                estimate=value,
+                low=low,
+                high=high,
+                std=float(spread),
+                informed_by_data=float(np.clip(1.0 - (std[i] / q.prior[1]) ** 2, 0.0, 1.0)),
+                prior=q.centre,
+                reference=reference,
+                average_error_percent=float(np.mean(errors)),
+                tip=_at_the_tip(q.name, turbine, value, low, high, float(spread), reference),
+            )
+        )
+    final = turbine.with_values({e.name: e.estimate for e in estimates})
+    compiled = model.compiled if formulation == "joint" else compile_model(turbine.model)
+    p, at_reference = (np.array([source.values[name] for name in compiled.parameters]) for source in (final, turbine))
+    speed = float(outcome.rotor[:, 1].mean())
+    modes = modes_with_bands(turbine.model, compiled, p, speed, model.parameters, theta, cov, at_reference)
+    return Identification(
+        method=EKF.name,
+        formulation=formulation,
+        record=record.name,
+        turbine=turbine.name,
+        sensors=outcome.channels,
+        section=(float(record.time[0]), float(record.time[-1])),
+        rate=record.rate,
+        samples=record.samples,
+        elapsed=outcome.elapsed,
+        estimates=tuple(estimates),
+        modes=modes,
+        parameters=model.parameters,
+        time=record.time,
+        mean=history_mean,
+        std=history_std,
+        cov=cov,
+        readings=model.readings,
+        innovation=outcome.final.innovation,
+        whitened=outcome.final.whitened,
+        log_likelihood=float(outcome.final.log_likelihood.sum()),
+        notes=outcome.notes,
+    )
+
+
+def _unit(name: str) -> str:
+    angular = name.split("_", 1)[1] not in ("x", "y")
+    if name.startswith("k_"):
+        return "N*m/rad" if angular else "N/m"
+    return "N*m*s/rad" if angular else "N*s/m"
+
+
+def _at_the_tip(
+    name: str, turbine: Turbine, value: float, low: float, high: float, std: float, reference: float
+) -> dict[str, float] | None:
+    """A blade's coefficient per tip deflection, k_β/ℓ² or c_β/ℓ²."""
+    if "beta" not in name or turbine.tip_lever == 0.0:
+        return None
+    square = turbine.tip_lever**2
+    labels = ("estimate", "low", "high", "std", "reference")
+    return dict(zip(labels, (x / square for x in (value, low, high, std, reference)), strict=True))

@@ -1,0 +1,150 @@
+"""Reports: one self-contained HTML file, figures inside, readable without a network."""
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from windsysid.identification import Identification
+from windsysid.record import Record
+from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Section", "Table", "identification_report", "write_report"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under headings; cells of every column but the first are set right."""
+
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading with paragraphs, tables and figures, each figure with its caption."""
+
+    title: str
+    text: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    figures: "Sequence[tuple[Figure, str]]" = ()
+
+
+def write_report(path: Path, title: str, subtitle: str, sections: Sequence[Section]) -> None:
+    """Write sections as one HTML file."""
+    from jinja2 import Environment
+
+    template = (resources.files("windsysid") / "templates" / "report.html.j2").read_text(encoding="utf-8")
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    shown = [
+        {
+            "title": section.title,
+            "text": section.text,
+            "tables": section.tables,
+            "figures": [{"data": _png(figure), "caption": caption} for figure, caption in section.figures],
+        }
+        for section in sections
+    ]
+    html = environment.from_string(template).render(title=title, subtitle=subtitle, sections=shown)
+    path.write_text(html, encoding="utf-8")
+
+
+def identification_report(path: Path, identification: Identification, record: Record) -> None:
+    """The report of one identification on the section of the record that it used."""
+    from windsysid.plots import coefficient_histories, innovations, record_overview
+
+    i = identification
+    channels = [channel for channel in i.sensors if channel in record]
+    sections = [
+        Section("Result", text=i.notes, tables=[coefficient_table(i), *tip_tables(i), *mode_tables(i)]),
+        Section(
+            "How the estimates came about",
+            figures=[
+                (
+                    coefficient_histories(i),
+                    "What a filter running on line knew after each sample; the dot is the result of the whole record.",
+                )
+            ],
+        ),
+        Section(
+            "Does the model explain the record?",
+            text=[
+                "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should stay between "
+                "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow."
+            ],
+            figures=[(innovations(i), "Whitened innovations of the last pass.")],
+        ),
+        Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")]),
+    ]
+    subtitle = (
+        f"{i.turbine} · {i.record}, {i.section[0]:g}–{i.section[1]:g} s at {i.rate:g} Hz · {i.formulation} formulation, {i.method}, "
+        f"{i.samples} samples in {i.elapsed:.2f} s"
+    )
+    write_report(path, "Stiffness and damping", subtitle, sections)
+
+
+def coefficient_table(identification: Identification) -> Table:
+    """Estimates with bands, and references where they are known."""
+    rows = []
+    for e in identification.estimates:
+        difference = "" if not e.reference else f"{100.0 * (e.estimate / e.reference - 1.0):+.2f} %"
+        reference = "" if e.reference is None else f"{e.reference:.5g}"
+        band = f"{e.low:.5g} … {e.high:.5g}"
+        rows.append(
+            (
+                e.name,
+                f"{e.estimate:.5g}",
+                band,
+                unit_text(e.unit),
+                f"{100.0 * e.informed_by_data:.1f} %",
+                reference,
+                difference,
+            )
+        )
+    headings = ("coefficient", "estimate", "±2σ band", "unit", "informed by data", "reference", "difference")
+    return Table(headings, rows, "Identified coefficients")
+
+
+def tip_tables(identification: Identification) -> list[Table]:
+    """Blade coefficients per tip deflection, where the turbine has a tip lever."""
+    rows = []
+    for e in identification.estimates:
+        if e.tip is not None:
+            t = e.tip
+            unit = "N/m" if e.kind == "stiffness" else "N·s/m"
+            name = e.name.replace("beta", "tip")
+            difference = f"{100.0 * (t['estimate'] / t['reference'] - 1.0):+.2f} %"
+            band = f"{t['low']:.5g} … {t['high']:.5g}"
+            rows.append((name, f"{t['estimate']:.5g}", band, unit, f"{t['reference']:.5g}", difference))
+    if not rows:
+        return []
+    headings = ("coefficient", "estimate", "±2σ band", "unit", "reference", "difference")
+    return [Table(headings, rows, "Blades in tip coordinates (k_β/ℓ², c_β/ℓ²)")]
+
+
+def mode_tables(identification: Identification) -> list[Table]:
+    """Frequencies and damping ratios of the modes."""
+    rows = [(*mode.cells(), *mode.reference_cells()) for mode in identification.modes]
+    headings = (
+        "mode",
+        "frequency [Hz]",
+        "±2σ band",
+        "damping ratio [%]",
+        "±2σ band",
+        "reference [Hz]",
+        "reference [%]",
+    )
+    return [Table(headings, rows, "Modes at the record's rotor speed, fixed frame")] if rows else []
+
+
+def _png(figure: "Figure") -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -1,0 +1,183 @@
+"""The study's report: our errors beside the published ones, and figures equivalent to the paper's Figs 3–12."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from windsysid.forcebalance import LOADS_WITHHELD, analysis_band
+from windsysid.plots import (
+    balance_error_comparison,
+    coefficient_histories,
+    record_overview,
+    response_comparison,
+    start_indifference,
+)
+from windsysid.report import Section, Table, coefficient_table, mode_tables, write_report
+from windsysid.signals import band_pass
+from windsysid.study.run import PUBLISHED, PUBLISHED_SECONDS, Study, average_errors
+from windsysid.study.scenario import DURATION, NOISE, RATE, SECTION
+from windsysid.units import unit_text
+
+Array = NDArray[np.float64]
+
+__all__ = ["error_table", "study_report", "withheld_table"]
+
+
+def study_report(path: Path, study: Study) -> None:
+    """Write the study's ``report.html``."""
+    turbine, arm_a = study.turbine, study.arm_a
+    low, high = analysis_band(turbine)
+    shown = list(PUBLISHED)
+    sections = [
+        Section(
+            "Ten coefficients at once, loads known (arm A)",
+            text=[
+                f"Scenario: {turbine.description}, {turbine.rotor_speed * 30 / np.pi:.1f} rpm, {RATE:g} Hz, the "
+                f"{SECTION[0]:g}–{SECTION[1]:g} s section of a {DURATION:g} s record. The machine of the study is not published: "
+                "this one honours what is, and every other value is assumed. Wind: random loads on every degree of freedom, no mean wind.",
+                f"Tower displacement and velocity are integrated from accelerometers with {NOISE['tower_acceleration']:g} m/s² of noise; "
+                "blade channels are synthetic with the published noise. Both sides of the balance pass the same zero-phase filter, "
+                f"{low:.2f}–{high:.2f} Hz. Start: 1.3 × stiffness, 0.7 × damping.",
+                f"The filter took {arm_a.elapsed:.3f} s for {arm_a.samples} samples; published: {PUBLISHED_SECONDS:g} s, on the machine of "
+                f"its day. Exact Jacobians and finite differences with the paper's centesimal increment agree to {study.difference:.0e}: "
+                "the balance is linear in the coefficients.",
+                f"Over {len(study.errors)} seeds, ±2σ at the end of the section holds the reference in {100 * study.covered:.0f} % of the "
+                f"{len(study.errors) * study.errors.shape[2]} cases (95 % if the bands were perfect).",
+                ERRORS_IN_VARIABLES,
+            ],
+            tables=[error_table(study), coefficient_table(arm_a), *mode_tables(arm_a)],
+            figures=[
+                (
+                    balance_error_comparison(
+                        shown, study.errors[:, 0][:, [_index(study, name) for name in shown]], PUBLISHED
+                    ),
+                    f"Average error over the whole section, from the first sample, for {len(study.errors)} seeds.",
+                )
+            ],
+        ),
+        Section(
+            "The record",
+            figures=[
+                (
+                    record_overview(study.reference.record, ["tower_x_acceleration", "tower_y_acceleration"], SECTION),
+                    "Tower accelerations of the whole record with the section used (the paper's Fig 3).",
+                )
+            ],
+        ),
+        Section(
+            "Identification of the coefficients",
+            figures=[
+                (
+                    coefficient_histories(arm_a, shown),
+                    "Estimate, ±2σ band, reference and error of each coefficient (the paper's Figs 4–9; blades 2 and 3 are alike).",
+                )
+            ],
+        ),
+        Section("The response with identified coefficients", figures=_responses(study)),
+        Section(
+            "Does it matter where it starts?",
+            text=[
+                "The published claim: initial conditions are indifferent, and the process can start at any point of a record. "
+                "Left, starts that are off by 0.3 to 3 times; right, 100 s sections of the same record."
+            ],
+            figures=[
+                (
+                    start_indifference(shown, study.histories, arm_a.time, study.sections),
+                    "Estimates relative to their references.",
+                )
+            ],
+        ),
+        Section(
+            "Loads withheld (arm B)",
+            text=[
+                "The same record and filter, but the loads are not given. " + LOADS_WITHHELD,
+                "The joint formulation (windsysid identify --formulation joint) makes the loads states and needs accelerometers only.",
+            ],
+            tables=[withheld_table(study)],
+            figures=[
+                (
+                    coefficient_histories(study.arm_b, shown),
+                    "The bands are narrow and wrong: they know nothing of the load.",
+                )
+            ],
+        ),
+    ]
+    subtitle = f"Extended Kalman filter identification of a three-blade turbine · {turbine.name}, {study.reference.record.name}"
+    write_report(path, "The published study, repeated", subtitle, sections)
+
+
+ERRORS_IN_VARIABLES = (
+    "The published 0.01 % for c_β1 cannot be reached with the published noise: white noise σ on a measured velocity shrinks a regression on "
+    "it by σ²/var(velocity), and 0.01 rad/s against a lag rate of 0.11 rad/s rms is 0.8 %, less here only because the filter "
+    "takes most of that noise away. 0.01 % would need lag rates around 1 rad/s."
+)
+
+
+def error_table(study: Study) -> Table:
+    """Our average errors beside the published ones."""
+    here = average_errors(study.arm_a)
+    rows = []
+    for name, published in PUBLISHED.items():
+        i = _index(study, name)
+        cells = [name, f"{published:g} %"]
+        for window in (0, 1):
+            column = study.errors[:, window, i]
+            cells += [f"{here[window, i]:.3g} %", f"{np.median(column):.3g} %", f"{column.max():.3g} %"]
+        rows.append(cells)
+    headings = ("coefficient", "published", "0–100 s", "median", "worst", "30–100 s", "median", "worst")
+    return Table(
+        headings, rows, f"Average errors, Eq (24): this record, and median and worst of {len(study.errors)} seeds"
+    )
+
+
+def withheld_table(study: Study) -> Table:
+    """What is left of each coefficient when the loads are withheld."""
+    rows = []
+    for name in PUBLISHED:
+        a, b = study.arm_a[name], study.arm_b[name]
+        reference = a.reference or 1.0
+        rows.append(
+            (
+                name,
+                f"{reference:g} {unit_text(a.unit)}",
+                f"{a.estimate / reference:.3f}",
+                f"{b.estimate / reference:.3f}",
+            )
+        )
+    return Table(
+        ("coefficient", "reference", "loads known", "loads withheld"), rows, "Estimates relative to their references"
+    )
+
+
+def _index(study: Study, name: str) -> int:
+    return [e.name for e in study.arm_a.estimates].index(name)
+
+
+def _responses(study: Study) -> list[tuple[Figure, str]]:
+    window, n = study.window, len(study.turbine.model.coordinates)
+    cutoff = analysis_band(study.turbine)[0] / 2.0
+    time = study.reference.record.time[window]
+    zoom = (SECTION[0] + 45.0, SECTION[0] + 55.0)
+    figures = []
+    for number, (name, label) in enumerate((("x", "x"), ("y", "y"), ("beta_1", "blade 1")), start=10):
+        j = study.turbine.model.coordinates.index(name)
+        blade = name.startswith("beta")
+        units = ("mrad", "mrad/s") if blade else ("mm", "mm/s")
+
+        def shown(values: Array, integrated: bool = not blade) -> Array:
+            return 1e3 * (band_pass(values, RATE, (cutoff, RATE / 2.0)) if integrated else values)
+
+        states, model = study.reference.response.states, study.model_response.states
+        curves = {
+            "measured": tuple(1e3 * quantity[window, j] for quantity in study.motion),
+            "reference": tuple(shown(states[window, k]) for k in (j, n + j)),
+            "model": tuple(shown(model[:, k]) for k in (j, n + j)),
+        }
+        figure = response_comparison(time, curves, label, units, zoom)  # type: ignore[arg-type]
+        above = "" if blade else f" All three above {cutoff:.2f} Hz, below which integrated accelerations know nothing."
+        figures.append(
+            (figure, f"Displacement and velocity of {label} (the paper's Fig {number}), ten seconds of it.{above}")
+        )
+    return figures

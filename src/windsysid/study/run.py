@@ -1,0 +1,210 @@
+"""The published study, repeated: ten coefficients at once by the paper's filter, on the reference scenario.
+
+Arm A is given the loads, as the printed equations need them; arm B is not, which shows what they cost. Then: twenty seeds, starts that
+are off by 0.3 to 3 times, sections that start anywhere, and the response of the model with the identified coefficients.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid.forcebalance import Balance, analysis_band, balance_forces, filter_balance, measured_motion
+from windsysid.formulation import Prior, identifiable
+from windsysid.identification import Identification, coefficient_errors
+from windsysid.identify import conclude
+from windsysid.mechanics.compile import compile_model
+from windsysid.simulate import Response, integrate
+from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
+from windsysid.turbine import Turbine, load_turbine
+
+__all__ = ["PUBLISHED", "PUBLISHED_SECONDS", "Study", "run_study"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+PUBLISHED = {"k_x": 0.23, "k_y": 0.66, "k_beta_1": 1.60, "c_x": 5.41, "c_y": 4.53, "c_beta_1": 0.01}
+"""Published average errors of the extended Kalman filter [%]."""
+
+PUBLISHED_SECONDS = 30.0
+"""Published computing time of the extended Kalman filter [s]."""
+
+START = Prior(stiffness=1.3, damping=0.7, spread=1.0)
+SETTLING = 30.0
+"""The second averaging window starts so many seconds into the section."""
+
+SEEDS = 20
+FACTORS = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
+STARTS = tuple(np.arange(0.0, 501.0, 50.0))
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything the study found.
+
+    Attributes
+    ----------
+    turbine, reference
+        The scale model and its simulated record.
+    arm_a, arm_b
+        Identifications with the loads known, and with the loads withheld.
+    errors
+        Average errors of arm A [%], (seeds, 2, n_θ): over the whole section, and from 30 s on.
+    covered
+        Share of the coefficients of all seeds whose reference lies inside ±2σ at the end.
+    histories
+        Relative estimates (T,) of `PUBLISHED`'s coefficients, per starting factor.
+    sections
+        Relative estimate and relative 2σ by coefficient, per start of a 100 s section [s].
+    model_response
+        The model with arm A's coefficients, run from the reference's state at the start of the section.
+    difference
+        Greatest relative difference between exact Jacobians and the paper's finite differences, over coefficients and samples.
+    """
+
+    turbine: Turbine
+    reference: Reference
+    motion: tuple[Array, Array]
+    arm_a: Identification
+    arm_b: Identification
+    errors: Array
+    covered: float
+    histories: Mapping[float, list[Array]]
+    sections: Mapping[float, Mapping[str, tuple[float, float]]]
+    model_response: Response
+    difference: float
+
+    @property
+    def window(self) -> slice:
+        """The section's samples in the whole record."""
+        return slice(round(SECTION[0] * RATE), round(SECTION[1] * RATE))
+
+    def summary(self) -> dict[str, Any]:
+        """What ``summary.json`` holds."""
+        summary = self.arm_a.summary()
+        names = list(summary["parameters"])
+        for name, values in summary["parameters"].items():
+            if name in PUBLISHED:
+                values["published_error_percent"] = PUBLISHED[name]
+        return {
+            **summary,
+            "published_seconds": PUBLISHED_SECONDS,
+            "loads_withheld": self.arm_b.summary()["parameters"],
+            "average_error_percent": {
+                window: {
+                    name: {"median": float(np.median(column)), "worst": float(column.max())}
+                    for name, column in zip(names, self.errors[:, row].T, strict=True)
+                }
+                for row, window in enumerate(("whole_section", "from_30_s"))
+            },
+            "seeds": len(self.errors),
+            "covered_by_2_sigma": self.covered,
+            "finite_differences_against_exact": self.difference,
+        }
+
+    def save(self, folder: Path) -> None:
+        """Write ``summary.json``, ``identification.nc`` and ``report.html``."""
+        from windsysid.study.report import study_report
+
+        self.arm_a.save(folder)
+        (folder / "summary.json").write_text(json.dumps(self.summary(), indent=2) + "\n", encoding="utf-8")
+        study_report(folder / "report.html", self)
+
+
+def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
+    """Run the whole study; `progress` is told what it is doing."""
+    turbine = load_turbine("verne555")
+    progress("simulating the 600 s reference record")
+    reference = simulate_reference(turbine, seed)
+    progress("arm A: loads known")
+    with_loads, motion = _balance(turbine, reference, loads=True)
+    arm_a = _identify(turbine, reference, with_loads, SECTION, START)
+    differences, _ = _balance(turbine, reference, loads=True, jacobian="differences")
+    by_differences = _identify(turbine, reference, differences, SECTION, START)
+    progress("arm B: loads withheld")
+    without, _ = _balance(turbine, reference, loads=False)
+    arm_b = _identify(turbine, reference, without, SECTION, START)
+
+    progress("starts off by 0.3 to 3 times")
+    shown = list(PUBLISHED)
+    histories = {}
+    for factor in FACTORS:
+        found = _identify(turbine, reference, with_loads, SECTION, Prior(factor, factor, spread=1.0))
+        histories[factor] = [found.history(name)[0] / turbine.values[name] for name in shown]
+    progress("sections that start anywhere")
+    sections = {}
+    for start in STARTS:
+        found = _identify(turbine, reference, with_loads, (start, start + SECTION[1] - SECTION[0]), START)
+        sections[float(start)] = {
+            name: (found[name].estimate / turbine.values[name], 2.0 * found[name].std / turbine.values[name])
+            for name in shown
+        }
+    errors, covered = [], []
+    for number in range(SEEDS):
+        progress(f"seed {number + 1} of {SEEDS}")
+        other = simulate_reference(turbine, number)
+        balance, _ = _balance(turbine, other, loads=True)
+        found = _identify(turbine, other, balance, SECTION, START)
+        errors.append(average_errors(found))
+        covered += [e.low <= (e.reference or 0.0) <= e.high for e in found.estimates]
+
+    progress("the response of the identified model")
+    return Study(
+        turbine=turbine,
+        reference=reference,
+        motion=motion,
+        arm_a=arm_a,
+        arm_b=arm_b,
+        errors=np.array(errors),
+        covered=float(np.mean(covered)),
+        histories=histories,
+        sections=sections,
+        model_response=_respond(turbine, arm_a, reference),
+        difference=float(np.max(np.abs(by_differences.mean / arm_a.mean - 1.0))),
+    )
+
+
+def average_errors(identification: Identification) -> Array:
+    """Average error (Eq 24) of every coefficient [%], (2, n_θ): over the whole section, and from 30 s on."""
+    late = int(np.searchsorted(identification.time, identification.time[0] + SETTLING))
+    rows = np.empty((2, len(identification.estimates)))
+    for i, e in enumerate(identification.estimates):
+        errors = coefficient_errors(identification.history(e.name)[0], e.reference or 1.0)
+        rows[:, i] = errors.mean(), errors[late:].mean()
+    return rows
+
+
+def _balance(
+    turbine: Turbine, reference: Reference, *, loads: bool, jacobian: Any = "exact"
+) -> tuple[Balance, tuple[Array, Array]]:
+    """The force balance of the whole record, with displacement and velocity as they were measured or integrated."""
+    band = analysis_band(turbine)
+    motion = measured_motion(reference.record, turbine, cutoff=band[0] / 2.0)
+    rotor, known = reference.inputs[:, :3], reference.inputs[:, 3:] if loads else None
+    balance = balance_forces(
+        turbine, motion, rotor, known, identifiable(turbine), rate=RATE, band=band, jacobian=jacobian
+    )
+    return balance, (motion.displacement, motion.velocity)
+
+
+def _identify(
+    turbine: Turbine, reference: Reference, balance: Balance, section: tuple[float, float], prior: Prior
+) -> Identification:
+    window = slice(round(section[0] * RATE), round(section[1] * RATE))
+    cut = Balance(balance.force[window], balance.regressors[window])
+    outcome = filter_balance(cut, turbine, reference.inputs[window, :3], prior, rate=RATE, band=analysis_band(turbine))
+    outcome = outcome._replace(channels=tuple(c for c in reference.record.channels if not c.startswith("rotor")))
+    return conclude(outcome, reference.record.section(*section), "force-balance")
+
+
+def _respond(turbine: Turbine, found: Identification, reference: Reference) -> Response:
+    """The section once more, by the model with the identified coefficients, from the reference's first state."""
+    identified = turbine.with_values({e.name: e.estimate for e in found.estimates})
+    model = compile_model(turbine.model)
+    p = np.array([identified.values[name] for name in model.parameters])
+    window = slice(round(SECTION[0] * RATE), round(SECTION[1] * RATE))
+    return integrate(model, p, reference.inputs[window], rate=RATE, start=reference.response.states[window][0])
