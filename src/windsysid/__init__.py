@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from windsysid.record import Record
     from windsysid.simulate import simulate_record
     from windsysid.statespace import GaussMarkov, Parameter, StateSpace, compose
-    from windsysid.turbine import Turbine, load_turbine, packaged_turbines
+    from windsysid.turbine import Turbine, load_turbine, packaged_turbines, write_turbine
 
 __version__ = "0.1.0"
 
@@ -46,7 +46,7 @@ _WHERE = {
     "record": ("Record",),
     "simulate": ("simulate_record",),
     "statespace": ("GaussMarkov", "Parameter", "StateSpace", "compose"),
-    "turbine": ("Turbine", "load_turbine", "packaged_turbines"),
+    "turbine": ("Turbine", "load_turbine", "packaged_turbines", "write_turbine"),
 }
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
 
@@ -55,6 +55,7 @@ __all__ = [
     "Identification", "Info", "Mode", "OutputError", "Parameter", "Prior", "Record", "RecordError", "RotorModel", "Sensor",
     "StateSpace", "Turbine", "WindsysidError", "add_noise", "compile_model", "compose", "identify", "lagrange",
     "load_turbine", "packaged_turbines", "read_record", "read_sensors", "simulate_record", "write_record",
+    "write_turbine",
 ]  # fmt: skip
 
 

@@ -45,24 +45,32 @@ class Prior:
                 )
 
     def parameters(self, turbine: Turbine, names: Sequence[str], *, linear: bool) -> tuple[Parameter, ...]:
-        """The parameters to identify; `linear` keeps stiffness unscaled, as the force balance needs it."""
+        """The parameters to identify; `linear` keeps stiffness unscaled, as the force balance needs it.
+
+        Masses, moments and geometry are centred on their references, however far the coefficients' priors are moved.
+        """
         chosen = []
         for name in names:
             reference = turbine.values[name]
-            coordinate = name.split("_", 1)[1]
             if name.startswith("c_"):
                 centre = reference * self.damping
-                spread = (self.spread or turbine.spread[1]) * abs(centre)
+                spread = max((self.spread or turbine.spread[1]) * abs(centre), abs(centre - reference))
+                coordinate = name.removeprefix("c_")
                 critical = 2.0 * turbine.inertia(coordinate) * turbine.natural_frequency(coordinate)
-                chosen.append(Parameter(name, centre, max(spread, abs(centre - reference)), False, critical))
-            elif linear:
-                centre = reference * self.stiffness
-                spread = (self.spread or turbine.spread[0]) * centre
-                chosen.append(Parameter(name, centre, max(spread, abs(centre - reference)), False, centre))
+                chosen.append(Parameter(name, centre, spread, False, critical))
+                continue
+            centre = reference * (self.stiffness if name.startswith("k_") else 1.0)
+            relative = self.spread or turbine.spread[0]
+            if linear or not name.startswith(_POSITIVE):
+                spread = max(relative * abs(centre), abs(centre - reference))
+                chosen.append(Parameter(name, centre, spread, False, abs(centre)))
             else:
-                spread = self.spread or turbine.spread[0]
-                chosen.append(Parameter(name, reference * self.stiffness, max(spread, abs(math.log(self.stiffness)))))
+                chosen.append(Parameter(name, centre, max(relative, abs(math.log(centre / reference)))))
         return tuple(chosen)
+
+
+_POSITIVE = ("k_", "hub_mass", "roll_inertia", "blade_mass", "blade_first_moment", "blade_inertia")
+"""What the names of log-scaled parameters begin with: stiffness, masses and their moments."""
 
 
 class Outcome(NamedTuple):
@@ -102,9 +110,29 @@ class Outcome(NamedTuple):
     notes: tuple[str, ...]
 
 
-def identifiable(turbine: Turbine) -> list[str]:
-    """The coefficients of the free degrees of freedom that have a reference to start from."""
-    return [name for name in turbine.model.coefficients if turbine.values[name] != 0.0]
+def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[str]:
+    """The parameters to identify: those chosen, or the coefficients of the free degrees of freedom.
+
+    Raises
+    ------
+    ConfigurationError
+        If a chosen parameter is not one of the turbine's, belongs to a locked degree of freedom, or has no reference to
+        start from.
+    """
+    if chosen is None:
+        return [name for name in turbine.model.coefficients if turbine.values[name] != 0.0]
+    for name in chosen:
+        locked = name.startswith(("k_", "c_")) and name not in turbine.model.coefficients
+        if turbine.values.get(name, 0.0) == 0.0 or locked:
+            usable = [
+                known
+                for known, value in turbine.values.items()
+                if value != 0.0 and (known in turbine.model.coefficients or not known.startswith(("k_", "c_")))
+            ]
+            raise ConfigurationError(
+                f"parameter '{name}' cannot be identified here: expected some of {', '.join(usable)}"
+            )
+    return list(dict.fromkeys(chosen))
 
 
 def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMarkov]]:

@@ -33,7 +33,7 @@ class Estimate:
     Attributes
     ----------
     name, unit, kind
-        ``k_x`` …, SI unit, ``stiffness`` or ``damping``.
+        ``k_x`` …, SI unit, ``stiffness``, ``damping`` or ``parameter``.
     estimate, low, high, std
         Value and its ±2σ band, computed in filter coordinates, and the standard deviation, all in `unit`.
     informed_by_data

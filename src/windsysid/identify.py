@@ -34,6 +34,7 @@ def identify(
     formulation: Formulation = "joint",
     section: tuple[float, float] | None = None,
     prior: Prior | None = None,
+    parameters: Sequence[str] | None = None,
 ) -> Identification:
     """Identify stiffness and damping of `turbine` from `record`.
 
@@ -55,6 +56,9 @@ def identify(
     prior
         Where priors are centred and how wide they are; on the turbine's references, as wide as its file says, by
         default.
+    parameters
+        Names of what to identify, masses and geometry included (joint formulation); the stiffness and damping
+        coefficients of every free degree of freedom by default.
 
     Raises
     ------
@@ -65,12 +69,14 @@ def identify(
     _check_length(part, turbine)
     if formulation == "joint":
         found = usable_sensors(part, turbine, sensors)
-        return conclude(identify_jointly(part, turbine, found, prior or Prior()), part, formulation)
+        return conclude(identify_jointly(part, turbine, found, prior or Prior(), parameters), part, formulation)
     if formulation == "force-balance":
         if sensors is not None:
             raise ConfigurationError(
                 "the force balance takes no sensor list: it reads tower_x_acceleration, blade_1_lag_displacement … by name"
             )
+        if parameters is not None:
+            raise ConfigurationError("the force balance identifies all coefficients at once: leave `parameters` out")
         whole = record.on_uniform_grid()
         outcome = identify_by_force_balance(whole, part, turbine, prior or Prior(spread=1.0))
         return conclude(outcome, part, formulation)
@@ -164,7 +170,7 @@ def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Iden
             Estimate(
                 name=q.name,
                 unit=_unit(q.name),
-                kind="damping" if q.name.startswith("c_") else "stiffness",
+                kind=_KINDS.get(q.name[:2], "parameter"),
                 estimate=value,
                 low=low,
                 high=high,
@@ -207,17 +213,26 @@ def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Iden
 
 
 def _unit(name: str) -> str:
-    angular = name.split("_", 1)[1] not in ("x", "y")
-    if name.startswith("k_"):
-        return "N*m/rad" if angular else "N/m"
-    return "N*m*s/rad" if angular else "N*s/m"
+    """SI unit of a parameter of the rotor."""
+    for start, unit in _UNITS.items():
+        if name.startswith(start):
+            return unit
+    return "1"
+
+
+_UNITS = {
+    "k_x": "N/m", "k_y": "N/m", "k_": "N*m/rad", "c_x": "N*s/m", "c_y": "N*s/m", "c_": "N*m*s/rad",
+    "hub_mass": "kg", "blade_mass": "kg", "blade_first_moment": "kg*m", "blade_inertia": "kg*m^2", "roll_inertia": "kg*m^2",
+    "kappa": "rad/m", "eccentricity_angle": "rad", "eccentricity": "m", "gravity": "m/s^2", "hinge_offset": "m",
+}  # fmt: skip
+_KINDS = {"k_": "stiffness", "c_": "damping"}
 
 
 def _at_the_tip(
     name: str, turbine: Turbine, value: float, low: float, high: float, std: float, reference: float
 ) -> dict[str, float] | None:
     """A blade's coefficient per tip deflection, k_β/ℓ² or c_β/ℓ²."""
-    if "beta" not in name or turbine.tip_lever == 0.0:
+    if not name.startswith(("k_beta", "c_beta")) or turbine.tip_lever == 0.0:
         return None
     square = turbine.tip_lever**2
     labels = ("estimate", "low", "high", "std", "reference")

@@ -35,14 +35,16 @@ PASSES = 8
 SETTLED = 0.05
 
 
-def identify_jointly(record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior) -> Outcome:
-    """Identify every coefficient that the sensors see from a uniformly sampled record, the loads being states."""
+def identify_jointly(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None
+) -> Outcome:
+    """Identify the chosen parameters, or every coefficient that the sensors see, from a uniformly sampled record."""
     notes: list[str] = []
     turbine = _seen(turbine, sensors, notes)
     rotor = rotor_inputs(record, turbine.rotor_speed)
     known, loads = known_loads(record, turbine)
     model = _compose(
-        record, turbine, sensors, prior.parameters(turbine, identifiable(turbine), linear=False), loads, rotor
+        record, turbine, sensors, prior.parameters(turbine, identifiable(turbine, chosen), linear=False), loads, rotor
     )
     inputs = np.hstack([rotor, known])
     readings = np.column_stack([record[sensor.channel] for sensor in sensors])

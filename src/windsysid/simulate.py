@@ -117,7 +117,7 @@ def simulate_record(turbine: Turbine, *, duration: float, rate: float, seed: int
         values=values,
         channels=("rotor_azimuth", "rotor_speed", *(sensor.channel for sensor in turbine.sensors)),
         units=("rad", "rad/s", *(sensor.unit for sensor in turbine.sensors)),
-        name=f"{turbine.name}, simulated with seed {seed}",
+        name=f"simulated record, seed {seed}",
         attributes={"source": f"windsysid simulate, turbine {turbine.name}, seed {seed}"},
     )
 

@@ -14,13 +14,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, OutputError
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor, first_problem, parse_sensors
 from windsysid.statespace import GaussMarkov
 from windsysid.units import is_same_quantity, to_si
 
-__all__ = ["Turbine", "load_turbine", "packaged_turbines"]
+__all__ = ["Turbine", "load_turbine", "packaged_turbines", "write_turbine"]
 
 
 @dataclass(frozen=True)
@@ -103,6 +103,25 @@ class Turbine:
     def with_model(self, model: RotorModel) -> "Turbine":
         """The same turbine with other degrees of freedom."""
         return replace(self, model=model)
+
+
+def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False) -> None:
+    """Write a turbine as TOML, every value with its unit, so that `load_turbine` gives it back.
+
+    Raises
+    ------
+    OutputError
+        If the file is there already and `overwrite` is off, or it cannot be written.
+    """
+    import tomli_w
+
+    path = Path(path)
+    if path.exists() and not overwrite:
+        raise OutputError(f"turbine file {path} is already there: choose another name, or overwrite it")
+    try:
+        path.write_text(tomli_w.dumps(_tables(turbine)), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"turbine file {path} cannot be written: {error.strerror}; choose another folder") from None
 
 
 def packaged_turbines() -> tuple[str, ...]:
@@ -321,3 +340,57 @@ class _File(_Table):
             sensors=sensors,
             tip_lever=self.rotor.tip_lever,
         )
+
+
+def _tables(turbine: Turbine) -> dict[str, Any]:
+    """A turbine as the tables of its file."""
+    v, model = turbine.values, turbine.model
+    rms = {load.load.removeprefix("load_"): load.rms for load in turbine.loads}
+    support = next((rms[name] for name in ("x", "y") if name in rms), 1.0)
+    blade = rms.get("beta_1", 1.0)
+    blades = [
+        {
+            "mass": f"{v[f'blade_mass_{i}']!r} kg",
+            "first_moment": f"{v[f'blade_first_moment_{i}']!r} kg*m",
+            "inertia": f"{v[f'blade_inertia_{i}']!r} kg*m^2",
+            "k_beta": f"{v[f'k_beta_{i}']!r} N*m/rad",
+            "c_beta": f"{v[f'c_beta_{i}']!r} N*m*s/rad",
+        }
+        for i in model.blade_numbers
+    ]
+    units = {name: unit for unit, names in _SUPPORT_UNITS.items() for name in names}
+    return {
+        "name": turbine.name,
+        "description": turbine.description,
+        "source": turbine.source,
+        "assumed": list(turbine.assumed),
+        "model": {"blades": model.blades, "x": model.x, "y": model.y, "roll": model.roll, "lag": model.lag},
+        "rotor": {
+            "speed": f"{turbine.rotor_speed!r} rad/s",
+            "tip_lever": f"{turbine.tip_lever!r} m",
+            **{name: f"{v[name]!r} m" for name in ("hinge_offset", "eccentricity")},
+            "eccentricity_angle": f"{v['eccentricity_angle']!r} rad",
+            "gravity": f"{v['gravity']!r} m/s^2",
+        },
+        "support": {name: f"{v[name]!r} {unit}" for name, unit in units.items()},
+        "loads": {
+            "time_constant": f"{turbine.loads[0].time_constant if turbine.loads else 1.0!r} s",
+            "hub_rms": f"{support!r} N",
+            "blade_rms": f"{blade!r} N*m",
+            "roll_rms": f"{rms.get('roll', blade)!r} N*m",
+        },
+        "prior": {"stiffness": turbine.spread[0], "damping": turbine.spread[1]},
+        "blade": blades,
+        "sensor": [sensor.model_dump(exclude_none=True) for sensor in turbine.sensors],
+    }
+
+
+_SUPPORT_UNITS = {
+    "kg": ("hub_mass_x", "hub_mass_y"),
+    "N/m": ("k_x", "k_y"),
+    "N*s/m": ("c_x", "c_y"),
+    "kg*m^2": ("roll_inertia",),
+    "N*m/rad": ("k_roll",),
+    "N*m*s/rad": ("c_roll",),
+    "rad/m": ("kappa",),
+}
