@@ -1,5 +1,6 @@
 """The study's report: our errors beside the published ones, and figures equivalent to the paper's Figs 3–12."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,14 @@ from windsysid.units import unit_text
 
 Array = NDArray[np.float64]
 
-__all__ = ["error_table", "study_report", "withheld_table"]
+__all__ = ["error_table", "save_study", "study_report", "withheld_table"]
+
+
+def save_study(study: Study, folder: Path) -> None:
+    """Write ``summary.json``, ``identification.nc`` and ``report.html`` into an existing folder."""
+    study.arm_a.save(folder)
+    (folder / "summary.json").write_text(json.dumps(study.summary(), indent=2) + "\n", encoding="utf-8")
+    study_report(folder / "report.html", study)
 
 
 def study_report(path: Path, study: Study) -> None:

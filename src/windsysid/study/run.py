@@ -4,10 +4,8 @@ Arm A is given the loads, as the printed equations need them; arm B is not, whic
 are off by 0.3 to 3 times, sections that start anywhere, and the response of the model with the identified coefficients.
 """
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -105,14 +103,6 @@ class Study:
             "covered_by_2_sigma": self.covered,
             "finite_differences_against_exact": self.difference,
         }
-
-    def save(self, folder: Path) -> None:
-        """Write ``summary.json``, ``identification.nc`` and ``report.html``."""
-        from windsysid.study.report import study_report
-
-        self.arm_a.save(folder)
-        (folder / "summary.json").write_text(json.dumps(self.summary(), indent=2) + "\n", encoding="utf-8")
-        study_report(folder / "report.html", self)
 
 
 def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
