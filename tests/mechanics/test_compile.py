@@ -15,8 +15,8 @@ import sympy as sp
 from tests.mechanics.models import CHAIN_VALUES, Reads, bouc_wen, chain, chain_sensors, duffing, symbols
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import CompiledModel, RotorModel, Sensor, compile_model
-from windsysid.mechanics.compile import generate_source
 from windsysid.mechanics.equations import Equations
+from windsysid.mechanics.generate import generate_source
 from windsysid.simulate import integrate
 from windsysid.turbine import Turbine
 

@@ -1,0 +1,257 @@
+"""Symbolic equations and readings → the source of four compiled kernels, as one readable Python module.
+
+Where the accelerations are implicit, M a = F is factorised M = L D Lᵀ without pivoting (M is positive definite) along its
+nonzero pattern. Derivatives follow from the residual R(a, ·) = F − M a at the solution:
+∂a/∂· = M⁻¹ ∂R/∂·, and M⁻¹ itself is wanted anyway: it is ∂a/∂w for loads on the degrees of freedom. With it,
+
+    ∂y/∂· = ∂y/∂·|_a + Σ_k ∂y/∂a_k · (M⁻¹ ∂R/∂·)_k.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+from keyword import iskeyword
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import sympy as sp
+
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.equations import Equations
+
+if TYPE_CHECKING:
+    from windsysid.mechanics.compile import Model
+
+__all__ = ["generate_source"]
+
+_MATH = ("copysign", "cos", "cosh", "exp", "log", "pi", "sin", "sinh", "sqrt", "tan", "tanh")
+
+
+def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence[str]) -> str:
+    """The Python module that holds a model's four kernels: rates and reading, each without and with Jacobians."""
+    equations = model.equations()
+    for symbol in (*equations.states, *equations.inputs, *equations.parameters, *equations.loads):
+        if not symbol.name.isidentifier() or iskeyword(symbol.name) or symbol.name in _MATH or symbol.name[0] == "_":
+            raise ConfigurationError(
+                f"model '{equations.name}': expected names fit for Python variables, got '{symbol.name}': rename it"
+            )
+    names = [symbol.name for symbol in equations.parameters]
+    for name in identified:
+        if name not in names:
+            raise ConfigurationError(f"no parameter '{name}' to identify: expected one of {', '.join(names)}")
+    if len(set(identified)) < len(identified):
+        raise ConfigurationError(f"a parameter is listed twice among those to identify: {', '.join(identified)}")
+    chosen = [equations.parameters[names.index(name)] for name in identified]
+    readings = model.readings(sensors)
+    lines = [
+        f'"""{equations.name}: kernels written by windsysid. Do not edit: delete the file and it is made again."""',
+        "",
+        f"from math import {', '.join(_MATH)}",
+        "",
+        f"NAME = {equations.name!r}",
+    ]
+    for constant, symbols in (
+        ("STATES", equations.states),
+        ("INPUTS", equations.inputs),
+        ("PARAMETERS", equations.parameters),
+        ("IDENTIFIED", tuple(chosen)),
+        ("LOADS", equations.loads),
+    ):
+        lines.append(f"{constant} = {tuple(symbol.name for symbol in symbols)!r}")
+    lines.append(f"READINGS = {len(readings)}")
+    for name, outputs in (("rates", list(equations.rates)), ("reading", readings)):
+        lines += ["", "", *_kernel(name, equations, outputs)]
+        lines += ["", "", *_kernel(f"{name}_jacobian", equations, outputs, chosen)]
+    return "\n".join(lines) + "\n"
+
+
+class _Slopes(NamedTuple):
+    """Nonzero derivatives of one kernel: an expression by (group, row, column), the group being dx, dp or dw.
+
+    `residual`: of F − M a, at fixed a; `direct`: of the outputs, at fixed a; `through`: of output i to a_k, by (i, k).
+    """
+
+    residual: dict[tuple[str, int, int], sp.Expr]
+    direct: dict[tuple[str, int, int], sp.Expr]
+    through: dict[tuple[int, int], sp.Expr]
+
+
+def _kernel(
+    name: str, equations: Equations, outputs: Sequence[sp.Expr], identified: Sequence[sp.Symbol] | None = None
+) -> Iterator[str]:
+    """Source lines of one kernel; with derivatives if `identified` is given."""
+    a = equations.accelerations
+    n = len(a) if any(output.has(*a) for output in outputs if a) else 0
+    mass = {(i, j): m for i in range(n) for j in range(i + 1) if (m := equations.mass[i, j]) != 0}
+    force = [equations.force[i] for i in range(n)]
+    groups = [] if identified is None else _groups(equations, identified)
+    slopes = _slopes(equations, outputs, groups, n)
+
+    roles: list[dict[Any, sp.Expr]] = [mass, dict(enumerate(force)), dict(enumerate(outputs)), *slopes]
+    shared, reduced = sp.cse(
+        [expression for role in roles for expression in role.values()],
+        symbols=sp.numbered_symbols("_t", real=True),
+        order="none",
+    )
+    texts = iter(_text(expression) for expression in reduced)
+    mass_text, force_text, output_text, *slope_texts = [{key: next(texts) for key in role} for role in roles]
+    early, late = _by_dependence(shared, set(a))
+
+    yield f"def {name}(_x, _u, _p, _w, _value{''.join(f', _{group}' for group, _ in groups)}):"
+    yield from _indented(
+        _unpack(equations, set().union(*(e.free_symbols for e in (*reduced, *(e for _, e in shared)))))
+    )
+    yield from _indented(early)
+    if n:
+        yield from _indented(f"_m{i}_{j} = {text}" for (i, j), text in mass_text.items())
+        yield from _indented(f"_f{i} = {text}" for i, text in force_text.items())
+        factor = _Factor({(i, j): f"_m{i}_{j}" for i, j in mass}, n)
+        yield from _indented(factor.lines)
+        yield from _indented(factor.solve({i: f"_f{i}" for i in range(n)}, [symbol.name for symbol in a]))
+    yield from _indented(late)
+    yield from _indented(f"_value[{i}] = {text}" for i, text in output_text.items())
+    if n and groups:
+        for column in range(n):
+            yield from _indented(factor.solve({column: "1.0"}, [f"_g{i}_{column}" for i in range(n)]))
+    yield from _indented(_jacobians(groups, len(outputs), _Slopes(*slope_texts)))
+    yield "    return"
+
+
+def _groups(equations: Equations, identified: Sequence[sp.Symbol]) -> list[tuple[str, Sequence[sp.Symbol]]]:
+    """What a Jacobian kernel differentiates by, and the name of the matrix it goes into."""
+    return [("dx", equations.states), ("dp", identified), ("dw", equations.loads)]
+
+
+def _slopes(
+    equations: Equations, outputs: Sequence[sp.Expr], groups: Sequence[tuple[str, Sequence[sp.Symbol]]], n: int
+) -> _Slopes:
+    """All derivatives that are not zero for every argument."""
+    a = equations.accelerations
+    residual = list(equations.force - equations.mass * sp.Matrix(n, 1, a)) if n else []
+    columns = [(group, j, symbol) for group, symbols in groups for j, symbol in enumerate(symbols)]
+
+    def nonzero(rows: Sequence[sp.Expr]) -> dict[tuple[str, int, int], sp.Expr]:
+        return {
+            (group, i, j): slope
+            for group, j, symbol in columns
+            for i, row in enumerate(rows)
+            if (slope := sp.diff(row, symbol)) != 0
+        }
+
+    through = {
+        (i, k): slope
+        for i, output in enumerate(outputs)
+        for k in range(n if groups else 0)
+        if (slope := sp.diff(output, a[k])) != 0
+    }
+    return _Slopes(nonzero(residual), nonzero(outputs), through)
+
+
+def _by_dependence(
+    shared: Sequence[tuple[sp.Symbol, sp.Expr]], accelerations: set[sp.Symbol]
+) -> tuple[list[str], list[str]]:
+    """Shared subexpressions as lines: those that can come before the accelerations are known, and the others."""
+    dependent = set(accelerations)
+    early: list[str] = []
+    late: list[str] = []
+    for symbol, expression in shared:
+        waits = bool(expression.free_symbols & dependent)
+        if waits:
+            dependent.add(symbol)
+        (late if waits else early).append(f"{symbol.name} = {_text(expression)}")
+    return early, late
+
+
+def _unpack(equations: Equations, used: set[sp.Symbol]) -> Iterator[str]:
+    """Arguments into variables with the model's own names."""
+    arrays = {"_x": equations.states, "_u": equations.inputs, "_p": equations.parameters, "_w": equations.loads}
+    for array, symbols in arrays.items():
+        for i, symbol in enumerate(symbols):
+            if symbol in used:
+                yield f"{symbol.name} = {array}[{i}]"
+
+
+def _jacobians(groups: Sequence[tuple[str, Sequence[sp.Symbol]]], rows: int, texts: "_Slopes") -> Iterator[str]:
+    """The entries of dx, dp and dw from the texts of the slopes and the columns _g of M⁻¹."""
+    for (group, i, j), text in texts.residual.items():
+        yield f"_r_{group}_{i}_{j} = {text}"
+    for group, symbols in groups:
+        for j in range(len(symbols)):
+            pushed = [i for (g, i, column) in texts.residual if g == group and column == j]
+            if pushed:
+                for k in sorted({k for _, k in texts.through}):
+                    products = [f"_g{max(k, i)}_{min(k, i)}*_r_{group}_{i}_{j}" for i in pushed]
+                    yield f"_a_{group}_{k}_{j} = {' + '.join(products)}"
+            for i in range(rows):
+                terms = [texts.direct[group, i, j]] if (group, i, j) in texts.direct else []
+                for (row, k), slope in texts.through.items():
+                    if row == i and pushed:
+                        terms.append(f"_a_{group}_{k}_{j}" if slope == "1" else f"({slope})*_a_{group}_{k}_{j}")
+                if terms:
+                    yield f"_{group}[{i}, {j}] = {' + '.join(terms)}"
+
+
+def _indented(lines: Iterable[str]) -> Iterator[str]:
+    return (f"    {line}" for line in lines)
+
+
+def _text(expression: sp.Expr) -> str:
+    """An expression as Python arithmetic that Numba compiles."""
+    return str(_printer().doprint(expression))
+
+
+class _Factor:
+    """M = L D Lᵀ written out along the nonzero pattern of M, eliminating the row with fewest neighbours first."""
+
+    def __init__(self, entries: dict[tuple[int, int], str], n: int) -> None:
+        self.lines: list[str] = []
+        value = dict(entries)
+        neighbours = {i: {j for j in range(n) if j != i and (max(i, j), min(i, j)) in value} for i in range(n)}
+        self.order: list[int] = []
+        self.below: dict[int, list[int]] = {}
+        while len(self.order) < n:
+            k = min((i for i in range(n) if i not in self.order), key=lambda i: (len(neighbours[i]), i))
+            rest = sorted(neighbours[k])
+            self.order.append(k)
+            self.below[k] = rest
+            self.lines.append(f"_d{k} = 1.0/{value[k, k]}")
+            for i in rest:
+                self.lines.append(f"_l{i}_{k} = {value[max(i, k), min(i, k)]}*_d{k}")
+                neighbours[i].discard(k)
+            for i in rest:
+                for j in (j for j in rest if j <= i):
+                    update = f"_l{i}_{k}*{value[max(j, k), min(j, k)]}"
+                    name = f"_s{i}_{j}_{k}"
+                    self.lines.append(
+                        f"{name} = {value[i, j]} - {update}" if (i, j) in value else f"{name} = -{update}"
+                    )
+                    value[i, j] = name
+                    if i != j:
+                        neighbours[i].add(j)
+                        neighbours[j].add(i)
+
+    def solve(self, right: dict[int, str], names: list[str]) -> list[str]:
+        """Lines that solve M z = right into variables called `names`."""
+        lines: list[str] = []
+        current = dict(right)
+        tag = names[0]
+        for k in self.order:
+            if k not in current:
+                continue
+            for i in self.below[k]:
+                term = f"_l{i}_{k}" if current[k] == "1.0" else f"_l{i}_{k}*{current[k]}"
+                name = f"_y{tag}_{i}_{k}"
+                lines.append(f"{name} = {current[i]} - {term}" if i in current else f"{name} = -{term}")
+                current[i] = name
+        for k in reversed(self.order):
+            terms = ([f"{current[k]}*_d{k}"] if k in current else []) + [
+                f"- _l{i}_{k}*{names[i]}" for i in self.below[k]
+            ]
+            lines.append(f"{names[k]} = {' '.join(terms) or '0.0'}")
+        return lines
+
+
+@lru_cache(maxsize=1)
+def _printer() -> Any:
+    """SymPy's printer of plain Python."""
+    from sympy.printing.pycode import PythonCodePrinter
+
+    return PythonCodePrinter({"fully_qualified_modules": False})
