@@ -1,269 +1,239 @@
-"""The result of an identification: estimates with their bands, how they came about, and what to think of them."""
+"""Identify: record + turbine + sensors → `Identification`, the front door of the house."""
 
-import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid.modal import Mode
-from windsysid.statespace import Parameter
-from windsysid.units import unit_text
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.filters import EKF
+from windsysid.forcebalance import identify_by_force_balance
+from windsysid.formulation import Outcome, Prior
+from windsysid.identification import SIGMAS, Estimate, Identification, coefficient_errors
+from windsysid.joint import identify_jointly
+from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.sensors import Sensor
+from windsysid.modal import modes_with_bands
+from windsysid.record import Record
+from windsysid.turbine import Turbine
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-    from rich.table import Table
-
-__all__ = ["Estimate", "Identification", "coefficient_errors"]
+__all__ = ["Formulation", "Prior", "add_noise", "conclude", "identify", "usable_sensors", "with_noise"]
 
 Array = NDArray[np.float64]
 
-SIGMAS = 2.0
-"""Half-width of every band, in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's choice)."""
+Formulation = Literal["joint", "force-balance"]
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """One identified coefficient.
+def identify(
+    record: Record,
+    turbine: Turbine,
+    *,
+    sensors: Sequence[Sensor] | None = None,
+    formulation: Formulation = "joint",
+    section: tuple[float, float] | None = None,
+    prior: Prior | None = None,
+    parameters: Sequence[str] | None = None,
+) -> Identification:
+    """Identify stiffness and damping of `turbine` from `record`.
 
-    Attributes
+    Parameters
     ----------
-    name, unit, kind
-        ``k_x`` …, SI unit, ``stiffness``, ``damping`` or ``parameter``.
-    estimate, low, high, std
-        Value and its ±2σ band, computed in filter coordinates, and the standard deviation, all in `unit`.
-    informed_by_data
-        Share of the information that came from the data and not from the prior, 0 … 1.
-    prior
-        Where the prior was centred, in `unit`.
-    reference
-        The turbine file's value, in `unit`; None where it is not known.
-    average_error_percent
-        Eq (24) point by point, averaged over the record; None without a reference.
-    tip
-        The same estimate, low, high, std and reference per tip deflection [N/m or N·s/m], for blades with a tip lever.
-    """
-
-    name: str
-    unit: str
-    kind: str
-    estimate: float
-    low: float
-    high: float
-    std: float
-    informed_by_data: float
-    prior: float
-    reference: float | None
-    average_error_percent: float | None
-    tip: Mapping[str, float] | None = None
-
-
-@dataclass(frozen=True)
-class Identification:
-    """What an identification found.
-
-    Attributes
-    ----------
-    method, formulation
-        The filter, and ``joint`` or ``force-balance``.
-    record, turbine
-        Names of what it was run on.
+    record
+        Channels in SI, with ``rotor_azimuth`` [rad]; ``rotor_speed`` [rad/s] and known loads ``load_x`` … [N, N·m]
+        where measured.
+    turbine
+        Masses, geometry, and the references that priors are centred on.
     sensors
-        Channels that were used as measurements.
+        Instruments on the record's channels; the turbine's usual ones, as far as they are recorded, by default. The
+        force balance reads displacement, velocity and acceleration of every degree of freedom by name and integrates
+        what is missing.
+    formulation
+        ``"joint"`` or ``"force-balance"``.
     section
-        Start and end [s].
-    rate, samples, elapsed
-        Sampling rate [Hz], samples, seconds in the filter.
-    estimates
-        One `Estimate` per coefficient.
-    modes
-        Modes at the record's mean rotor speed, derived from the estimates.
+        Start and end of the part to use [s]; the whole record by default.
+    prior
+        Where priors are centred and how wide they are; on the turbine's references, as wide as its file says, by
+        default.
     parameters
-        The identified parameters with their filter coordinates.
-    time, mean, std
-        (T,), (T, n_θ), (T, n_θ): what a filter running on line knew after each sample, in filter coordinates.
-    cov
-        (n_θ, n_θ): covariance of the estimates in filter coordinates.
-    readings, innovation, whitened
-        Names of the readings; innovations (T, m) and the same scaled to unit variance.
-    log_likelihood
-        Of all readings.
-    notes
-        What a reader must know: assumptions, warnings, what was left out.
+        Names of what to identify, masses and geometry included (joint formulation); the stiffness and damping
+        coefficients of every free degree of freedom by default.
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If the record does not hold what is needed, or an option is out of range.
     """
-
-    method: str
-    formulation: str
-    record: str
-    turbine: str
-    sensors: tuple[str, ...]
-    section: tuple[float, float]
-    rate: float
-    samples: int
-    elapsed: float
-    estimates: tuple[Estimate, ...]
-    modes: tuple[Mode, ...]
-    parameters: tuple[Parameter, ...]
-    time: Array
-    mean: Array
-    std: Array
-    cov: Array
-    readings: tuple[str, ...]
-    innovation: Array
-    whitened: Array
-    log_likelihood: float
-    notes: tuple[str, ...] = ()
-
-    def __getitem__(self, name: str) -> Estimate:
-        """The estimate of one coefficient."""
-        for estimate in self.estimates:
-            if estimate.name == name:
-                return estimate
-        raise KeyError(f"'{name}' was not identified: expected one of {', '.join(e.name for e in self.estimates)}")
-
-    def history(self, name: str) -> tuple[Array, Array, Array]:
-        """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
-        i = [parameter.name for parameter in self.parameters].index(self[name].name)
-        middle, spread = self.mean[:, i], SIGMAS * self.std[:, i]
-        values = (self.parameters[i].physical(theta) for theta in (middle, middle - spread, middle + spread))
-        return next(values), next(values), next(values)
-
-    def summary(self) -> dict[str, Any]:
-        """The result as plain values: what ``summary.json`` holds."""
-        return {
-            "method": self.method,
-            "formulation": self.formulation,
-            "record": self.record,
-            "turbine": self.turbine,
-            "sensors": list(self.sensors),
-            "section": list(self.section),
-            "rate_hz": self.rate,
-            "samples": self.samples,
-            "elapsed_s": self.elapsed,
-            "log_likelihood": self.log_likelihood,
-            "parameters": {e.name: _estimate_summary(e) for e in self.estimates},
-            "modes": [mode.summary() for mode in self.modes],
-            "notes": list(self.notes),
-        }
-
-    def to_json(self) -> str:
-        """`summary` as JSON text; what is not a finite number becomes null."""
-        return json.dumps(_finite(self.summary()), indent=2) + "\n"
-
-    def to_xarray(self) -> "xr.Dataset":
-        """Histories, covariance and innovations as a labelled dataset."""
-        import xarray as xr
-
-        names = [parameter.name for parameter in self.parameters]
-        dataset = xr.Dataset(coords={"time": ("time", self.time, {"units": "s"}), "parameter": names})
-        for row, label in enumerate(("estimate", "low", "high")):
-            columns = [self.history(name)[row] for name in names]
-            dataset[label] = (
-                ("time", "parameter"),
-                np.column_stack(columns) if columns else np.empty((len(self.time), 0)),
+    part = (record.section(*section) if section else record).on_uniform_grid()
+    _check_length(part, turbine)
+    if formulation == "joint":
+        found = usable_sensors(part, turbine, sensors)
+        return conclude(identify_jointly(part, turbine, found, prior or Prior(), parameters), part, formulation)
+    if formulation == "force-balance":
+        if sensors is not None:
+            raise ConfigurationError(
+                "the force balance takes no sensor list: it reads tower_x_acceleration, blade_1_lag_displacement … by name"
             )
-        dataset["unit"] = ("parameter", [self[name].unit for name in names])
-        for field in ("estimate", "low", "high", "std", "prior", "informed_by_data"):
-            values = [getattr(self[name], field) for name in names]
-            dataset[f"final_{field}"] = ("parameter", np.array(values, dtype=np.float64))
-        dataset["cov"] = (("parameter", "parameter_2"), self.cov)
-        dataset["cov"].attrs["note"] = "in filter coordinates: ln(k / prior) for stiffness, c / scale for damping"
-        dataset["coordinate_reference"] = ("parameter", [parameter.reference for parameter in self.parameters])
-        dataset["coordinate_logarithmic"] = ("parameter", [int(parameter.logarithmic) for parameter in self.parameters])
-        dataset["innovation"] = (("time", "reading"), self.innovation)
-        dataset["whitened"] = (("time", "reading"), self.whitened)
-        dataset = dataset.assign_coords(reading=list(self.readings))
-        dataset.attrs |= {"method": self.method, "formulation": self.formulation, "record": self.record}
-        dataset.attrs |= {"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)}
-        dataset.attrs |= {"section_start_s": self.section[0], "section_end_s": self.section[1]}
-        return dataset
-
-    def save(self, folder: Path) -> None:
-        """Write ``summary.json`` and ``identification.nc`` into an existing folder."""
-        (folder / "summary.json").write_text(self.to_json(), encoding="utf-8")
-        self.to_xarray().to_netcdf(folder / "identification.nc", engine="h5netcdf")
-
-    def table(self) -> "Table":
-        """The estimates as a Rich table."""
-        from rich.table import Table
-
-        known = any(e.reference is not None for e in self.estimates)
-        table = Table(title=f"{self.turbine}, {self.record}: {self.formulation}, {self.method}", title_justify="left")
-        for heading in ("coefficient", "estimate", "±2σ band", "unit", "from data"):
-            table.add_column(heading, justify="left" if heading in ("coefficient", "unit") else "right")
-        if known:
-            table.add_column("reference", justify="right")
-            table.add_column("difference", justify="right")
-        for e in self.estimates:
-            rows = [
-                (e.name, unit_text(e.unit), e.estimate, e.low, e.high, e.reference, f"{100 * e.informed_by_data:.1f} %")
-            ]
-            if e.tip is not None:
-                t = e.tip
-                unit = "N/m" if e.kind == "stiffness" else "N·s/m"
-                rows.append(("  at the tip", unit, t["estimate"], t["low"], t["high"], t["reference"], ""))
-            for name, unit, estimate, low, high, reference, informed in rows:
-                cells = [name, f"{estimate:.5g}", f"{low:.5g} … {high:.5g}", unit, informed]
-                if known:
-                    difference = f"{100 * (estimate / reference - 1.0):+.2f} %" if reference else ""
-                    cells += ["" if reference is None else f"{reference:.5g}", difference]
-                table.add_row(*cells)
-        return table
-
-    def modes_table(self) -> "Table":
-        """The modes as a Rich table."""
-        from rich.table import Table
-
-        known = any(mode.reference is not None for mode in self.modes)
-        table = Table(title="modes at the record's rotor speed, fixed frame", title_justify="left")
-        headings = ["mode", "frequency [Hz]", "±2σ band", "damping ratio [%]", "±2σ band"]
-        for heading in headings + (["reference [Hz]", "reference [%]"] if known else []):
-            table.add_column(heading, justify="left" if heading == "mode" else "right")
-        for mode in self.modes:
-            table.add_row(*mode.cells(), *(mode.reference_cells() if known else ()))
-        return table
-
-    def plot(self) -> "Figure":
-        """The history of every coefficient with its band and reference."""
-        from windsysid.plots import coefficient_histories
-
-        return coefficient_histories(self)
-
-    def __str__(self) -> str:
-        from windsysid.console import render
-
-        return render(self.table(), *([self.modes_table()] if self.modes else []), *self.notes)
+        if parameters is not None:
+            raise ConfigurationError("the force balance identifies all coefficients at once: leave `parameters` out")
+        whole = record.on_uniform_grid()
+        outcome = identify_by_force_balance(whole, part, turbine, prior or Prior(spread=1.0))
+        return conclude(outcome, part, formulation)
+    raise ConfigurationError(f"formulation: expected joint or force-balance, got '{formulation}'")
 
 
-def coefficient_errors(history: Array, reference: float) -> Array:
-    """Eq (24): |identified − reference| / |reference| · 100 %, point by point."""
-    return np.asarray(np.abs(history - reference) / abs(reference) * 100.0, dtype=np.float64)
+def add_noise(record: Record, channels: Sequence[str], percent: float, seed: int) -> tuple[Record, dict[str, float]]:
+    """White noise of `percent` of each channel's standard deviation added to it; returns the noise rms per channel too.
+
+    Raises
+    ------
+    ConfigurationError
+        If `percent` is negative or not finite.
+    """
+    if not (math.isfinite(percent) and 0.0 <= percent <= 1000.0):
+        raise ConfigurationError(f"added noise: expected a percentage between 0 and 1000, got {percent:g}")
+    rng = np.random.default_rng(seed)
+    added: dict[str, float] = {}
+    changed: dict[str, tuple[Array, str]] = {}
+    for channel in channels:
+        values = record[channel]
+        added[channel] = percent / 100.0 * float(np.nanstd(values))
+        noisy = values + added[channel] * rng.standard_normal(len(values))
+        changed[channel] = (noisy, record.units[record.channels.index(channel)])
+    return record.with_channels(changed), added
 
 
-def _estimate_summary(e: Estimate) -> dict[str, Any]:
-    summary: dict[str, Any] = {
-        "unit": e.unit, "kind": e.kind, "estimate": e.estimate, "low": e.low, "high": e.high, "std": e.std,
-        "informed_by_data": e.informed_by_data, "prior": e.prior,
-    }  # fmt: skip
-    if e.reference is not None:
-        summary["reference"] = e.reference
-    if e.average_error_percent is not None:
-        summary["average_error_percent"] = e.average_error_percent
-    if e.tip is not None:
-        summary["tip"] = dict(e.tip)
-    return summary
+def with_noise(sensors: Sequence[Sensor], added: Mapping[str, float]) -> tuple[Sensor, ...]:
+    """The same sensors, as noisy as they and the added noise are together."""
+    return tuple(
+        sensor.model_copy(update={"noise": math.hypot(sensor.noise, added.get(sensor.channel, 0.0))})
+        for sensor in sensors
+    )
 
 
-def _finite(value: Any) -> Any:
-    """`value` with every number that JSON cannot hold replaced by None."""
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_finite(item) for item in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None) -> tuple[Sensor, ...]:
+    """The sensors given, all of which the record must hold, or those of the turbine's usual ones that it does hold."""
+    if sensors is None:
+        found = tuple(sensor for sensor in turbine.sensors if sensor.channel in record)
+        if not found:
+            wanted = ", ".join(sensor.channel for sensor in turbine.sensors)
+            raise RecordError(
+                f"{record.name}: expected at least one of the channels {wanted}; got {', '.join(record.channels)}; "
+                "list the record's own channels with --sensors FILE"
+            )
+    else:
+        found = tuple(sensors)
+    for sensor in found:
+        values = record[sensor.channel]
+        unit = record.units[record.channels.index(sensor.channel)]
+        if sensor.quantity != "strain" and unit != sensor.unit:
+            raise RecordError(
+                f"channel '{sensor.channel}': expected {sensor.unit} for {sensor.quantity}, got {unit}: correct the unit or the sensor"
+            )
+        if not np.isfinite(values).any():
+            raise RecordError(
+                f"channel '{sensor.channel}' holds no numbers in this section: leave it out of the sensor list, "
+                "or choose another section"
+            )
+    return found
+
+
+def _check_length(record: Record, turbine: Turbine) -> None:
+    turn = 2.0 * math.pi / turbine.rotor_speed
+    if record.duration < turn:
+        raise RecordError(
+            f"{record.name}: expected at least one revolution ({turn:.3g} s at {turbine.rotor_speed * 30.0 / math.pi:.3g} rpm), "
+            f"got {record.duration:.3g} s: choose a longer record or section"
+        )
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    if fastest / record.rate > 0.6:
+        raise RecordError(
+            f"{record.name}: expected at least {fastest / 0.6:.3g} samples per second for a mode at "
+            f"{fastest / (2.0 * math.pi):.3g} Hz, got {record.rate:.3g}"
+        )
+
+
+def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Identification:
+    """Put what a formulation found on `record` into physical units, with bands, modes and errors."""
+    turbine, model, theta, cov = outcome.turbine, outcome.model, outcome.theta, outcome.cov
+    block = model.parameter_block
+    history_mean, history_std = outcome.online.mean[:, block], outcome.online.std[:, block]
+    std = np.sqrt(np.diag(cov))
+    estimates = []
+    for i, q in enumerate(model.parameters):
+        reference = turbine.values[q.name]
+        low, value, high = (float(q.physical(theta[i] + k * std[i])) for k in (-SIGMAS, 0.0, SIGMAS))
+        spread = std[i] * (value if q.logarithmic else q.scale)
+        errors = coefficient_errors(q.physical(history_mean[:, i]), reference)
+        estimates.append(
+            Estimate(
+                name=q.name,
+                unit=_unit(q.name),
+                kind=_KINDS.get(q.name[:2], "parameter"),
+                estimate=value,
+                low=low,
+                high=high,
+                std=float(spread),
+                informed_by_data=float(np.clip(1.0 - (std[i] / q.prior[1]) ** 2, 0.0, 1.0)),
+                prior=q.centre,
+                reference=reference,
+                average_error_percent=float(np.mean(errors)),
+                tip=_at_the_tip(q.name, turbine, value, low, high, float(spread), reference),
+            )
+        )
+    final = turbine.with_values({e.name: e.estimate for e in estimates})
+    compiled = model.compiled if formulation == "joint" else compile_model(turbine.model)
+    p, at_reference = (np.array([source.values[name] for name in compiled.parameters]) for source in (final, turbine))
+    speed = float(outcome.rotor[:, 1].mean())
+    modes = modes_with_bands(turbine.model, compiled, p, speed, model.parameters, theta, cov, at_reference)
+    return Identification(
+        method=EKF.name,
+        formulation=formulation,
+        record=record.name,
+        turbine=turbine.name,
+        sensors=outcome.channels,
+        section=(float(record.time[0]), float(record.time[-1])),
+        rate=record.rate,
+        samples=record.samples,
+        elapsed=outcome.elapsed,
+        estimates=tuple(estimates),
+        modes=modes,
+        parameters=model.parameters,
+        time=record.time,
+        mean=history_mean,
+        std=history_std,
+        cov=cov,
+        readings=model.readings,
+        innovation=outcome.final.innovation,
+        whitened=outcome.final.whitened,
+        log_likelihood=float(outcome.final.log_likelihood.sum()),
+        notes=outcome.notes,
+    )
+
+
+def _unit(name: str) -> str:
+    """SI unit of a parameter of the rotor."""
+    for start, unit in _UNITS.items():
+        if name.startswith(start):
+            return unit
+    return "1"
+
+
+_UNITS = {
+    "k_x": "N/m", "k_y": "N/m", "k_": "N*m/rad", "c_x": "N*s/m", "c_y": "N*s/m", "c_": "N*m*s/rad",
+    "hub_mass": "kg", "blade_mass": "kg", "blade_first_moment": "kg*m", "blade_inertia": "kg*m^2", "roll_inertia": "kg*m^2",
+    "kappa": "rad/m", "eccentricity_angle": "rad", "eccentricity": "m", "gravity": "m/s^2", "hinge_offset": "m",
+}  # fmt: skip
+_KINDS = {"k_": "stiffness", "c_": "damping"}
+
+
+def _at_the_tip(
+    name: str, turbine: Turbine, value: float, low: float, high: float, std: float, reference: float
+) -> dict[str, float] | None:
+    """A blade's coefficient per tip deflection, k_β/ℓ² or c_β/ℓ²."""
+    if not name.startswith(("k_beta", "c_beta")) or turbine.tip_lever == 0.0:
+        return None
+    square = turbine.tip_lever**2
+    labels = ("estimate", "low", "high", "std", "reference")
+    return dict(zip(labels, (x / square for x in (value, low, high, std, reference)), strict=True))

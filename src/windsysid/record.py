@@ -11,28 +11,26 @@ from __future__ import annotations
 import difflib
 import json
 import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from windsysid.checks import UNIFORM, Array, check_channels, check_rows, refuse_outside
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.units import UNITS, canonical, si_unit, to_si
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["AS_WRITTEN", "Record", "implied_unit"]
-
-Array = npt.NDArray[np.float64]
+__all__ = ["AS_WRITTEN", "Array", "Record", "implied_unit"]
 
 AS_WRITTEN = "as written: "
 """Prefix of a unit that windsysid does not know: the values are as the file has them, not converted."""
 
 _OFF_GRID = 0.1  # of a step: beyond this a time stamp does not belong to a uniform grid
-_UNIFORM = 1e-3  # of a step: within this a grid counts as uniform
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,7 +113,7 @@ class Record:
         """Whether every sample lies on one uniform time grid, to a thousandth of a step."""
         step = self.duration / (self.samples - 1)
         grid = self.time[0] + step * np.arange(self.samples)
-        return bool(np.max(np.abs(self.time - grid)) <= _UNIFORM * step)
+        return bool(np.max(np.abs(self.time - grid)) <= UNIFORM * step)
 
     def __contains__(self, channel: object) -> bool:
         return channel in self.channels
@@ -158,22 +156,9 @@ class Record:
         RecordError
             If the section is empty, holds a single sample, or reaches outside the record.
         """
-        first, last, step = self.time[0], self.time[-1], _step(self.time)
-        own = f"the record runs from {first:g} to {last:g} s"
-        if not start < end:
-            raise RecordError(
-                f"the section {start:g} to {end:g} s is empty: expected start before end; {own}; choose others"
-            )
-        if start < first - step or end > last + step * (1.0 + _UNIFORM):
-            raise RecordError(
-                f"the section {start:g} to {end:g} s reaches outside the record: {own}; choose a section inside"
-            )
         low, high = np.searchsorted(self.time, (start, end), side="left")
-        if high - low < 2:
-            raise RecordError(
-                f"the section {start:g} to {end:g} s holds {high - low} samples, expected at least 2: {own} "
-                f"at {self.rate:g} Hz; choose a longer section"
-            )
+        first, last = float(self.time[0]), float(self.time[-1])
+        refuse_outside(start, end, int(high - low), first, last, _step(self.time))
         return replace(self, time=self.time[low:high], values=self.values[low:high])
 
     def select(self, channels: Iterable[str]) -> Record:
@@ -355,48 +340,6 @@ def convert(values: Array, unit: str, what: str) -> tuple[Array, str]:
     except ConfigurationError as error:
         raise RecordError(f"{what}: {error}") from error
     return (values if factor == 1.0 else values * factor), si_unit(unit)
-
-
-def check_channels(channels: Iterable[str]) -> None:
-    """Refuse names that cannot be told apart or written to a file."""
-    seen = set()
-    for name in channels:
-        if not isinstance(name, str) or not name or name != name.strip() or len(name.splitlines()) > 1:
-            raise RecordError(f"{name!r} is not a channel name: expected text on one line without spaces around it")
-        if name == "time":
-            raise RecordError("a channel is called 'time', which is the record's own: rename it")
-        if name in seen:
-            raise RecordError(f"channel '{name}' occurs twice: expected each name once; rename one of them")
-        seen.add(name)
-
-
-def check_rows(
-    time: Array, values: Array, channels: tuple[str, ...], place: Callable[[int], str] = "sample {}".format
-) -> None:
-    """Refuse a time that does not increase and infinite values, naming the first place."""
-    if time.size < 2:
-        raise RecordError(f"expected at least 2 samples, got {time.size}; give a longer record")
-    finite = np.isfinite(time)
-    if not finite.any():
-        raise RecordError("the time is missing or infinite everywhere: expected seconds as numbers; write the time")
-    if not finite.all():
-        k = int(np.argmin(finite))
-        raise RecordError(f"the time at {place(k)} is {time[k]}: expected seconds; remove that row or write its time")
-    steps = np.diff(time)
-    if not np.all(steps > 0.0):
-        k = int(np.argmax(steps <= 0.0))
-        what = "is repeated" if steps[k] == 0.0 else "runs backwards"
-        raise RecordError(
-            f"the time {what} at {place(k + 1)} ({float(time[k])!r} s, then {float(time[k + 1])!r} s): "
-            "expected strictly increasing; sort the rows and drop the repeated ones"
-        )
-    infinite = np.isinf(values)
-    if infinite.any():
-        row, column = (int(i) for i in np.argwhere(infinite)[0])
-        raise RecordError(
-            f"channel '{channels[column]}' is infinite at {place(row)}: expected a finite number; "
-            "leave the cell empty or write NaN where a value is missing"
-        )
 
 
 def _checked_unit(unit: str, channel: str) -> str:

@@ -19,7 +19,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "1": ("1", 1.0), "-": ("1", 1.0), "": ("1", 1.0), "%": ("1", 0.01), "V/V": ("1", 1.0),
     "mV/V": ("1", 1e-3), "strain": ("1", 1.0), "microstrain": ("1", 1e-6), "ue": ("1", 1e-6),
     "µε": ("1", 1e-6),
-    "s": ("s", 1.0), "ms": ("s", 1e-3), "min": ("s", 60.0), "h": ("s", 3600.0),
+    "s": ("s", 1.0), "µs": ("s", 1e-6), "ms": ("s", 1e-3), "min": ("s", 60.0), "h": ("s", 3600.0), "d": ("s", 86400.0),
     "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "km": ("m", 1e3),
     "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3), "km/h": ("m/s", 1.0 / 3.6),
     "m/s^2": ("m/s^2", 1.0), "mm/s^2": ("m/s^2", 1e-3), "g": ("m/s^2", _G), "mg": ("m/s^2", 1e-3 * _G),
@@ -34,8 +34,9 @@ UNITS: dict[str, tuple[str, float]] = {
     "N*s/m": ("N*s/m", 1.0), "kN*s/m": ("N*s/m", 1e3),
     "N*m/rad": ("N*m/rad", 1.0), "kN*m/rad": ("N*m/rad", 1e3),
     "N*m*s/rad": ("N*m*s/rad", 1.0), "kN*m*s/rad": ("N*m*s/rad", 1e3),
-    "W": ("W", 1.0), "kW": ("W", 1e3), "MW": ("W", 1e6), "Pa": ("Pa", 1.0), "degC": ("degC", 1.0),
-    "V": ("V", 1.0), "A": ("A", 1.0),
+    "W": ("W", 1.0), "kW": ("W", 1e3), "MW": ("W", 1e6), "degC": ("degC", 1.0),
+    "Pa": ("Pa", 1.0), "hPa": ("Pa", 100.0), "mbar": ("Pa", 100.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6), "bar": ("Pa", 1e5),
+    "V": ("V", 1.0), "mV": ("V", 1e-3), "A": ("A", 1.0), "mA": ("A", 1e-3),
 }  # fmt: skip
 
 _EXAMPLES = ("m/s^2", "g", "mm", "deg", "rpm", "kN*m", "N/m")
@@ -57,7 +58,9 @@ _WORDS = {
     "sec": "s", "seconds": "s", "second": "s", "degrees": "deg", "degree": "deg", "RPM": "rpm",
     "rev/min": "rpm", "1/min": "rpm", "m/s2": "m/s^2", "m/ss": "m/s^2", "m/s/s": "m/s^2", "mm/s2": "mm/s^2",
     "deg/s2": "deg/s^2", "rad/s2": "rad/s^2", "kg*m2": "kg*m^2", "degrees/s": "deg/s",
-    "ustrain": "microstrain", "none": "1",
+    "ustrain": "microstrain", "none": "1", "us": "µs", "day": "d", "days": "d", "hours": "h", "hour": "h",
+    "minutes": "min", "minute": "min", "milliseconds": "ms", "DegC": "degC", "Deg": "deg", "Degrees": "deg",
+    "Volts": "V", "volts": "V", "meters/second": "m/s", "meters/s": "m/s",
 }  # fmt: skip
 
 
@@ -89,7 +92,7 @@ def canonical(unit: str) -> str:
         text = _WORDS.get(text, text)
     if text not in UNITS:
         raise ConfigurationError(
-            f"unknown unit '{unit}': expected one of the units windsysid knows (such as "
+            f"unknown unit '{unit[:40]}': expected one of the units windsysid knows (such as "
             f"{', '.join(_EXAMPLES)}); "
             "write the value in one of those"
         )

@@ -1,58 +1,57 @@
-"""Records as comma-separated text: one header line, the time first, one row per sample.
+"""Records as text: one line per sample, written by windsysid or by a logger.
 
     time [s],rotor_speed [rad/s],tower_x_acceleration [m/s^2]
     0.0,1.2671,0.0132
     0.01,1.2671,
 
-The first column is the time: ``time``, ``t``, ``time [s]``, ``time_s``. Every other header cell is a name
-with a unit, ``name [unit]`` or ``name (unit)``. Without brackets the unit is read from the end of the name if
-it is one of `SUFFIXES` (``pitch_deg`` is the channel ``pitch`` in degrees); otherwise it is the SI unit that
-the name implies (`windsysid.record.implied_unit`). Values are turned into SI. An empty cell or NaN means
-missing.
+`windsysid.formats.dialect` finds out how a file is written, `columns` what its columns are, `clock` what its time
+counts; here rows become numbers. A row that is not exactly as wide as the header is an error, so that columns never
+shift; an empty cell or NaN means missing. A last line that nothing ends may be cut in the middle of a number: it
+is left out, and the attribute ``cut_off`` says so, unless its last number is as long as those above.
 
 Written files use ``name [unit]`` and the shortest digits that give back the same float64.
 """
 
+import codecs
 import csv
 import io
+import itertools
 import re
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
+import numpy.typing as npt
 
 from windsysid.errors import RecordError
-from windsysid.formats.files import check_input, read_start
-from windsysid.record import Array, Record, check_channels, check_rows, convert, implied_unit
+from windsysid.formats.clock import Clock, make_clock
+from windsysid.formats.columns import Column, find_time, plan_columns
+from windsysid.formats.dialect import Layout, find_layout, is_number, split
+from windsysid.formats.files import named_after
+from windsysid.formats.mapping import Mapping
+from windsysid.formats.source import Block, Progress, Source, gather
+from windsysid.formats.text import LineBlock, encoding_of, last_line, line_blocks
+from windsysid.record import Record
 
-__all__ = ["MISSING", "SUFFIXES", "read_csv", "write_csv"]
+__all__ = ["open_csv", "read_csv", "write_csv"]
 
-SUFFIXES = {
-    "_V_per_V": "V/V",
-    "_m_s": "m/s",
-    "_rpm": "rpm",
-    "_deg": "deg",
-    "_kNm": "kN*m",
-    "_kN": "kN",
-    "_W": "W",
-    "_g": "g",
-    "_s": "s",
-}
-"""Units that may end a column's name when it has none in brackets; longer ones first, capitals matter."""
+Numbers = npt.NDArray[np.int64]
 
-MISSING = ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "None")
-"""Cells that say that a value is missing."""
-
-_PLAIN = "expected comma-separated text with one header line; export it so"
+_TRUTHS = (b"True", b"TRUE", b"true", b"False", b"FALSE", b"false")
+_HEAD = 1 << 18  # bytes that tell how a file is written
 
 
-def read_csv(path: str | Path) -> Record:
-    """Read a record from comma-separated text.
+def read_csv(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
+    """Read a record from text.
 
     Parameters
     ----------
     path : str or Path
+    mapping : Mapping, optional
+    progress : callable, optional
+        Called with the fraction read.
 
     Returns
     -------
@@ -62,28 +61,45 @@ def read_csv(path: str | Path) -> Record:
     Raises
     ------
     RecordError
-        If the file is missing, empty or not such text, a cell is not a number (the first is named by column
-        and line), a value is infinite, a unit is unknown, or the time is missing, unsorted or repeated.
+        If the file is missing, empty or no table, could be read in two ways, a cell is not a number (the first is
+        named by column and line), a value is infinite, a unit is unknown, or the time is missing, unsorted or
+        repeated.
     """
     path = Path(path)
-    check_input(path)
-    lines, numbers = _lines(path)
-    header = _cells(lines[0])
-    _refuse_other_dialects(path, lines[0], header)
-    names, units = _header(path, header)
-    _refuse_ragged(path, lines, numbers, len(header))
-    table = _parse(path, lines, numbers, header)
-    time, unit = convert(table[:, 0], units[0], f"{path}: column '{header[0]}'")
-    if unit != "s":
-        raise RecordError(f"{path}: the time column '{header[0]}' is not in a unit of time; expected 'time [s]'")
-    columns = [convert(table[:, i], units[i], f"{path}: column '{header[i]}'") for i in range(1, len(header))]
-    values = np.column_stack([values for values, _ in columns])
-    try:
-        check_channels(names[1:])
-        check_rows(time, values, tuple(names[1:]), lambda row: f"line {numbers[row + 1]}")
-        return Record(time, values, tuple(names[1:]), tuple(unit for _, unit in columns), name=path.name)
-    except RecordError as error:
-        raise RecordError(f"{path}: {error}") from error
+    with named_after(path):
+        return gather(open_csv(path, mapping or Mapping()), progress)
+
+
+def open_csv(path: Path, mapping: Mapping) -> Source:
+    """Find out how a file is written; `windsysid.formats` is the way in."""
+    encoding = encoding_of(path, mapping.csv.encoding)
+    last = last_line(path, encoding)
+    head = list(_head(path, encoding))
+    if not head:
+        raise RecordError("holds only blank lines; expected a header line and rows of numbers")
+    layout = find_layout(head, mapping.csv)
+    time = find_time(layout.cells, mapping)
+    columns = plan_columns(layout.cells, time, mapping)
+    rows = [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
+    attributes = dict(layout.attributes)
+    keep = last is None or not last.strip() or _is_complete(last, rows, layout.delimiter)
+    if not keep:
+        attributes["cut_off"] = "the last line has no end and may be cut off; it is left out"
+    width = max(1, len(layout.cells))
+    first = [(number, cells[time]) for number, cells in rows[:20] if len(cells) >= width]
+    if not first:
+        raise RecordError(
+            f"line {rows[0][0] if rows else layout.first_row} has {len(rows[0][1]) if rows else 0} cells, expected {width} "
+            "as in the header; complete or remove that line"
+        )
+    unit = layout.cells[time].unit
+    clock = make_clock([cell for _, cell in first], unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
+    if not layout.headed and mapping.time.column is None:
+        _check_headless_time(first, layout.decimal)
+    reader = _Reader(path, encoding, layout, time, columns, clock, keep)
+    names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
+    start = reader.first_time(first[0][1])
+    return Source(path.name, names, units, reader.blocks, {**attributes, **clock.attributes}, start)
 
 
 def write_csv(record: Record, path: Path) -> None:
@@ -99,120 +115,212 @@ def write_csv(record: Record, path: Path) -> None:
     frame.to_csv(path, index=False, header=header, lineterminator="\n", encoding="utf-8")
 
 
-def _lines(path: Path) -> tuple[list[str], list[int]]:
-    """The lines that hold something, and their numbers in the file, counted from 1."""
-    start = read_start(path, 4096)
-    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise RecordError(f"{path}: is UTF-16 text, expected UTF-8; save it as UTF-8")
+def _head(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
+    """Number and text of the first lines that are not blank."""
+    for block in line_blocks(path, encoding, size=_HEAD):
+        for number, line in enumerate(block.text.decode().split("\n"), block.first):
+            if line.strip():
+                yield number, line
+        if number > 1:
+            return
+
+
+def _is_complete(last: str, rows: list[tuple[int, list[str]]], delimiter: str) -> bool:
+    """Whether a last line without an end is whole: as wide as the others, its last number with as many decimals."""
+    cells = split(last, delimiter)
+    others = [row for _, row in rows[:20] if row != cells]
+    if last.rstrip().endswith('"') or not others:
+        return bool(others) and len(cells) == len(others[0])
+    if any(len(row) != len(cells) for row in others):
+        return False
+    shape = {re.sub(r"\d", "0", re.sub(r"^[+-]?\d+(?=[.,])", "0", row[-1])) for row in others}
+    mine = re.sub(r"\d", "0", re.sub(r"^[+-]?\d+(?=[.,])", "0", cells[-1]))
+    return shape == {mine} and bool(re.search(r"[.,]\d", cells[-1]))
+
+
+def _check_headless_time(first: list[tuple[int, str]], decimal: str) -> None:
     try:
-        if b"\0" in start:
-            raise UnicodeDecodeError("utf-8", start, 0, 1, "binary")
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError:
+        values = [float(cell.replace(decimal, ".")) for _, cell in first]
+    except ValueError:
+        return  # dates, or a bad cell that is named later
+    if any(b <= a for a, b in itertools.pairwise(values)):
         raise RecordError(
-            f"{path}: is not UTF-8 text but binary or in another encoding; {_PLAIN}, or give the file the "
-            "ending of what it is"
-        ) from None
-    kept = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    if not kept:
-        raise RecordError(f"{path}: holds only blank lines; {_PLAIN}")
-    return [line for _, line in kept], [number for number, _ in kept]
-
-
-def _cells(line: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True))]
-
-
-def _refuse_other_dialects(path: Path, line: str, header: list[str]) -> None:
-    if header[0] == "TOA5":
-        raise RecordError(f"{path}: looks like a Campbell TOA5 file with four header lines; {_PLAIN}")
-    if len(header) == 1 or ";" in line:
-        for mark, what in (
-            (";", "separated by semicolons, perhaps with decimal commas"),
-            ("\t", "separated by tabs"),
-        ):
-            if mark in line:
-                raise RecordError(f"{path}: looks {what}; {_PLAIN} (decimal points, commas between the cells)")
-        if len(line.split()) > 1 and all(map(_is_number, line.split())):
-            raise RecordError(f"{path}: looks separated by spaces and has no header line; {_PLAIN}")
-        raise RecordError(f"{path}: the header line '{line.strip()[:60]}' has one column; {_PLAIN}, the time first")
-    if all(map(_is_number, header)):
-        raise RecordError(
-            f"{path}: has no header line, its first line holds numbers; write 'time,name [unit],...' above"
+            "has no header line, and its first column does not increase, so it is not the time; expected 'time,name "
+            '[unit],...\' above; write it, or name the time in the mapping file: [time] column = "column_1"'
         )
 
 
-def _header(path: Path, header: list[str]) -> tuple[list[str], list[str]]:
-    names, units = [], []
-    for number, cell in enumerate(header, 1):
-        if not cell:
-            raise RecordError(f"{path}: column {number} has no name; expected 'name [unit]'; name it or remove it")
-        name, unit = _name_and_unit(cell)
-        names.append(name)
-        units.append(unit)
-    if names[0].lower() not in ("time", "t"):
-        raise RecordError(f"{path}: the first column is '{header[0]}', expected 'time [s]'; put the time first")
-    return names, units
+class _Reader:
+    """Rows of one file as numbers, block by block."""
 
+    def __init__(
+        self,
+        path: Path,
+        encoding: str,
+        layout: Layout,
+        time: int,
+        columns: tuple[Column, ...],
+        clock: Clock,
+        keep: bool,
+    ) -> None:
+        self.path, self.encoding, self.layout, self.time = path, encoding, layout, time
+        self.columns, self.clock, self.keep = columns, clock, keep
+        self.wanted = [time, *(column.index for column in columns)]
+        self.width = len(layout.cells)
 
-def _name_and_unit(cell: str) -> tuple[str, str]:
-    bracketed = re.fullmatch(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", cell)
-    if bracketed:
-        square, round_ = bracketed[2], bracketed[3]
-        return bracketed[1], square if square is not None else round_
-    for suffix, unit in SUFFIXES.items():
-        if cell.endswith(suffix) and cell != suffix:
-            return cell.removesuffix(suffix), unit
-    return cell, "s" if cell.lower() in ("time", "t") else implied_unit(cell)
+    def blocks(self, start: float, end: float) -> Iterator[Block]:
+        waiting = None  # a block before `start`, only read if it turns out to be the last one
+        for block in line_blocks(self.path, self.encoding, keep_last=self.keep):
+            text, numbers = self._rows(block)
+            if not numbers.size:
+                continue
+            if start > -np.inf and self._last_time(text, numbers) < start:
+                waiting = (text, numbers, block.done)
+                continue
+            waiting = None
+            rows = self._parsed(text, numbers, block.done)
+            yield rows
+            if rows.time[-1] >= end:
+                return
+        if waiting:
+            yield self._parsed(*waiting)
 
+    def first_time(self, cell: str) -> float:
+        """Time of the first row [s], NaN if its cell is no time."""
+        try:
+            raw = [cell] if self.clock.textual else np.array([float(cell.replace(self.layout.decimal, "."))])
+            return float(self.clock.seconds(raw, "row {}".format)[0])
+        except ValueError:
+            return np.nan
 
-def _refuse_ragged(path: Path, lines: list[str], numbers: list[int], expected: int) -> None:
-    for line, number in zip(lines, numbers, strict=True):
-        got = len(_cells(line)) if '"' in line else line.count(",") + 1
-        if got != expected:
+    def _last_time(self, text: bytes, numbers: Numbers) -> float:
+        line = text[text.rfind(b"\n", 0, -1) + 1 : -1].decode()
+        return self.first_time(line.split(self.layout.delimiter)[self.time])
+
+    def _rows(self, block: LineBlock) -> tuple[bytes, Numbers]:
+        """The rows of a block, all as wide as the header, without blanks, quotes and blank lines; and their lines."""
+        text, first, mark = block.text, block.first, self.layout.delimiter.encode()
+        if first < self.layout.first_row:
+            lines = text.split(b"\n", self.layout.first_row - first)
+            text, first = (lines[-1], self.layout.first_row) if len(lines) > self.layout.first_row - first else (b"", 0)
+        if b'"' in text:
+            text = self._without_quotes(text, first)
+        if mark == b" ":
+            text = re.sub(rb"[ \t]+", b" ", text)
+        if b" " in text or (b"\t" in text and mark != b"\t"):
+            text = re.sub(
+                rb"[ \t]*(\n)[ \t]*" if mark in b" \t" else rb"[ \t]*([\n" + mark + rb"])[ \t]*", rb"\1", text
+            )
+            text = text.lstrip(b" ") if mark == b"\t" else text.lstrip(b" \t")
+        symbols = np.frombuffer(text, dtype=np.uint8)
+        ends = np.flatnonzero(symbols == 10)
+        numbers = np.arange(first, first + ends.size)
+        filled = np.diff(ends, prepend=-1) > 1
+        if not filled.all():
+            text = re.sub(rb"\n\n+", b"\n", text).lstrip(b"\n")
+            numbers, symbols = numbers[filled], np.frombuffer(text, dtype=np.uint8)
+            ends = np.flatnonzero(symbols == 10)
+        widths = 1 + np.diff(np.searchsorted(np.flatnonzero(symbols == mark[0]), ends), prepend=0)
+        text = self._without_last_delimiter(text, widths, mark)
+        ragged = np.flatnonzero(widths != self.width)
+        if ragged.size:
+            k = int(ragged[0])
             raise RecordError(
-                f"{path}: line {number} has {got} cells, expected {expected} as in the header; the file "
+                f"line {numbers[k]} has {widths[k]} cells, expected {self.width} as in the header; the file "
                 "may be cut off or have decimal commas; complete or remove that line"
             )
-    if len(lines) < 3:
-        raise RecordError(f"{path}: has {len(lines) - 1} rows under the header, expected at least 2; export it again")
+        return text, numbers
 
+    def _without_last_delimiter(self, text: bytes, widths: Numbers, mark: bytes) -> bytes:
+        """The text without the delimiter that ends every line, where the header has one too."""
+        if self.layout.closed and np.all(widths == self.width + 1) and text.count(mark + b"\n") == widths.size:
+            widths -= 1
+            return text.replace(mark + b"\n", b"\n")
+        return text
 
-def _parse(path: Path, lines: list[str], numbers: list[int], header: list[str]) -> Array:
-    import pandas as pd
+    def _without_quotes(self, text: bytes, first: int) -> bytes:
+        mark = self.layout.delimiter
+        if mark == " ":
+            text = text.replace(b'""', b"nan")  # an empty cell, which is nothing between blanks without its quotes
+        simple = re.compile(
+            rb"(?:^|(?<=[\n" + mark.encode() + rb']))"([^"\n' + mark.encode() + rb']*)"(?=[\n' + mark.encode() + rb"])"
+        )
+        text = simple.sub(rb"\1", text)
+        if b'"' not in text:
+            return text
+        lines = text.decode().split("\n")
+        for i, line in enumerate(lines):
+            if '"' not in line:
+                continue
+            if line.count('"') % 2:
+                raise RecordError(f"line {first + i} has a quote that is not closed; correct that line")
+            cells = split(line, mark)
+            if len(cells) != self.width:
+                continue  # named with its width below
+            for index, cell in enumerate(cells):
+                if index in self.wanted and (mark in cell or '"' in cell):
+                    self._refuse(index, first + i, cell)
+            lines[i] = mark.join(re.sub(rf'["{mark}]', "_", cell) for cell in cells)
+        return "\n".join(lines).encode()
 
-    try:
-        with warnings.catch_warnings():
-            # Newer pandas reads every digit anyway and warns about the option that older ones need for it.
-            warnings.filterwarnings("ignore", message=".*float_precision", category=Warning)
-            frame = pd.read_csv(
-                io.StringIO("\n".join(lines[1:])),
-                header=None,
-                dtype=np.float64,
-                float_precision="round_trip",
-                skipinitialspace=True,
-                keep_default_na=False,
-                na_values=list(MISSING),
-            )
-    except (ValueError, OverflowError):
-        _name_bad_cell(path, lines, numbers, header)
-    return frame.to_numpy()
+    def _parsed(self, text: bytes, numbers: Numbers, done: float) -> Block:
+        import pandas as pd
 
+        def place(row: int) -> str:
+            return f"line {numbers[row]}"
 
-def _name_bad_cell(path: Path, lines: list[str], numbers: list[int], header: list[str]) -> NoReturn:
-    for line, number in zip(lines[1:], numbers[1:], strict=True):
-        for name, cell in zip(header, _cells(line), strict=False):
-            if not _is_number(cell) and cell not in MISSING:
-                raise RecordError(
-                    f"{path}: column '{name}', line {number}: '{cell[:40]}' is not a number; write a "
-                    "number with a decimal point, or nothing where the value is missing"
+        if text.startswith(codecs.BOM_UTF8) or any(word in text for word in _TRUTHS):
+            self._refuse_bad_cells(text, numbers)  # pandas leaves out the one and makes numbers of the others
+        textual = self.clock.textual
+        kinds: dict[int, Any] = {i: np.float64 for i in self.wanted if not (textual and i == self.time)}
+        missing: Any = {index: list(self.layout.missing) for index in kinds}
+        try:
+            with warnings.catch_warnings():
+                # Newer pandas reads every digit anyway and warns about the option that older ones need for it.
+                warnings.filterwarnings("ignore", message=".*float_precision", category=Warning)
+                frame = pd.read_csv(
+                    io.BytesIO(text),
+                    header=None,
+                    sep=self.layout.delimiter,
+                    usecols=self.wanted,
+                    dtype={**kinds, **({self.time: object} if textual else {})},
+                    float_precision="round_trip",
+                    quoting=csv.QUOTE_NONE,
+                    decimal=self.layout.decimal,
+                    keep_default_na=False,
+                    na_values=missing,
+                    skip_blank_lines=False,
+                    engine="c",
                 )
-    raise RecordError(f"{path}: some cell is not a number; {_PLAIN}")
+        except (ValueError, OverflowError):
+            self._refuse_bad_cells(text, numbers)
+            raise RecordError(
+                f"lines {numbers[0]} to {numbers[-1]}: some cell is not a number; export the file again"
+            ) from None
+        if len(frame) != numbers.size:
+            raise RecordError(f"lines {numbers[0]} to {numbers[-1]} hold {len(frame)} rows; the file is damaged")
+        raw = frame[self.time].to_list() if textual else frame[self.time].to_numpy()
+        time = self.clock.seconds(raw, place)
+        if len(self.columns) == self.width - 1 and not textual:
+            table = frame.to_numpy()
+            values = np.delete(table, self.time, axis=1) if self.time else table[:, 1:]
+            if any(column.factor != 1.0 for column in self.columns):
+                values = np.column_stack([column.values(values[:, i]) for i, column in enumerate(self.columns)])
+        else:
+            values = np.column_stack([column.values(frame[column.index].to_numpy()) for column in self.columns])
+        return Block(time, np.ascontiguousarray(values), place, done)
 
+    def _refuse_bad_cells(self, text: bytes, numbers: Numbers) -> None:
+        mark = self.layout.decimal
+        for line, number in zip(text.decode().split("\n"), numbers, strict=False):
+            for index, cell in enumerate(line.split(self.layout.delimiter)):
+                wanted = index in self.wanted and not (index == self.time and self.clock.textual)
+                if wanted and cell not in self.layout.missing and not is_number(cell, mark):
+                    self._refuse(index, int(number), cell)
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return "_" not in cell  # Python reads 1_000, a file does not mean it
+    def _refuse(self, index: int, line: int, cell: str) -> NoReturn:
+        raise RecordError(
+            f"column '{self.layout.cells[index].written}', line {line}: '{cell[:40]}' is not a number; write a number with "
+            f"a decimal '{self.layout.decimal}' and no marks of thousands, or nothing where the value is missing; another "
+            "mark goes into the mapping file: [csv] decimal"
+        )

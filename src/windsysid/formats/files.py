@@ -3,12 +3,12 @@
 import contextlib
 import os
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from windsysid.errors import OutputError, RecordError
 
-__all__ = ["check_input", "read_start", "write_beside"]
+__all__ = ["check_input", "named_after", "read_start", "write_beside"]
 
 
 # os.path answers where Path would raise: a folder that may not be entered, a name that cannot be one.
@@ -28,6 +28,28 @@ def check_input(path: Path) -> None:
         raise RecordError(f"{path}: no such file; check the name and the folder")
     if not read_start(path, 1):
         raise RecordError(f"{path}: the file is empty, expected a record; copy or export it again")
+
+
+@contextlib.contextmanager
+def named_after(path: Path) -> Iterator[None]:
+    """Refuse what is not a file with something in it, and put the file's name before every error inside.
+
+    Raises
+    ------
+    RecordError
+        As it was raised, beginning with the name of the file.
+    """
+    check_input(path)
+    try:
+        yield
+    except RecordError as error:
+        if str(error).startswith(f"{path}: "):
+            raise
+        raise RecordError(f"{path}: {error}") from error
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read ({error.strerror or error}); copy it again") from error
+    except MemoryError as error:
+        raise RecordError(f"{path}: does not fit into memory; read a section of it or in pieces") from error
 
 
 def read_start(path: Path, size: int) -> bytes:

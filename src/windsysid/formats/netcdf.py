@@ -1,27 +1,49 @@
 """Records as netCDF-4: one variable (time,) per channel with its ``units``, times in seconds.
 
 Everything a `Record` holds is kept, names and attributes included, so that reading gives back what was
-written. Files from elsewhere are read if they are built the same way: a coordinate ``time`` [s] and numbers
-along it.
+written. HDF5 protects none of its own tables: a damaged file gives zeros, or makes the library hang. So every block of
+numbers carries a checksum, and a seal after the end of the file holds one of the whole. Files from elsewhere are read
+if they are built the same way: a coordinate ``time`` [s] and numbers along it.
 """
 
+import json
+import zlib
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from windsysid.errors import OutputError, RecordError
-from windsysid.formats.files import check_input, read_start
-from windsysid.record import Record
+import numpy as np
 
-__all__ = ["read_netcdf", "write_netcdf"]
+from windsysid.errors import ConfigurationError, OutputError, RecordError
+from windsysid.formats.columns import Cell, plan_columns
+from windsysid.formats.files import named_after, read_start
+from windsysid.formats.mapping import Mapping
+from windsysid.formats.source import Block, Progress, Source, gather, indexed_source
+from windsysid.record import Array, Record
+from windsysid.units import si_unit, to_si
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["open_netcdf", "read_netcdf", "write_netcdf"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_SEAL = b"windsysid crc32 "  # and eight digits, after the end of the HDF5 file, where nobody else looks
+_LARGE = 1 << 28  # bytes: a section of a larger file is not worth reading it all for its checksum
+_VALUES = 1 << 20  # read at once
+_FEW = 1 << 24  # values that fit into memory without thinking
 
 
-def read_netcdf(path: str | Path) -> Record:
+def read_netcdf(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
     """Read a record from netCDF-4.
 
     Parameters
     ----------
     path : str or Path
+    mapping : Mapping, optional
+    progress : callable, optional
+        Called with the fraction read.
 
     Returns
     -------
@@ -33,27 +55,72 @@ def read_netcdf(path: str | Path) -> Record:
     RecordError
         If the file is missing, damaged or not netCDF-4, or does not hold a record.
     """
-    import xarray as xr
-
     path = Path(path)
-    check_input(path)
+    with named_after(path):
+        return gather(open_netcdf(path, mapping or Mapping(), whole=True), progress)
+
+
+def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+    """Open a file; its variables are read as far as they are needed."""
     start = read_start(path, len(_HDF5))
     if start[:3] == b"CDF":
-        raise RecordError(f"{path}: is classic netCDF, expected netCDF-4; convert it with 'nccopy -k nc4'")
+        raise RecordError("is classic netCDF, expected netCDF-4; convert it with 'nccopy -k nc4'")
     if start != _HDF5:
-        raise RecordError(f"{path}: is not netCDF-4; give the file the ending of what it is, or export it again")
+        raise RecordError("is not netCDF-4; give the file the ending of what it is, or export it again")
+    if whole or path.stat().st_size < _LARGE:
+        _check_seal(path)
+    dataset = _opened(path)
     try:
-        # Times are plain seconds: xarray must not turn them into dates or time spans.
-        with xr.open_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False) as opened:
-            dataset = opened.load()
-    except Exception as error:  # damaged HDF5 raises nearly anything
-        reason = " ".join(str(error).split())[:120]
-        raise RecordError(f"{path}: is damaged, cut off or not netCDF-4 ({reason}); copy or export it again") from error
-    try:
-        record = Record.from_xarray(dataset)
-    except RecordError as error:
-        raise RecordError(f"{path}: {error}") from error
-    return record if "windsysid_name" in dataset.attrs else record.with_name(path.name)
+        time_name = mapping.time.column or "time"
+        if time_name not in dataset.variables or dataset[time_name].ndim != 1:
+            raise RecordError(
+                "not a record: expected a coordinate 'time' (T,) in seconds, got the variables "
+                f"{', '.join(map(str, list(dataset.variables)[:12])) or 'none'}"
+            )
+        names = [name for name in _order(dataset) if name != time_name]
+        cells = [Cell(name, name, _unit(dataset[name])) for name in names]
+        columns = plan_columns(cells, None, mapping)
+        dimension = dataset[time_name].dims[0]
+        for column in columns:
+            _check_variable(dataset[names[column.index]], names[column.index], str(dimension))
+        time = _seconds(dataset[time_name], time_name, mapping)
+        attributes = {str(k): str(v) for k, v in dataset.attrs.items() if not str(k).startswith("windsysid_")}
+        name = str(dataset.attrs.get("windsysid_name", path.name))
+    except (RecordError, ConfigurationError):
+        raise
+    except Exception as error:
+        raise _damaged(error) from error
+    finally:
+        dataset.close()
+
+    opened: list[xr.Dataset] = []
+
+    def rows(low: int, high: int) -> Array:
+        try:
+            parts = [opened[-1][names[c.index]][low:high].to_numpy().astype(np.float64) for c in columns]
+        except Exception as error:
+            raise _damaged(error) from error
+        return np.column_stack([column.values(part) for column, part in zip(columns, parts, strict=True)])
+
+    many = time.size * len(columns) > _FEW or not whole
+    source = indexed_source(
+        name,
+        tuple(column.name for column in columns),
+        tuple(column.unit for column in columns),
+        time,
+        rows,
+        attributes,
+        rows_at_once=max(1, _VALUES // len(columns)) if many else None,
+    )
+
+    def blocks(start: float, end: float) -> Iterator[Block]:
+        opened.append(_opened(path))
+        try:
+            yield from source.blocks(start, end)
+        finally:
+            opened.pop().close()
+
+    return replace(source, blocks=blocks)
 
 
 def write_netcdf(record: Record, path: Path) -> None:
@@ -68,6 +135,82 @@ def write_netcdf(record: Record, path: Path) -> None:
         if "/" in name:
             raise OutputError(f"'{name}' cannot be a name in netCDF because of the '/'; rename it or write CSV")
     dataset = record.to_xarray()
-    # NaN is the mark of a missing value already; a fill value would only say so again.
-    plain = {str(name): {"_FillValue": None} for name in dataset.variables}
-    dataset.to_netcdf(path, engine="h5netcdf", encoding=plain)
+    # HDF5 gives its fill value, zero unless told, for blocks that a damaged file has lost sight of.
+    safe = {str(name): {"_FillValue": np.nan, "fletcher32": True} for name in dataset.variables}
+    dataset.to_netcdf(path, engine="h5netcdf", encoding=safe)
+    seal = _SEAL + b"%08x\n" % _checksum(path, path.stat().st_size)
+    with path.open("ab") as file:
+        file.write(seal)
+
+
+def _check_seal(path: Path) -> None:
+    """Refuse a file that was changed after windsysid wrote it; one without a seal is somebody else's."""
+    body = path.stat().st_size - len(_SEAL) - 9
+    with path.open("rb") as file:
+        file.seek(max(body, 0))
+        seal = file.read()
+    if seal.startswith(_SEAL) and seal != _SEAL + b"%08x\n" % _checksum(path, body):
+        raise RecordError("is damaged: its checksum does not agree with its content; copy or export it again")
+
+
+def _checksum(path: Path, size: int) -> int:
+    checksum = 0
+    with path.open("rb") as file:
+        while size > 0 and (data := file.read(min(size, 1 << 22))):
+            checksum, size = zlib.crc32(data, checksum), size - len(data)
+    return checksum
+
+
+def _opened(path: Path) -> "xr.Dataset":
+    import h5py  # type: ignore[import-untyped,unused-ignore]
+    import xarray as xr
+
+    try:
+        # h5netcdf leaves a traceback on stderr where it fails half-way: fail before it in the same places.
+        with h5py.File(path) as file:
+            file.attrs.get("_nc3_strict")
+        # Times are plain seconds: xarray must not turn them into dates or time spans.
+        return xr.open_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False, cache=False)
+    except Exception as error:  # damaged HDF5 raises nearly anything
+        raise _damaged(error) from error
+
+
+def _damaged(error: Exception) -> RecordError:
+    reason = " ".join(str(error).split())[:120]
+    return RecordError(f"is damaged, cut off or not netCDF-4 ({reason}); copy or export it again")
+
+
+def _order(dataset: "xr.Dataset") -> list[str]:
+    """The variables' names, in the order of the record that was written."""
+    names = [str(name) for name in dataset.data_vars]
+    try:
+        order = [str(name) for name in json.loads(dataset.attrs.get("windsysid_channels", "[]"))]
+    except (TypeError, ValueError):
+        return names
+    return order if sorted(order) == sorted(names) else names
+
+
+def _unit(variable: "xr.DataArray") -> str | None:
+    unit = variable.attrs.get("units")
+    return None if unit is None else str(unit)
+
+
+def _seconds(variable: "xr.DataArray", name: str, mapping: Mapping) -> Array:
+    _check_variable(variable, name, str(variable.dims[0]))
+    unit = mapping.time.unit or str(variable.attrs.get("units", "s"))
+    try:
+        factor = to_si(1.0, unit) if si_unit(unit) == "s" else None
+    except ConfigurationError as error:
+        raise RecordError(f"time: {error}") from error
+    if factor is None:
+        raise RecordError(f"time is in '{unit}', expected seconds; convert it first")
+    time = variable.to_numpy().astype(np.float64)
+    return time if factor == 1.0 else np.asarray(time * factor)
+
+
+def _check_variable(variable: Any, name: str, dimension: str) -> None:
+    if variable.dims != (dimension,) or variable.dtype.kind not in "fiu":
+        raise RecordError(
+            f"'{name}' is {variable.dtype} with dimensions ({', '.join(map(str, variable.dims))}): "
+            f"expected numbers with dimension ({dimension}); leave it out or convert it"
+        )

@@ -26,18 +26,22 @@ A channel that `CHANNELS` does not list keeps OpenFAST's own name and sign, in S
 """
 
 import re
-import struct
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.formats.files import check_input
-from windsysid.record import AS_WRITTEN, Array, Record, check_channels, check_rows, convert
+from windsysid.formats.columns import Cell, Column, plan_columns
+from windsysid.formats.dialect import is_number
+from windsysid.formats.files import named_after
+from windsysid.formats.mapping import Mapping, TimeRule
+from windsysid.formats.packed import open_packed
+from windsysid.formats.source import Progress, Source, gather, indexed_source
+from windsysid.record import AS_WRITTEN, Array, Record
 from windsysid.units import canonical
 
-__all__ = ["CHANNELS", "read_openfast"]
+__all__ = ["CHANNELS", "open_openfast", "read_openfast"]
 
 
 CHANNELS: dict[str, tuple[str, float]] = {
@@ -63,13 +67,17 @@ _INSTALL = 'reading OpenFAST files needs openfast_io; install it with: pip insta
 _HEADER_LINES = 8  # of a .out file: names in the seventh, units in the eighth
 
 
-def read_openfast(path: str | Path) -> Record:
+def read_openfast(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
     """Read OpenFAST output, text or binary, with our names and signs (see the module).
 
     Parameters
     ----------
     path : str or Path
         Ends in ``.out`` or ``.outb``.
+    mapping : Mapping, optional
+        Goes before our names and signs; its keys are OpenFAST's own names.
+    progress : callable, optional
+        Called with the fraction read.
 
     Returns
     -------
@@ -85,47 +93,70 @@ def read_openfast(path: str | Path) -> Record:
         infinite, or `openfast_io` is not installed.
     """
     path = Path(path)
-    check_input(path)
-    table, info = _read_binary(path) if path.suffix.lower() == ".outb" else _read_text(path)
-    names, units = info["attribute_names"], info["attribute_units"]
-    if not names or names[0].lower() != "time" or len(names) != len(units) or table.ndim != 2:
-        raise RecordError(f"{path}: is not OpenFAST output, expected a first channel 'Time'; export it again")
-    columns = [_channel(names[i], units[i], table[:, i]) for i in range(1, len(names))]
-    if not columns:
-        raise RecordError(f"{path}: holds no channel but the time; ask OpenFAST for some in OutList")
-    channels = tuple(name for name, _, _ in columns)
-    values = np.column_stack([values for _, values, _ in columns])
-    time = np.ascontiguousarray(table[:, 0])
-    offset = None if path.suffix.lower() == ".outb" else _HEADER_LINES + 1
-    try:
-        check_channels(channels)
-        check_rows(time, values, channels, lambda row: f"sample {row}" if offset is None else f"line {row + offset}")
-        return Record(
-            _without_rounding(time),
-            values,
-            channels,
-            tuple(unit for _, _, unit in columns),
-            name=path.name,
-            attributes={"source": "OpenFAST", "description": str(info["description"])},
-        )
-    except RecordError as error:
-        raise RecordError(f"{path}: {error}") from error
+    with named_after(path):
+        return gather(open_openfast(path, mapping or Mapping(), whole=True), progress)
 
 
-def _channel(name: str, unit: str, values: Array) -> tuple[str, Array, str]:
+def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+    """Open OpenFAST output; a binary file is read as far as it is needed, unless `whole`, a text file always whole."""
+    binary = path.suffix.lower() == ".outb"
+    packed = open_packed(path) if binary else None
+    table: Any = None
+    if packed is not None and not whole:
+        names, units, description = packed.names, packed.units, packed.description
+    else:
+        table, info = _read_binary(path) if binary else _read_text(path)
+        names, units, description = info["attribute_names"], info["attribute_units"], str(info["description"])
+    if not names or names[0].lower() != "time" or len(names) != len(units) or (table is not None and table.ndim != 2):
+        raise RecordError("is not OpenFAST output, expected a first channel 'Time'; export it again")
+    if mapping.time != TimeRule():
+        raise ConfigurationError(f"{mapping.place}: time: the time of OpenFAST output is known; remove that table")
+    if len(names) < 2:
+        raise RecordError("holds no channel but the time; ask OpenFAST for some in OutList")
+    columns = plan_columns([_cell(*cell, mapping) for cell in zip(names, units, strict=True)], 0, mapping)
+    time = _without_rounding(packed.time(0, packed.samples) if packed else np.ascontiguousarray(table[:, 0]))
+
+    def rows(low: int, high: int) -> Array:
+        raw = table[low:high, 1:] if table is not None else packed.rows(low, high)  # type: ignore[union-attr]
+        return np.column_stack([_channel(names[c.index], c, raw[:, c.index - 1], mapping) for c in columns])
+
+    place = (lambda row: f"sample {row}") if binary else (lambda row: f"line {row + _HEADER_LINES + 1}")
+    return indexed_source(
+        path.name,
+        tuple(column.name for column in columns),
+        tuple(column.unit for column in columns),
+        time,
+        rows,
+        {"source": "OpenFAST", "description": description},
+        place=place,
+        rows_at_once=None if table is not None else max(1, (1 << 20) // len(columns)),
+    )
+
+
+def _ours(name: str) -> tuple[str, float]:
+    blade = re.fullmatch(r"(.*[A-Za-z])(\d)", name)
+    if blade and blade[1] + "#" in CHANNELS:
+        ours, sign = CHANNELS[blade[1] + "#"]
+        return ours.replace("#", blade[2]), sign
+    return CHANNELS.get(name, (name, 1.0))
+
+
+def _cell(name: str, unit: str, mapping: Mapping) -> Cell:
     try:
         canonical(unit)
     except ConfigurationError:
         unit = AS_WRITTEN + unit
-    values, unit = convert(values, unit, name)
-    blade = re.fullmatch(r"(.*[A-Za-z])(\d)", name)
-    ours, sign = CHANNELS.get(name, (name, 1.0))
-    if blade and blade[1] + "#" in CHANNELS:
-        ours, sign = CHANNELS[blade[1] + "#"]
-        ours = ours.replace("#", blade[2])
+    return Cell(name, name if name in mapping.channels else _ours(name)[0], unit)
+
+
+def _channel(name: str, column: Column, raw: Array, mapping: Mapping) -> Array:
+    values = column.values(raw)
+    if name in mapping.channels:  # whoever lists a channel says its sign too
+        return values
+    ours, sign = _ours(name)
     if ours == "rotor_azimuth":
         values = _azimuth(values)
-    return ours, values if sign > 0.0 else -values, unit
+    return values if sign > 0.0 else -values
 
 
 def _azimuth(values: Array) -> Array:
@@ -137,6 +168,8 @@ def _azimuth(values: Array) -> Array:
 
 def _without_rounding(time: Array) -> Array:
     """The uniform time that these times are a rounded copy of; the times themselves if they are none."""
+    if time.size < 2:
+        return time
     index = np.arange(time.size)
     step = (time[-1] - time[0]) / (time.size - 1)
     scatter = np.max(np.abs(time - time[0] - step * index))
@@ -159,55 +192,22 @@ def _reader(name: str) -> Any:
 
 
 def _read_binary(path: Path) -> tuple[Array, dict[str, Any]]:
-    # openfast_io believes the sizes in the header, however absurd: check them against the file first.
-    _check_binary_size(path)
     load = _reader("load_binary_output")
     try:
         with np.errstate(all="ignore"):
             table, info, *_ = load(str(path))
     except Exception as error:
-        raise RecordError(f"{path}: is damaged ({error}); run the simulation or copy the file again") from error
+        raise RecordError(f"is damaged ({error}); run the simulation or copy the file again") from error
     return np.asarray(table, dtype=np.float64), info
-
-
-def _check_binary_size(path: Path) -> None:
-    """Refuse a header that makes no sense and a file that is shorter than its header says."""
-    rubbish = RecordError(f"{path}: is not OpenFAST binary output; give the file the ending of what it is")
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        head = file.read(12)
-        if len(head) < 12:
-            raise rubbish
-        (kind,) = struct.unpack_from("<h", head)
-        if kind not in (1, 2, 3, 4):
-            raise rubbish
-        width = struct.unpack_from("<h", head, 2)[0] if kind == 4 else 10
-        at = 4 if kind == 4 else 2
-        channels, samples = struct.unpack_from("<ii", head, at)
-        if width <= 0 or channels <= 0 or samples < 0:
-            raise rubbish
-        at += 8 + 16  # two counts, two numbers for the time
-        at += 0 if kind == 3 else 8 * channels  # scale and offset of the packed ones
-        if at + 4 <= size:
-            file.seek(at)
-            (description,) = struct.unpack("<i", file.read(4))
-            if description < 0:
-                raise rubbish
-            at += description
-        rows = channels * (8 if kind == 3 else 2) + (4 if kind == 1 else 0)
-        expected = at + 4 + 2 * width * (channels + 1) + samples * rows
-    if size < expected:
-        raise RecordError(
-            f"{path}: is cut off: {samples} samples of {channels} channels need {expected} bytes, got "
-            f"{size}; run the simulation or copy the file again"
-        )
 
 
 def _read_text(path: Path) -> tuple[Array, dict[str, Any]]:
     load = _reader("load_ascii_output")
     try:
         table, info = load(str(path))
-        if table.ndim == 2 and table.shape[1] == len(info["attribute_names"]):
+        rows = path.read_bytes().split(b"\n", _HEADER_LINES)[-1]
+        # Python reads 1_000 and the digits of every script as numbers; a file does not mean it.
+        if rows.isascii() and b"_" not in rows and table.ndim == 2 and table.shape[1] == len(info["attribute_names"]):
             return np.asarray(table, dtype=np.float64), info
     except Exception:  # what is wrong is found out below, where it can be named
         pass
@@ -224,22 +224,20 @@ def _name_what_is_wrong(path: Path) -> NoReturn:
         names = []
     if not names or names[0].lower() != "time":
         raise RecordError(
-            f"{path}: is not OpenFAST text output, expected channel names from 'Time' on in line 7; "
+            "is not OpenFAST text output, expected channel names from 'Time' on in line 7; "
             "give the file the ending of what it is"
         )
     rows = lines[_HEADER_LINES:]
     for number, line in enumerate(rows, _HEADER_LINES + 1):
         cells = line.split()
         for name, cell in zip(names, cells, strict=False):
-            try:
-                float(cell)
-            except ValueError:
+            if not is_number(cell):
                 raise RecordError(
-                    f"{path}: channel '{name}', line {number}: '{cell[:40]}' is not a number; run the simulation again"
-                ) from None
+                    f"channel '{name}', line {number}: '{cell[:40]}' is not a number; run the simulation again"
+                )
         if len(cells) != len(names):
             raise RecordError(
-                f"{path}: line {number} has {len(cells)} cells, expected {len(names)}; the file may be "
+                f"line {number} has {len(cells)} cells, expected {len(names)}; the file may be "
                 "cut off; remove that line or run the simulation again"
             )
-    raise RecordError(f"{path}: has {len(rows)} samples, expected at least 2; run the simulation again")
+    raise RecordError(f"has {len(rows)} samples, expected at least 2; run the simulation again")

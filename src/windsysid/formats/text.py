@@ -1,0 +1,156 @@
+r"""Text files as whole lines: the encoding found, line ends made one, read in pieces.
+
+Loggers write UTF-8 with or without a byte-order mark, UTF-16, or the Windows code page, and end lines with
+CR LF, LF or CR. `line_blocks` gives all of them back as UTF-8 with LF, a few MB at a time and never half a
+line, so that whoever parses need not know. The last line of a file that does not end its lines may be cut in
+the middle of a number: it comes last and alone, or not at all if the caller does not want it.
+"""
+
+import codecs
+import io
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from windsysid.errors import RecordError
+
+__all__ = ["LineBlock", "encoding_of", "last_line", "line_blocks"]
+
+_BLOCK = 1 << 22  # bytes read at once
+_LONGEST = 1 << 26  # bytes of one line: beyond this the file is no table
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+
+
+class LineBlock(NamedTuple):
+    r"""Whole lines of a file.
+
+    Attributes
+    ----------
+    text : bytes
+        UTF-8; every line ends in ``\n``, also a last one that did not.
+    first : int
+        Number of its first line in the file, counted from 1.
+    done : float
+        Fraction of the file that has been read.
+    """
+
+    text: bytes
+    first: int
+    done: float
+
+
+def encoding_of(path: Path, wanted: str | None = None) -> str:
+    """The encoding of a text file: the one that is wanted, its byte-order mark's, UTF-8, or the Windows code page.
+
+    Raises
+    ------
+    RecordError
+        If the file is binary, or does not begin in the encoding that is wanted.
+    """
+    with path.open("rb") as file:
+        start = file.read(1 << 18)
+    for mark, name in _MARKS:
+        if start.startswith(mark):
+            return name
+    if wanted is not None:
+        return wanted
+    for odd, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+        # Text of a table in UTF-16 is ASCII nearly throughout: every other byte is zero and the rest never is.
+        if (
+            len(start) >= 4
+            and start[odd:200:2].count(0) > 0.9 * len(start[odd:200:2])
+            and 0 not in start[1 - odd : 200 : 2]
+        ):
+            return name
+    strange = sum(start.count(byte) for byte in range(32) if byte not in b"\t\n\v\f\r\x1a")
+    if strange:
+        raise RecordError("is binary, not text; expected a table as text; give the file the ending of what it is")
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(start)  # may end in half a character
+    except UnicodeDecodeError:
+        return "cp1252" if not any(byte in start for byte in b"\x81\x8d\x8f\x90\x9d") else "latin-1"
+    return "utf-8"
+
+
+def line_blocks(path: Path, encoding: str, *, size: int = _BLOCK, keep_last: bool = True) -> Iterator[LineBlock]:
+    """The lines of a file in blocks of about `size` bytes.
+
+    Parameters
+    ----------
+    path : Path
+    encoding : str
+    size : int
+        Bytes read at once.
+    keep_last : bool
+        Whether a last line without a line end is given too.
+
+    Raises
+    ------
+    RecordError
+        If the text is not in that encoding, holds a NUL, or has a line of more than 64 MB.
+    """
+    decoder = codecs.getincrementaldecoder(encoding)()
+    lines = io.IncrementalNewlineDecoder(None, translate=True)
+    total, read, number, rest = max(os.path.getsize(path), 1), 0, 1, ""
+    with path.open("rb") as file:
+        while True:
+            data = file.read(size)
+            read += len(data)
+            try:
+                text = rest + lines.decode(decoder.decode(data) if data else _flushed(decoder), final=not data)
+            except UnicodeError:
+                raise RecordError(
+                    f"is not {encoding.upper()} text near line {number + rest.count(chr(10))}; save it as UTF-8, "
+                    "or name its encoding in the mapping file: [csv] encoding"
+                ) from None
+            cut = text.rfind("\n") + 1
+            whole, rest = text[:cut], text[cut:]
+            if len(rest) > _LONGEST:
+                raise RecordError(f"line {number + whole.count(chr(10))} is longer than 64 MB; the file is no table")
+            if whole:
+                yield _block(whole, number, read / total)
+                number += whole.count("\n")
+            if not data:
+                break
+    if rest and keep_last:
+        yield _block(rest + "\n", number, 1.0)
+
+
+def last_line(path: Path, encoding: str) -> str | None:
+    """The last line of a file if nothing ends it, None if it is ended."""
+    wide = encoding.startswith("utf-16")
+    with path.open("rb") as file:
+        file.seek(0, os.SEEK_END)
+        size = file.tell()
+        start = max(0, size - (1 << 20))
+        file.seek(start + (start % 2 if wide else 0))
+        tail = file.read()
+    name = "utf-16-be" if wide and _is_big_endian(path, encoding) else "utf-16-le" if wide else encoding
+    text = tail.decode(name.removesuffix("-sig"), errors="replace")
+    if text.endswith(("\n", "\r")):
+        return None
+    return text.replace("\r", "\n").rsplit("\n", 1)[-1]
+
+
+def _is_big_endian(path: Path, encoding: str) -> bool:
+    with path.open("rb") as file:
+        return encoding.endswith("be") or file.read(2) == codecs.BOM_UTF16_BE
+
+
+def _flushed(decoder: codecs.IncrementalDecoder) -> str:
+    try:
+        return decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        return ""  # half a character at the very end: the file is cut off
+
+
+def _block(text: str, number: int, done: float) -> LineBlock:
+    if "\0" in text:
+        line = number + text[: text.index("\0")].count("\n")
+        raise RecordError(f"line {line} holds a NUL character: the file is binary or damaged; copy or export it again")
+    return LineBlock(text.encode("utf-8", errors="replace"), number, done)

@@ -1,0 +1,269 @@
+"""The result of an identification: estimates with their bands, how they came about, and what to think of them."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid.modal import Mode
+from windsysid.statespace import Parameter
+from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+__all__ = ["Estimate", "Identification", "coefficient_errors"]
+
+Array = NDArray[np.float64]
+
+SIGMAS = 2.0
+"""Half-width of every band, in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's choice)."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One identified coefficient.
+
+    Attributes
+    ----------
+    name, unit, kind
+        ``k_x`` …, SI unit, ``stiffness``, ``damping`` or ``parameter``.
+    estimate, low, high, std
+        Value and its ±2σ band, computed in filter coordinates, and the standard deviation, all in `unit`.
+    informed_by_data
+        Share of the information that came from the data and not from the prior, 0 … 1.
+    prior
+        Where the prior was centred, in `unit`.
+    reference
+        The turbine file's value, in `unit`; None where it is not known.
+    average_error_percent
+        Eq (24) point by point, averaged over the record; None without a reference.
+    tip
+        The same estimate, low, high, std and reference per tip deflection [N/m or N·s/m], for blades with a tip lever.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    estimate: float
+    low: float
+    high: float
+    std: float
+    informed_by_data: float
+    prior: float
+    reference: float | None
+    average_error_percent: float | None
+    tip: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What an identification found.
+
+    Attributes
+    ----------
+    method, formulation
+        The filter, and ``joint`` or ``force-balance``.
+    record, turbine
+        Names of what it was run on.
+    sensors
+        Channels that were used as measurements.
+    section
+        Start and end [s].
+    rate, samples, elapsed
+        Sampling rate [Hz], samples, seconds in the filter.
+    estimates
+        One `Estimate` per coefficient.
+    modes
+        Modes at the record's mean rotor speed, derived from the estimates.
+    parameters
+        The identified parameters with their filter coordinates.
+    time, mean, std
+        (T,), (T, n_θ), (T, n_θ): what a filter running on line knew after each sample, in filter coordinates.
+    cov
+        (n_θ, n_θ): covariance of the estimates in filter coordinates.
+    readings, innovation, whitened
+        Names of the readings; innovations (T, m) and the same scaled to unit variance.
+    log_likelihood
+        Of all readings.
+    notes
+        What a reader must know: assumptions, warnings, what was left out.
+    """
+
+    method: str
+    formulation: str
+    record: str
+    turbine: str
+    sensors: tuple[str, ...]
+    section: tuple[float, float]
+    rate: float
+    samples: int
+    elapsed: float
+    estimates: tuple[Estimate, ...]
+    modes: tuple[Mode, ...]
+    parameters: tuple[Parameter, ...]
+    time: Array
+    mean: Array
+    std: Array
+    cov: Array
+    readings: tuple[str, ...]
+    innovation: Array
+    whitened: Array
+    log_likelihood: float
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of one coefficient."""
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise KeyError(f"'{name}' was not identified: expected one of {', '.join(e.name for e in self.estimates)}")
+
+    def history(self, name: str) -> tuple[Array, Array, Array]:
+        """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
+        i = [parameter.name for parameter in self.parameters].index(self[name].name)
+        middle, spread = self.mean[:, i], SIGMAS * self.std[:, i]
+        values = (self.parameters[i].physical(theta) for theta in (middle, middle - spread, middle + spread))
+        return next(values), next(values), next(values)
+
+    def summary(self) -> dict[str, Any]:
+        """The result as plain values: what ``summary.json`` holds."""
+        return {
+            "method": self.method,
+            "formulation": self.formulation,
+            "record": self.record,
+            "turbine": self.turbine,
+            "sensors": list(self.sensors),
+            "section": list(self.section),
+            "rate_hz": self.rate,
+            "samples": self.samples,
+            "elapsed_s": self.elapsed,
+            "log_likelihood": self.log_likelihood,
+            "parameters": {e.name: _estimate_summary(e) for e in self.estimates},
+            "modes": [mode.summary() for mode in self.modes],
+            "notes": list(self.notes),
+        }
+
+    def to_json(self) -> str:
+        """`summary` as JSON text; what is not a finite number becomes null."""
+        return json.dumps(_finite(self.summary()), indent=2) + "\n"
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Histories, covariance and innovations as a labelled dataset."""
+        import xarray as xr
+
+        names = [parameter.name for parameter in self.parameters]
+        dataset = xr.Dataset(coords={"time": ("time", self.time, {"units": "s"}), "parameter": names})
+        for row, label in enumerate(("estimate", "low", "high")):
+            columns = [self.history(name)[row] for name in names]
+            dataset[label] = (
+                ("time", "parameter"),
+                np.column_stack(columns) if columns else np.empty((len(self.time), 0)),
+            )
+        dataset["unit"] = ("parameter", [self[name].unit for name in names])
+        for field in ("estimate", "low", "high", "std", "prior", "informed_by_data"):
+            values = [getattr(self[name], field) for name in names]
+            dataset[f"final_{field}"] = ("parameter", np.array(values, dtype=np.float64))
+        dataset["cov"] = (("parameter", "parameter_2"), self.cov)
+        dataset["cov"].attrs["note"] = "in filter coordinates: ln(k / prior) for stiffness, c / scale for damping"
+        dataset["coordinate_reference"] = ("parameter", [parameter.reference for parameter in self.parameters])
+        dataset["coordinate_logarithmic"] = ("parameter", [int(parameter.logarithmic) for parameter in self.parameters])
+        dataset["innovation"] = (("time", "reading"), self.innovation)
+        dataset["whitened"] = (("time", "reading"), self.whitened)
+        dataset = dataset.assign_coords(reading=list(self.readings))
+        dataset.attrs |= {"method": self.method, "formulation": self.formulation, "record": self.record}
+        dataset.attrs |= {"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)}
+        dataset.attrs |= {"section_start_s": self.section[0], "section_end_s": self.section[1]}
+        return dataset
+
+    def save(self, folder: Path) -> None:
+        """Write ``summary.json`` and ``identification.nc`` into an existing folder."""
+        (folder / "summary.json").write_text(self.to_json(), encoding="utf-8")
+        self.to_xarray().to_netcdf(folder / "identification.nc", engine="h5netcdf")
+
+    def table(self) -> "Table":
+        """The estimates as a Rich table."""
+        from rich.table import Table
+
+        known = any(e.reference is not None for e in self.estimates)
+        table = Table(title=f"{self.turbine}, {self.record}: {self.formulation}, {self.method}", title_justify="left")
+        for heading in ("coefficient", "estimate", "±2σ band", "unit", "from data"):
+            table.add_column(heading, justify="left" if heading in ("coefficient", "unit") else "right")
+        if known:
+            table.add_column("reference", justify="right")
+            table.add_column("difference", justify="right")
+        for e in self.estimates:
+            rows = [
+                (e.name, unit_text(e.unit), e.estimate, e.low, e.high, e.reference, f"{100 * e.informed_by_data:.1f} %")
+            ]
+            if e.tip is not None:
+                t = e.tip
+                unit = "N/m" if e.kind == "stiffness" else "N·s/m"
+                rows.append(("  at the tip", unit, t["estimate"], t["low"], t["high"], t["reference"], ""))
+            for name, unit, estimate, low, high, reference, informed in rows:
+                cells = [name, f"{estimate:.5g}", f"{low:.5g} … {high:.5g}", unit, informed]
+                if known:
+                    difference = f"{100 * (estimate / reference - 1.0):+.2f} %" if reference else ""
+                    cells += ["" if reference is None else f"{reference:.5g}", difference]
+                table.add_row(*cells)
+        return table
+
+    def modes_table(self) -> "Table":
+        """The modes as a Rich table."""
+        from rich.table import Table
+
+        known = any(mode.reference is not None for mode in self.modes)
+        table = Table(title="modes at the record's rotor speed, fixed frame", title_justify="left")
+        headings = ["mode", "frequency [Hz]", "±2σ band", "damping ratio [%]", "±2σ band"]
+        for heading in headings + (["reference [Hz]", "reference [%]"] if known else []):
+            table.add_column(heading, justify="left" if heading == "mode" else "right")
+        for mode in self.modes:
+            table.add_row(*mode.cells(), *(mode.reference_cells() if known else ()))
+        return table
+
+    def plot(self) -> "Figure":
+        """The history of every coefficient with its band and reference."""
+        from windsysid.plots import coefficient_histories
+
+        return coefficient_histories(self)
+
+    def __str__(self) -> str:
+        from windsysid.console import render
+
+        return render(self.table(), *([self.modes_table()] if self.modes else []), *self.notes)
+
+
+def coefficient_errors(history: Array, reference: float) -> Array:
+    """Eq (24): |identified − reference| / |reference| · 100 %, point by point."""
+    return np.asarray(np.abs(history - reference) / abs(reference) * 100.0, dtype=np.float64)
+
+
+def _estimate_summary(e: Estimate) -> dict[str, Any]:
+    summary: dict[str, Any] = {
+        "unit": e.unit, "kind": e.kind, "estimate": e.estimate, "low": e.low, "high": e.high, "std": e.std,
+        "informed_by_data": e.informed_by_data, "prior": e.prior,
+    }  # fmt: skip
+    if e.reference is not None:
+        summary["reference"] = e.reference
+    if e.average_error_percent is not None:
+        summary["average_error_percent"] = e.average_error_percent
+    if e.tip is not None:
+        summary["tip"] = dict(e.tip)
+    return summary
+
+
+def _finite(value: Any) -> Any:
+    """`value` with every number that JSON cannot hold replaced by None."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_finite(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

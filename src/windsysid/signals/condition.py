@@ -1,0 +1,272 @@
+"""Conditioning: irregular time onto a grid, spikes out, bias, gravity and tilt out.
+
+Nothing is invented: what falls into a gap of more than a few samples is missing afterwards, spikes become missing,
+and every function says what it took away.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from windsysid.errors import RecordError
+from windsysid.record import Record
+from windsysid.signals.integration import GRAVITY
+
+__all__ = ["Despiked", "Level", "Unbiased", "despike", "remove_bias", "remove_gravity_and_tilt", "resample"]
+
+Array = NDArray[np.float64]
+
+_TURN = 2.0 * math.pi
+_MOST_ROWS = 50_000_000
+
+
+class Despiked(NamedTuple):
+    """A channel (T,) whose spikes are NaN, and where they were (T,)."""
+
+    values: Array
+    spikes: NDArray[np.bool_]
+
+    @property
+    def found(self) -> int:
+        """How many samples were taken out."""
+        return int(self.spikes.sum())
+
+
+class Unbiased(NamedTuple):
+    """A channel (T,) with zero mean, and the mean that it had."""
+
+    values: Array
+    bias: float
+
+
+class Level(NamedTuple):
+    """A pair of axes (T,) turned level and freed of gravity; the tilt [rad] and the gravity [m/s²] that were found."""
+
+    lateral: Array
+    upward: Array
+    tilt: float
+    gravity: float
+
+
+def resample(
+    record: Record, rate: float, *, start: float | None = None, end: float | None = None, max_gap: int = 3
+) -> Record:
+    """The record on a uniform time grid of `rate` [Hz], irregular time included, without aliasing.
+
+    Each channel is interpolated by cubic splines to a grid at least as fine as it was recorded; where `rate` is lower,
+    that grid is a multiple of it and goes through a zero-phase low-pass at 0.45 `rate` before every other sample but the
+    wanted ones is dropped. Splines follow motion of up to a quarter of the original rate to better than a percent.
+    Angles that wrap (azimuth, yaw, direction) are resampled unwrapped and wrapped again.
+
+    Parameters
+    ----------
+    rate
+        [Hz].
+    start, end
+        First and last time of the grid [s]; the record's own by default. What lies outside the record is missing.
+    max_gap
+        Gaps of up to this many missing samples are interpolated; longer ones are missing in the result.
+
+    Raises
+    ------
+    RecordError
+        If the rate is not positive or the grid absurdly long.
+    """
+    first = float(record.time[0]) if start is None else float(start)
+    last = float(record.time[-1]) if end is None else float(end)
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise RecordError(f"resampling: expected a positive rate, got {rate:g} Hz")
+    if not (last - first) * rate >= 1.0:
+        raise RecordError(
+            f"resampling: {first:g} to {last:g} s holds no step at {rate:g} Hz; expected a longer time or a higher rate"
+        )
+    rows = math.floor((last - first) * rate * (1.0 + 1e-12) + 1e-6) + 1
+    factor = math.ceil(record.rate / rate * (1.0 - 1e-6)) if record.rate > rate * (1.0 + 1e-6) else 1
+    if rows * factor > _MOST_ROWS:
+        raise RecordError(
+            f"resampling: {rows} rows at {rate:g} Hz are too many; choose a lower rate or a shorter section"
+        )
+    limit = (max_gap + 1.5) / record.rate
+    margin = 40 * factor if factor > 1 else 0  # the low-pass reaches that far
+    fine = first + (np.arange(rows * factor + 2 * margin) - margin) / (rate * factor)
+    columns = []
+    for name in record.channels:
+        values, unit = record[name], record.unit(name)
+        known = np.isfinite(values)
+        wraps = unit == "rad" and bool({"azimuth", "yaw", "direction"} & set(name.split("_")))
+        low = -math.pi if wraps and known.any() and float(values[known].min()) < 0.0 else 0.0
+        time, values = record.time[known], values[known]
+        column = _interpolated(time, _unwrapped(values, time, limit) if wraps else values, fine, limit)
+        if factor > 1:
+            column = _decimated(column, factor, margin)
+        if wraps:
+            column = np.mod(column - low, _TURN) + low
+        columns.append(column[:rows])
+    grid = first + np.arange(rows) / rate
+    return Record(
+        grid,
+        np.column_stack(columns) if columns else np.empty((rows, 0)),
+        record.channels,
+        record.units,
+        name=record.name,
+        attributes={**record.attributes, "resampled": f"from {record.rate:g} to {rate:g} Hz"},
+    )
+
+
+def _blocks(time: Array, limit: float) -> Sequence[slice]:
+    """Stretches of samples without a gap longer than `limit` [s]."""
+    edges = [0, *(np.flatnonzero(np.diff(time) > limit) + 1).tolist(), len(time)]
+    return [slice(a, b) for a, b in pairwise(edges) if b > a]
+
+
+def _unwrapped(values: Array, time: Array, limit: float) -> Array:
+    """Each stretch unwrapped by itself: how far it turned in a gap is not known, and does not matter."""
+    return np.concatenate([np.unwrap(values[block]) for block in _blocks(time, limit)]) if len(values) else values
+
+
+def _interpolated(time: Array, values: Array, grid: Array, limit: float) -> Array:
+    result = np.full(len(grid), np.nan)
+    for block in _blocks(time, limit):
+        t, y = time[block], values[block]
+        slack = 1e-6 * limit
+        inside = slice(*np.searchsorted(grid, (t[0] - slack, t[-1] + slack)))
+        at = np.clip(grid[inside], t[0], t[-1])
+        if len(t) >= 4:
+            from scipy.interpolate import CubicSpline
+
+            result[inside] = CubicSpline(t, y)(at)
+        elif len(t) >= 2:
+            result[inside] = np.interp(at, t, y)
+        else:
+            result[inside] = y[0]
+    return result
+
+
+def _decimated(fine: Array, factor: int, margin: int) -> Array:
+    """Every `factor`-th value behind a zero-phase low-pass; a gap is continued by its edges for the filter and stays."""
+    known = np.isfinite(fine)
+    if not known.any():
+        return fine[margin::factor]
+    from scipy.signal import firwin, oaconvolve
+
+    taps = firwin(2 * margin + 1, 0.45 / factor, window=("kaiser", 8.0), fs=1.0)
+    index = np.arange(len(fine))
+    whole = np.interp(index, index[known], fine[known])
+    # An unwrapped azimuth runs away: its edges are continued by odd reflection, a constant would bend them.
+    first, last = index[known][[0, -1]]
+    n = min(margin, int(last - first))
+    if n > 0:
+        head = slice(max(first - n, 0), first)
+        tail = slice(last + 1, min(last + 1 + n, len(fine)))
+        whole[head] = 2.0 * whole[first] - whole[2 * first - index[head]]
+        whole[tail] = 2.0 * whole[last] - whole[2 * last - index[tail]]
+        whole[: head.start] = whole[head.start]
+        whole[tail.stop :] = whole[tail.stop - 1]
+    passed = np.asarray(oaconvolve(whole, taps, mode="same"), dtype=np.float64)
+    passed[~known] = np.nan
+    return passed[margin::factor]
+
+
+def despike(values: ArrayLike, rate: float, *, threshold: float = 6.0, window: int = 11) -> Despiked:
+    """Take out single samples, and short bursts, that stand apart from their neighbours.
+
+    A sample is a spike where its distance from the median of `window` samples exceeds `threshold` robust standard
+    deviations (1.4826 MAD) twice over: of its own window (Hampel's filter, which leaves slopes and crests alone) and of
+    the ten seconds around (which leaves noise alone).
+
+    Parameters
+    ----------
+    values
+        (T,), any unit; NaN = missing.
+    rate
+        Samples per second [Hz].
+    threshold
+        In standard deviations.
+    window
+        Odd number of samples; bursts of less than half of it are found.
+
+    Raises
+    ------
+    RecordError
+        If the channel is not (T,), holds no numbers, or an option is out of range.
+
+    References
+    ----------
+    Davies & Gather 1993, doi:10.1080/01621459.1993.10476339.
+    """
+    y = np.array(values, dtype=np.float64)
+    known = np.isfinite(y)
+    if y.ndim != 1 or not known.any():
+        raise RecordError("despiking: expected a channel (T,) with numbers, got none; leave the channel out")
+    if window < 3 or window % 2 == 0 or not threshold > 0.0 or not rate > 0.0:
+        raise RecordError(
+            f"despiking: expected an odd window of 3 or more and a positive threshold, got {window}, {threshold:g}"
+        )
+    x = y[known]
+    half = window // 2
+    spikes = np.zeros(len(y), dtype=bool)
+    if len(x) > window:
+        around = np.lib.stride_tricks.sliding_window_view(np.pad(x, half, mode="reflect"), window)
+        median = np.median(around, axis=1)
+        near = 1.4826 * np.median(np.abs(around - median[:, None]), axis=1)
+        distance = np.abs(x - median)
+        size = min(len(x), max(10 * window, round(10.0 * rate)))
+        middles = np.arange(len(x) // size) * size + size / 2.0
+        far = [1.4826 * float(np.median(distance[int(m - size / 2) : int(m + size / 2)])) for m in middles]
+        far_off = np.interp(np.arange(len(x)), middles, far)
+        # Rounding leaves an exact line at 1e-16 of its size: that is no scatter.
+        rounding = 1e-12 * float(np.abs(x).max())
+        spikes[known] = distance > threshold * np.maximum(np.maximum(near, far_off), rounding)
+    y[spikes] = np.nan
+    return Despiked(y, spikes)
+
+
+def remove_bias(values: ArrayLike) -> Unbiased:
+    """Take out the mean of a channel (T,), NaN left aside; RecordError if it holds no numbers."""
+    y = np.asarray(values, dtype=np.float64)
+    if not np.isfinite(y).any():
+        raise RecordError("bias: expected a channel with numbers, got none; leave the channel out")
+    bias = float(np.nanmean(y))
+    return Unbiased(y - bias, bias)
+
+
+def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: float = GRAVITY) -> Level:
+    """Turn a pair of accelerometer axes level, by the direction of gravity in their means, and take gravity out.
+
+    An instrument tilted by θ, counter-clockwise, reads (a + g ŷ) e^{−iθ} along its axes; with zero mean acceleration the
+    mean is i g e^{−iθ}, hence θ, and the pair times e^{iθ} less i g is a. A bias of b tilts the answer by b / g.
+
+    Parameters
+    ----------
+    lateral, upward
+        (T,) [m/s²], the second a quarter turn counter-clockwise from the first; NaN = missing, in both results.
+    gravity
+        Expected magnitude in the plane of the pair [m/s²].
+
+    Raises
+    ------
+    RecordError
+        If shapes differ, no sample has both axes, or the mean is not within 10 % of gravity (an instrument that does not
+        read steady acceleration, or another unit).
+    """
+    first, second = (np.asarray(values, dtype=np.float64) for values in (lateral, upward))
+    if first.shape != second.shape or first.ndim != 1:
+        raise RecordError(f"tilt: expected two axes of one shape (T,), got {first.shape} and {second.shape}")
+    reading = first + 1j * second
+    known = np.isfinite(first) & np.isfinite(second)
+    if not known.any():
+        raise RecordError("tilt: expected samples with both axes, got none; choose another section")
+    mean = complex(reading[known].mean())
+    if not abs(abs(mean) - gravity) < 0.1 * gravity:
+        raise RecordError(
+            f"tilt: expected a mean of {gravity:.4g} m/s² over the two axes, got {abs(mean):.4g}: the instrument does not feel "
+            "gravity, or its unit or the choice of axes is wrong"
+        )
+    tilt = float(np.angle(1j / mean))
+    level = reading * np.exp(1j * tilt) - 1j * abs(mean)
+    level[~known] = np.nan
+    return Level(level.real.copy(), level.imag.copy(), tilt, abs(mean))

@@ -1,0 +1,233 @@
+"""The rotor's azimuth and speed from what was recorded: an azimuth channel, an encoder, or pulses.
+
+ψ is the azimuth of blade 1, counter-clockwise from +x looking upwind, the way the rotor turns; blade b sits at
+ψ + 2π (b − 1) / N. What a source cannot know is said in the result, in words. The record's own harmonics are a source
+too: `windsysid.signals.harmonics`.
+"""
+
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from windsysid.errors import RecordError
+from windsysid.record import Record
+from windsysid.signals.band import bridged
+
+__all__ = ["RotorMotion", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
+
+Array = NDArray[np.float64]
+
+FAR = 20.0
+"""Factor from the turbine's usual rotor speed beyond which an azimuth must be in another unit (degrees are 57 times off)."""
+
+
+class RotorMotion(NamedTuple):
+    """How the rotor turned, and what of it is not known.
+
+    Attributes
+    ----------
+    psi
+        Azimuth of blade 1, unwrapped (T,) [rad].
+    speed, acceleration
+        Ω and dΩ/dt (T,) [rad/s, rad/s²].
+    known_up_to_constant
+        True if ψ may be off by a constant; Ω is right all the same.
+    note
+        What is not knowable from this source, and how well the rest is known, in words.
+    """
+
+    psi: Array
+    speed: Array
+    acceleration: Array
+    known_up_to_constant: bool
+    note: str
+
+    @property
+    def inputs(self) -> Array:
+        """(T, 3): what `rotor_inputs` gives for a recorded azimuth."""
+        return np.column_stack([self.psi, self.speed, self.acceleration])
+
+
+def rotor_inputs(record: Record, rotor_speed: float) -> Array:
+    """Azimuth ψ (unwrapped), Ω and dΩ/dt of a uniformly sampled record, (T, 3) [rad, rad/s, rad/s²].
+
+    Needs the channel ``rotor_azimuth``; ``rotor_speed`` is used where it is recorded. Missing azimuths are bridged
+    by Ω.
+
+    Raises
+    ------
+    RecordError
+        If there is no azimuth, a unit is wrong, the azimuth does not run forward, or it contradicts the recorded or the
+        turbine's usual speed.
+    """
+    azimuth = record["rotor_azimuth"]
+    for channel, unit in (("rotor_azimuth", "rad"), ("rotor_speed", "rad/s")):
+        if channel in record and record.unit(channel) != unit:
+            raise RecordError(f"channel '{channel}': expected {unit}, got {record.unit(channel)}: correct its unit")
+    time = record.time - record.time[0]
+    known = np.isfinite(azimuth)
+    if known.sum() < 2:
+        raise RecordError(
+            "channel 'rotor_azimuth': expected angles, got no numbers; the blades' positions are not known"
+        )
+    speed = (
+        bridged(record["rotor_speed"], "rotor_speed") if "rotor_speed" in record else np.full_like(time, rotor_speed)
+    )
+    turned = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])
+    offset = np.unwrap((azimuth - turned)[known])
+    drift = float(np.polyfit(time[known], offset, 1)[0])
+    mean_speed = float(speed.mean())
+    if not mean_speed + drift > 0.0:
+        raise RecordError(
+            f"channel 'rotor_azimuth': expected angles that increase with time, got {mean_speed + drift:.3g} rad/s on average: "
+            "count them in the sense of rotation"
+        )
+    if "rotor_speed" in record and abs(drift) > 0.02 * mean_speed:
+        raise RecordError(
+            f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s but rotor_speed says {mean_speed:.4g} rad/s: "
+            "check the unit of both channels"
+        )
+    if not 1.0 / FAR < (mean_speed + drift) / rotor_speed < FAR:
+        raise RecordError(
+            f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s, but the turbine's usual speed is {rotor_speed:.4g} rad/s: "
+            "check the unit of the azimuth, or the turbine file"
+        )
+    psi = turned + np.interp(time, time[known], offset)
+    if "rotor_speed" not in record:
+        speed = smooth_slope(psi, record.rate)
+    return np.column_stack([psi, speed, smooth_slope(speed, record.rate)])
+
+
+def rotor_from_encoder(
+    angle: ArrayLike, rate: float, *, sense: Literal[1, -1] = 1, zero: float | None = None
+) -> RotorMotion:
+    """Azimuth and speed from a shaft encoder.
+
+    Parameters
+    ----------
+    angle
+        Shaft angle (T,) [rad], wrapped at 2π or not; NaN = missing, bridged at the rotor's mean speed.
+    rate
+        Samples per second [Hz]: more than two per turn.
+    sense
+        −1 for an encoder that counts against the rotation.
+    zero
+        Azimuth of blade 1 [rad] at which the encoder reads 0; None: not known.
+
+    Raises
+    ------
+    RecordError
+        If the channel holds no angles, or they do not run in the sense of rotation.
+    """
+    angle = sense * np.asarray(angle, dtype=np.float64)
+    known = np.isfinite(angle)
+    neighbours = known[1:] & known[:-1]
+    if not neighbours.any():
+        raise RecordError("encoder: expected angles at consecutive samples, got none; choose another source or section")
+    steps = np.mod(np.diff(angle)[neighbours] + np.pi, 2.0 * np.pi) - np.pi
+    usual = float(np.median(steps)) * rate
+    if not usual > 0.0:
+        raise RecordError(f"encoder: expected angles that increase, got {usual:.3g} rad/s; set sense to {-sense}")
+    record = Record(
+        np.arange(len(angle)) / rate, np.mod(angle, 2.0 * np.pi)[:, None], ("rotor_azimuth",), ("rad",), name="encoder"
+    )
+    psi, speed, acceleration = rotor_inputs(record, usual).T
+    note = f"azimuth from the encoder; {np.count_nonzero(~known)} of {len(angle)} samples were missing and are bridged"
+    if zero is None:
+        note += "; where the encoder's zero lies is not known: the azimuth is known up to a constant"
+    return RotorMotion(psi + (zero or 0.0), speed, acceleration, zero is None, note)
+
+
+def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero: float | None = None) -> RotorMotion:
+    """Azimuth and speed from a channel with one or several pulses per turn.
+
+    A pulse begins where the channel rises through the middle between its low and its high level, at a time
+    interpolated between samples; it counts once the channel has been below a quarter in between. ψ runs through the
+    pulses as a cubic spline, and at constant speed before the first and after the last. Where an interval is a
+    multiple of its neighbours, pulses were lost, and are counted.
+
+    Parameters
+    ----------
+    values
+        (T,), any unit; NaN = missing.
+    rate
+        Samples per second [Hz].
+    per_turn
+        Pulses per turn, evenly spaced.
+    zero
+        Azimuth of blade 1 [rad] at the beginning of a pulse; None: not known.
+
+    Raises
+    ------
+    RecordError
+        If there are fewer than three pulses, or the intervals make no sense.
+    """
+    if per_turn < 1:
+        raise RecordError(f"pulses per turn: expected 1 or more, got {per_turn}")
+    times = _pulse_times(np.asarray(values, dtype=np.float64), rate)
+    if len(times) < 3:
+        raise RecordError(
+            f"pulses: expected 3 or more, got {len(times)}; check the channel, or choose a longer section"
+        )
+    intervals = np.diff(times)
+    around = np.array([np.median(intervals[max(0, k - 4) : k + 5]) for k in range(len(intervals))])
+    turns = np.rint(intervals / around)
+    off = np.abs(intervals / around - turns)
+    if np.any(turns < 1.0) or np.any(off > 0.3):
+        k = int(np.argmax(np.where(turns < 1.0, 1.0, off)))
+        raise RecordError(
+            f"pulses: the interval after {times[k]:.6g} s is {intervals[k]:.4g} s, its neighbours take {around[k]:.4g} s; "
+            "expected a steady rhythm: clean the channel or choose another section"
+        )
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(times, 2.0 * np.pi / per_turn * np.concatenate([[0.0], np.cumsum(turns)]))
+    time = np.arange(len(np.asarray(values))) / rate
+    inside = np.clip(time, times[0], times[-1])
+    speed = np.asarray(spline(inside, 1), dtype=np.float64)
+    psi = np.asarray(spline(inside), dtype=np.float64) + speed * (time - inside)
+    acceleration = np.where(time == inside, np.asarray(spline(inside, 2), dtype=np.float64), 0.0)
+    lost = int(np.sum(turns - 1.0))
+    note = f"{len(times)} pulses, {per_turn} per turn, {lost} lost; what happens between pulses is interpolated"
+    if zero is None:
+        where = "at the pulse" if per_turn == 1 else f"at the pulse, and which of the {per_turn} pulses came first,"
+        note += f"; the azimuth {where} is not known: the azimuth is known up to a constant"
+    elif per_turn > 1:
+        note += f"; which of the {per_turn} pulses came first is not known: the azimuth is known up to multiples of 1/{per_turn} turn"
+    return RotorMotion(psi + (zero or 0.0), speed, acceleration, zero is None or per_turn > 1, note)
+
+
+def _pulse_times(values: Array, rate: float) -> Array:
+    """Times [s] at which `values` rises through half height, each after it has been below a quarter."""
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) < 4:
+        raise RecordError("pulses: expected numbers, got none; choose another channel")
+    y = values[known]
+    low, high = float(np.median(y)), float(y.max())
+    if high - low < low - float(y.min()):  # high most of the time, with notches for pulses
+        y, low, high = -y, -low, -float(y.min())
+    if not high > low:
+        raise RecordError("pulses: the channel never changes; choose another one")
+    middle, quarter = 0.5 * (low + high), low + 0.25 * (high - low)
+    # One pass: +1 at samples above the middle, −1 at samples below a quarter, the last of them carried on in between.
+    mark = np.where(y >= middle, 1, np.where(y < quarter, -1, 0))
+    last = np.maximum.accumulate(np.where(mark != 0, np.arange(len(y)), 0))
+    above = mark[last] == 1
+    rise = np.flatnonzero(above[1:] & ~above[:-1])
+    rise = rise[known[rise + 1] - known[rise] == 1]  # a rise inside a gap has no time
+    fraction = (middle - y[rise]) / (y[rise + 1] - y[rise])
+    return np.asarray((known[rise] + fraction) / rate, dtype=np.float64)
+
+
+def smooth_slope(values: Array, rate: float) -> Array:
+    """Slope over one second, by local quadratic least squares (Savitzky & Golay 1964)."""
+    if np.ptp(values) < 1e-9 * max(1.0, float(np.abs(values).max())):
+        return np.zeros_like(values)
+    from scipy.signal import savgol_filter
+
+    window = min(2 * math.ceil(rate / 2.0) + 1, len(values) - (1 - len(values) % 2))
+    if window < 5:
+        return np.gradient(values, 1.0 / rate)
+    return np.asarray(savgol_filter(values, window, 2, deriv=1, delta=1.0 / rate), dtype=np.float64)
