@@ -11,18 +11,20 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
-from windsysid.identification import Identification, coefficient_errors
 from windsysid.record import Record
+from windsysid.result import Identification, coefficient_errors
 from windsysid.units import unit_text
 
 __all__ = [
     "balance_error_comparison",
     "coefficient_histories",
+    "envelope",
     "innovations",
     "record_overview",
     "response_comparison",
     "start_indifference",
     "symbol",
+    "tidy",
 ]
 
 Array = NDArray[np.float64]
@@ -76,7 +78,7 @@ def _history(ax: Axes, identification: Identification, name: str) -> None:
     ax.set_ylim(centre - 1.4 * half, centre + 1.4 * half)
     ax.set_ylabel(f"{symbol(name)} [{unit_text(estimate.unit)}]")
     ax.yaxis.set_major_locator(MaxNLocator(5))
-    _tidy(ax)
+    tidy(ax)
 
 
 def _error(ax: Axes, identification: Identification, name: str) -> None:
@@ -97,7 +99,7 @@ def _error(ax: Axes, identification: Identification, name: str) -> None:
         va="top",
         fontsize=8,
     )
-    _tidy(ax)
+    tidy(ax)
 
 
 def record_overview(record: Record, channels: Sequence[str], section: tuple[float, float] | None = None) -> Figure:
@@ -105,14 +107,14 @@ def record_overview(record: Record, channels: Sequence[str], section: tuple[floa
     figure = Figure(figsize=(10, 1.5 * len(channels) + 0.8), layout="constrained")
     axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     for ax, channel in zip(axes, channels, strict=True):
-        time, low, high = _envelope(record.time, record[channel])
+        time, low, high = envelope(record.time, record[channel])
         ax.fill_between(time, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
         if section is not None:
             ax.axvspan(*section, color=BAND, alpha=0.6, lw=0)
         unit = record.units[record.channels.index(channel)]
         ax.set_title(channel.replace("_", " "), fontsize=9, loc="left", pad=2)
         ax.set_ylabel(f"[{unit_text(unit)}]")
-        _tidy(ax)
+        tidy(ax)
     if section is not None:
         axes[0].text(
             np.mean(section), 1.02, "section used", transform=axes[0].get_xaxis_transform(), ha="center", fontsize=9
@@ -147,7 +149,7 @@ def response_comparison(
             text = "model with identified coefficients" if name == "model" else name
             ax.plot(time[inside], curves[name][row][inside], label=text, **style)
         ax.set_ylabel(f"{label}\n{quantity} [{unit}]")
-        _tidy(ax)
+        tidy(ax)
     figure.axes[-1].set_xlabel("time [s]")
     figure.axes[-1].set_xlim(*window)
     figure.legend(
@@ -188,8 +190,8 @@ def start_indifference(
             right.errorbar(start, value, yerr=half, fmt="o", ms=4, color=ESTIMATE, capsize=2)
         right.axhline(1.0, color=REFERENCE, ls="--", lw=1)
         right.ticklabel_format(axis="y", useOffset=False)
-        _tidy(left)
-        _tidy(right)
+        tidy(left)
+        tidy(right)
     axes[-1, 0].set_xlabel("time since the start [s], logarithmic")
     axes[-1, 1].set_xlabel("section starts at [s], 100 s long")
     axes[0, 0].set_title("priors off by a factor", fontsize=10)
@@ -227,7 +229,7 @@ def balance_error_comparison(names: Sequence[str], ours: Array, published: Mappi
     ax.set_xticks(range(len(names)), [symbol(name) for name in names])
     ax.set_ylabel("average error, Eq (24) [%]")
     ax.legend(frameon=False, fontsize=8, ncols=3, loc="upper left", bbox_to_anchor=(0.0, 1.14))
-    _tidy(ax)
+    tidy(ax)
     return figure
 
 
@@ -241,7 +243,7 @@ def innovations(identification: Identification) -> Figure:
     for row, name in enumerate(identification.readings):
         left, right = axes[row]
         whitened = identification.whitened[:, row]
-        time, low, high = _envelope(identification.time, whitened)
+        time, low, high = envelope(identification.time, whitened)
         left.fill_between(time, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
         for bound in (-2.0, 2.0):
             left.axhline(bound, color=REFERENCE, ls="--", lw=0.8)
@@ -251,14 +253,15 @@ def innovations(identification: Identification) -> Figure:
         right.hist(np.clip(known, -4.5, 4.5), bins=grid[::2], density=True, color=BAND)
         right.plot(grid, normal, color=REFERENCE, lw=1, ls="--")
         right.set_yticks([])
-        _tidy(left)
-        _tidy(right)
+        tidy(left)
+        tidy(right)
     axes[-1, 0].set_xlabel("time [s]")
     axes[-1, 1].set_xlabel("[σ], dashed: as it should be")
     return figure
 
 
-def _tidy(ax: Axes) -> None:
+def tidy(ax: Axes) -> None:
+    """House style of an axes: no box, a faint grid, small ticks."""
     ax.spines[["top", "right"]].set_visible(False)
     ax.grid(alpha=0.25, lw=0.6)
     ax.tick_params(labelsize=8)
@@ -269,7 +272,7 @@ def _thin(samples: int) -> slice:
     return slice(None, None, max(1, samples // MOST_POINTS))
 
 
-def _envelope(time: Array, values: Array) -> tuple[Array, Array, Array]:
+def envelope(time: Array, values: Array) -> tuple[Array, Array, Array]:
     """Least and greatest value in each of some thousand stretches, so that no spike is lost to thinning."""
     size = max(1, len(values) // MOST_POINTS)
     stretches = len(values) // size

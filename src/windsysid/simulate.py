@@ -6,7 +6,7 @@ between samples.
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numba import types
@@ -22,6 +22,9 @@ from windsysid.turbine import Turbine
 __all__ = ["Response", "constant_speed_inputs", "gauss_markov_loads", "integrate", "simulate_record"]
 
 Array = NDArray[np.float64]
+
+LoadSource = Literal["random", "wind", "wind-feedback"]
+"""What drives a simulated turbine."""
 
 LEAD_IN = 60.0
 """Seconds simulated before a record starts, so that it starts in stationary vibration."""
@@ -77,8 +80,10 @@ def integrate(
     return response
 
 
-def simulate_record(turbine: Turbine, *, duration: float, rate: float, seed: int = 0) -> Record:
-    """What the turbine's sensors record at its usual rotor speed, driven by its random loads; SI, reproducible for a seed.
+def simulate_record(
+    turbine: Turbine, *, duration: float, rate: float, seed: int = 0, loads: LoadSource = "random"
+) -> Record:
+    """What the turbine's sensors record at its usual rotor speed; SI, reproducible for a seed.
 
     Parameters
     ----------
@@ -86,11 +91,14 @@ def simulate_record(turbine: Turbine, *, duration: float, rate: float, seed: int
         [s].
     rate
         Samples per second [Hz].
+    loads
+        ``"random"``: the turbine file's Gauss–Markov loads. ``"wind"``: turbulent wind on the packaged blades
+        (docs/wind.md), as if tower and blades stood still. ``"wind-feedback"``: with their motion, aerodynamic damping included.
 
     Raises
     ------
     ConfigurationError
-        If duration or rate are out of range, or the motion grows without bound.
+        If duration or rate are out of range, the turbine has no packaged wind, or the motion grows without bound.
     """
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * np.pi)
     if not (np.isfinite(rate) and 4.0 * fastest <= rate <= 1e5):
@@ -103,10 +111,20 @@ def simulate_record(turbine: Turbine, *, duration: float, rate: float, seed: int
     model = compile_model(turbine.model, turbine.sensors)
     lead = round(LEAD_IN * rate)
     rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
-    inputs = np.hstack([rotor, gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, rng)])
     p = np.array([turbine.values[name] for name in model.parameters])
-    substeps = max(1, int(np.ceil(20.0 * fastest / rate)))
-    response = integrate(model, p, inputs, rate=rate, start=np.zeros(len(model.states)), substeps=substeps)
+    start, substeps = np.zeros(len(model.states)), max(1, int(np.ceil(20.0 * fastest / rate)))
+    if loads == "random":
+        drawn = gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, rng)
+        response = integrate(model, p, np.hstack([rotor, drawn]), rate=rate, start=start, substeps=substeps)
+    else:
+        from windsysid.wind import packaged_wind, wind_loads
+        from windsysid.wind.feedback import integrate_with_feedback
+
+        wind = wind_loads(turbine, *packaged_wind(turbine.name), rotor, rate=rate, seed=seed)
+        damping = wind.damping if loads == "wind-feedback" else np.zeros_like(wind.damping)
+        response, _ = integrate_with_feedback(
+            model, p, np.hstack([rotor, wind.loads]), damping, rate=rate, start=start, substeps=substeps
+        )
     noise = rng.standard_normal(response.readings.shape) * [sensor.noise for sensor in turbine.sensors]
     bias = rng.standard_normal(len(turbine.sensors)) * [sensor.bias for sensor in turbine.sensors]
     values = np.hstack(
@@ -118,7 +136,7 @@ def simulate_record(turbine: Turbine, *, duration: float, rate: float, seed: int
         channels=("rotor_azimuth", "rotor_speed", *(sensor.channel for sensor in turbine.sensors)),
         units=("rad", "rad/s", *(sensor.unit for sensor in turbine.sensors)),
         name=f"simulated record, seed {seed}",
-        attributes={"source": f"windsysid simulate, turbine {turbine.name}, seed {seed}"},
+        attributes={"source": f"windsysid simulate, turbine {turbine.name}, loads {loads}, seed {seed}"},
     )
 
 

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid.forcebalance import Balance, analysis_band, balance_forces, filter_balance, measured_motion
-from windsysid.formulation import Prior, identifiable
-from windsysid.identification import Identification, coefficient_errors
-from windsysid.identify import conclude
+from windsysid.forcebalance import analysis_band, measured_motion
+from windsysid.formulation import Prior
 from windsysid.mechanics.compile import compile_model
+from windsysid.result import Identification, coefficient_errors
 from windsysid.simulate import Response, integrate
+from windsysid.study.arms import identify_section, record_balance
 from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
+from windsysid.study.wind import DirectionChangeStudy, direction_change_study
 from windsysid.turbine import Turbine, load_turbine
 
 __all__ = ["PUBLISHED", "PUBLISHED_SECONDS", "Study", "run_study"]
@@ -31,7 +32,6 @@ PUBLISHED = {"k_x": 0.23, "k_y": 0.66, "k_beta_1": 1.60, "c_x": 5.41, "c_y": 4.5
 PUBLISHED_SECONDS = 30.0
 """Published computing time of the extended Kalman filter [s]."""
 
-START = Prior(stiffness=1.3, damping=0.7, spread=1.0)
 SETTLING = 30.0
 """The second averaging window starts so many seconds into the section."""
 
@@ -62,6 +62,8 @@ class Study:
         The model with arm A's coefficients, run from the reference's state at the start of the section.
     difference
         Greatest relative difference between exact Jacobians and the paper's finite differences, over coefficients and samples.
+    wind
+        The same filter under turbulent wind that changes direction between 20 s and 40 s.
     """
 
     turbine: Turbine
@@ -75,6 +77,7 @@ class Study:
     sections: Mapping[float, Mapping[str, tuple[float, float]]]
     model_response: Response
     difference: float
+    wind: DirectionChangeStudy
 
     @property
     def window(self) -> slice:
@@ -111,24 +114,23 @@ def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
     progress("simulating the 600 s reference record")
     reference = simulate_reference(turbine, seed)
     progress("arm A: loads known")
-    with_loads, motion = _balance(turbine, reference, loads=True)
-    arm_a = _identify(turbine, reference, with_loads, SECTION, START)
-    differences, _ = _balance(turbine, reference, loads=True, jacobian="differences")
-    by_differences = _identify(turbine, reference, differences, SECTION, START)
+    loads = reference.inputs[:, 3:]
+    with_loads = record_balance(turbine, reference, loads)
+    arm_a = identify_section(turbine, reference, with_loads)
+    by_differences = identify_section(turbine, reference, record_balance(turbine, reference, loads, "differences"))
     progress("arm B: loads withheld")
-    without, _ = _balance(turbine, reference, loads=False)
-    arm_b = _identify(turbine, reference, without, SECTION, START)
+    arm_b = identify_section(turbine, reference, record_balance(turbine, reference, None))
 
     progress("starts off by 0.3 to 3 times")
     shown = list(PUBLISHED)
     histories = {}
     for factor in FACTORS:
-        found = _identify(turbine, reference, with_loads, SECTION, Prior(factor, factor, spread=1.0))
+        found = identify_section(turbine, reference, with_loads, prior=Prior(factor, factor, spread=1.0))
         histories[factor] = [found.history(name)[0] / turbine.values[name] for name in shown]
     progress("sections that start anywhere")
     sections = {}
     for start in STARTS:
-        found = _identify(turbine, reference, with_loads, (start, start + SECTION[1] - SECTION[0]), START)
+        found = identify_section(turbine, reference, with_loads, (start, start + SECTION[1] - SECTION[0]))
         sections[float(start)] = {
             name: (found[name].estimate / turbine.values[name], 2.0 * found[name].std / turbine.values[name])
             for name in shown
@@ -137,16 +139,18 @@ def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
     for number in range(SEEDS):
         progress(f"seed {number + 1} of {SEEDS}")
         other = simulate_reference(turbine, number)
-        balance, _ = _balance(turbine, other, loads=True)
-        found = _identify(turbine, other, balance, SECTION, START)
+        found = identify_section(turbine, other, record_balance(turbine, other, other.inputs[:, 3:]))
         errors.append(average_errors(found))
         covered += [e.low <= (e.reference or 0.0) <= e.high for e in found.estimates]
 
+    progress("wind that changes direction")
+    wind = direction_change_study(seed)
     progress("the response of the identified model")
+    motion = measured_motion(reference.record, turbine, cutoff=analysis_band(turbine)[0] / 2.0)
     return Study(
         turbine=turbine,
         reference=reference,
-        motion=motion,
+        motion=(motion.displacement, motion.velocity),
         arm_a=arm_a,
         arm_b=arm_b,
         errors=np.array(errors),
@@ -155,6 +159,7 @@ def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
         sections=sections,
         model_response=_respond(turbine, arm_a, reference),
         difference=float(np.max(np.abs(by_differences.mean / arm_a.mean - 1.0))),
+        wind=wind,
     )
 
 
@@ -166,29 +171,6 @@ def average_errors(identification: Identification) -> Array:
         errors = coefficient_errors(identification.history(e.name)[0], e.reference or 1.0)
         rows[:, i] = errors.mean(), errors[late:].mean()
     return rows
-
-
-def _balance(
-    turbine: Turbine, reference: Reference, *, loads: bool, jacobian: Any = "exact"
-) -> tuple[Balance, tuple[Array, Array]]:
-    """The force balance of the whole record, with displacement and velocity as they were measured or integrated."""
-    band = analysis_band(turbine)
-    motion = measured_motion(reference.record, turbine, cutoff=band[0] / 2.0)
-    rotor, known = reference.inputs[:, :3], reference.inputs[:, 3:] if loads else None
-    balance = balance_forces(
-        turbine, motion, rotor, known, identifiable(turbine), rate=RATE, band=band, jacobian=jacobian
-    )
-    return balance, (motion.displacement, motion.velocity)
-
-
-def _identify(
-    turbine: Turbine, reference: Reference, balance: Balance, section: tuple[float, float], prior: Prior
-) -> Identification:
-    window = slice(round(section[0] * RATE), round(section[1] * RATE))
-    cut = Balance(balance.force[window], balance.regressors[window])
-    outcome = filter_balance(cut, turbine, reference.inputs[window, :3], prior, rate=RATE, band=analysis_band(turbine))
-    outcome = outcome._replace(channels=tuple(c for c in reference.record.channels if not c.startswith("rotor")))
-    return conclude(outcome, reference.record.section(*section), "force-balance")
 
 
 def _respond(turbine: Turbine, found: Identification, reference: Reference) -> Response:

@@ -18,7 +18,7 @@ from windsysid.record import Record
 from windsysid.simulate import Response, constant_speed_inputs, gauss_markov_loads, integrate
 from windsysid.turbine import Turbine
 
-__all__ = ["DURATION", "NOISE", "RATE", "SECTION", "Reference", "simulate_reference"]
+__all__ = ["DURATION", "NOISE", "RATE", "SECTION", "Reference", "measure", "simulate_reference"]
 
 Array = NDArray[np.float64]
 
@@ -42,34 +42,38 @@ class Reference(NamedTuple):
 
 
 def simulate_reference(turbine: Turbine, seed: int) -> Reference:
-    """Simulate the reference record of a turbine with independent lags, tower x and y; SI units, reproducible for a seed."""
+    """The reference record of a turbine with independent lags, tower x and y; SI units, reproducible for a seed."""
     rng = np.random.default_rng(seed)
     model = compile_model(turbine.model)
-    samples, n = round(DURATION * RATE), len(turbine.model.coordinates)
+    samples = round(DURATION * RATE)
     loads = gauss_markov_loads(turbine.loads, turbine.model.loads, samples, RATE, rng)
     inputs = np.hstack([constant_speed_inputs(turbine.rotor_speed, DURATION, RATE), loads])
     p = np.array([turbine.values[name] for name in model.parameters])
-    response = integrate(model, p, inputs, rate=RATE, start=np.zeros(2 * n))
+    response = integrate(model, p, inputs, rate=RATE, start=np.zeros(len(model.states)))
+    return Reference(measure(turbine, response, inputs, rng, f"reference scenario, seed {seed}"), response, inputs)
 
+
+def measure(turbine: Turbine, response: Response, inputs: Array, rng: np.random.Generator, name: str) -> Record:
+    """The scenario's channels of a response, with their noise; `inputs` (T, 2 or more) begin with ψ and Ω."""
+    samples, n = len(inputs), len(turbine.model.coordinates)
     channels: dict[str, tuple[Array, str]] = {
         "rotor_azimuth": (inputs[:, 0], "rad"),
         "rotor_speed": (inputs[:, 1], "rad/s"),
     }
-    for j, name in enumerate(turbine.model.coordinates):
+    for j, coordinate in enumerate(turbine.model.coordinates):
         motion = (response.states[:, j], response.states[:, n + j], response.rates[:, n + j])
-        if name.startswith("beta_"):
+        if coordinate.startswith("beta_"):
             quantities = ("displacement", "velocity", "acceleration")
             for quantity, values, unit in zip(quantities, motion, ("rad", "rad/s", "rad/s^2"), strict=True):
                 noisy = values + NOISE[f"lag_{quantity}"] * rng.standard_normal(samples)
-                channels[f"blade_{name.removeprefix('beta_')}_lag_{quantity}"] = (noisy, unit)
+                channels[f"blade_{coordinate.removeprefix('beta_')}_lag_{quantity}"] = (noisy, unit)
         else:
             noisy = motion[2] + NOISE["tower_acceleration"] * rng.standard_normal(samples)
-            channels[f"tower_{name}_acceleration"] = (noisy, "m/s^2")
-    record = Record(
+            channels[f"tower_{coordinate}_acceleration"] = (noisy, "m/s^2")
+    return Record(
         time=np.arange(samples) / RATE,
         values=np.column_stack([values for values, _ in channels.values()]),
         channels=tuple(channels),
         units=tuple(unit for _, unit in channels.values()),
-        name=f"reference scenario, seed {seed}",
+        name=name,
     )
-    return Reference(record, response, inputs)

@@ -1,0 +1,45 @@
+"""The paper's filter on a reference record: the force balance of all of it, and the identification of a section."""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid.forcebalance import Balance, analysis_band, balance_forces, filter_balance, measured_motion
+from windsysid.formulation import Prior, identifiable
+from windsysid.identification import conclude
+from windsysid.result import Identification
+from windsysid.study.scenario import RATE, SECTION, Reference
+from windsysid.turbine import Turbine
+
+__all__ = ["START", "identify_section", "record_balance"]
+
+Array = NDArray[np.float64]
+
+START = Prior(stiffness=1.3, damping=0.7, spread=1.0)
+"""Where every identification of the study starts."""
+
+
+def record_balance(
+    turbine: Turbine, reference: Reference, loads: Array | None, jacobian: Literal["exact", "differences"] = "exact"
+) -> Balance:
+    """The force balance of a whole record, told these loads (T, n) or none."""
+    band = analysis_band(turbine)
+    motion = measured_motion(reference.record, turbine, cutoff=band[0] / 2.0)
+    rotor, names = reference.inputs[:, :3], identifiable(turbine)
+    return balance_forces(turbine, motion, rotor, loads, names, rate=RATE, band=band, jacobian=jacobian)
+
+
+def identify_section(
+    turbine: Turbine,
+    reference: Reference,
+    balance: Balance,
+    section: tuple[float, float] = SECTION,
+    prior: Prior = START,
+) -> Identification:
+    """Run the filter over a section [s] of a record's balance."""
+    window = slice(round(section[0] * RATE), round(section[1] * RATE))
+    cut = Balance(balance.force[window], balance.regressors[window])
+    outcome = filter_balance(cut, turbine, reference.inputs[window, :3], prior, rate=RATE, band=analysis_band(turbine))
+    outcome = outcome._replace(channels=tuple(c for c in reference.record.channels if not c.startswith("rotor")))
+    return conclude(outcome, reference.record.section(*section), "force-balance")

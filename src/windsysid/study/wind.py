@@ -1,0 +1,340 @@
+"""The study under wind that blows: a change of direction between 20 s and 40 s of the section, and what it does to the estimates.
+
+The paper sees its estimates scatter there (Figs 4, 5, 7, 8) and names the direction as the cause, but its equations hold no
+wind. So the same record is identified three times: with the loads that acted, with the loads of the old direction, and with no
+loads. ``python -m windsysid.study.wind --output DIR`` writes two figures and prints the numbers.
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from windsysid.console import render
+from windsysid.errors import WindsysidError
+from windsysid.mechanics.compile import compile_model
+from windsysid.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
+from windsysid.result import Identification
+from windsysid.simulate import constant_speed_inputs
+from windsysid.study.arms import identify_section, record_balance
+from windsysid.study.scenario import DURATION, RATE, SECTION, Reference, measure
+from windsysid.turbine import Turbine, load_turbine
+from windsysid.units import unit_text
+from windsysid.wind import (
+    Change,
+    Direction,
+    WindLoads,
+    extreme_direction_change,
+    kaimal_spectrum,
+    packaged_wind,
+    wind_loads,
+)
+from windsysid.wind.feedback import integrate_with_feedback
+
+__all__ = [
+    "ARMS",
+    "WINDOW",
+    "DirectionChangeStudy",
+    "WindReference",
+    "direction_change_figure",
+    "direction_change_study",
+    "load_spectra_figure",
+    "simulate_wind_reference",
+]
+
+Array = NDArray[np.float64]
+
+WINDOW = (20.0, 40.0)
+"""When the wind blows from elsewhere, in seconds of the section."""
+
+TURNING = 6.0
+"""Seconds that the wind takes to turn, the IEC's for an extreme direction change."""
+
+SPREAD_DEG = 4.0
+"""Standard deviation of the direction besides [deg], assumed."""
+
+ARMS = ("loads known", "loads of the old direction", "loads withheld")
+SHOWN = ("k_x", "c_x")
+SETTLED = 8.0
+"""Seconds after which the figure's axes must show the estimates."""
+
+
+class WindReference(NamedTuple):
+    """A reference record under wind, the wind behind it, and the loads at rest that the old direction would have made."""
+
+    reference: Reference
+    wind: WindLoads
+    old_direction: Array
+
+
+@dataclass(frozen=True)
+class DirectionChangeStudy:
+    """What the change of direction does.
+
+    Attributes
+    ----------
+    turbine
+        The scale model.
+    change_deg
+        How far the wind turns [deg].
+    under
+        The record with the change.
+    steady
+        The wind of the same seed without it.
+    arms
+        Identifications of the section by arm (`ARMS`).
+    unchanged
+        The same arms on the record without the change.
+    loads_at_rest
+        Identification when only the loads at rest are known: its damping is structure and aerodynamics together.
+    """
+
+    turbine: Turbine
+    change_deg: float
+    under: WindReference
+    steady: WindReference
+    arms: Mapping[str, Identification]
+    unchanged: Mapping[str, Identification]
+    loads_at_rest: Identification
+
+    def wander(self, arm: str, name: str, *, changed: bool = True) -> float:
+        """Greatest less smallest on-line estimate while the wind is turned away, relative to the reference."""
+        found = (self.arms if changed else self.unchanged)[arm]
+        time = found.time - SECTION[0]
+        inside = (time >= WINDOW[0]) & (time <= WINDOW[1])
+        return float(np.ptp(found.history(name)[0][inside])) / self.turbine.values[name]
+
+
+def direction_change_study(seed: int = 0) -> DirectionChangeStudy:
+    """Simulate the reference record under turbulent wind that turns, and identify its section three ways."""
+    turbine = load_turbine("verne555")
+    conditions, blade = packaged_wind("verne555")
+    diameter = 2.0 * blade.radii[-1] + blade.widths[-1]
+    size = float(np.rad2deg(extreme_direction_change(conditions, diameter)))
+    away, back = SECTION[0] + WINDOW[0], SECTION[0] + WINDOW[1] - TURNING
+    changes = (Change(away, size, TURNING), Change(back, -size, TURNING))
+    under = simulate_wind_reference(turbine, seed, Direction(std_deg=SPREAD_DEG, changes=changes))
+    steady = simulate_wind_reference(turbine, seed, Direction(std_deg=SPREAD_DEG))
+    return DirectionChangeStudy(
+        turbine=turbine,
+        change_deg=size,
+        under=under,
+        steady=steady,
+        arms=_arms(turbine, under),
+        unchanged=_arms(turbine, steady),
+        loads_at_rest=_identify(turbine, under.reference, under.wind.loads),
+    )
+
+
+def simulate_wind_reference(turbine: Turbine, seed: int, direction: Direction) -> WindReference:
+    """The reference scenario's record with loads of turbulent wind, aerodynamic damping included; reproducible for a seed."""
+    conditions, aerodynamics = packaged_wind(turbine.name)
+    rotor = constant_speed_inputs(turbine.rotor_speed, DURATION, RATE)
+    wind = wind_loads(turbine, conditions, aerodynamics, rotor, rate=RATE, direction=direction, seed=seed)
+    old = Direction(direction.mean_deg, direction.std_deg, direction.time_constant)
+    without_change = wind_loads(turbine, conditions, aerodynamics, rotor, rate=RATE, direction=old, seed=seed)
+    model = compile_model(turbine.model)
+    p = np.array([turbine.values[name] for name in model.parameters])
+    response, acted = integrate_with_feedback(
+        model, p, np.hstack([rotor, wind.loads]), wind.damping, rate=RATE, start=np.zeros(len(model.states))
+    )
+    inputs = np.hstack([rotor, acted])
+    record = measure(turbine, response, rotor, np.random.default_rng([seed, 1]), f"wind, seed {seed}")
+    return WindReference(Reference(record, response, inputs), wind, without_change.loads)
+
+
+def _arms(turbine: Turbine, under: WindReference) -> dict[str, Identification]:
+    acted = under.reference.inputs[:, 3:]
+    told = (acted, acted - under.wind.loads + under.old_direction, None)
+    return {arm: _identify(turbine, under.reference, loads) for arm, loads in zip(ARMS, told, strict=True)}
+
+
+def _identify(turbine: Turbine, reference: Reference, loads: Array | None) -> Identification:
+    """The paper's filter over the section, told these loads."""
+    return identify_section(turbine, reference, record_balance(turbine, reference, loads))
+
+
+def direction_change_figure(study: DirectionChangeStudy, names: Sequence[str] = SHOWN) -> Figure:
+    """Direction of the wind and the on-line estimates: left with loads told, right without, dotted where the wind stays."""
+    figure = Figure(figsize=(12, 2.5 * len(names) + 2.4), layout="constrained")
+    axes = figure.subplots(len(names) + 1, 2, sharex=True, height_ratios=[0.8] + [1.4] * len(names))
+    window = slice(round(SECTION[0] * RATE), round(SECTION[1] * RATE))
+    time = np.arange(window.stop - window.start) / RATE
+    columns = ((ARMS[:2], "the filter is told the loads"), (ARMS[2:], "the loads are withheld"))
+    colours = dict(zip(ARMS, (ESTIMATE, ERROR, MEASURED), strict=True))
+    for column, (arms, title) in enumerate(columns):
+        top = axes[0, column]
+        top.plot(time, np.rad2deg(study.under.wind.misalignment[window]), color=REFERENCE, lw=1.0)
+        top.set_title(title, fontsize=10)
+        for ax, name in zip(axes[1:, column], names, strict=True):
+            reference = study.turbine.values[name]
+            seen = [reference]
+            for arm in arms:
+                found, calm = study.arms[arm].history(name)[0], study.unchanged[arm].history(name)[0]
+                ax.plot(time, calm, color=colours[arm], lw=1.0, ls=":")
+                ax.plot(time, found, color=colours[arm], lw=1.5, label=arm)
+                for history in (found, calm):
+                    seen += [history[time >= SETTLED].min(), history[time >= SETTLED].max()]
+            ax.axhline(reference, color=REFERENCE, ls="--", lw=1)
+            margin = 0.1 * (max(seen) - min(seen))
+            ax.set_ylim(min(seen) - margin, max(seen) + margin)
+        for ax in axes[:, column]:
+            ax.axvspan(*WINDOW, color=BAND, alpha=0.45, lw=0)
+            tidy(ax)
+        axes[-1, column].set_xlabel(f"time since {SECTION[0]:g} s [s]")
+    axes[0, 0].set_ylabel("wind direction\n[deg]")
+    for ax, name in zip(axes[1:, 0], names, strict=True):
+        ax.set_ylabel(f"{symbol(name)} [{unit_text(study.arms[ARMS[0]][name].unit)}]")
+    axes[-1, 0].set_xlim(0.0, time[-1])
+    lines = {line.get_label(): line for ax in axes[1] for line in ax.lines if not str(line.get_label()).startswith("_")}
+    lines["reference"] = Line2D([], [], color=REFERENCE, ls="--", lw=1)
+    lines["same wind, not turning"] = Line2D([], [], color=REFERENCE, ls=":", lw=1)
+    figure.legend(
+        list(lines.values()),
+        [str(label) for label in lines],
+        loc="outside upper center",
+        ncols=5,
+        frameon=False,
+        fontsize=9,
+    )
+    return figure
+
+
+def load_spectra_figure(study: DirectionChangeStudy) -> Figure:
+    """Spectra of the wind, a blade's load and a hub load, with the rotor's multiples and the Kaimal target."""
+    conditions, aerodynamics = packaged_wind(study.turbine.name)
+    wind, once = study.steady.wind, study.turbine.rotor_speed / (2.0 * np.pi)
+    figure = Figure(figsize=(10, 8.2), layout="constrained")
+    axes = figure.subplots(3, 1, sharex=True)
+    outer = wind.blade_speed[:, :, -1] - wind.blade_speed[:, :, -1].mean()
+    frequency, hub = _spectrum(wind.hub_speed[:, None])
+    axes[0].loglog(
+        frequency, _spectrum(outer)[1], color=ERROR, lw=1.1, label=f"blades, r = {aerodynamics.radii[-1]:g} m"
+    )
+    axes[0].loglog(frequency, hub, color=ESTIMATE, lw=1.1, label="hub")
+    axes[0].loglog(
+        frequency, kaimal_spectrum(frequency, conditions), color=REFERENCE, ls="--", lw=1, label="Kaimal (IEC)"
+    )
+    axes[0].set_ylabel("wind speed\n[m²/s² / Hz]")
+    n = study.turbine.model.coordinates.index("beta_1")
+    axes[1].loglog(
+        frequency, _spectrum(wind.loads[:, n:])[1], color=ERROR, lw=1.1, label="lag moment, mean of the blades"
+    )
+    axes[1].set_ylabel("blade load\n[(N·m)² / Hz]")
+    axes[2].loglog(frequency, _spectrum(wind.loads[:, :1])[1], color=ESTIMATE, lw=1.1, label="hub force x")
+    axes[2].set_ylabel("hub load\n[N² / Hz]")
+    for ax in axes:
+        for multiple in (1, 2, 3, 6):
+            ax.axvline(multiple * once, color=MEASURED, lw=0.8, ls=":" if multiple in (2,) else "-", zorder=0)
+        ax.legend(frameon=False, fontsize=8, loc="lower left")
+        tidy(ax)
+    for multiple in (1, 2, 3, 6):
+        axes[0].text(
+            multiple * once, 1.02, f"{multiple}P", transform=axes[0].get_xaxis_transform(), ha="center", fontsize=9
+        )
+    axes[0].set_xlim(0.03, 20.0)
+    for ax in axes:
+        _fit(ax)
+    axes[-1].set_xlabel("frequency [Hz]")
+    return figure
+
+
+def peak_ratios(loads: Array, once: float) -> dict[int, float]:
+    """How far the spectrum of loads (T, …) stands above its neighbourhood at 1P, 2P, 3P: peak over the median within ±0.45P."""
+    frequency, spectrum = _spectrum(loads)
+    ratios = {}
+    for multiple in (1, 2, 3):
+        away = np.abs(frequency / once - multiple)
+        ratios[multiple] = float(spectrum[away < 0.05].max() / np.median(spectrum[(away < 0.45) & (away > 0.1)]))
+    return ratios
+
+
+def _spectrum(values: Array) -> tuple[Array, Array]:
+    """One-sided spectrum (Welch, 41 s pieces), the mean over columns."""
+    from scipy.signal import welch
+
+    frequency, spectra = welch(values, RATE, nperseg=4096, axis=0)
+    return np.asarray(frequency)[1:], np.asarray(spectra.mean(axis=1))[1:]
+
+
+def _fit(ax: Axes) -> None:
+    """Limits from what is visible, not from what lies outside the frequency axis."""
+    low, high = ax.get_xlim()
+    seen = [
+        np.asarray(line.get_ydata())[(x >= low) & (x <= high)]
+        for line in ax.lines
+        if len(x := np.asarray(line.get_xdata())) > 2
+    ]
+    ax.set_ylim(0.5 * min(map(np.min, seen)), 2.0 * max(map(np.max, seen)))
+
+
+def summary(study: DirectionChangeStudy) -> str:
+    """The numbers as text."""
+    once = study.turbine.rotor_speed / (2.0 * np.pi)
+    wind, acted = study.steady.wind, study.steady.reference.inputs[:, 3:]
+    conditions, _ = packaged_wind(study.turbine.name)
+    rms = acted.std(axis=0)
+    lines = [
+        f"wind {conditions.speed:.2f} m/s, turbulence {100 * conditions.turbulence_intensity:.1f} %, "
+        f"direction ±{SPREAD_DEG:g} deg, turning by {study.change_deg:.1f} deg at {WINDOW[0]:g} s and back by {WINDOW[1]:g} s",
+        f"hub wind: std {wind.hub_speed.std():.3f} m/s (target {conditions.std:.3f})",
+        "load rms: " + ", ".join(
+            f"{name} {value:.1f}" for name, value in zip(study.turbine.model.loads, rms, strict=True)
+        ),
+    ]  # fmt: skip
+    blades = peak_ratios(wind.loads[:, 2:], once)
+    hub = peak_ratios(wind.loads[:, :2], once)
+    for label, ratios in (("blade lag moment", blades), ("hub forces", hub)):
+        lines.append(f"{label}: peak over neighbourhood " + ", ".join(f"{m}P {r:.1f}" for m, r in ratios.items()))
+    lines.append(
+        "wander of the on-line estimate from 20 s to 40 s, % of the reference (in brackets: the wind not turning):"
+    )
+    for arm in ARMS:
+        cells = [
+            f"{name} {100 * study.wander(arm, name):.2f} ({100 * study.wander(arm, name, changed=False):.2f})"
+            for name in ("k_x", "k_y", "c_x", "c_y")
+        ]
+        lines.append(f"  {arm}: " + ", ".join(cells))
+    lines.append("estimate at the end, of the reference:")
+    for arm in ARMS:
+        found = study.arms[arm]
+        cells = [f"{n} {found[n].estimate / study.turbine.values[n]:.4f}" for n in ("k_x", "k_y", "c_x", "c_y")]
+        lines.append(f"  {arm}: " + ", ".join(cells))
+    lines.append("damping when only the loads at rest are known (in brackets: structure + mean of C's diagonal):")
+    own = dict(zip(study.turbine.model.coordinates, np.diagonal(study.under.wind.damping.mean(axis=0)), strict=True))
+    cells = [
+        f"c_{n} {study.loads_at_rest[f'c_{n}'].estimate:.2f} ({study.turbine.values[f'c_{n}']:g} + {own[n]:.2f})"
+        for n in ("x", "y", "beta_1")
+    ]
+    lines.append("  " + ", ".join(cells))
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write ``direction_change.png`` and ``load_spectra.png`` and print the numbers."""
+    parser = argparse.ArgumentParser(prog="python -m windsysid.study.wind", description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, required=True, help="folder of the two figures")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(arguments)
+    try:
+        options.output.mkdir(parents=True, exist_ok=True)
+        study = direction_change_study(options.seed)
+        direction_change_figure(study).savefig(options.output / "direction_change.png", dpi=150)
+        load_spectra_figure(study).savefig(options.output / "load_spectra.png", dpi=150)
+    except (WindsysidError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(render(summary(study)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
