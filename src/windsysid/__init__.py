@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from windsysid.filters import EKF, Belief, Filter, Info
     from windsysid.formats import read_record, write_record
     from windsysid.formulation import Prior
-    from windsysid.identification import Estimate, Identification
-    from windsysid.identify import add_noise, identify
+    from windsysid.identification import add_noise, identify
     from windsysid.mechanics.compile import CompiledModel, compile_model
     from windsysid.mechanics.equations import Equations, lagrange
     from windsysid.mechanics.rotor import RotorModel
     from windsysid.mechanics.sensors import Sensor, read_sensors
     from windsysid.modal import Mode
     from windsysid.record import Record
+    from windsysid.result import Estimate, Identification
     from windsysid.simulate import simulate_record
     from windsysid.statespace import GaussMarkov, Parameter, StateSpace, compose
     from windsysid.turbine import Turbine, load_turbine, packaged_turbines, write_turbine
@@ -36,8 +36,8 @@ _WHERE = {
     "filters": ("EKF", "Belief", "Filter", "Info"),
     "formats": ("read_record", "write_record"),
     "formulation": ("Prior",),
-    "identification": ("Estimate", "Identification"),
-    "identify": ("add_noise", "identify"),
+    "result": ("Estimate", "Identification"),
+    "identification": ("add_noise", "identify"),
     "mechanics.compile": ("CompiledModel", "compile_model"),
     "mechanics.equations": ("Equations", "lagrange"),
     "mechanics.rotor": ("RotorModel",),

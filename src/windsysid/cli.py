@@ -27,6 +27,9 @@ app = typer.Typer(
 TurbineOption = Annotated[
     str, typer.Option("--turbine", help="A packaged turbine (windsysid turbines lists them) or a TOML file.")
 ]
+Mapping = Annotated[
+    Path | None, typer.Option(help="TOML file that says what a record's columns are (docs/records.md).")
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are already there.")]
 
 
@@ -78,12 +81,18 @@ def study(
 def simulate(
     turbine: TurbineOption,
     output: Annotated[Path, typer.Option(help="Record to write: .csv or .nc.")],
-    duration: Annotated[float, typer.Option(help="Length [s].")] = 600.0,
+    duration: Annotated[float, typer.Option(help=r"Length \[s].")] = 600.0,
     rate: Annotated[float, typer.Option(help="Samples per second [Hz].")] = 100.0,
+    loads: Annotated[
+        Literal["random", "wind", "wind-feedback"],
+        typer.Option(
+            help="random: the turbine file's. wind: turbulent wind on the blades; wind-feedback: with aerodynamic damping."
+        ),
+    ] = "random",
     seed: Annotated[int, typer.Option(min=0, help="Seed of loads and noise.")] = 0,
     overwrite: Overwrite = False,
 ) -> None:
-    """Simulate what a turbine's sensors record under random loads."""
+    """Simulate what a turbine's sensors record."""
     from windsysid.formats import write_record
     from windsysid.simulate import simulate_record
     from windsysid.turbine import load_turbine
@@ -93,7 +102,7 @@ def simulate(
         raise ConfigurationError(f"{output} is already there: choose another name, or add --overwrite")
     with _progress("simulate") as progress:
         progress(f"{duration:g} s of {machine.name} at {rate:g} Hz")
-        record = simulate_record(machine, duration=duration, rate=rate, seed=seed)
+        record = simulate_record(machine, duration=duration, rate=rate, seed=seed, loads=loads)
         progress(f"writing {output}")
         write_record(record, output, overwrite=overwrite)
     print(record)
@@ -102,7 +111,7 @@ def simulate(
 
 @app.command()
 def identify(
-    record: Annotated[Path, typer.Argument(help="CSV, netCDF, or OpenFAST .out / .outb.")],
+    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
     turbine: TurbineOption,
     output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")],
     sensors: Annotated[
@@ -113,7 +122,7 @@ def identify(
         typer.Option(help="joint: from accelerometers, loads as states. force-balance: the published study's."),
     ] = "joint",
     section: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="START END", help="Part of the record to use [s].")
+        tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
     ] = None,
     prior_scale: Annotated[float, typer.Option(help="Centre every prior this many times off its reference.")] = 1.0,
     add_noise: Annotated[
@@ -121,13 +130,14 @@ def identify(
         typer.Option(metavar="PERCENT", help="Add white noise of this percentage of each sensor's standard deviation."),
     ] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the added noise.")] = 0,
+    mapping: Mapping = None,
     overwrite: Overwrite = False,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
 ) -> None:
     """Identify stiffness and damping of a turbine from a record."""
     from windsysid.formats import read_record
     from windsysid.formulation import Prior
-    from windsysid.identify import identify as identify_record
+    from windsysid.identification import identify as identify_record
     from windsysid.mechanics.sensors import read_sensors
     from windsysid.output import check_output, new_folder
     from windsysid.turbine import load_turbine
@@ -138,7 +148,7 @@ def identify(
     prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
     with _progress("identify") as progress:
         progress(f"reading {record}")
-        data = read_record(record)
+        data = read_record(record, mapping=mapping)
         if add_noise != 0.0:
             data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
         progress(f"{formulation} formulation, {data.samples} samples")
@@ -154,6 +164,40 @@ def identify(
     print(
         f"{found.samples} samples in {found.elapsed:.2f} s; results: {output / ('summary.json' if no_report else 'report.html')}"
     )
+
+
+@app.command(name="inspect")
+def inspect_command(
+    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
+    turbine: Annotated[
+        str | None, typer.Option(help="Mark the modes of this turbine: a packaged name or a TOML file.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, figures and inspection.json.")] = None,
+    mapping: Mapping = None,
+    section_length: Annotated[float, typer.Option(help="Length of the sections to propose \\[s].")] = 100.0,
+    overwrite: Overwrite = False,
+) -> None:
+    """Look at a record: its health, its spectra, and the sections worth using."""
+    from windsysid.formats import read_record
+    from windsysid.inspect import inspect_record
+    from windsysid.output import check_output, new_folder
+    from windsysid.turbine import load_turbine
+
+    if output is not None:
+        check_output(output, overwrite=overwrite)
+    machine = load_turbine(turbine) if turbine is not None else None
+    with _progress("inspect") as progress:
+        progress(f"reading {record}")
+        data = read_record(record, mapping=mapping)
+        progress(f"{data.samples} samples")
+        found = inspect_record(data, machine, section_length=section_length)
+        if output is not None:
+            with new_folder(output, overwrite=overwrite) as folder:
+                progress("writing the report")
+                found.save(folder)
+    print(found)
+    if output is not None:
+        print(f"report: {output / 'report.html'}")
 
 
 @app.command()
@@ -179,7 +223,7 @@ def _noisy(
 ) -> "tuple[Record, tuple[Sensor, ...] | None]":  # fmt: skip
     """The record with noise added to what will be measured, and the sensors told of it."""
     from windsysid.forcebalance import measured_channels
-    from windsysid.identify import add_noise, usable_sensors, with_noise
+    from windsysid.identification import add_noise, usable_sensors, with_noise
 
     if formulation == "force-balance":
         return add_noise(record, measured_channels(record, turbine), percent, seed)[0], sensors

@@ -54,9 +54,9 @@ __all__ = [
 Array = NDArray[np.float64]
 
 LOADS_WITHHELD = (
-    "In stationary vibration the mean power of the load equals the power that damping takes, E[f v] = c E[v²]: a balance "
-    "without the load loses that damping, and its stiffness is biased. Use the joint formulation, in which loads are states, "
-    "or record the load."
+    "In stationary vibration the power that damping takes is fed by the loads, and by the shaft through the blades: for a support "
+    "alone E[f v] = c E[v²] exactly. A balance without the load finds nothing that pays for the damping, loses it, and biases the "
+    "stiffness. Use the joint formulation, in which loads are states, or record the load."
 )
 """What a reader of a balance without its loads must know."""
 
@@ -136,9 +136,15 @@ def measured_motion(record: Record, turbine: Turbine, cutoff: float) -> Kinemati
     """Displacement, velocity, acceleration of every degree of freedom, (T, n) each.
 
     What is not recorded is integrated from the acceleration, without drift below `cutoff` [Hz].
+
+    Raises
+    ------
+    RecordError
+        If an acceleration is missing, or a channel has another unit or no numbers.
     """
     columns: list[tuple[Array, Array, Array]] = []
     for stem in _stems(turbine):
+        _check_channels(record, stem)
         acceleration = record[f"{stem}_acceleration"]
         velocity, displacement = integrate_acceleration(acceleration, record.rate, cutoff=cutoff)
         if f"{stem}_displacement" in record:
@@ -147,6 +153,22 @@ def measured_motion(record: Record, turbine: Turbine, cutoff: float) -> Kinemati
             velocity = record[f"{stem}_velocity"]
         columns.append((displacement, velocity, acceleration))
     return Kinematic(*(np.column_stack(quantity) for quantity in zip(*columns, strict=True)))
+
+
+def _check_channels(record: Record, stem: str) -> None:
+    """Refuse channels of one degree of freedom that hold no numbers or another unit than the balance needs."""
+    for quantity, per in (("displacement", ""), ("velocity", "/s"), ("acceleration", "/s^2")):
+        channel = f"{stem}_{quantity}"
+        if channel not in record and quantity != "acceleration":
+            continue
+        unit = ("rad" if "lag" in stem or "roll" in stem else "m") + per
+        if record.unit(channel) != unit:
+            raise RecordError(f"channel '{channel}': expected {unit}, got {record.unit(channel)}: correct its unit")
+        if not np.isfinite(record[channel]).any():
+            raise RecordError(
+                f"channel '{channel}' holds no numbers: leave it out if it is a displacement or velocity, "
+                "or choose another record"
+            )
 
 
 def _stems(turbine: Turbine) -> list[str]:
@@ -264,7 +286,10 @@ def _residual_rms(balance: Balance) -> Array:
     for j in range(len(rms)):
         known = np.isfinite(balance.force[:, j]) & np.isfinite(balance.regressors[:, j]).all(axis=1)
         if not known.any():
-            raise RecordError("force balance: expected numbers on every degree of freedom, got a row without any")
+            raise RecordError(
+                f"force balance: no sample is left: {RINGING:g} periods of the band's lower edge at either end of the record "
+                "belong to its filters; choose a longer record, or a section further inside"
+            )
         rows, right = balance.regressors[known, j], balance.force[known, j]
         solution = np.linalg.lstsq(rows, right, rcond=None)[0]
         rms[j] = np.sqrt(np.mean((right - rows @ solution) ** 2))

@@ -12,6 +12,7 @@ from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.filters import Info
 from windsysid.record import Record
 from windsysid.statespace import GaussMarkov, Parameter, StateSpace
+from windsysid.statistics import Statistic
 from windsysid.turbine import Turbine
 
 __all__ = ["Outcome", "Prior", "check_finite", "identifiable", "known_loads"]
@@ -43,6 +44,8 @@ class Prior:
                     f"prior scale of {name}: expected a factor between 0.05 and 20, got {factor:g}; "
                     "for a structure further off, write another turbine file"
                 )
+        if self.spread is not None and not (math.isfinite(self.spread) and self.spread > 0.0):
+            raise ConfigurationError(f"prior spread: expected a positive number, such as 0.3, got {self.spread:g}")
 
     def parameters(self, turbine: Turbine, names: Sequence[str], *, linear: bool) -> tuple[Parameter, ...]:
         """The parameters to identify; `linear` keeps stiffness unscaled, as the force balance needs it.
@@ -96,6 +99,8 @@ class Outcome(NamedTuple):
         Seconds in the filter.
     notes
         What a reader must know.
+    statistics
+        Statistics of loads and noise that were learned with the parameters.
     """
 
     turbine: Turbine
@@ -108,6 +113,7 @@ class Outcome(NamedTuple):
     channels: tuple[str, ...]
     elapsed: float
     notes: tuple[str, ...]
+    statistics: tuple[Statistic, ...] = ()
 
 
 def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[str]:

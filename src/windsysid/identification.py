@@ -11,12 +11,12 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF
 from windsysid.forcebalance import identify_by_force_balance
 from windsysid.formulation import Outcome, Prior
-from windsysid.identification import SIGMAS, Estimate, Identification, coefficient_errors
 from windsysid.joint import identify_jointly
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import Sensor
 from windsysid.modal import modes_with_bands
 from windsysid.record import Record
+from windsysid.result import SIGMAS, Estimate, Identification, coefficient_errors
 from windsysid.turbine import Turbine
 
 __all__ = ["Formulation", "Prior", "add_noise", "conclude", "identify", "usable_sensors", "with_noise"]
@@ -124,6 +124,10 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
             )
     else:
         found = tuple(sensors)
+        if not found:
+            raise ConfigurationError(
+                "the sensor list is empty: expected at least one sensor; leave it out for the usual ones"
+            )
     for sensor in found:
         values = record[sensor.channel]
         unit = record.units[record.channels.index(sensor.channel)]
@@ -209,6 +213,7 @@ def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Iden
         whitened=outcome.final.whitened,
         log_likelihood=float(outcome.final.log_likelihood.sum()),
         notes=outcome.notes,
+        statistics=outcome.statistics,
     )
 
 

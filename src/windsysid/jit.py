@@ -17,7 +17,7 @@ __all__ = ["JACOBIAN", "VALUE", "compiled", "inlined", "logger"]
 
 logger = logging.getLogger("windsysid")
 
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz", "arcp"}}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz", "arcp"}, "nogil": True}
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _vector = types.float64[::1]

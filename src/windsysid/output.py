@@ -26,7 +26,7 @@ def check_output(folder: Path, *, overwrite: bool) -> None:
         if any(folder.iterdir()):
             if not overwrite:
                 raise OutputError(f"output {folder} is already there: choose another folder, or add --overwrite")
-            if not (folder / "summary.json").exists():
+            if not any((folder / name).exists() for name in ("summary.json", "inspection.json")):
                 raise OutputError(
                     f"output {folder} holds files that are not results of windsysid: choose another folder"
                 )

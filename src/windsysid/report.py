@@ -8,8 +8,8 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from windsysid.identification import Identification
 from windsysid.record import Record
+from windsysid.result import Identification
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:
@@ -20,11 +20,12 @@ __all__ = ["Section", "Table", "identification_report", "write_report"]
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under headings; cells of every column but the first are set right."""
+    """Rows of text under headings; columns in `words` are set left and may wrap, the others, numbers, are set right."""
 
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
+    words: Sequence[int] = (0,)
 
 
 @dataclass(frozen=True)
@@ -63,13 +64,16 @@ def identification_report(path: Path, identification: Identification, record: Re
     i = identification
     channels = [channel for channel in i.sensors if channel in record]
     sections = [
-        Section("Result", text=i.notes, tables=[coefficient_table(i), *tip_tables(i), *mode_tables(i)]),
+        Section(
+            "Result", text=i.notes, tables=[coefficient_table(i), *tip_tables(i), *mode_tables(i), *statistic_tables(i)]
+        ),
         Section(
             "How the estimates came about",
             figures=[
                 (
                     coefficient_histories(i),
-                    "What a filter running on line knew after each sample; the dot is the result of the whole record.",
+                    "What a filter running on line would have known after each sample, with the statistics of the files; the dot is "
+                    "the result of the whole record. Where the two part, the on-line filter had locked in an early mistake.",
                 )
             ],
         ),
@@ -79,7 +83,7 @@ def identification_report(path: Path, identification: Identification, record: Re
                 "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should stay between "
                 "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow."
             ],
-            figures=[(innovations(i), "Whitened innovations of the last pass.")],
+            figures=[(innovations(i), "Whitened innovations of the result.")],
         ),
         Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")]),
     ]
@@ -142,6 +146,16 @@ def mode_tables(identification: Identification) -> list[Table]:
         "reference [%]",
     )
     return [Table(headings, rows, "Modes at the record's rotor speed, fixed frame")] if rows else []
+
+
+def statistic_tables(identification: Identification) -> list[Table]:
+    """What was learned of loads and noise."""
+    rows = [
+        (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
+        for s in identification.statistics
+    ]
+    headings = ("statistic", "estimate", "±2σ band", "unit", "in the file")
+    return [Table(headings, rows, "Loads and noise, learned from the record")] if rows else []
 
 
 def _png(figure: "Figure") -> str:

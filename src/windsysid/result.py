@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from windsysid.modal import Mode
 from windsysid.statespace import Parameter
+from windsysid.statistics import Statistic
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-__all__ = ["Estimate", "Identification", "coefficient_errors"]
+__all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
 
 Array = NDArray[np.float64]
 
@@ -94,6 +95,8 @@ class Identification:
         Of all readings.
     notes
         What a reader must know: assumptions, warnings, what was left out.
+    statistics
+        Statistics of loads and noise that were learned from the record.
     """
 
     method: str
@@ -117,6 +120,7 @@ class Identification:
     whitened: Array
     log_likelihood: float
     notes: tuple[str, ...] = ()
+    statistics: tuple[Statistic, ...] = ()
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of one coefficient."""
@@ -147,12 +151,13 @@ class Identification:
             "log_likelihood": self.log_likelihood,
             "parameters": {e.name: _estimate_summary(e) for e in self.estimates},
             "modes": [mode.summary() for mode in self.modes],
+            "statistics": {s.name: asdict(s) for s in self.statistics},
             "notes": list(self.notes),
         }
 
     def to_json(self) -> str:
         """`summary` as JSON text; what is not a finite number becomes null."""
-        return json.dumps(_finite(self.summary()), indent=2) + "\n"
+        return json.dumps(finite(self.summary()), indent=2) + "\n"
 
     def to_xarray(self) -> "xr.Dataset":
         """Histories, covariance and innovations as a labelled dataset."""
@@ -227,6 +232,19 @@ class Identification:
             table.add_row(*mode.cells(), *(mode.reference_cells() if known else ()))
         return table
 
+    def statistics_table(self) -> "Table":
+        """What was learned of loads and noise, as a Rich table."""
+        from rich.table import Table
+
+        table = Table(title="loads and noise, learned from the record", title_justify="left")
+        for heading in ("statistic", "estimate", "±2σ band", "unit", "file"):
+            table.add_column(heading, justify="left" if heading in ("statistic", "unit") else "right")
+        for s in self.statistics:
+            table.add_row(
+                s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}"
+            )
+        return table
+
     def plot(self) -> "Figure":
         """The history of every coefficient with its band and reference."""
         from windsysid.plots import coefficient_histories
@@ -236,7 +254,8 @@ class Identification:
     def __str__(self) -> str:
         from windsysid.console import render
 
-        return render(self.table(), *([self.modes_table()] if self.modes else []), *self.notes)
+        more = [*([self.modes_table()] if self.modes else []), *([self.statistics_table()] if self.statistics else [])]
+        return render(self.table(), *more, *self.notes)
 
 
 def coefficient_errors(history: Array, reference: float) -> Array:
@@ -258,12 +277,12 @@ def _estimate_summary(e: Estimate) -> dict[str, Any]:
     return summary
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     """`value` with every number that JSON cannot hold replaced by None."""
     if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: finite(item) for key, item in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return value

@@ -7,6 +7,7 @@ The paper's Eqs (21)–(23), in the standard order (its P_{k+1} is used before i
 ch. 7.
 """
 
+import math
 from functools import lru_cache
 from typing import Any
 
@@ -79,7 +80,7 @@ def _filter(model: StateSpace, belief: Belief, inputs: Array, readings: Array, *
             f"expected inputs (T, {len(model.inputs)}) and readings (T, {m}), got {inputs.shape} and {readings.shape}"
         )
     mean, cov = belief.mean.copy(), belief.cov.copy()
-    shapes = [(samples, n), (samples, n), (samples, m), (samples, m), (samples, m), (samples,)]
+    shapes = [(samples, n), (samples, n), (samples, m), (samples, m), (samples, m), (samples, m), (samples,)]
     info = Info._make(np.empty(shape) for shape in shapes)
     _kernel()(
         model.compiled.rates_jacobian, model.compiled.reading_jacobian, model.blocks,
@@ -96,7 +97,7 @@ def _kernel() -> Any:
     vector, matrix = types.float64[::1], types.float64[:, ::1]
     signature = types.void(
         model, model, BLOCKS, vector, matrix, vector, matrix, matrix, types.boolean, types.boolean,
-        matrix, matrix, matrix, matrix, matrix, vector,
+        matrix, matrix, matrix, matrix, matrix, matrix, vector,
     )  # fmt: skip
     return compiled(_run, signature)
 
@@ -104,11 +105,11 @@ def _kernel() -> Any:
 def _run(
     rates_jacobian: Any, reading_jacobian: Any, blocks: Any, mean: Any, cov: Any, previous: Any,
     inputs: Any, readings: Any, started: bool, moves: bool,
-    means: Any, stds: Any, innovation: Any, innovation_std: Any, whitened: Any, log_likelihood: Any,
+    means: Any, stds: Any, innovation: Any, innovation_std: Any, whitened: Any, whitening_std: Any, log_likelihood: Any,
 ) -> None:  # fmt: skip
     ws = workspace(blocks)
     n, m = mean.size, blocks.noise.size
-    scratch, shift = np.empty(n), np.empty(n)
+    scratch, gain, shift = np.empty(n), np.empty(n), np.empty(n)
     before = previous
     for k in range(inputs.shape[0]):
         after = inputs[k]
@@ -138,14 +139,19 @@ def _run(
         for c in range(m):
             if np.isnan(readings[k, c]):
                 whitened[k, c] = np.nan
+                whitening_std[k, c] = np.nan
                 continue
             h = ws.H[c]
             residual = innovation[k, c]
             for i in range(n):
                 residual -= h[i] * (mean[i] - shift[i])
-            whitened[k, c], density = assimilate(mean, cov, h, residual, blocks.noise[c], scratch)
-            total += density
+            z, std = assimilate(mean, cov, h, residual, blocks.noise[c], scratch, gain)
+            whitened[k, c] = z
+            whitening_std[k, c] = std
+            total -= 0.5 * (math.log(2.0 * math.pi) + z * z) + math.log(std)
         log_likelihood[k] = total
         for i in range(n):
+            for j in range(i):  # rounding has made the two halves differ in the last digit
+                cov[i, j] = cov[j, i]
             means[k, i] = mean[i]
             stds[k, i] = np.sqrt(cov[i, i])

@@ -57,6 +57,9 @@ class Info(NamedTuple):
         missing.
     whitened
         Innovations decorrelated and scaled to unit variance (T, m); NaN where missing.
+    whitening_std
+        What they were divided by (T, m): the standard deviation of a reading given the past and the readings before it
+        in the same sample.
     log_likelihood
         Log density of the readings of each sample given the past (T,).
     """
@@ -66,6 +69,7 @@ class Info(NamedTuple):
     innovation: Array
     innovation_std: Array
     whitened: Array
+    whitening_std: Array
     log_likelihood: Array
 
 
@@ -91,11 +95,11 @@ def first_belief(model: StateSpace) -> Belief:
 
 
 @inlined
-def assimilate(mean: Any, cov: Any, h: Any, residual: float, variance: float, v: Any) -> tuple[float, float]:
+def assimilate(mean: Any, cov: Any, h: Any, residual: float, variance: float, v: Any, gain: Any) -> tuple[float, float]:
     """Take in one scalar reading, in place.
 
-    `h` (n,) is the reading's derivative, `residual` its deviation from the expectation at the current mean, `v` (n,)
-    scratch. Returns the whitened innovation and the log density.
+    `h` (n,) is the reading's derivative, `residual` its deviation from the expectation at the current mean, `v` and
+    `gain` (n,) scratch. Returns the whitened innovation and the standard deviation it was divided by.
     """
     n = mean.size
     s = variance
@@ -104,14 +108,14 @@ def assimilate(mean: Any, cov: Any, h: Any, residual: float, variance: float, v:
         for j in range(n):
             total += cov[i, j] * h[j]
         v[i] = total
+        s += h[i] * total
+    scale = 1.0 / s
     for i in range(n):
-        s += h[i] * v[i]
+        gain[i] = v[i] * scale
+        mean[i] += gain[i] * residual
     for i in range(n):
-        gain = v[i] / s
-        mean[i] += gain * residual
-        for j in range(i, n):
-            other = v[j] / s
-            value = cov[i, j] - gain * v[j] - v[i] * other + s * gain * other
-            cov[i, j] = value
-            cov[j, i] = value
-    return residual / math.sqrt(s), -0.5 * (math.log(2.0 * math.pi * s) + residual * residual / s)
+        pushed, pulled = gain[i], s * gain[i] - v[i]
+        for j in range(n):
+            cov[i, j] += pulled * gain[j] - pushed * v[j]
+    root = math.sqrt(s)
+    return residual / root, root

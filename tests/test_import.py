@@ -1,0 +1,76 @@
+"""`import windsysid` is light, and every public name leads somewhere that explains itself."""
+
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import windsysid
+
+HEAVY = ("numba", "sympy", "scipy", "pandas", "xarray", "matplotlib", "numpy", "pydantic", "typer", "rich")
+MODULES = [
+    "windsysid",
+    *sorted(info.name for info in pkgutil.walk_packages(windsysid.__path__, "windsysid.")),
+]
+
+
+def in_a_new_process(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    assert in_a_new_process(f"import sys, windsysid; print(sorted(set({HEAVY!r}) & set(sys.modules)))") == "[]"
+
+
+def test_importing_the_command_line_loads_no_numerics():
+    code = "import sys, windsysid.cli; print(sorted({'numba', 'sympy', 'scipy', 'pandas', 'xarray', 'matplotlib'} & set(sys.modules)))"
+    assert in_a_new_process(code) == "[]"
+
+
+@pytest.mark.parametrize("name", windsysid.__all__)
+def test_every_public_name_resolves(name: str):
+    assert getattr(windsysid, name) is not None
+
+
+def test_the_list_of_public_names_is_complete():
+    assert sorted(windsysid.__all__) == sorted(windsysid._MODULE_OF)
+    assert len(set(windsysid.__all__)) == len(windsysid.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="module 'windsysid' has no attribute 'identfy'"):
+        _ = windsysid.identfy
+
+
+@pytest.mark.parametrize("first", ["ws.add_noise", "ws.Prior", "ws.Identification", "__import__('windsysid.study')"])
+def test_public_names_are_what_they_say_whatever_was_imported_first(first: str):
+    # A submodule of the same name must not take a function's place.
+    code = (
+        f"import windsysid as ws; {first}; "
+        "print([name for name in ws.__all__ if type(getattr(ws, name)).__name__ == 'module'])"
+    )
+    assert in_a_new_process(code) == "[]"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_exported_function_and_class_explains_itself(module: str):
+    loaded = importlib.import_module(module)
+    assert loaded.__doc__, f"{module} has no docstring"
+    for name in getattr(loaded, "__all__", ()):
+        value = getattr(loaded, name)  # and it is there
+        if inspect.isfunction(value) or inspect.isclass(value):
+            assert inspect.getdoc(value), f"{module}.{name} has no docstring"
+            if inspect.isclass(value) and value.__module__.startswith("windsysid"):
+                for method, member in vars(value).items():
+                    described = inspect.isfunction(member) or isinstance(member, property | classmethod)
+                    if described and not method.startswith("_"):
+                        assert inspect.getdoc(getattr(value, method)), f"{module}.{name}.{method} has no docstring"
+
+
+def test_modules_with_public_names_say_which():
+    for module in MODULES:
+        if module.rsplit(".", 1)[-1] != "cli":
+            assert hasattr(importlib.import_module(module), "__all__"), module
