@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from windsysid.errors import ConfigurationError, OutputError, RecordError, WindsysidError
     from windsysid.filters import EKF, Belief, Filter, Info
-    from windsysid.formats import read_record, write_record
+    from windsysid.formats import iterate_record, load_mapping, read_record, write_record
     from windsysid.formulation import Prior
     from windsysid.identification import add_noise, identify
     from windsysid.mechanics.compile import CompiledModel, compile_model
@@ -34,7 +34,7 @@ __version__ = "0.1.0"
 _WHERE = {
     "errors": ("ConfigurationError", "OutputError", "RecordError", "WindsysidError"),
     "filters": ("EKF", "Belief", "Filter", "Info"),
-    "formats": ("read_record", "write_record"),
+    "formats": ("iterate_record", "load_mapping", "read_record", "write_record"),
     "formulation": ("Prior",),
     "result": ("Estimate", "Identification"),
     "identification": ("add_noise", "identify"),
@@ -53,7 +53,8 @@ _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names
 __all__ = [
     "EKF", "Belief", "CompiledModel", "ConfigurationError", "Equations", "Estimate", "Filter", "GaussMarkov",
     "Identification", "Info", "Mode", "OutputError", "Parameter", "Prior", "Record", "RecordError", "RotorModel", "Sensor",
-    "StateSpace", "Turbine", "WindsysidError", "add_noise", "compile_model", "compose", "identify", "lagrange",
+    "StateSpace", "Turbine", "WindsysidError", "add_noise", "compile_model", "compose", "identify",
+    "iterate_record", "lagrange", "load_mapping",
     "load_turbine", "packaged_turbines", "read_record", "read_sensors", "simulate_record", "write_record",
     "write_turbine",
 ]  # fmt: skip

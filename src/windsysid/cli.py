@@ -147,8 +147,9 @@ def identify(
     listed = read_sensors(sensors) if sensors is not None else None
     prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
     with _progress("identify") as progress:
-        progress(f"reading {record}")
-        data = read_record(record, mapping=mapping)
+        data = read_record(
+            record, mapping=mapping, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
+        )
         if add_noise != 0.0:
             data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
         progress(f"{formulation} formulation, {data.samples} samples")
@@ -187,8 +188,9 @@ def inspect_command(
         check_output(output, overwrite=overwrite)
     machine = load_turbine(turbine) if turbine is not None else None
     with _progress("inspect") as progress:
-        progress(f"reading {record}")
-        data = read_record(record, mapping=mapping)
+        data = read_record(
+            record, mapping=mapping, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
+        )
         progress(f"{data.samples} samples")
         found = inspect_record(data, machine, section_length=section_length)
         if output is not None:

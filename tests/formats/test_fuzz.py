@@ -225,7 +225,7 @@ def test_damaged_parquet_is_refused_or_what_was_written(tmp_path):
 
 
 def test_damaged_netcdf_is_refused_or_what_was_written(tmp_path):
-    fuzz_checked(tmp_path, ".nc", 150, 3)
+    fuzz_checked(tmp_path, ".nc", 400, 3)
 
 
 @pytest.mark.slow
