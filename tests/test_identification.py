@@ -44,7 +44,7 @@ def without(record: Record, *channels: str) -> Record:
 def test_the_summary_has_every_key_with_finite_numbers(found, record):
     summary = found.summary()
     assert {"method", "formulation", "record", "turbine", "sensors", "samples", "elapsed_s"} <= set(summary)
-    assert summary["method"] == "extended Kalman filter"
+    assert summary["method"] == "posterior mode, extended Kalman filter"
     assert summary["formulation"] == "joint"
     assert summary["turbine"] == "verne555"
     assert summary["samples"] == record.samples

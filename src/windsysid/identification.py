@@ -192,7 +192,7 @@ def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Iden
     speed = float(outcome.rotor[:, 1].mean())
     modes = modes_with_bands(turbine.model, compiled, p, speed, model.parameters, theta, cov, at_reference)
     return Identification(
-        method=EKF.name,
+        method=EKF.name if formulation == "force-balance" else f"posterior mode, {EKF.name}",
         formulation=formulation,
         record=record.name,
         turbine=turbine.name,
