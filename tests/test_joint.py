@@ -11,11 +11,12 @@ from windsysid.forcebalance import Balance, balance_statespace
 from windsysid.formulation import Prior, check_finite, identifiable, known_loads
 from windsysid.identification import identify
 from windsysid.joint import _settle
+from windsysid.loads import GaussMarkov
 from windsysid.mechanics import RotorModel, compile_model
 from windsysid.record import Record
 from windsysid.result import Identification
 from windsysid.simulate import constant_speed_inputs, integrate, simulate_record
-from windsysid.statespace import GaussMarkov, Parameter
+from windsysid.statespace import Parameter
 from windsysid.turbine import Turbine, load_turbine
 
 RATE = 100.0

@@ -5,9 +5,9 @@ import pytest
 import scipy.integrate
 
 from windsysid.errors import ConfigurationError
+from windsysid.loads import GaussMarkov
 from windsysid.mechanics import compile_model
 from windsysid.simulate import constant_speed_inputs, gauss_markov_loads, integrate
-from windsysid.statespace import GaussMarkov
 from windsysid.turbine import Turbine
 
 

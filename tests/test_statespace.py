@@ -8,7 +8,8 @@ import pytest
 
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
 from windsysid.errors import ConfigurationError
-from windsysid.statespace import GaussMarkov, Parameter, StateSpace, compose
+from windsysid.loads import GaussMarkov, LoadBlock
+from windsysid.statespace import Parameter, StateSpace, compose
 from windsysid.turbine import Turbine
 
 LOADS = (GaussMarkov("load_3", 2.0, 1.5), GaussMarkov("load_1", 5.0, 0.5))
@@ -33,10 +34,10 @@ def test_the_state_is_motion_loads_biases_parameters_in_that_order():
     assert model.inputs == ("load_1", "load_2", "load_3")
     assert model.readings == ("acceleration_1", "acceleration_3", "displacement_2")
     assert list(model.states)[model.parameter_block] == ["k_2", "c_1"]
-    assert model.rate == 50.0
+    assert model.blocks.step == [1.0 / 50.0]
     assert list(model.blocks.sizes) == [6, 2, 1, 2, 0, 3]
     np.testing.assert_array_equal(model.blocks.bias_of, [-1, 0, -1])
-    np.testing.assert_array_equal(model.blocks.load_output, [[0, 1], [0, 0], [1, 0]])
+    np.testing.assert_array_equal(model.blocks.load_output, [[[0, 1], [0, 0], [1, 0]]])
     np.testing.assert_allclose(model.blocks.noise, [0.05**2, 0.08**2, 0.002**2])
 
 
@@ -72,8 +73,8 @@ def test_an_unrelated_value_does_no_harm():
         ({"values": {k: v for k, v in CHAIN_VALUES.items() if k != "m_2"}}, "parameter 'm_2': .* got none"),
         ({"values": CHAIN_VALUES | {"m_2": float("nan")}}, "parameter 'm_2': expected a finite value, got nan"),
         ({"values": CHAIN_VALUES | {"m_2": float("inf")}}, "parameter 'm_2': expected a finite value, got inf"),
-        ({"loads": [GaussMarkov("load_9", 1.0, 1.0)]}, "load 'load_9': expected each of load_1, load_2, load_3"),
-        ({"loads": [LOADS[0], LOADS[0]]}, "load 'load_3': .* at most once"),
+        ({"loads": [GaussMarkov("load_9", 1.0, 1.0)]}, "load 'load_9': expected one of load_1, load_2, load_3"),
+        ({"loads": [LOADS[0], LOADS[0]]}, "load 'load_3': two load models have a state of this name"),
         ({"rate": 0.0}, "sampling rate: expected a positive number of Hz, got 0"),
         ({"rate": -5.0}, "sampling rate"),
         ({"rate": float("nan")}, "sampling rate"),
@@ -138,8 +139,47 @@ def test_an_absurd_load_is_refused(rms: float, tau: float):
 
 def test_a_load_is_discretised_exactly():
     # Two half steps make one whole step, and the stationary variance stays what it is.
-    load = GaussMarkov("w", 3.0, 0.7)
-    (a, q), (half, quarter) = load.discretise(0.1), load.discretise(0.05)
-    assert a == pytest.approx(half**2, rel=1e-14)
-    assert q == pytest.approx(half**2 * quarter + quarter, rel=1e-12)
-    assert a**2 * 9.0 + q == pytest.approx(9.0, rel=1e-14)
+    swing = LoadBlock(("w", "v"), np.array([[0.0, 1.0], [-4.0, -0.8]]), np.diag([9.0, 36.0]), {"w": np.ones((1, 2))})
+    for load in (GaussMarkov("w", 3.0, 0.7), swing):
+        (a, q), (half, quarter) = load.discretise(0.1), load.discretise(0.05)
+        np.testing.assert_allclose(a, half @ half, rtol=1e-13)
+        np.testing.assert_allclose(q, half @ quarter @ half.T + quarter, rtol=1e-10, atol=1e-13)
+        np.testing.assert_allclose(a @ load.cov @ a.T + q, load.cov, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("drift", "cov", "rows", "complaint"),
+    [
+        (np.eye(1), np.eye(1), np.ones((1, 1)), "expected a block that returns to its mean"),
+        (-np.eye(2), np.eye(1), np.ones((1, 1)), "expected a finite drift 1 × 1"),
+        (-np.eye(1), np.eye(1), np.ones((2, 1)), "expected finite rows H₀, C₁, S₁"),
+        (-np.eye(1), np.full((1, 1), np.nan), np.ones((1, 1)), "expected a finite covariance"),
+    ],
+)
+def test_a_block_that_makes_no_sense_is_refused(drift: Any, cov: Any, rows: Any, complaint: str):
+    with pytest.raises(ConfigurationError, match=complaint):
+        LoadBlock(("w",), drift, cov, {"w": rows})
+
+
+def test_blocks_join_in_order_and_add_up_on_one_load():
+    swing = np.array([[0.0, 1.0], [-4.0, -0.8]])
+    block = LoadBlock(("w", "v"), swing, np.diag([9.0, 36.0]), {"load_1": np.array([[2.0, 0.5]])})
+    model = composed(loads=[*LOADS, block])
+    assert model.states[6:10] == ("load_3", "load_1", "w", "v")
+    np.testing.assert_array_equal(model.blocks.load_output, [[[0, 1, 2, 0.5], [0, 0, 0, 0], [1, 0, 0, 0]]])
+    np.testing.assert_allclose(np.diag(model.cov)[6:10], [4.0, 25.0, 9.0, 36.0])
+    turning = LoadBlock(("w",), -np.eye(1), np.eye(1), {"load_1": np.ones((3, 1))})
+    with pytest.raises(ConfigurationError, match="needs a model with the input 'rotor_azimuth'"):
+        composed(loads=[turning])
+
+
+def test_unequal_sampling_has_a_table_of_intervals():
+    model = composed(rate=None, intervals=[0.02, 0.05], walk={"k_2": 0.1})
+    assert model.inputs == ("load_1", "load_2", "load_3", "interval")
+    for i, rate in enumerate((50.0, 20.0)):
+        uniform = composed(rate=rate, walk={"k_2": 0.1})
+        for name in ("load_transition", "load_noise", "walk", "step"):
+            np.testing.assert_array_equal(getattr(model.blocks, name)[i], getattr(uniform.blocks, name)[0])
+    for wrong in ({"rate": 10.0, "intervals": [0.1]}, {"rate": None}, {"rate": None, "intervals": [0.1, -1.0]}):
+        with pytest.raises(ConfigurationError, match="sampling"):
+            composed(**wrong)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from windsysid.formats import iterate_record, load_mapping, read_record, write_record
     from windsysid.formulation import Prior
     from windsysid.identification import add_noise, identify
+    from windsysid.loads import GaussMarkov, LoadBlock
     from windsysid.mechanics.compile import CompiledModel, compile_model
     from windsysid.mechanics.equations import Equations, lagrange
     from windsysid.mechanics.rotor import RotorModel
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from windsysid.record import Record
     from windsysid.result import Estimate, Identification
     from windsysid.simulate import simulate_record
-    from windsysid.statespace import GaussMarkov, Parameter, StateSpace, compose
+    from windsysid.statespace import Parameter, StateSpace, compose
     from windsysid.turbine import Turbine, load_turbine, packaged_turbines, write_turbine
 
 __version__ = "0.1.0"
@@ -45,14 +46,15 @@ _WHERE = {
     "modal": ("Mode",),
     "record": ("Record",),
     "simulate": ("simulate_record",),
-    "statespace": ("GaussMarkov", "Parameter", "StateSpace", "compose"),
+    "loads": ("GaussMarkov", "LoadBlock"),
+    "statespace": ("Parameter", "StateSpace", "compose"),
     "turbine": ("Turbine", "load_turbine", "packaged_turbines", "write_turbine"),
 }
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
 
 __all__ = [
     "EKF", "Belief", "CompiledModel", "ConfigurationError", "Equations", "Estimate", "Filter", "GaussMarkov",
-    "Identification", "Info", "Mode", "OutputError", "Parameter", "Prior", "Record", "RecordError", "RotorModel", "Sensor",
+    "Identification", "Info", "LoadBlock", "Mode", "OutputError", "Parameter", "Prior", "Record", "RecordError", "RotorModel", "Sensor",
     "StateSpace", "Turbine", "WindsysidError", "add_noise", "compile_model", "compose", "identify",
     "iterate_record", "lagrange", "load_mapping",
     "load_turbine", "packaged_turbines", "read_record", "read_sensors", "simulate_record", "write_record",

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.filters import Info
+from windsysid.loads import GaussMarkov
 from windsysid.record import Record
-from windsysid.statespace import GaussMarkov, Parameter, StateSpace
+from windsysid.statespace import Parameter, StateSpace
 from windsysid.statistics import Statistic
 from windsysid.turbine import Turbine
 

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from windsysid.filters import EKF, Belief
 from windsysid.formulation import Outcome, Prior, check_finite, identifiable, known_loads
 from windsysid.likelihood import Posterior, posterior_mode
+from windsysid.loads import GaussMarkov
 from windsysid.mechanics.sensors import Sensor
 from windsysid.record import Record
 from windsysid.signals import rotor_inputs
-from windsysid.statespace import GaussMarkov, Parameter, StateSpace, compose
+from windsysid.statespace import Parameter, StateSpace, compose
 from windsysid.statistics import Statistic, given_statistics, learned_statistics, spreads, with_statistics
 from windsysid.turbine import Turbine
 
@@ -116,7 +117,7 @@ def _refine(
         moved_loads, moved_sensors = with_statistics(statistics, values[n:], loads, sensors)
         physical = {q.name: float(q.physical(t)) for q, t in zip(model.parameters, values, strict=False)}
         return compose(
-            turbine.model, rate=model.rate, values={**turbine.values, **physical}, loads=moved_loads, sensors=moved_sensors,
+            turbine.model, intervals=model.blocks.step, values={**turbine.values, **physical}, loads=moved_loads, sensors=moved_sensors,
             cov=model.cov[:nx, :nx],
         )  # fmt: skip
 

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from windsysid.errors import ConfigurationError
 from windsysid.jit import VALUE, compiled
+from windsysid.loads import GaussMarkov
 from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.record import Record
-from windsysid.statespace import GaussMarkov
 from windsysid.turbine import Turbine
 
 __all__ = ["Response", "constant_speed_inputs", "gauss_markov_loads", "integrate", "simulate_record"]
@@ -154,7 +154,7 @@ def gauss_markov_loads(
 
     drawn = np.zeros((samples, len(names)))
     for load in loads:
-        factor, variance = load.discretise(1.0 / rate)
+        factor, variance = (matrix.item() for matrix in load.discretise(1.0 / rate))
         noise = rng.standard_normal(samples) * np.sqrt(variance)
         noise[:1] *= load.rms / np.sqrt(variance)
         drawn[:, list(names).index(load.load)] += lfilter([1.0], [1.0, -factor], noise)

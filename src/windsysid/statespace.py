@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from windsysid.errors import ConfigurationError
+from windsysid.loads import LoadModel
 from windsysid.mechanics.compile import CompiledModel, Model, compile_model
 from windsysid.transition import Blocks
 
-__all__ = ["GaussMarkov", "Parameter", "StateSpace", "compose"]
+__all__ = ["Parameter", "StateSpace", "compose"]
 
 Array = NDArray[np.float64]
 
@@ -73,36 +74,6 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class GaussMarkov:
-    """A first-order Gauss–Markov load on one degree of freedom: mean zero, correlation exp(−|t| / time_constant).
-
-    Attributes
-    ----------
-    load
-        Name of the model's load.
-    rms
-        Stationary standard deviation [N or N·m].
-    time_constant
-        [s].
-    """
-
-    load: str
-    rms: float
-    time_constant: float
-
-    def __post_init__(self) -> None:
-        if not (self.rms > 0.0 and self.time_constant > 0.0 and np.isfinite(self.rms * self.time_constant)):
-            raise ConfigurationError(
-                f"load '{self.load}': expected a positive rms and time constant, got {self.rms} and {self.time_constant}"
-            )
-
-    def discretise(self, step: float) -> tuple[float, float]:
-        """Transition factor and noise variance over `step` seconds, exact."""
-        factor = float(np.exp(-step / self.time_constant))
-        return factor, self.rms**2 * -float(np.expm1(-2.0 * step / self.time_constant))
-
-
-@dataclass(frozen=True)
 class StateSpace:
     """A composed model: what every filter runs.
 
@@ -132,13 +103,9 @@ class StateSpace:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the columns of the input array: known inputs, then known loads."""
-        return (*self.compiled.inputs, *self.compiled.loads)
-
-    @property
-    def rate(self) -> float:
-        """Samples per second [Hz]."""
-        return 1.0 / float(self.blocks.step[0])
+        """Names of the columns of the input array: known inputs, known loads, and the interval where there are several."""
+        which = ("interval",) if self.blocks.step.size > 1 else ()
+        return (*self.compiled.inputs, *self.compiled.loads, *which)
 
     @cached_property
     def parameter_block(self) -> slice:
@@ -149,10 +116,11 @@ class StateSpace:
 def compose(
     model: Model,
     *,
-    rate: float,
+    rate: float | None = None,
+    intervals: ArrayLike | None = None,
     values: Mapping[str, float],
     parameters: Sequence[Parameter] = (),
-    loads: Sequence[GaussMarkov] = (),
+    loads: Sequence[LoadModel] = (),
     sensors: Sequence[Any] = (),
     mean: ArrayLike | None = None,
     cov: ArrayLike | None = None,
@@ -166,14 +134,17 @@ def compose(
         A `RotorModel` or any `Equations`.
     rate
         Samples per second [Hz].
+    intervals
+        For unequal sampling, instead of `rate`: the sampling intervals that occur [s], (S,).
     values
         Value of every parameter of the model that is not identified, SI.
     parameters
         The parameters to identify; their derivatives are compiled.
     loads
-        Loads that are states. Loads without one are zero or known inputs.
+        Models of the loads that are states; those on one degree of freedom add up. Loads without one are zero or known
+        inputs.
     sensors
-        Sensors of the readings, with ``channel``, ``noise`` and ``bias``.
+        Sensors of the readings, with ``channel``, ``noise``, ``bias`` and ``drift`` where there is a bias.
     mean, cov
         Prior of the mechanical states (n_x,), (n_x, n_x); zero and the identity by default.
     walk
@@ -182,13 +153,11 @@ def compose(
     Raises
     ------
     ConfigurationError
-        If a value is missing or not finite, a load is unknown or modelled twice, the rate or a noise is not positive, a channel
-        is read twice, or the prior does not fit the states.
+        If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate or a noise is not
+        positive, a channel is read twice, or the prior does not fit the states.
     """
     compiled = compile_model(model, sensors, [parameter.name for parameter in parameters])
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise ConfigurationError(f"sampling rate: expected a positive number of Hz, got {rate}")
-    step = 1.0 / rate
+    steps = _intervals(rate, intervals)
     p = np.empty(len(compiled.parameters))
     known = dict(values) | {parameter.name: parameter.centre for parameter in parameters}
     for i, name in enumerate(compiled.parameters):
@@ -196,42 +165,41 @@ def compose(
             raise ConfigurationError(f"parameter '{name}': expected a finite value, got {known.get(name, 'none')}")
         p[i] = known[name]
 
-    driven = [load.load for load in loads]
-    for name in driven:
-        if name not in compiled.loads or driven.count(name) > 1:
-            raise ConfigurationError(
-                f"load '{name}': expected each of {', '.join(compiled.loads) or 'no loads'} at most once"
-            )
     _check_sensors(sensors)
     drift = dict(walk or {})
     _check_walk(drift, [parameter.name for parameter in parameters])
-    discrete = [load.discretise(step) for load in loads]
-    output = np.zeros((len(compiled.loads), len(loads)))
-    for column, name in enumerate(driven):
-        output[compiled.loads.index(name), column] = 1.0
+    load_states, load_cov, load_output = _join_loads(loads, compiled)
+    discrete = [[load.discretise(float(step)) for load in loads] for step in steps]
 
     biased = [sensor for sensor in sensors if sensor.bias > 0.0]
     bias_of = np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64)
-    nx, nz, nb, nt = len(compiled.states), len(loads), len(biased), len(parameters)
+    nx, nz, nb, nt = len(compiled.states), len(load_states), len(biased), len(parameters)
     blocks = Blocks(
         sizes=np.array([nx, nz, nb, nt, len(compiled.inputs), len(compiled.loads)], dtype=np.int64),
-        step=np.array([step]),
+        step=steps,
+        azimuth=np.array([compiled.inputs.index("rotor_azimuth") if len(load_output) > 1 else -1], dtype=np.int64),
         p=p,
         chosen=np.array([compiled.parameters.index(q.name) for q in parameters], dtype=np.int64),
         reference=np.array([q.reference for q in parameters], dtype=np.float64),
         logarithmic=np.array([q.logarithmic for q in parameters], dtype=np.int64),
-        load_transition=np.diag([factor for factor, _ in discrete]).reshape(nz, nz),
-        load_output=output,
-        load_noise=np.diag([variance for _, variance in discrete]).reshape(nz, nz),
-        walk=np.array([0.0] * nb + [drift.get(q.name, 0.0) ** 2 * step for q in parameters], dtype=np.float64),
+        load_transition=_diagonal([[transition for transition, _ in blocks] for blocks in discrete], nz),
+        load_noise=_diagonal([[noise for _, noise in blocks] for blocks in discrete], nz),
+        load_output=load_output,
+        walk=np.outer(
+            steps,
+            np.square(
+                [*(getattr(sensor, "drift", 0.0) for sensor in biased), *(drift.get(q.name, 0.0) for q in parameters)]
+            ),
+        ),
         bias_of=bias_of,
         noise=np.array([sensor.noise**2 for sensor in sensors], dtype=np.float64),
     )
     prior = [q.prior for q in parameters]
     full_cov = np.zeros((nx + nz + nb + nt,) * 2)
     full_cov[:nx, :nx] = _prior("covariance", np.eye(nx) if cov is None else cov, (nx, nx))
-    spread = [load.rms for load in loads] + [sensor.bias for sensor in biased] + [std for _, std in prior]
-    full_cov[range(nx, nx + nz + nb + nt), range(nx, nx + nz + nb + nt)] = np.square(spread)
+    full_cov[nx : nx + nz, nx : nx + nz] = load_cov
+    spread = [sensor.bias for sensor in biased] + [std for _, std in prior]
+    full_cov[range(nx + nz, nx + nz + nb + nt), range(nx + nz, nx + nz + nb + nt)] = np.square(spread)
     full_mean = np.zeros(nx + nz + nb + nt)
     full_mean[:nx] = _prior("mean", np.zeros(nx) if mean is None else mean, (nx,))
     full_mean[nx + nz + nb :] = [centre for centre, _ in prior]
@@ -240,7 +208,7 @@ def compose(
         blocks=blocks,
         states=(
             *compiled.states,
-            *driven,
+            *load_states,
             *(f"bias_{sensor.channel}" for sensor in biased),
             *(parameter.name for parameter in parameters),
         ),
@@ -249,6 +217,52 @@ def compose(
         mean=full_mean,
         cov=full_cov,
     )
+
+
+def _intervals(rate: float | None, intervals: ArrayLike | None) -> Array:
+    """The sampling intervals (S,) [s]."""
+    if (rate is None) == (intervals is None):
+        raise ConfigurationError("sampling: expected either a rate or the intervals that occur, got both or neither")
+    if rate is not None:
+        if not (np.isfinite(rate) and rate > 0.0):
+            raise ConfigurationError(f"sampling rate: expected a positive number of Hz, got {rate}")
+        return np.array([1.0 / rate])
+    steps = np.asarray(intervals, dtype=np.float64)
+    if steps.ndim != 1 or not steps.size or not (np.isfinite(steps).all() and (steps > 0.0).all()):
+        raise ConfigurationError(f"sampling intervals: expected one or more positive numbers of seconds, got {steps}")
+    return steps.copy()
+
+
+def _join_loads(loads: Sequence[LoadModel], compiled: CompiledModel) -> tuple[list[str], Array, Array]:
+    """Names of all load states, their covariance (n_z, n_z) and H₀, C₁, S₁ … (1 + 2K, n_w, n_z)."""
+    names = [name for load in loads for name in load.states]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f"load '{name}': two load models have a state of this name: expected each once")
+    rows = max((len(matrix) for load in loads for matrix in load.outputs.values()), default=1)
+    if rows > 1 and "rotor_azimuth" not in compiled.inputs:
+        raise ConfigurationError("a load that turns with the rotor needs a model with the input 'rotor_azimuth'")
+    output = np.zeros((rows, len(compiled.loads), len(names)))
+    first = 0
+    for load in loads:
+        for name, matrix in load.outputs.items():
+            if name not in compiled.loads:
+                raise ConfigurationError(f"load '{name}': expected one of {', '.join(compiled.loads) or 'no loads'}")
+            output[: len(matrix), compiled.loads.index(name), first : first + len(load.states)] += matrix
+        first += len(load.states)
+    return names, _diagonal([[load.cov for load in loads]], len(names))[0], output
+
+
+def _diagonal(blocks: Sequence[Sequence[Array]], size: int) -> Array:
+    """Block-diagonal matrices (S, size, size), one for each list of square blocks."""
+    whole = np.zeros((len(blocks), size, size))
+    for matrix, parts in zip(whole, blocks, strict=True):
+        first = 0
+        for part in parts:
+            last = first + len(part)
+            matrix[first:last, first:last] = part
+            first = last
+    return whole
 
 
 def _prior(what: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:

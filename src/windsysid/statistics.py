@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.loads import GaussMarkov
 from windsysid.mechanics.sensors import Sensor
-from windsysid.statespace import GaussMarkov
 
 __all__ = ["Statistic", "given_statistics", "learned_statistics", "spreads", "with_statistics"]
 

@@ -1,7 +1,7 @@
 """One step of a composed model, in compiled code: every filter moves its beliefs with these functions and no others.
 
 The state is [x | z | b | θ]: mechanical states, load states, sensor biases, parameters in filter coordinates.
-Between two samples inputs and loads run linearly, so that with w = w_known + H z and z₁ = Φ z₀ + η
+Between two samples inputs and loads run linearly, so that with w = w_known + H(ψ) z and z₁ = Φ z₀ + η
 
     x₁ = RK4(x₀; u₀, u₁, w₀, w₁, p(θ)),     y = h(x, u, p(θ), w) + b + noise.
 
@@ -35,7 +35,10 @@ class Blocks(NamedTuple):
     sizes
         (n_x, n_z, n_b, n_θ, n_u, n_w) as int64.
     step
-        Time between samples [s], shape (1,).
+        The sampling intervals that occur [s], (S,). Where there are several, the last column of the inputs says which of
+        them, counted from 0, led to the sample.
+    azimuth
+        Column of ψ among the inputs, (1,) as int64; −1 where no load turns with the rotor.
     p
         All physical parameters (n_p,); those identified are replaced from θ.
     chosen
@@ -44,10 +47,12 @@ class Blocks(NamedTuple):
         Scale of each identified parameter (n_θ,): p = reference · exp(θ) or reference · θ.
     logarithmic
         1 where p = reference · exp(θ), as int64 (n_θ,).
-    load_transition, load_output, load_noise
-        Φ (n_z, n_z), H (n_w, n_z) and the covariance of η (n_z, n_z).
+    load_transition, load_noise
+        Φ and the covariance of η for each interval (S, n_z, n_z).
+    load_output
+        H₀, C₁, S₁, C₂ … of H(ψ) = H₀ + Σ_k (C_k cos kψ + S_k sin kψ), (1 + 2K, n_w, n_z).
     walk
-        Variance per step of each bias and parameter (n_b + n_θ,).
+        Variance per step of each bias and parameter, for each interval (S, n_b + n_θ).
     bias_of
         Index of the bias state of each reading, −1 for none (m,) as int64.
     noise
@@ -56,20 +61,21 @@ class Blocks(NamedTuple):
 
     sizes: Any
     step: Any
+    azimuth: Any
     p: Any
     chosen: Any
     reference: Any
     logarithmic: Any
     load_transition: Any
-    load_output: Any
     load_noise: Any
+    load_output: Any
     walk: Any
     bias_of: Any
     noise: Any
 
 
-_i1, _f1, _f2 = types.int64[::1], types.float64[::1], types.float64[:, ::1]
-BLOCKS = types.NamedTuple([_i1, _f1, _f1, _i1, _f1, _i1, _f2, _f2, _f2, _f1, _i1, _f1], Blocks)
+_i1, _f1, _f2, _f3 = types.int64[::1], types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
+BLOCKS = types.NamedTuple([_i1, _f1, _i1, _f1, _i1, _f1, _i1, _f3, _f3, _f3, _f2, _i1, _f1], Blocks)
 """Numba's type of `Blocks`, for explicit signatures."""
 
 
@@ -82,6 +88,8 @@ class Workspace(NamedTuple):
     w0: Any
     w1: Any
     w: Any
+    H0: Any
+    H1: Any
     z: Any
     x: Any
     rate: Any
@@ -108,8 +116,8 @@ def workspace(blocks: Any) -> Any:
     nx, nz, nb, nt, nu, nw = blocks.sizes
     n, m, columns = nx + nz + nb + nt, blocks.noise.size, nx + 2 * nw + nt
     return Workspace(
-        blocks.p.copy(), np.ones(nt), np.zeros(nu), np.zeros(nw), np.zeros(nw), np.zeros(nw), np.zeros(nz),
-        np.zeros(nx),
+        blocks.p.copy(), np.ones(nt), np.zeros(nu), np.zeros(nw), np.zeros(nw), np.zeros(nw),
+        np.zeros((nw, nz)), np.zeros((nw, nz)), np.zeros(nz), np.zeros(nx),
         np.zeros(nx), np.zeros(nx), np.zeros((nx, nx)), np.zeros((nx, nt)), np.zeros((nx, nw)), np.zeros((nx, columns)),
         np.zeros((nx, columns)), np.zeros((nx, columns)), np.zeros((nx, n)), np.zeros((nx, nz)), np.zeros((n, n)),
         np.zeros(m), np.zeros((m, nx)), np.zeros((m, nt)), np.zeros((m, nw)), np.zeros((m, n)),
@@ -133,21 +141,45 @@ def set_parameters(blocks: Any, ws: Any, mean: Any) -> None:
 
 
 @inlined
+def interval(blocks: Any, inputs: Any) -> int:
+    """Which of the model's sampling intervals led to the sample of these inputs."""
+    return 0 if blocks.step.size == 1 else int(inputs[inputs.size - 1])
+
+
+@inlined
+def load_output(blocks: Any, inputs: Any, H: Any) -> None:
+    """H(ψ) at the azimuth of `inputs`, into `H` (n_w, n_z)."""
+    rows = blocks.load_output
+    for i in range(H.shape[0]):
+        for j in range(H.shape[1]):
+            H[i, j] = rows[0, i, j]
+    for k in range(1, (rows.shape[0] + 1) // 2):
+        angle = k * inputs[blocks.azimuth[0]]
+        cosine, sine = np.cos(angle), np.sin(angle)
+        for i in range(H.shape[0]):
+            for j in range(H.shape[1]):
+                H[i, j] += rows[2 * k - 1, i, j] * cosine + rows[2 * k, i, j] * sine
+
+
+@inlined
 def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, before: Any, after: Any) -> None:
     """Move `mean` by one step, in place, and leave its sensitivities to x₀, w₀, w₁ and p in ``ws.S``."""
     nx, nz, _, nt, nu, nw = blocks.sizes
-    h = blocks.step[0]
+    s = interval(blocks, after)
+    h, phi = blocks.step[s], blocks.load_transition[s]
     set_parameters(blocks, ws, mean)
+    load_output(blocks, before, ws.H0)
+    load_output(blocks, after, ws.H1)
     for i in range(nz):
         moved = 0.0
         for j in range(nz):
-            moved += blocks.load_transition[i, j] * mean[nx + j]
+            moved += phi[i, j] * mean[nx + j]
         ws.z[i] = moved
     for i in range(nw):
         first, last = before[nu + i], after[nu + i]
         for j in range(nz):
-            first += blocks.load_output[i, j] * mean[nx + j]
-            last += blocks.load_output[i, j] * ws.z[j]
+            first += ws.H0[i, j] * mean[nx + j]
+            last += ws.H1[i, j] * ws.z[j]
         ws.w0[i] = first
         ws.w1[i] = last
     columns = nx + 2 * nw + nt
@@ -204,7 +236,8 @@ def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: A
     n, rest = nx + nz + nb + nt, nx + nz
     linearise_transition(rates_jacobian, blocks, ws, mean, before, after)
     top, moved, noise_gain, S = ws.top, ws.moved, ws.noise_gain, ws.S
-    H, phi, Q = blocks.load_output, blocks.load_transition, blocks.load_noise
+    s = interval(blocks, after)
+    phi, Q, walk = blocks.load_transition[s], blocks.load_noise[s], blocks.walk[s]
     for i in range(nx):
         for j in range(nx):
             top[i, j] = S[i, j]
@@ -212,8 +245,8 @@ def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: A
             eta = 0.0
             direct = 0.0
             for k in range(nw):
-                eta += S[i, nx + nw + k] * H[k, j]
-                direct += S[i, nx + k] * H[k, j]
+                eta += S[i, nx + nw + k] * ws.H1[k, j]
+                direct += S[i, nx + k] * ws.H0[k, j]
             top[i, nx + j] = direct
             noise_gain[i, j] = eta
         for j in range(nz):
@@ -279,7 +312,7 @@ def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: A
             cov[nx + i, j] = moved[nx + i, j]
             cov[j, nx + i] = moved[nx + i, j]
     for i in range(nb + nt):
-        cov[rest + i, rest + i] += blocks.walk[i]
+        cov[rest + i, rest + i] += walk[i]
 
 
 @inlined
@@ -291,10 +324,11 @@ def expected_reading(reading_jacobian: Any, blocks: Any, ws: Any, mean: Any, inp
         ws.x[i] = mean[i]
     for i in range(nu):
         ws.u[i] = inputs[i]
+    load_output(blocks, inputs, ws.H1)
     for i in range(nw):
         load = inputs[nu + i]
         for j in range(nz):
-            load += blocks.load_output[i, j] * mean[nx + j]
+            load += ws.H1[i, j] * mean[nx + j]
         ws.w[i] = load
     reading_jacobian(ws.x, ws.u, ws.p, ws.w, ws.y, ws.C, ws.D, ws.E)
     for i in range(blocks.noise.size):
@@ -303,7 +337,7 @@ def expected_reading(reading_jacobian: Any, blocks: Any, ws: Any, mean: Any, inp
         for j in range(nz):
             slope = 0.0
             for k in range(nw):
-                slope += ws.E[i, k] * blocks.load_output[k, j]
+                slope += ws.E[i, k] * ws.H1[k, j]
             ws.H[i, nx + j] = slope
         for j in range(nt):
             ws.H[i, nx + nz + nb + j] = ws.D[i, j] * ws.slope[j]

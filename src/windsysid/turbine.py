@@ -15,9 +15,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from windsysid.errors import ConfigurationError, OutputError
+from windsysid.loads import GaussMarkov
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor, first_problem, parse_sensors
-from windsysid.statespace import GaussMarkov
 from windsysid.units import is_same_quantity, to_si
 
 __all__ = ["Turbine", "load_turbine", "packaged_turbines", "write_turbine"]

@@ -8,7 +8,8 @@ import scipy.linalg
 
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
 from windsysid.filters import EKF, Belief
-from windsysid.statespace import GaussMarkov, Parameter, StateSpace, compose
+from windsysid.loads import GaussMarkov
+from windsysid.statespace import Parameter, StateSpace, compose
 from windsysid.turbine import Turbine
 
 RATE = 50.0
@@ -179,7 +180,7 @@ def joint(verne555: Turbine) -> StateSpace:
         loads=turbine.loads,
         sensors=sensors,
     )
-    return replace(model, blocks=model.blocks._replace(load_noise=np.zeros((5, 5))))
+    return replace(model, blocks=model.blocks._replace(load_noise=np.zeros((1, 5, 5))))
 
 
 def belief_at(model: StateSpace, mean: np.ndarray, cov: np.ndarray) -> Belief:
@@ -240,7 +241,7 @@ def test_load_noise_reaches_the_motion_within_its_own_step(joint: StateSpace):
     mean, _ = somewhere(joint)
     n = len(mean)
     Q = np.diag([1.0, 4.0, 9.0, 16.0, 25.0])
-    noisy = replace(joint, blocks=joint.blocks._replace(load_noise=Q))
+    noisy = replace(joint, blocks=joint.blocks._replace(load_noise=Q[None]))
 
     def after(load: np.ndarray) -> np.ndarray:
         moved = NEXT.copy()

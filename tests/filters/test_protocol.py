@@ -7,10 +7,11 @@ import pytest
 
 from tests.mechanics.models import CHAIN_VALUES, Reads, chain, chain_sensors, duffing, symbols
 from windsysid.filters import FILTERS, Belief, Filter, Info
+from windsysid.loads import GaussMarkov, LoadBlock
 from windsysid.mechanics import RotorModel
 from windsysid.mechanics.equations import Equations
 from windsysid.simulate import gauss_markov_loads, integrate
-from windsysid.statespace import GaussMarkov, Parameter, StateSpace, compose
+from windsysid.statespace import Parameter, StateSpace, compose
 from windsysid.turbine import load_turbine
 
 
@@ -31,6 +32,18 @@ def rotor_with_everything() -> StateSpace:
         cov=np.diag([1e-3] * 5 + [1e-1] * 5) ** 2,
         walk={"k_x": 1e-3},
     )
+
+
+def loads_that_turn() -> StateSpace:
+    """Blade forces that shake the hub: a correlated second-order block whose output turns with the rotor."""
+    turbine = load_turbine("verne555")
+    swing = np.array([[0.0, 1.0], [-9.0, -2.0]])
+    rows = np.array([[[1.0, 0.0]], [[0.0, 0.3]], [[0.4, 0.0]]]).reshape(3, 2)
+    block = LoadBlock(("gust", "gust_rate"), swing, np.diag([4.0, 36.0]), {"load_x": rows, "load_beta_1": rows[:1]})
+    return compose(
+        turbine.model, rate=100.0, values=turbine.values, loads=[*turbine.loads, block], sensors=turbine.sensors,
+        cov=np.diag([1e-3] * 5 + [1e-1] * 5) ** 2,
+    )  # fmt: skip
 
 
 def chain_with(**blocks: Any) -> StateSpace:
@@ -70,6 +83,8 @@ MODELS = {
     "chain_with_loads": lambda: chain_with(loads=LOADS),
     "chain_with_a_bias": lambda: chain_with(sensors=chain_sensors(bias=0.3)),
     "chain_with_parameters": lambda: chain_with(parameters=[Parameter("k_2", 330.0, 0.2)]),
+    "chain_sampled_unequally": lambda: chain_with(loads=LOADS, rate=None, intervals=[0.02, 0.005, 0.033]),
+    "loads_that_turn": loads_that_turn,
     "chain_without_sensors": lambda: chain_with(sensors=(), loads=LOADS),
     "blades_locked": lambda: compose(
         RotorModel(3, lag="locked"),
@@ -98,7 +113,9 @@ def record(model: StateSpace, samples: int = 40) -> tuple[np.ndarray, np.ndarray
     rng = np.random.default_rng(21)
     inputs = 0.1 * rng.standard_normal((samples, len(model.inputs)))
     if model.inputs[:1] == ("rotor_azimuth",):
-        inputs[:, :3] = [[7.0 * k / model.rate, 7.0, 0.0] for k in range(samples)]
+        inputs[:, :3] = [[7.0 * k * model.blocks.step[0], 7.0, 0.0] for k in range(samples)]
+    if model.inputs[-1:] == ("interval",):
+        inputs[:, -1] = rng.integers(model.blocks.step.size, size=samples)
     readings = np.sqrt(model.blocks.noise) * 3.0 * rng.standard_normal((samples, len(model.readings)))
     readings[rng.random(readings.shape) < 0.1] = np.nan
     readings[17] = np.nan

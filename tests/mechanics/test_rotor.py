@@ -9,10 +9,10 @@ import pytest
 import sympy as sp
 
 from windsysid.errors import ConfigurationError
+from windsysid.loads import GaussMarkov
 from windsysid.mechanics import RotorModel, compile_model
 from windsysid.mechanics.equations import Equations, lagrange
 from windsysid.simulate import constant_speed_inputs, integrate
-from windsysid.statespace import GaussMarkov
 from windsysid.turbine import Turbine, load_turbine
 
 # The paper's own letters (section 2).

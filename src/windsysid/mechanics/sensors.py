@@ -56,7 +56,9 @@ class Sensor(BaseModel):
     noise
         Standard deviation of the white noise of one sample, in the channel's unit.
     bias
-        Prior standard deviation of an unknown constant offset, in the channel's unit; 0: none.
+        Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
+    drift
+        How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -73,6 +75,7 @@ class Sensor(BaseModel):
     gain: float = 1.0
     noise: float = Field(gt=0.0)
     bias: float = Field(default=0.0, ge=0.0)
+    drift: float = Field(default=0.0, ge=0.0)
 
     @model_validator(mode="after")
     def _axis_belongs_to_frame(self) -> "Sensor":
@@ -97,7 +100,7 @@ class Sensor(BaseModel):
     @property
     def structure(self) -> str:
         """What its expression depends on, as text (noise and bias are numbers of the filter, not of the expression)."""
-        return repr(sorted(self.model_dump(exclude={"channel", "noise", "bias"}).items()))
+        return repr(sorted(self.model_dump(exclude={"channel", "noise", "bias", "drift"}).items()))
 
     @property
     def unit(self) -> str:

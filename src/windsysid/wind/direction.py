@@ -83,8 +83,8 @@ def simulate_direction(
     ConfigurationError
         If T is negative or the rate is not positive.
     """
+    from windsysid.loads import GaussMarkov
     from windsysid.simulate import gauss_markov_loads
-    from windsysid.statespace import GaussMarkov
 
     if samples < 0 or not (math.isfinite(rate) and rate > 0.0):
         raise ConfigurationError(f"expected 0 or more samples at a positive rate, got {samples} at {rate:g} Hz")
