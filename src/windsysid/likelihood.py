@@ -22,7 +22,7 @@ from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.statespace import StateSpace
 
-__all__ = ["Posterior", "posterior_mode"]
+__all__ = ["Posterior", "information", "posterior_mode"]
 
 Array = NDArray[np.float64]
 
@@ -127,6 +127,29 @@ def posterior_mode(
             central = central or distance < NEAR or reached <= best
             best = reached
     return Posterior(theta, np.linalg.inv(curvature), float(info.log_likelihood.sum()), ITERATIONS, False, info)
+
+
+def information(
+    build: Callable[[Array], StateSpace], inputs: Array, readings: Array, theta: Array, widths: Array
+) -> tuple[Array, Array]:
+    """Gradient of the log-likelihood (n_θ,) and the Fisher information that the readings hold (n_θ, n_θ).
+
+    Parameters
+    ----------
+    build, inputs, readings
+        As for `posterior_mode`.
+    theta
+        Where (n_θ,).
+    widths
+        Widths of the central differences (n_θ,): a tenth of a standard deviation of each parameter serves well.
+    """
+
+    def run(at: Array) -> Info:
+        model = build(at)
+        return EKF.run(model, EKF.init(model), inputs, readings)[1]
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        return _score(run, theta, run(theta), widths, pool, central=True)
 
 
 def _ascend(
