@@ -6,14 +6,20 @@ Kernels that take a model take it as a function *type*, so that they are compile
 model.
 """
 
+import hashlib
 import logging
+import os
+import tempfile
 from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 from numba import types
+from platformdirs import user_cache_path
 
-__all__ = ["JACOBIAN", "VALUE", "compiled", "inlined", "logger"]
+__all__ = ["JACOBIAN", "VALUE", "cache_folder", "compiled", "inlined", "logger"]
 
 logger = logging.getLogger("windsysid")
 
@@ -32,15 +38,38 @@ JACOBIAN = types.void(_vector, _vector, _vector, _vector, _vector, _matrix, _mat
 Entries that are zero for every argument are never written: hand in zeroed matrices."""
 
 
+@lru_cache(maxsize=1)
+def cache_folder() -> Path:
+    """The user's cache folder, or one for this process alone where that cannot be written."""
+    folder = Path(os.environ["WINDSYSID_CACHE"]) if "WINDSYSID_CACHE" in os.environ else user_cache_path("windsysid")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError as error:
+        logger.warning("cannot keep compiled models in %s (%s): they are compiled anew in every process", folder, error)
+        return Path(tempfile.mkdtemp(prefix="windsysid-"))
+
+
+@lru_cache(maxsize=1)
+def _kernels() -> Path:
+    """Where compiled kernels are kept: a folder for each state of the sources, since a kernel holds the helpers it inlines."""
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in (*sorted(package.glob("filters/*.py")), package / "transition.py", package / "simd.py", Path(__file__)):
+        digest.update(path.read_bytes())
+    return cache_folder() / f"kernels_{digest.hexdigest()[:20]}"
+
+
 def compiled(function: Callable[..., Any], signature: object) -> Any:
     """`function` compiled for one explicit signature, from the cache on disk where it can be, else anew."""
+    usual = numba.config.CACHE_DIR
+    if function.__module__.startswith("windsysid."):  # a model's module is in the cache itself, under a name of its own
+        numba.config.CACHE_DIR = str(_kernels())
     try:
         return numba.njit(signature, cache=True, **_OPTIONS)(function)
-    except RuntimeError as error:
-        if "no locator available" not in str(error):
-            raise
-        logger.warning("no folder to keep compiled code in: it is compiled anew in every process (%s)", error)
-        return numba.njit(signature, **_OPTIONS)(function)
+    finally:
+        numba.config.CACHE_DIR = usual
 
 
 def inlined(function: _F) -> _F:

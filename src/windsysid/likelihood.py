@@ -7,10 +7,11 @@ state-only filter knows both. With whitened innovations z and the standard devia
     log L = −Σ (log s + z²/2) + const,   ∂ log L = −Σ (∂ log s + z ∂z),
     Fisher information ≈ Σ a aᵀ + 2 Σ ∂log s ∂log sᵀ,   a = ∂z + z ∂log s  (the derivative of the innovation, over s),
 
-and derivatives are central differences of the filter in scaled parameters. Source: Ljung, IEEE TAC 24(1), 1979,
-https://doi.org/10.1109/TAC.1979.1101943; Särkkä & Svensson, ch. 16.
+and derivatives are differences between filters at neighbouring parameters, which run side by side in a bank
+(`windsysid.filters.bank`). Source: Ljung, IEEE TAC 24(1), 1979, https://doi.org/10.1109/TAC.1979.1101943; Särkkä & Svensson, ch. 16.
 """
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -20,9 +21,10 @@ from numpy.typing import NDArray
 
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
+from windsysid.filters.bank import Bank, bank_of, run_bank
 from windsysid.statespace import StateSpace
 
-__all__ = ["Posterior", "information", "posterior_mode"]
+__all__ = ["Posterior", "Score", "information", "neighbours", "posterior_mode", "score"]
 
 Array = NDArray[np.float64]
 
@@ -40,6 +42,27 @@ INCREMENT = 0.1
 """Width of the differences, in standard deviations of a parameter with all others held."""
 
 THREADS = 2
+
+CHUNK = 1000
+"""Samples between two sums over the bank, which bound its memory."""
+
+
+class Score(NamedTuple):
+    """What a record says about θ at one point.
+
+    Attributes
+    ----------
+    log_likelihood
+        Of the readings.
+    gradient
+        Of the log-likelihood (n_θ,).
+    fisher
+        Fisher information (n_θ, n_θ).
+    """
+
+    log_likelihood: float
+    gradient: Array
+    fisher: Array
 
 
 class Posterior(NamedTuple):
@@ -97,36 +120,49 @@ def posterior_mode(
     """
     information = np.linalg.inv(prior_cov)
 
-    def run(theta: Array) -> Info:
-        model = build(theta)
-        return EKF.run(model, EKF.init(model), inputs, readings)[1]
-
-    def objective(theta: Array, info: Info) -> float:
+    def objective(theta: Array, found: Score) -> float:
         off = theta - prior_mean
-        value = float(info.log_likelihood.sum() - 0.5 * off @ information @ off)
+        value = float(found.log_likelihood - 0.5 * off @ information @ off)
         return value if np.isfinite(value) else -np.inf
 
     theta, widths = start.copy(), INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
-    info = run(theta)
-    best = objective(theta, info)
-    if not np.isfinite(best):
-        raise WindsysidError("the likelihood is not finite at the start: check units, the turbine file and the priors")
-    central = False
+    central, settled = False, False
     with ThreadPoolExecutor(THREADS) as pool:
-        for count in range(1, ITERATIONS + 1):
-            gradient, fisher = _score(run, theta, info, widths, pool, central=central)
-            curvature = fisher + information
-            pull = gradient - information @ (theta - prior_mean)
+
+        def look(at: Array) -> Score:
+            bank = bank_of([build(values) for values in neighbours(at, widths, central=central)])
+            return score(bank, inputs, readings, widths, central=central, pool=pool)[1]
+
+        found = look(theta)
+        best = objective(theta, found)
+        if not np.isfinite(best):
+            raise WindsysidError(
+                "the likelihood is not finite at the start: check units, the turbine file and the priors"
+            )
+        for count in range(1, ITERATIONS + 1):  # noqa: B007 (told to the caller)
+            curvature = found.fisher + information
+            pull = found.gradient - information @ (theta - prior_mean)
             step = np.asarray(np.linalg.solve(curvature, pull), dtype=np.float64)
             distance = float(step @ curvature @ step)
-            widths = INCREMENT / np.sqrt(np.diag(curvature))
-            theta, info, reached = _ascend(run, objective, theta, info, best, step)
-            if central and (distance < SETTLED or reached <= best):
-                settled, cov = distance < NEAR, np.linalg.inv(curvature)
-                return Posterior(theta, cov, float(info.log_likelihood.sum()), count, settled, info)
-            central = central or distance < NEAR or reached <= best
-            best = reached
-    return Posterior(theta, np.linalg.inv(curvature), float(info.log_likelihood.sum()), ITERATIONS, False, info)
+            last, widths = central and distance < SETTLED, INCREMENT / np.sqrt(np.diag(curvature))
+            central = central or distance < NEAR
+            if last:  # so short a step is taken unseen
+                theta, settled = theta + step, True
+                break
+            for _ in range(HALVINGS):
+                candidate = look(theta + step)
+                if (value := objective(theta + step, candidate)) > best:
+                    theta, found, best = theta + step, candidate, value
+                    break
+                step = 0.5 * step
+            else:
+                settled = central and distance < NEAR
+                if settled or central:
+                    break
+                central, found = True, look(theta)
+    model = build(theta)
+    info = EKF.run(model, EKF.init(model), inputs, readings)[1]
+    return Posterior(theta, np.linalg.inv(curvature), float(info.log_likelihood.sum()), count, settled, info)
 
 
 def information(
@@ -143,52 +179,33 @@ def information(
     widths
         Widths of the central differences (n_θ,): a tenth of a standard deviation of each parameter serves well.
     """
-
-    def run(at: Array) -> Info:
-        model = build(at)
-        return EKF.run(model, EKF.init(model), inputs, readings)[1]
-
     with ThreadPoolExecutor(THREADS) as pool:
-        return _score(run, theta, run(theta), widths, pool, central=True)
+        bank = bank_of([build(values) for values in neighbours(theta, widths, central=True)])
+        found = score(bank, inputs, readings, widths, central=True, pool=pool)[1]
+    return found.gradient, found.fisher
 
 
-def _ascend(
-    run: Callable[[Array], Info],
-    objective: Callable[[Array, Info], float],
-    theta: Array,
-    info: Info,
-    best: float,
-    step: Array,
-) -> tuple[Array, Info, float]:
-    """The first of step, step/2, step/4 … that raises the objective, or where it stood."""
-    for _ in range(HALVINGS):
-        candidate = run(theta + step)
-        value = objective(theta + step, candidate)
-        if value > best:
-            return theta + step, candidate, value
-        step = 0.5 * step
-    return theta, info, best
+def neighbours(theta: Array, widths: Array, *, central: bool) -> list[Array]:
+    """θ, each parameter one width above, and for central differences each one width below."""
+    steps = np.diag(widths)
+    return [theta, *(theta + step for step in steps), *(theta - step for step in steps if central)]
 
 
-def _score(
-    run: Callable[[Array], Info], theta: Array, info: Info, widths: Array, pool: ThreadPoolExecutor, *, central: bool
-) -> tuple[Array, Array]:
-    """Gradient of the log-likelihood (n_θ,) and Fisher information (n_θ, n_θ), by forward or central differences."""
-    known = np.isfinite(info.whitened)
-    z = info.whitened[known]
-    n = len(theta)
-    slopes_z, slopes_s = np.empty((n, z.size)), np.empty((n, z.size))
-
-    def difference(k: int) -> None:
-        step = np.zeros(n)
-        step[k] = widths[k]
-        above = run(theta + step)
-        below = run(theta - step) if central else info
-        width = 2.0 * widths[k] if central else widths[k]
-        slopes_z[k] = (above.whitened[known] - below.whitened[known]) / width
-        slopes_s[k] = np.log(above.whitening_std[known] / below.whitening_std[known]) / width
-
-    list(pool.map(difference, range(n)))
-    gradient = -slopes_s.sum(axis=1) - slopes_z @ z
-    innovation = slopes_z + z * slopes_s
-    return gradient, innovation @ innovation.T + 2.0 * slopes_s @ slopes_s.T
+def score(
+    bank: Bank, inputs: Array, readings: Array, widths: Array, *, central: bool, pool: ThreadPoolExecutor | None = None
+) -> tuple[Bank, Score]:
+    """Run a bank of `neighbours` over T samples and take the differences between its filters."""
+    n = len(widths)
+    log_likelihood, gradient, fisher = 0.0, np.zeros(n), np.zeros((n, n))
+    for first in range(0, len(readings), CHUNK):
+        part = slice(first, first + CHUNK)
+        bank, scores = run_bank(bank, inputs[part], readings[part], pool)
+        known = np.isfinite(readings[part])
+        z, log_s = scores.whitened[known], scores.log_std[known]
+        log_likelihood -= float(np.sum(log_s[:, 0] + 0.5 * z[:, 0] ** 2)) + 0.5 * math.log(2.0 * math.pi) * len(z)
+        width, below = (2.0 * widths, slice(n + 1, None)) if central else (widths, slice(0, 1))
+        slopes_z, slopes_s = ((lanes[:, 1 : n + 1] - lanes[:, below]) / width for lanes in (z, log_s))
+        gradient -= slopes_s.sum(axis=0) + slopes_z.T @ z[:, 0]
+        innovation = slopes_z + z[:, :1] * slopes_s
+        fisher += innovation.T @ innovation + 2.0 * slopes_s.T @ slopes_s
+    return bank, Score(log_likelihood, gradient, fisher)

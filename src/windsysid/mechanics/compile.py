@@ -19,9 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
-from platformdirs import user_cache_path
-
-from windsysid.jit import JACOBIAN, VALUE, compiled, logger
+from windsysid.jit import JACOBIAN, VALUE, cache_folder, compiled, logger
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -124,7 +122,7 @@ def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequenc
     key = hashlib.sha256(text.encode()).hexdigest()[:20]
     cached = _loaded.get(key)
     if cached is None:
-        path = _cache_folder() / f"model_{key}.py"
+        path = cache_folder() / f"model_{key}.py"
         if not path.exists():
             _announce()
             from windsysid.mechanics.generate import generate_source
@@ -150,19 +148,6 @@ def _version() -> str:
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
     return f"{digest.hexdigest()} sympy {metadata.version('sympy')}"
-
-
-@lru_cache(maxsize=1)
-def _cache_folder() -> Path:
-    """The user's cache folder, or one for this process alone where that cannot be written."""
-    folder = Path(os.environ["WINDSYSID_CACHE"]) if "WINDSYSID_CACHE" in os.environ else user_cache_path("windsysid")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError as error:
-        logger.warning("cannot keep compiled models in %s (%s): they are compiled anew in every process", folder, error)
-        return Path(tempfile.mkdtemp(prefix="windsysid-"))
 
 
 def _write_atomically(path: Path, text: str) -> None:

@@ -1,0 +1,93 @@
+"""The bank computes what the extended Kalman filter computes, filter by filter."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.filters.test_protocol import LOADS, MODELS, chain_with, record
+from tests.mechanics.models import CHAIN_VALUES, chain_sensors
+from windsysid.filters import EKF
+from windsysid.filters.bank import bank_of, run_bank
+from windsysid.likelihood import neighbours, score
+from windsysid.statespace import Parameter, StateSpace
+
+STATE_ONLY = [name for name, build in MODELS.items() if not build().parameters]
+
+
+def scaled(model: StateSpace, factor: float) -> StateSpace:
+    """The same structure with other numbers everywhere: loads, noise, priors, mechanics."""
+    blocks = model.blocks
+    return replace(
+        model,
+        blocks=blocks._replace(
+            p=blocks.p * factor, noise=blocks.noise * factor, load_noise=blocks.load_noise * factor,
+            load_transition=blocks.load_transition * (2.0 - factor), load_output=blocks.load_output * factor,
+        ),
+        mean=model.mean + 0.01 * factor,
+        cov=model.cov * factor,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", STATE_ONLY)
+@pytest.mark.parametrize("filters", [1, 9])
+def test_every_lane_is_an_extended_kalman_filter(name: str, filters: int):
+    models = [scaled(MODELS[name](), 1.0 + 0.01 * i) for i in range(filters)]
+    inputs, readings = record(models[0])
+    _, scores = run_bank(bank_of(models), inputs, readings)
+    for lane, model in enumerate(models):
+        _, info = EKF.run(model, EKF.init(model), inputs, readings)
+        np.testing.assert_allclose(scores.whitened[..., lane], np.nan_to_num(info.whitened), rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(
+            scores.log_std[..., lane], np.nan_to_num(np.log(info.whitening_std)), rtol=1e-10, atol=1e-10
+        )
+
+
+def test_a_bank_can_stop_and_go_on_and_use_threads():
+    models = [scaled(MODELS["loads_that_turn"](), 1.0 + 0.01 * i) for i in range(20)]
+    inputs, readings = record(models[0])
+    whole, scores = run_bank(bank_of(models), inputs, readings)
+    with ThreadPoolExecutor(2) as pool:
+        bank, first = run_bank(bank_of(models), inputs[:17], readings[:17], pool)
+        bank, second = run_bank(bank, inputs[17:], readings[17:], pool)
+    np.testing.assert_array_equal(bank.mean, whole.mean)
+    np.testing.assert_array_equal(bank.cov, whole.cov)
+    assert (bank.samples, bank.filters) == (40, 20)
+    for one, other, all_ in zip(first, second, scores, strict=True):
+        np.testing.assert_array_equal(np.concatenate([one, other]), all_)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        lambda: chain_with(sensors=chain_sensors()[:2]),
+        lambda: chain_with(loads=LOADS),
+        lambda: chain_with(parameters=[Parameter("k_2", 330.0, 0.2)]),
+    ],
+)
+def test_a_bank_of_different_structures_is_refused(other: Any):
+    with pytest.raises(ValueError, match="a bank holds models of the same states and readings"):
+        bank_of([chain_with(), other()])
+
+
+def test_the_score_is_the_slope_of_the_likelihood():
+    def build(theta: np.ndarray) -> StateSpace:
+        return chain_with(
+            values=CHAIN_VALUES | {"k_1": 300.0 * np.exp(theta[0]), "c_1": CHAIN_VALUES["c_1"] + theta[1]}, loads=LOADS
+        )
+
+    inputs, readings = record(build(np.zeros(2)), 400)
+    theta, widths = np.array([0.1, 0.2]), np.array([1e-3, 1e-3])
+
+    def log_likelihood(at: np.ndarray) -> float:
+        model = build(at)
+        return float(EKF.run(model, EKF.init(model), inputs, readings)[1].log_likelihood.sum())
+
+    bank = bank_of([build(at) for at in neighbours(theta, widths, central=True)])
+    _, found = score(bank, inputs, readings, widths, central=True)
+    assert found.log_likelihood == pytest.approx(log_likelihood(theta), rel=1e-12)
+    for j, step in enumerate(np.diag(widths)):
+        slope = (log_likelihood(theta + step) - log_likelihood(theta - step)) / (2.0 * widths[j])
+        assert found.gradient[j] == pytest.approx(slope, rel=1e-4)
