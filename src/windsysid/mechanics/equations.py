@@ -11,6 +11,7 @@ one way to write M, F and f; `lagrange` is that way.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import sympy as sp
 
@@ -56,7 +57,7 @@ class Equations:
                 f"got {self.mass.shape} and {self.force.shape}"
             )
 
-    @property
+    @cached_property
     def signature(self) -> str:
         """A text that is the same exactly when the equations are."""
         parts = (self.states, self.inputs, self.parameters, self.loads, self.accelerations, self.rates)
