@@ -172,7 +172,7 @@ def test_what_is_not_there_or_a_folder_is_refused(run, tmp_path, results):
         (("--prior-scale", "1e6"), "prior scale of stiffness: expected a factor"),
         (("--add-noise", "-1"), "added noise: expected a percentage between 0 and 1000, got -1"),
         (("--add-noise", "nan"), "added noise: expected a percentage"),
-        (("--turbine", "nordex"), "no turbine 'nordex': expected one of hammond, nrel5mw, verne555"),
+        (("--turbine", "nordex"), "no turbine 'nordex': expected one of hammond, nrel5mw, tower, verne555"),
         (("--turbine", "nowhere.toml"), r"turbine file nowhere\.toml: cannot be read"),
         (("--sensors", "nowhere.toml"), r"nowhere\.toml: expected a TOML file"),
     ],
@@ -372,7 +372,8 @@ def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
     assert f"results: {results / 'report.html'}" in ended.out
     assert sorted(path.name for path in results.iterdir()) == ["identification.nc", "report.html", "summary.json"]
     html = (results / "report.html").read_text(encoding="utf-8")
-    assert html.count("data:image/png;base64,") == 3
+    assert html.count("data:image/png;base64,") == 5
+    assert "trust: yes" in html
     assert not re.search(r"""(src|href)\s*=\s*["'](?!data:)""", html)
     summary = json.loads((results / "summary.json").read_text())
     assert summary["parameters"]["k_x"]["prior"] == pytest.approx(1.3 * 1800.0)

@@ -85,11 +85,13 @@ def test_a_run_that_was_interrupted_goes_on_bit_for_bit(
 ):
     online, history = whole
     stopped, before = advance(build, begin(*PRIOR, FIRST, (3, 3)), record[0][:cut], record[1][:cut])
-    save(stopped, tmp_path / "checkpoint.npz")
-    resumed, after = advance(build, restore(build, tmp_path / "checkpoint.npz"), record[0][cut:], record[1][cut:])
+    save(stopped, before, tmp_path / "checkpoint.npz")
+    restored, kept = restore(build, tmp_path / "checkpoint.npz")
+    assert restored.reached == cut
+    resumed, after = advance(build, restored, record[0][cut:], record[1][cut:])
     np.testing.assert_array_equal(resumed.theta, online.theta)
     np.testing.assert_array_equal(resumed.precision, online.precision)
-    np.testing.assert_array_equal(np.concatenate([before.mean, after.mean]), history.mean)
+    np.testing.assert_array_equal(np.concatenate([kept.mean, after.mean]), history.mean)
 
 
 def test_memory_does_not_grow_with_the_record(whole: tuple[Online, History]):
@@ -100,7 +102,7 @@ def test_memory_does_not_grow_with_the_record(whole: tuple[Online, History]):
 
 def test_a_file_that_is_no_checkpoint_is_refused(whole: tuple[Online, History], tmp_path: Path):
     path = tmp_path / "checkpoint.npz"
-    save(whole[0], path)
+    save(*whole, path)
     whole_file = path.read_bytes()
     for content in (b"", b"not a checkpoint", whole_file[:300], whole_file[: len(whole_file) // 2]):
         path.write_bytes(content)

@@ -240,3 +240,30 @@ def test_one_unit_has_many_spellings(written, known):
 def test_an_unknown_unit_is_never_guessed():
     with pytest.raises(ConfigurationError, match="unknown unit 'furlong'"):
         to_si(1.0, "furlong")
+
+
+def test_unequal_times_are_kept_to_a_sixty_fourth_of_a_step():
+    rng = np.random.default_rng(1)
+    time = np.array(sorted((0.01 * np.arange(500) + 0.002 * rng.standard_normal(500)).tolist()))
+    record = Record(time=time, values=np.arange(500.0)[:, None], channels=("a",), units=("m",), name="jitter")
+    own = record.on_own_times()
+    steps, which = own.intervals()
+    assert len(steps) < 200
+    np.testing.assert_allclose(np.cumsum(steps[which[1:]]), own.time[1:] - own.time[0], atol=1e-5)
+    kept = np.isin(np.arange(500.0), own["a"])
+    assert np.max(np.abs(own.time - time[kept])) < 0.011 / 64
+    even = Record(time=np.linspace(0.0, 0.08, 9), values=np.zeros((9, 1)), channels=("a",), units=("m",), name="even")
+    assert even.on_own_times() is even
+    assert even.intervals()[0].tolist() == pytest.approx([0.01])
+
+
+def test_samples_on_one_tick_are_joined():
+    record = Record(
+        time=np.array([0.0, 0.013, 0.01301, 0.02, 0.034]),
+        values=np.array([[1.0, 5.0], [2.0, np.nan], [np.nan, 7.0], [3.0, 6.0], [4.0, 8.0]]),
+        channels=("a", "b"),
+        units=("m", "m"),
+        name="two loggers",
+    )
+    own = record.on_own_times()
+    np.testing.assert_array_equal(own.values, [[1.0, 5.0], [2.0, 7.0], [3.0, 6.0], [4.0, 8.0]])

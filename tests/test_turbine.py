@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError
-from windsysid.mechanics import RotorModel, compile_model
-from windsysid.turbine import Turbine, load_turbine, packaged_turbines
+from windsysid.mechanics import RotorModel, TowerModel, compile_model
+from windsysid.turbine import Turbine, load_turbine, packaged_turbines, write_turbine
 
 
 def test_the_packaged_turbines_load_by_name():
-    assert packaged_turbines() == ("hammond", "nrel5mw", "verne555")
+    assert packaged_turbines() == ("hammond", "nrel5mw", "tower", "verne555")
     for name in packaged_turbines():
         turbine = load_turbine(name)
         assert turbine.name == name
         assert turbine.description
         assert turbine.source
         assert turbine.sensors
-        assert [load.load for load in turbine.loads] == list(turbine.model.loads)
+        assert [load.load for load in turbine.loads if not load.harmonic] == list(turbine.model.loads)
         assert set(turbine.coefficients) == set(turbine.model.coefficients)
 
 
@@ -277,8 +277,98 @@ def test_a_wrong_turbine_file_is_one_clear_line(tmp_path: Path, text: str, compl
     assert "_Blade" not in str(caught.value)
 
 
+TOWER = """
+name = "mine"
+description = "a tower of my own"
+source = "made up"
+
+[model]
+kind = "tower"
+
+[rotor]
+speed = "12 rpm"
+
+[side_side]
+modal_mass = "400 t"
+frequency = "0.3 Hz"
+damping_ratio = "0.5 %"
+
+[fore_aft]
+modal_mass = "420 t"
+frequency = "0.31 Hz"
+damping_ratio = "-1 %"
+
+[loads]
+time_constant = "2 s"
+side_side_rms = "10 kN"
+fore_aft_rms = "50 kN"
+
+[blade_passing]
+time_constant = "10 s"
+side_side_rms = "1 kN"
+fore_aft_rms = "5 kN"
+"""
+
+
+def test_a_tower_file_speaks_of_frequency_and_damping_ratio(tmp_path: Path):
+    turbine = load_turbine(written(tmp_path, TOWER))
+    omega = 2.0 * math.pi * 0.3
+    assert turbine.model == TowerModel(3)
+    assert turbine.inertia("fore_aft") == 420e3
+    assert turbine.natural_frequency("side_side") == pytest.approx(omega)
+    assert turbine.coefficients["k_side_side"] == pytest.approx(400e3 * omega**2)
+    assert turbine.coefficients["c_side_side"] == pytest.approx(2 * 0.005 * 400e3 * omega)
+    assert turbine.coefficients["c_fore_aft"] < 0.0
+    assert [(load.load, load.rms, load.time_constant, load.harmonic) for load in turbine.loads] == [
+        ("load_side_side", 10e3, 2.0, 0),
+        ("load_fore_aft", 50e3, 2.0, 0),
+        ("load_side_side", 1e3, 10.0, 3),
+        ("load_fore_aft", 5e3, 10.0, 3),
+    ]
+    assert (turbine.values["tilt"], turbine.values["gravity"]) == (0.0, 9.80665)
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (('kind = "tower"', 'kind = "monopile"'), r"model\.kind: expected 'rotor' or 'tower', got 'monopile'"),
+        (('kind = "tower"', 'kind = "tower"\nlag = "free"'), r"unknown key 'model\.lag'"),
+        (('modal_mass = "400 t"\n', ""), r"'side_side\.modal_mass' is missing: add it"),
+        (("0.31 Hz", "0.31 rpm"), r"fore_aft\.frequency: expected a unit of the same quantity as Hz, got '0\.31 rpm'"),
+        (("0.5 %", "0.5"), r"side_side\.damping_ratio: the unit is missing: .* in %, got '0\.5'"),
+        (("0.5 %", "120 %"), r"side_side\.damping_ratio: .*less than 1, got '120 %'"),
+    ],
+)
+def test_a_wrong_tower_file_is_one_clear_line(tmp_path: Path, change: tuple[str, str], complaint: str):
+    with pytest.raises(ConfigurationError, match=complaint) as caught:
+        load_turbine(written(tmp_path, TOWER.replace(*change)))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", packaged_turbines())
+def test_a_turbine_that_is_written_comes_back(tmp_path: Path, name: str):
+    turbine = load_turbine(name)
+    write_turbine(turbine, tmp_path / "again.toml")
+    again = load_turbine(tmp_path / "again.toml")
+    assert (again.model, again.loads, again.sensors, again.spread) == (
+        turbine.model,
+        turbine.loads,
+        turbine.sensors,
+        turbine.spread,
+    )
+    assert again.values == pytest.approx(dict(turbine.values), rel=1e-12)
+
+
+def test_a_tower_has_no_rotor_of_its_own(verne555: Turbine):
+    assert verne555.rotor is verne555.model
+    with pytest.raises(ConfigurationError, match="turbine 'tower' is a tower under a rigid rotor: expected one with"):
+        _ = load_turbine("tower").rotor
+
+
 def test_a_turbine_that_is_not_there_is_one_clear_line(tmp_path: Path):
-    with pytest.raises(ConfigurationError, match=r"no turbine 'verne': expected one of hammond, nrel5mw, verne555, or"):
+    with pytest.raises(
+        ConfigurationError, match=r"no turbine 'verne': expected one of hammond, nrel5mw, tower, verne555, or"
+    ):
         load_turbine("verne")
     with pytest.raises(ConfigurationError, match=r"turbine file .*nowhere\.toml: cannot be read"):
         load_turbine(tmp_path / "nowhere.toml")

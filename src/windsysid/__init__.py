@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from windsysid.errors import ConfigurationError, OutputError, RecordError, WindsysidError
-    from windsysid.filters import EKF, Belief, Filter, Info
+    from windsysid.filters import EKF, IEKF, UKF, Belief, Filter, Info, Smoothed, load_belief, save_belief, smooth
+    from windsysid.fitting import Fit, Reading, fit
     from windsysid.formats import iterate_record, load_mapping, read_record, write_record
     from windsysid.formulation import Prior
     from windsysid.identification import add_noise, identify
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
     from windsysid.mechanics.equations import Equations, lagrange
     from windsysid.mechanics.rotor import RotorModel
     from windsysid.mechanics.sensors import Sensor, read_sensors
+    from windsysid.mechanics.tower import TowerModel
     from windsysid.modal import Mode
+    from windsysid.planning import Plan, plan
+    from windsysid.profiling import Profile, profile_likelihood
     from windsysid.record import Record
     from windsysid.result import Estimate, Identification
     from windsysid.simulate import simulate_record
@@ -34,7 +38,8 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "errors": ("ConfigurationError", "OutputError", "RecordError", "WindsysidError"),
-    "filters": ("EKF", "Belief", "Filter", "Info"),
+    "filters": ("EKF", "IEKF", "UKF", "Belief", "Filter", "Info", "Smoothed", "load_belief", "save_belief", "smooth"),
+    "fitting": ("Fit", "Reading", "fit"),
     "formats": ("iterate_record", "load_mapping", "read_record", "write_record"),
     "formulation": ("Prior",),
     "result": ("Estimate", "Identification"),
@@ -43,7 +48,10 @@ _WHERE = {
     "mechanics.equations": ("Equations", "lagrange"),
     "mechanics.rotor": ("RotorModel",),
     "mechanics.sensors": ("Sensor", "read_sensors"),
+    "mechanics.tower": ("TowerModel",),
     "modal": ("Mode",),
+    "planning": ("Plan", "plan"),
+    "profiling": ("Profile", "profile_likelihood"),
     "record": ("Record",),
     "simulate": ("simulate_record",),
     "loads": ("GaussMarkov", "LoadBlock"),
@@ -53,11 +61,11 @@ _WHERE = {
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
 
 __all__ = [
-    "EKF", "Belief", "CompiledModel", "ConfigurationError", "Equations", "Estimate", "Filter", "GaussMarkov",
-    "Identification", "Info", "LoadBlock", "Mode", "OutputError", "Parameter", "Prior", "Record", "RecordError", "RotorModel", "Sensor",
-    "StateSpace", "Turbine", "WindsysidError", "add_noise", "compile_model", "compose", "identify",
-    "iterate_record", "lagrange", "load_mapping",
-    "load_turbine", "packaged_turbines", "read_record", "read_sensors", "simulate_record", "write_record",
+    "EKF", "IEKF", "UKF", "Belief", "CompiledModel", "ConfigurationError", "Equations", "Estimate", "Filter", "Fit", "GaussMarkov",
+    "Identification", "Info", "LoadBlock", "Mode", "OutputError", "Parameter", "Plan", "Prior", "Profile", "Reading", "Record", "RecordError", "RotorModel", "Sensor", "Smoothed",
+    "StateSpace", "TowerModel", "Turbine", "WindsysidError", "add_noise", "compile_model", "compose", "fit", "identify",
+    "iterate_record", "lagrange", "load_belief", "load_mapping",
+    "load_turbine", "packaged_turbines", "plan", "profile_likelihood", "read_record", "read_sensors", "save_belief", "simulate_record", "smooth", "write_record",
     "write_turbine",
 ]  # fmt: skip
 

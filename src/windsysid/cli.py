@@ -2,7 +2,7 @@
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -13,8 +13,10 @@ from windsysid import __version__
 from windsysid.errors import ConfigurationError, WindsysidError
 
 if TYPE_CHECKING:
+    from windsysid.formulation import Prior
     from windsysid.mechanics.sensors import Sensor
     from windsysid.record import Record
+    from windsysid.result import Identification
     from windsysid.turbine import Turbine
 
 app = typer.Typer(
@@ -124,12 +126,26 @@ def identify(
     section: Annotated[
         tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
     ] = None,
+    rate: Annotated[
+        float | None, typer.Option(help=r"Resample to this many samples per second first \[Hz], without aliasing.")
+    ] = None,
+    loads: Annotated[
+        Literal["auto", "broadband", "second-order", "rotor-wind"],
+        typer.Option(help="What the loads are taken for (docs/loads.md); auto: the record chooses."),
+    ] = "auto",
     prior_scale: Annotated[float, typer.Option(help="Centre every prior this many times off its reference.")] = 1.0,
     add_noise: Annotated[
         float,
         typer.Option(metavar="PERCENT", help="Add white noise of this percentage of each sensor's standard deviation."),
     ] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the added noise.")] = 0,
+    in_pieces: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH",
+            help='Take the record in piece by piece ("10 min"), in bounded memory; interrupted, the same command goes on.',
+        ),
+    ] = None,
     mapping: Mapping = None,
     overwrite: Overwrite = False,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
@@ -146,6 +162,18 @@ def identify(
     machine = load_turbine(turbine)
     listed = read_sensors(sensors) if sensors is not None else None
     prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
+    if in_pieces is not None:
+        if formulation != "joint" or section is not None or rate is not None or add_noise != 0.0 or loads != "auto":
+            raise ConfigurationError(
+                "--in-pieces goes with the joint formulation on a whole record: leave --section, --rate, --loads and --add-noise out"
+            )
+        length = _quantity("--in-pieces", in_pieces, "s", "10 min")
+        found = _identified_in_pieces(record, machine, listed, prior, mapping, length, output)
+        with new_folder(output, overwrite=overwrite) as folder:
+            found.save(folder)
+        print(found)
+        print(f"{found.samples} samples in {found.elapsed:.2f} s; results: {output / 'summary.json'}")
+        return
     with _progress("identify") as progress:
         data = read_record(
             record, mapping=mapping, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
@@ -153,7 +181,9 @@ def identify(
         if add_noise != 0.0:
             data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
         progress(f"{formulation} formulation, {data.samples} samples")
-        found = identify_record(data, machine, sensors=listed, formulation=formulation, section=section, prior=prior)
+        found = identify_record(
+            data, machine, sensors=listed, formulation=formulation, section=section, prior=prior, rate=rate, loads=loads
+        )
         with new_folder(output, overwrite=overwrite) as folder:
             found.save(folder)
             if not no_report:
@@ -165,6 +195,45 @@ def identify(
     print(
         f"{found.samples} samples in {found.elapsed:.2f} s; results: {output / ('summary.json' if no_report else 'report.html')}"
     )
+
+
+def _identified_in_pieces(
+    record: Path,
+    machine: "Turbine",
+    listed: Sequence["Sensor"] | None,
+    prior: "Prior",
+    mapping: Path | None,
+    length: float,
+    output: Path,
+) -> "Identification":
+    """Identify a file piece by piece, going on from where an earlier call was interrupted."""
+    from windsysid.formats import iterate_record
+    from windsysid.stream import identify_pieces
+
+    checkpoint = output.with_name(f".{output.name}.checkpoint.npz")
+    output.absolute().parent.mkdir(parents=True, exist_ok=True)
+    share, reached = 0.0, 0.0
+    with _progress("identify") as progress:
+        if checkpoint.exists():
+            progress(f"going on from {checkpoint}")
+
+        def reading(done: float) -> None:
+            nonlocal share
+            share = done
+
+        def taken(seconds: float) -> None:
+            nonlocal reached
+            reached = seconds
+            progress(f"{100 * share:.0f} % of {record}, {seconds:.0f} s of it taken in")
+
+        try:
+            pieces = iterate_record(record, length, mapping=mapping, progress=reading)
+            return identify_pieces(pieces, machine, sensors=listed, prior=prior, checkpoint=checkpoint, progress=taken)
+        except KeyboardInterrupt:
+            print(
+                f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})", file=sys.stderr
+            )
+            raise typer.Exit(130) from None
 
 
 @app.command(name="inspect")
@@ -203,6 +272,58 @@ def inspect_command(
 
 
 @app.command()
+def plan(
+    turbine: Annotated[str, typer.Argument(help="A packaged turbine (windsysid turbines lists them) or a TOML file.")],
+    sensors: Annotated[
+        Path | None, typer.Option(help="TOML list of the planned sensors; the turbine's usual ones by default.")
+    ] = None,
+    duration: Annotated[str, typer.Option(help="Planned length, with its unit.")] = "10 min",
+    rate: Annotated[float, typer.Option(help=r"Samples per second \[Hz].")] = 100.0,
+    parameters: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,NAME",
+            help="What is asked for; all coefficients by default. Masses and geometry are unknown only if named.",
+        ),
+    ] = None,
+    within: Annotated[float, typer.Option(metavar="PERCENT", help="Wished for: ±2σ within this of the value.")] = 20.0,
+    load_scale: Annotated[float, typer.Option(help="Loads this many times the turbine file's.")] = 1.0,
+    rotor_speed: Annotated[
+        str | None, typer.Option(help='With its unit, such as "12 rpm"; the turbine\'s usual one by default.')
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated vibration.")] = 0,
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, plan.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Before measuring: how well will these sensors see each coefficient, and after how long?"""
+    from windsysid.mechanics.sensors import read_sensors
+    from windsysid.output import check_output, new_folder
+    from windsysid.planning import plan as plan_record
+    from windsysid.turbine import load_turbine
+
+    if output is not None:
+        check_output(output, overwrite=overwrite)
+    machine = load_turbine(turbine)
+    listed = read_sensors(sensors) if sensors is not None else None
+    asked = [name.strip() for name in parameters.split(",")] if parameters is not None else None
+    seconds = _quantity("--duration", duration, "s", "10 min")
+    turning = _quantity("--rotor-speed", rotor_speed, "rad/s", "12 rpm") if rotor_speed is not None else None
+    with _progress("plan") as progress:
+        found = plan_record(
+            machine, sensors=listed, duration=seconds, rate=rate, parameters=asked, within=within / 100.0, load_scale=load_scale,
+            rotor_speed=turning, seed=seed, progress=progress,
+        )  # fmt: skip
+        if output is not None:
+            with new_folder(output, overwrite=overwrite) as folder:
+                progress("writing the report")
+                found.save(folder)
+    print(found.to_json() if json else found, end="" if json else "\n")
+    if output is not None and not json:
+        print(f"report: {output / 'report.html'}")
+
+
+@app.command()
 def turbines() -> None:
     """List the packaged turbines."""
     from windsysid.turbine import load_turbine, packaged_turbines
@@ -232,6 +353,19 @@ def _noisy(
     found = usable_sensors(record.section(*section) if section else record, turbine, sensors)
     noisy, added = add_noise(record, [sensor.channel for sensor in found], percent, seed)
     return noisy, with_noise(found, added)
+
+
+def _quantity(option: str, text: str, unit: str, example: str) -> float:
+    """A number with its unit, in SI."""
+    from windsysid.units import is_same_quantity, to_si
+
+    number, _, written = text.strip().partition(" ")
+    try:
+        if is_same_quantity(written, unit):
+            return to_si(float(number), written)
+    except ValueError:  # no number, or no unit that is known
+        pass
+    raise ConfigurationError(f"{option}: expected a number and a unit, such as \"{example}\", got '{text}'")
 
 
 @contextmanager

@@ -96,11 +96,13 @@ def identify_by_force_balance(whole: Record, part: Record, turbine: Turbine, pri
     start = int(np.argmin(np.abs(whole.time - part.time[0])))
     window = slice(start, start + part.samples)
     notes = [f"both sides of the balance filtered to {band[0]:.2f}–{band[1]:.2f} Hz with zero phase"]
+    doubts: tuple[str, ...] = ()
     if withheld:
         notes.append(f"loads withheld: {', '.join(load.load for load in withheld)}. {LOADS_WITHHELD}")
+        doubts = ("the balance lacks loads that act, and so loses the damping",)
     cut = Balance(balance.force[window], balance.regressors[window])
     outcome = filter_balance(cut, turbine, rotor[window], prior, rate=whole.rate, band=band)
-    return outcome._replace(channels=channels, notes=tuple(notes))
+    return outcome._replace(channels=channels, notes=tuple(notes), doubts=doubts)
 
 
 def filter_balance(
@@ -114,7 +116,7 @@ def filter_balance(
     belief, info = EKF.run(model, EKF.init(model), inputs, balance.force)
     elapsed = time.perf_counter() - started
     check_finite(belief.mean, belief.cov)
-    return Outcome(turbine, model, info, info, belief.mean, belief.cov, rotor, (), elapsed, ())
+    return Outcome(turbine, model, info.mean, info.std, info, belief.mean, belief.cov, rotor, (), elapsed, ())
 
 
 def analysis_band(turbine: Turbine) -> tuple[float, float]:
@@ -173,7 +175,7 @@ def _check_channels(record: Record, stem: str) -> None:
 
 def _stems(turbine: Turbine) -> list[str]:
     """What the channels of each degree of freedom begin with: ``tower_x``, ``blade_1_lag``."""
-    names = turbine.model.coordinates
+    names = turbine.rotor.coordinates
     return [f"blade_{n.removeprefix('beta_')}_lag" if n.startswith("beta_") else f"tower_{n}" for n in names]
 
 
@@ -218,7 +220,7 @@ def balance_forces(
     for name, array in zip(Kinematic._fields, motion, strict=True):
         if array.shape != (samples, n):
             raise RecordError(f"{name}: expected ({samples}, {n}), one column per degree of freedom, got {array.shape}")
-    compiled = compile_model(_BalanceModel(turbine.model), [f"residual {name}" for name in turbine.model.coordinates])
+    compiled = compile_model(_BalanceModel(turbine.rotor), [f"residual {name}" for name in turbine.model.coordinates])
     known = np.zeros((samples, n)) if loads is None else loads
     inputs = np.hstack([motion.displacement, motion.velocity, motion.acceleration, rotor, known])
     values = dict(turbine.values) | dict.fromkeys(parameters, 0.0)

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.filters import Info
 from windsysid.loads import GaussMarkov
+from windsysid.mechanics.sensors import Sensor
+from windsysid.mechanics.tower import TowerModel
 from windsysid.record import Record
+from windsysid.signals import resample, rotor_inputs, tower_inputs
 from windsysid.statespace import Parameter, StateSpace
 from windsysid.statistics import Statistic
 from windsysid.turbine import Turbine
 
-__all__ = ["Outcome", "Prior", "check_finite", "identifiable", "known_loads"]
+__all__ = ["Loads", "Outcome", "Prior", "check_finite", "identifiable", "known_inputs", "known_loads"]
 
 Array = NDArray[np.float64]
 
@@ -73,8 +76,16 @@ class Prior:
         return tuple(chosen)
 
 
-_POSITIVE = ("k_", "hub_mass", "roll_inertia", "blade_mass", "blade_first_moment", "blade_inertia")
+_POSITIVE = ("k_", "mass_", "hub_mass", "roll_inertia", "blade_mass", "blade_first_moment", "blade_inertia")
 """What the names of log-scaled parameters begin with: stiffness, masses and their moments."""
+
+
+class Loads(NamedTuple):
+    """The loads that were states: names, mean and standard deviation after each sample (T, n) [N, N·m]."""
+
+    names: tuple[str, ...]
+    mean: Array
+    std: Array
 
 
 class Outcome(NamedTuple):
@@ -86,14 +97,14 @@ class Outcome(NamedTuple):
         The turbine with the degrees of freedom that were really used.
     model
         The state-space model that was filtered.
-    online
-        What a filter running on line knew after each sample.
+    history_mean, history_std
+        What was known of θ on line, after each sample (T, n_θ).
     final
-        The last pass over the record, whose innovations judge the result; the same as `online` where there is one pass.
+        The last pass over the record, whose innovations judge the result.
     theta, cov
         The identified parameters (n_θ,) and their covariance (n_θ, n_θ).
     rotor
-        ψ, Ω, dΩ/dt (T, 3).
+        The known inputs (T, n_u): ψ, Ω and more.
     channels
         Channels of the record that were used as measurements.
     elapsed
@@ -102,11 +113,16 @@ class Outcome(NamedTuple):
         What a reader must know.
     statistics
         Statistics of loads and noise that were learned with the parameters.
+    doubts
+        Why the formulation itself would not trust its result, in sentences.
+    loads
+        The loads that were states, as the filter knew them at the result; None where none were.
     """
 
     turbine: Turbine
     model: StateSpace
-    online: Info
+    history_mean: Array
+    history_std: Array
     final: Info
     theta: Array
     cov: Array
@@ -115,6 +131,8 @@ class Outcome(NamedTuple):
     elapsed: float
     notes: tuple[str, ...]
     statistics: tuple[Statistic, ...] = ()
+    doubts: tuple[str, ...] = ()
+    loads: Loads | None = None
 
 
 def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[str]:
@@ -140,6 +158,21 @@ def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[
                 f"parameter '{name}' cannot be identified here: expected some of {', '.join(usable)}"
             )
     return list(dict.fromkeys(chosen))
+
+
+_TURNING = ("rotor_azimuth", "rotor_speed", "nacelle_yaw")
+
+
+def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:
+    """The inputs that the turbine's model asks for (T, n_u), ψ and Ω first; between samples of a uniform grid where times are unequal."""
+    if not record.is_uniform:
+        even = resample(record.select([c for c in record.channels if c in _TURNING]), record.rate)
+        inputs = known_inputs(even, turbine, sensors)
+        return np.column_stack([np.interp(record.time, even.time, column) for column in inputs.T])
+    if isinstance(turbine.model, TowerModel):
+        needs_yaw = any(sensor.frame == "tower" for sensor in sensors)
+        return tower_inputs(record, turbine.rotor_speed, needs_yaw=needs_yaw)
+    return rotor_inputs(record, turbine.rotor_speed)
 
 
 def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMarkov]]:

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.diagnostics import diagnose
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF
 from windsysid.forcebalance import identify_by_force_balance
@@ -14,14 +15,19 @@ from windsysid.formulation import Outcome, Prior
 from windsysid.joint import identify_jointly
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import Sensor
+from windsysid.mechanics.tower import TowerModel
 from windsysid.modal import modes_with_bands
 from windsysid.record import Record
 from windsysid.result import SIGMAS, Estimate, Identification, coefficient_errors
+from windsysid.signals import resample
 from windsysid.turbine import Turbine
 
 __all__ = ["Formulation", "Prior", "add_noise", "conclude", "identify", "usable_sensors", "with_noise"]
 
 Array = NDArray[np.float64]
+
+TOWER_SAMPLES = 12.0
+"""Samples per period of a tower: room for its blade-passing line, not for the blades' own modes and the tower's second."""
 
 Formulation = Literal["joint", "force-balance"]
 
@@ -35,6 +41,8 @@ def identify(
     section: tuple[float, float] | None = None,
     prior: Prior | None = None,
     parameters: Sequence[str] | None = None,
+    rate: float | None = None,
+    loads: str = "auto",
 ) -> Identification:
     """Identify stiffness and damping of `turbine` from `record`.
 
@@ -59,24 +67,38 @@ def identify(
     parameters
         Names of what to identify, masses and geometry included (joint formulation); the stiffness and damping
         coefficients of every free degree of freedom by default.
+    rate
+        Samples per second [Hz] to resample to, without aliasing (joint formulation); the record's own by default, and for a
+        tower under a rigid rotor, which says nothing of what is faster, twelve per period.
+    loads
+        What the loads are taken for (joint formulation): ``"broadband"``, ``"second-order"`` or ``"rotor-wind"``
+        (`windsysid.loadmodels`); the record chooses by default.
 
     Raises
     ------
     RecordError, ConfigurationError
         If the record does not hold what is needed, or an option is out of range.
     """
-    part = (record.section(*section) if section else record).on_uniform_grid()
-    _check_length(part, turbine)
+    part = record.section(*section) if section else record
+    part = part.on_own_times() if formulation == "joint" else part.on_uniform_grid()
     if formulation == "joint":
+        part, resampled = _slowed(part, turbine, rate)
+        _check_length(part, turbine)
         found = usable_sensors(part, turbine, sensors)
-        return conclude(identify_jointly(part, turbine, found, prior or Prior(), parameters), part, formulation)
+        outcome = identify_jointly(part, turbine, found, prior or Prior(), parameters, loads=loads)
+        return conclude(outcome._replace(notes=(*resampled, *outcome.notes)), part, formulation)
     if formulation == "force-balance":
+        _check_length(part, turbine)
         if sensors is not None:
             raise ConfigurationError(
                 "the force balance takes no sensor list: it reads tower_x_acceleration, blade_1_lag_displacement … by name"
             )
         if parameters is not None:
             raise ConfigurationError("the force balance identifies all coefficients at once: leave `parameters` out")
+        if rate is not None:
+            raise ConfigurationError("the force balance filters the record as it is: leave the rate out")
+        if loads != "auto":
+            raise ConfigurationError("the force balance has no model of the loads: leave `loads` out")
         whole = record.on_uniform_grid()
         outcome = identify_by_force_balance(whole, part, turbine, prior or Prior(spread=1.0))
         return conclude(outcome, part, formulation)
@@ -143,6 +165,20 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
     return found
 
 
+def _slowed(record: Record, turbine: Turbine, rate: float | None) -> tuple[Record, tuple[str, ...]]:
+    """The record at a lower rate, where one is asked for or the turbine's model has nothing to say of what is faster; a note of it."""
+    if rate is None and isinstance(turbine.model, TowerModel):
+        fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
+        rate = min(TOWER_SAMPLES * fastest, record.rate)
+    elif rate is not None and not 0.0 < rate <= 1.001 * record.rate:
+        raise ConfigurationError(
+            f"rate: expected more than 0 and at most the record's {record.rate:.4g} Hz, got {rate:g}"
+        )
+    if rate is None or rate > 0.95 * record.rate:
+        return record, ()
+    return resample(record, rate), (f"resampled from {record.rate:.4g} to {rate:.3g} Hz",)
+
+
 def _check_length(record: Record, turbine: Turbine) -> None:
     turn = 2.0 * math.pi / turbine.rotor_speed
     if record.duration < turn:
@@ -158,18 +194,29 @@ def _check_length(record: Record, turbine: Turbine) -> None:
         )
 
 
-def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Identification:
-    """Put what a formulation found on `record` into physical units, with bands, modes and errors."""
+def conclude(
+    outcome: Outcome,
+    record: Record,
+    formulation: Formulation,
+    *,
+    section: tuple[float, float] | None = None,
+    samples: int | None = None,
+    history_time: Array | None = None,
+) -> Identification:
+    """Put what a formulation found on `record` into physical units, with bands, modes and errors.
+
+    Where `record` is the last piece of a longer one, `section` [s] and `samples` are the whole's, and `history_time` [s] says when the
+    estimates of the history were made.
+    """
     turbine, model, theta, cov = outcome.turbine, outcome.model, outcome.theta, outcome.cov
-    block = model.parameter_block
-    history_mean, history_std = outcome.online.mean[:, block], outcome.online.std[:, block]
+    history_mean, history_std = outcome.history_mean, outcome.history_std
     std = np.sqrt(np.diag(cov))
     estimates = []
     for i, q in enumerate(model.parameters):
-        reference = turbine.values[q.name]
+        reference = turbine.values[q.name] or None  # nobody knows what the file sets to zero
         low, value, high = (float(q.physical(theta[i] + k * std[i])) for k in (-SIGMAS, 0.0, SIGMAS))
         spread = std[i] * (value if q.logarithmic else q.scale)
-        errors = coefficient_errors(q.physical(history_mean[:, i]), reference)
+        errors = coefficient_errors(q.physical(history_mean[:, i]), reference) if reference else None
         estimates.append(
             Estimate(
                 name=q.name,
@@ -182,8 +229,8 @@ def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Iden
                 informed_by_data=float(np.clip(1.0 - (std[i] / q.prior[1]) ** 2, 0.0, 1.0)),
                 prior=q.centre,
                 reference=reference,
-                average_error_percent=float(np.mean(errors)),
-                tip=_at_the_tip(q.name, turbine, value, low, high, float(spread), reference),
+                average_error_percent=None if errors is None else float(np.mean(errors)),
+                tip=_at_the_tip(q.name, turbine, value, low, high, float(spread), reference or 0.0),
             )
         )
     final = turbine.with_values({e.name: e.estimate for e in estimates})
@@ -191,20 +238,33 @@ def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Iden
     p, at_reference = (np.array([source.values[name] for name in compiled.parameters]) for source in (final, turbine))
     speed = float(outcome.rotor[:, 1].mean())
     modes = modes_with_bands(turbine.model, compiled, p, speed, model.parameters, theta, cov, at_reference)
+    diagnosis = diagnose(
+        outcome.final,
+        readings=model.readings,
+        rate=record.rate,
+        frequencies=[final.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates],
+        parameters=model.parameters,
+        theta=theta,
+        cov=cov,
+        rotor_speed=speed,
+        blades=turbine.model.blades,
+        white=formulation == "joint",
+        doubts=outcome.doubts,
+    )
     return Identification(
         method=EKF.name if formulation == "force-balance" else f"posterior mode, {EKF.name}",
         formulation=formulation,
         record=record.name,
         turbine=turbine.name,
         sensors=outcome.channels,
-        section=(float(record.time[0]), float(record.time[-1])),
+        section=section or (float(record.time[0]), float(record.time[-1])),
         rate=record.rate,
-        samples=record.samples,
+        samples=samples or record.samples,
         elapsed=outcome.elapsed,
         estimates=tuple(estimates),
         modes=modes,
         parameters=model.parameters,
-        time=record.time,
+        time=record.time if history_time is None else history_time,
         mean=history_mean,
         std=history_std,
         cov=cov,
@@ -214,6 +274,8 @@ def conclude(outcome: Outcome, record: Record, formulation: Formulation) -> Iden
         log_likelihood=float(outcome.final.log_likelihood.sum()),
         notes=outcome.notes,
         statistics=outcome.statistics,
+        diagnosis=diagnosis,
+        loads=outcome.loads,
     )
 
 
@@ -226,7 +288,8 @@ def _unit(name: str) -> str:
 
 
 _UNITS = {
-    "k_x": "N/m", "k_y": "N/m", "k_": "N*m/rad", "c_x": "N*s/m", "c_y": "N*s/m", "c_": "N*m*s/rad",
+    "k_x": "N/m", "k_y": "N/m", "k_side_side": "N/m", "k_fore_aft": "N/m", "k_": "N*m/rad",
+    "c_x": "N*s/m", "c_y": "N*s/m", "c_side_side": "N*s/m", "c_fore_aft": "N*s/m", "c_hub_blade": "N*s", "c_": "N*m*s/rad", "mass_": "kg", "tilt": "rad/m",
     "hub_mass": "kg", "blade_mass": "kg", "blade_first_moment": "kg*m", "blade_inertia": "kg*m^2", "roll_inertia": "kg*m^2",
     "kappa": "rad/m", "eccentricity_angle": "rad", "eccentricity": "m", "gravity": "m/s^2", "hinge_offset": "m",
 }  # fmt: skip

@@ -73,6 +73,6 @@ def compiled(function: Callable[..., Any], signature: object) -> Any:
 
 
 def inlined(function: _F) -> _F:
-    """A helper that is compiled as part of the kernels that call it."""
-    helper: _F = numba.njit(**_OPTIONS)(function)
+    """A helper that is compiled as part of the kernels that call it: a call with a model's many arrays costs more than the work."""
+    helper: _F = numba.njit(forceinline=True, **_OPTIONS)(function)
     return helper

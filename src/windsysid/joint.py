@@ -1,244 +1,218 @@
 """The joint formulation: states, loads and coefficients together, from accelerometers.
 
-First the joint filter runs over the record as it would on line; that history is kept. What it learned while linearised at a wrong
-coefficient it never forgets, so it runs again from where it ended, with the original prior covariance and the pull of the prior
-added afterwards, exactly so for a linear model:
-
-    θ ← θ₁ + P₁ P₀⁻¹ (θ₀ − θ_start).
-
-From there the mode of the posterior is found on the likelihood of the state-only filter (`windsysid.likelihood`), together with
-the statistics of loads and noise (`windsysid.statistics`): the result and its bands are those.
+The unknowns are the coefficients and the statistics of loads and noise (`windsysid.stateonly`). The record is first taken in as it would be on
+line (`windsysid.online`); that history is kept. From where it ends the mode of the posterior of the whole record is found
+(`windsysid.likelihood`): the result and its bands are those.
 """
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid.filters import EKF, Belief
-from windsysid.formulation import Outcome, Prior, check_finite, identifiable, known_loads
+from windsysid.choice import choose
+from windsysid.filters import EKF
+from windsysid.filters.bank import bank_of, run_bank
+from windsysid.formulation import Loads, Outcome, Prior, check_finite, known_loads
 from windsysid.likelihood import Posterior, posterior_mode
-from windsysid.loads import GaussMarkov
+from windsysid.loadmodels import candidates
 from windsysid.mechanics.sensors import Sensor
+from windsysid.online import History, Online, advance, finish
 from windsysid.record import Record
-from windsysid.signals import rotor_inputs
-from windsysid.statespace import Parameter, StateSpace, compose
-from windsysid.statistics import Statistic, given_statistics, learned_statistics, spreads, with_statistics
+from windsysid.stateonly import Problem, pose
+from windsysid.statespace import StateSpace
+from windsysid.statistics import learned_statistics
 from windsysid.turbine import Turbine
 
 __all__ = ["identify_jointly"]
 
 Array = NDArray[np.float64]
 
-PASSES = 4
-"""Most passes of the joint filter; they stop when one moves no coefficient by more than `SETTLED` standard deviations."""
+PERIODS = 10.0
+"""Periods of the slowest degree of freedom before the first estimate on line."""
 
-SETTLED = 0.05
+GATE = 5.0
+"""Standard deviations beyond which an innovation is an outlier: one in two million of normal ones."""
 
-FIRST_WIDTH = 0.05
-"""Standard deviation of the logarithm of a statistic that scales its first differences."""
+FELT = 0.02
+"""What they must add to a channel's mean squared innovation to be left out: a few that are hardly beyond the gate do no harm."""
 
-COARSE = 10_000
-"""Samples at the beginning of a long record on which the way to the mode is found cheaply, before all of it is used."""
+MOST = 0.05
+"""Share of a channel beyond which they are not outliers: then the model is wrong, and all are kept."""
 
-CORRELATED = 0.1
-"""Correlation of a whitened innovation with the one before it, above which the model does not explain the record."""
+GATED_PASSES = 4
+"""Most searches for the mode until the set of outliers stays."""
+
+CHUNK = 1024
+"""Samples whose covariances are held at once."""
 
 
 def identify_jointly(
-    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None
-) -> Outcome:
-    """Identify the chosen parameters, or every coefficient that the sensors see, from a uniformly sampled record."""
-    notes: list[str] = []
-    turbine = _seen(turbine, sensors, notes)
-    rotor = rotor_inputs(record, turbine.rotor_speed)
-    known, loads = known_loads(record, turbine)
-    parameters = prior.parameters(turbine, identifiable(turbine, chosen), linear=False)
-    model = _compose(record, turbine, sensors, parameters, loads, rotor)
-    inputs = np.hstack([rotor, known])
-    readings = np.column_stack([record[sensor.channel] for sensor in sensors])
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
+    loads: str = "auto",
+) -> Outcome:  # fmt: skip
+    """Identify the chosen parameters, or every coefficient that the sensors see, from a record.
 
-    EKF.run(model, EKF.init(model), inputs[:0], readings[:0])  # compiles or loads the kernel outside the clock
-    started = time.perf_counter()
-    first, online = EKF.run(model, EKF.init(model), inputs, readings)
-    check_finite(first.mean, first.cov)
-    theta, cov = _settle(model, first, inputs, readings)
-    statistics = given_statistics(loads, sensors)
-    mode = _refine(model, turbine, sensors, loads, statistics, theta, cov, inputs, readings)
-    elapsed = time.perf_counter() - started
-
-    n = len(parameters)
-    learned = learned_statistics(statistics, mode.mean[n:], mode.cov[n:, n:])
-    notes += _judgement(mode, sensors, loads_are_states=bool(loads))
-    channels = tuple(sensor.channel for sensor in sensors)
-    return Outcome(
-        turbine,
-        model,
-        online,
-        mode.info,
-        mode.mean[:n],
-        mode.cov[:n, :n],
-        rotor,
-        channels,
-        elapsed,
-        tuple(notes),
-        learned,
-    )
-
-
-def _settle(model: StateSpace, first: Belief, inputs: Array, readings: Array) -> tuple[Array, Array]:
-    """Further passes of the joint filter until θ stays; θ and its covariance."""
-    block = model.parameter_block
-    prior_mean, prior_cov = model.mean[block], model.cov[block, block]
-    theta, cov = first.mean[block], first.cov[block, block]
-    for _ in range(PASSES - 1):
-        belief, _ = EKF.run(model, _restarted(model, theta), inputs, readings)
-        if not (np.isfinite(belief.mean).all() and np.isfinite(belief.cov).all()):
-            break
-        start, cov = theta, belief.cov[block, block]
-        theta = belief.mean[block] + cov @ np.linalg.solve(prior_cov, prior_mean - start)
-        if np.all(np.abs(theta - start) < SETTLED * np.sqrt(np.diag(cov))):
-            break
-    return theta, cov
-
-
-def _refine(
-    model: StateSpace, turbine: Turbine, sensors: Sequence[Sensor], loads: Sequence[GaussMarkov],
-    statistics: Sequence[Statistic], theta: Array, cov: Array, inputs: Array, readings: Array,
-) -> Posterior:  # fmt: skip
-    """The mode of the posterior of coefficients and statistics, from the state-only filter."""
-    n, extra = len(theta), len(statistics)
-    nx = len(model.compiled.states)
-    block = model.parameter_block
-
-    def build(values: Array) -> StateSpace:
-        moved_loads, moved_sensors = with_statistics(statistics, values[n:], loads, sensors)
-        physical = {q.name: float(q.physical(t)) for q, t in zip(model.parameters, values, strict=False)}
-        return compose(
-            turbine.model, intervals=model.blocks.step, values={**turbine.values, **physical}, loads=moved_loads, sensors=moved_sensors,
-            cov=model.cov[:nx, :nx],
-        )  # fmt: skip
-
-    prior_cov = np.diag(np.concatenate([np.zeros(n), np.square(spreads(statistics))]))
-    prior_cov[:n, :n] = model.cov[block, block]
-    prior_mean = np.concatenate([model.mean[block], np.zeros(extra)])
-    start, start_cov = np.concatenate([theta, np.zeros(extra)]), np.diag(np.full(n + extra, FIRST_WIDTH**2))
-    start_cov[:n, :n] = cov
-    for samples in (COARSE, len(readings)) if len(readings) >= 2 * COARSE else (len(readings),):
-        mode = posterior_mode(
-            build, inputs[:samples], readings[:samples],
-            prior_mean=prior_mean, prior_cov=prior_cov, start=start, start_cov=start_cov,
-        )  # fmt: skip
-        start, start_cov = mode.mean, mode.cov
-    return mode
-
-
-def _judgement(mode: Posterior, sensors: Sequence[Sensor], *, loads_are_states: bool) -> list[str]:
-    """What a reader must know before believing the bands."""
-    loads = (
-        "loads are states (first-order Gauss–Markov), their statistics and the noise learned from the record"
-        if loads_are_states
-        else "all loads are known, the noise learned from the record"
-    )
-    notes = [f"{loads}; damping is total: structure and aerodynamics"]
-    if not mode.settled:
-        notes.append(
-            f"WARNING: do not trust these bands: the likelihood still rose after {mode.iterations} steps; "
-            "choose a longer or steadier section, or priors nearer to the structure"
-        )
-    z = np.nan_to_num(mode.info.whitened)
-    lag_one = np.sum(z[1:] * z[:-1], axis=0) / np.maximum(np.sum(z**2, axis=0), 1e-300)
-    worst = int(np.argmax(np.abs(lag_one)))
-    if abs(lag_one[worst]) > CORRELATED:
-        notes.append(
-            f"WARNING: do not trust these bands: the model does not explain {sensors[worst].channel} (its innovations are correlated "
-            f"by {lag_one[worst]:+.2f} from sample to sample; 0 is expected): the loads are not of the modelled kind, or motion is "
-            "missing from the model"
-        )
-    return notes
-
-
-def _restarted(model: StateSpace, theta: Array) -> Belief:
-    """The prior belief, moved to θ."""
-    prior = EKF.init(model)
-    mean = prior.mean.copy()
-    mean[model.parameter_block] = theta
-    return prior._replace(mean=mean)
-
-
-def _seen(turbine: Turbine, sensors: Sequence[Sensor], notes: list[str]) -> Turbine:
-    """The turbine with those degrees of freedom locked that no sensor sees."""
-    changes: dict[str, str] = {}
-    if turbine.model.lag == "free" and not any(sensor.blade for sensor in sensors):
-        changes["lag"] = "locked"
-        notes.append("no blade channels: the blades are locked, and only the support's coefficients are identified")
-    axes = {sensor.axis for sensor in sensors if not sensor.blade}
-    for axis in ("x", "y"):
-        coupled = turbine.model.lag == "free" and "lag" not in changes  # blades shake the hub, which shakes them back
-        if getattr(turbine.model, axis) == "free" and axis not in axes and not coupled:
-            changes[axis] = "locked"
-            notes.append(f"no channel sees {axis}: it is locked")
-    if not changes:
-        return turbine
-    if changes.get("x") == "locked" and turbine.model.roll == "tied":
-        changes["roll"] = "locked"
-    model = replace(turbine.model, **changes)  # type: ignore[arg-type]
-    return replace(turbine, model=model, loads=tuple(load for load in turbine.loads if load.load in model.loads))
-
-
-def _compose(
-    record: Record, turbine: Turbine, sensors: Sequence[Sensor], parameters: Sequence[Parameter],
-    loads: Sequence[GaussMarkov], rotor: Array,
-) -> StateSpace:  # fmt: skip
-    model = compose(
-        turbine.model, rate=record.rate, values=turbine.values, parameters=parameters, loads=loads, sensors=sensors
-    )
-    n = len(turbine.model.coordinates)
-    amplitude = _amplitudes(record, turbine, sensors, model, rotor[0])
-    frequency = np.array([turbine.natural_frequency(name) for name in turbine.model.coordinates])
-    cov = model.cov.copy()
-    cov[range(2 * n), range(2 * n)] = np.square(np.concatenate([amplitude, amplitude * frequency]))
-    return replace(model, cov=cov)
-
-
-def _amplitudes(record: Record, turbine: Turbine, sensors: Sequence[Sensor], model: StateSpace, rotor: Array) -> Array:
-    """How far each degree of freedom may be from rest at the first sample: three times what the loudest second would
-    need.
-
-    A channel that reads C q + D q̇ + E q̈ has the gain |C + iωD − ω²E| to a motion at the natural frequency ω.
+    `loads` names a load model (`windsysid.loadmodels`), or leaves the choice to the record.
     """
-    compiled = model.compiled
-    n, m = len(turbine.model.coordinates), len(sensors)
-    rest = np.zeros(2 * n)
-    no_load = np.zeros(len(compiled.loads))
-    size = (len(compiled.identified), len(compiled.loads))
-    A, B, G = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, size[0])), np.zeros((2 * n, size[1]))
-    compiled.rates_jacobian(rest, rotor, model.blocks.p, no_load, np.empty(2 * n), A, B, G)
-    C, D, E = np.zeros((m, 2 * n)), np.zeros((m, size[0])), np.zeros((m, size[1]))
-    compiled.reading_jacobian(rest, rotor, model.blocks.p, no_load, np.empty(m), C, D, E)
-    to_acceleration = E @ np.linalg.inv(G[n:])  # ∂y/∂q̈, as ∂q̈/∂w = M⁻¹ on the degrees of freedom
-    direct = C - to_acceleration @ A[n:]
-    loudest = np.array([_loudest(record[sensor.channel], record.rate) for sensor in sensors])
-    w = np.array([turbine.natural_frequency(name) for name in turbine.model.coordinates])
-    gain = np.abs(direct[:, :n] + 1j * w * direct[:, n:] - w**2 * to_acceleration)
-    gain[gain < 1e-9 * gain.max()] = 0.0  # rounding
-    amplitudes: Array = np.full(n, np.nan)
-    for j in range(n):
-        clear = gain[:, j] > 0.3 * gain[:, j].max()
-        if clear.any():
-            amplitudes[j] = 3.0 * np.min(loudest[clear] / gain[clear, j])
-    blades = np.array([name.startswith("beta_") for name in turbine.model.coordinates])
-    for alike in (blades, ~blades):  # what no channel reads directly moves as far as its like
-        seen = amplitudes[alike & np.isfinite(amplitudes)]
-        amplitudes[alike & np.isnan(amplitudes)] = seen.max() if seen.size else 1.0
-    return np.asarray(np.maximum(amplitudes, 1e-12))
+    warming = 0.0
+
+    def posed(name: str) -> Problem:
+        nonlocal warming
+        begun = time.perf_counter()
+        problem = pose(record, turbine, sensors, prior, chosen, name)
+        _warm(problem)
+        warming += time.perf_counter() - begun
+        return problem
+
+    started = time.perf_counter()
+    names = candidates(turbine, known_loads(record, turbine)[1]) if loads == "auto" else (loads,)
+    best, why = choose(posed, names, first_estimate(turbine, record.rate), record.rate)
+    problem = best.problem
+    inputs, readings = problem.inputs, problem.readings
+    online, history = advance(
+        problem.build, best.online, inputs[best.online.reached :], readings[best.online.reached :], problem.start
+    )
+    online, last = finish(problem.build, online, problem.start)
+    check_finite(online.theta, online.precision)
+    mode, left_out = _without_outliers(problem, online)
+    elapsed = time.perf_counter() - started - warming
+
+    n = len(problem.parameters)
+    mean, std = _after_each_sample(problem, (best.history, history, last), len(readings))
+    acted = acting_loads(problem.build(mode.mean), inputs, left_out.readings)
+    return Outcome(
+        turbine=problem.turbine,
+        model=problem.model,
+        history_mean=mean,
+        history_std=std,
+        final=mode.info._replace(gated=left_out.outliers),
+        theta=mode.mean[:n],
+        cov=mode.cov[:n, :n],
+        rotor=inputs[:, : len(problem.model.compiled.inputs)],
+        channels=tuple(sensor.channel for sensor in sensors),
+        elapsed=elapsed,
+        notes=(*problem.notes, *_told(problem, why), *left_out.notes),
+        statistics=learned_statistics(problem.statistics, mode.mean[n:], mode.cov[n:, n:]),
+        doubts=_doubts(mode, turbine, problem.turbine),
+        loads=acted,
+    )
 
 
-def _loudest(values: Array, rate: float) -> float:
-    """Greatest rms about the channel's mean over any second."""
-    deviation = np.nan_to_num(values - np.nanmean(values))
-    window = max(1, round(rate))
-    power = np.convolve(deviation**2, np.full(window, 1.0 / window), mode="valid" if len(values) >= window else "full")
-    return float(np.sqrt(max(power.max(), 0.0)))
+def _warm(problem: Problem) -> None:
+    """Compile or load every kernel."""
+    nothing = problem.inputs[:0], problem.readings[:0]
+    for model in (problem.model, problem.build(problem.prior[0])):
+        EKF.run(model, EKF.init(model), *nothing)
+    run_bank(bank_of([model]), *nothing)
+
+
+class _LeftOut(NamedTuple):
+    """Outliers among the readings (T, m), the readings without them, and what to say about them."""
+
+    outliers: NDArray[np.bool_]
+    readings: Array
+    notes: tuple[str, ...]
+
+
+def _without_outliers(problem: Problem, online: Online) -> tuple[Posterior, _LeftOut]:
+    """The mode of the posterior of the whole record, without the readings that are outliers there.
+
+    Maximum likelihood needs a fixed set of readings. So the mode is found with all of them, the outliers there are left out, and the mode is found
+    anew; the set is judged again from all readings, until it stays.
+    """
+    inputs, readings = problem.inputs, problem.readings
+    start, start_cov = online.theta, online.cov
+    outliers = np.zeros(readings.shape, dtype=np.bool_)
+    for _ in range(GATED_PASSES):
+        kept = np.where(outliers, np.nan, readings)
+        mode = posterior_mode(
+            problem.build, inputs, kept,
+            prior_mean=problem.prior[0], prior_cov=problem.prior[1], start=start, start_cov=start_cov,
+        )  # fmt: skip
+        found = _outliers(problem.build(mode.mean), inputs, readings)
+        if np.array_equal(found, outliers):
+            break
+        outliers, start, start_cov = found, mode.mean, mode.cov
+    notes = [
+        f"{count} of {len(readings)} samples of {name} were left out as outliers (beyond {GATE:g}σ)"
+        for name, count in zip(problem.model.readings, outliers.sum(axis=0), strict=True)
+        if count
+    ]
+    return mode, _LeftOut(outliers, kept, tuple(notes))
+
+
+def _outliers(model: StateSpace, inputs: Array, readings: Array) -> NDArray[np.bool_]:
+    """Readings (T, m) beyond `GATE` of a filter that takes none of them in, in channels that feel them, and not where they are the rule."""
+    gated = replace(model, blocks=model.blocks._replace(gate=np.array([GATE])))
+    info = EKF.run(gated, EKF.init(gated), inputs, readings)[1]
+    size = np.square(np.where(info.gated, info.innovation / info.innovation_std, 0.0))
+    felt = np.nansum(size, axis=0) > FELT * np.isfinite(readings).sum(axis=0)
+    return np.asarray(info.gated & felt & (info.gated.mean(axis=0) <= MOST))
+
+
+def acting_loads(model: StateSpace, inputs: Array, readings: Array) -> Loads:
+    """The loads that are states as the filter knew them after each sample, w = H(ψ) z."""
+    compiled, blocks = model.compiled, model.blocks
+    nx, nz = blocks.sizes[:2]
+    driven = np.any(blocks.load_output != 0.0, axis=(0, 2))
+    names = tuple(name for name, is_driven in zip(compiled.loads, driven, strict=True) if is_driven)
+    mean, std = np.empty((len(inputs), len(names))), np.empty((len(inputs), len(names)))
+    belief = EKF.init(model)
+    for first in range(0, len(inputs), CHUNK):
+        part = slice(first, first + CHUNK)
+        belief, info, covs = EKF.run_with_covariances(model, belief, inputs[part], readings[part])
+        z, P = info.mean[:, nx : nx + nz], covs[:, nx : nx + nz, nx : nx + nz]
+        psi = inputs[part, blocks.azimuth[0]] if blocks.azimuth[0] >= 0 else np.zeros(len(z))
+        k = np.arange(1, (len(blocks.load_output) + 1) // 2)
+        turn = np.ones((len(z), len(blocks.load_output)))
+        turn[:, 1::2], turn[:, 2::2] = np.cos(np.outer(psi, k)), np.sin(np.outer(psi, k))
+        H = np.einsum("tk,kwz->twz", turn, blocks.load_output[:, driven])
+        mean[part] = np.einsum("twz,tz->tw", H, z)
+        std[part] = np.sqrt(np.maximum(np.einsum("twz,tzy,twy->tw", H, P, H), 0.0))
+    return Loads(names, mean, std)
+
+
+def first_estimate(turbine: Turbine, rate: float) -> int:
+    """Samples before the first estimate on line."""
+    slowest = min(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    return math.ceil(PERIODS * 2.0 * math.pi / slowest * rate)
+
+
+def _after_each_sample(problem: Problem, histories: Sequence[History], samples: int) -> tuple[Array, Array]:
+    """Mean and standard deviation of θ as they were known after each sample (T, n_θ): the prior before the first estimate."""
+    n = len(problem.parameters)
+    prior_mean, prior_cov = problem.prior
+    since = np.concatenate([[0], *(history.samples for history in histories)])
+    mean = np.concatenate([prior_mean[None], *(history.mean for history in histories)])
+    variance = np.array([np.diag(cov) for cov in (prior_cov, *(cov for history in histories for cov in history.cov))])
+    known = np.searchsorted(since, np.arange(1, samples + 1), side="right") - 1
+    return mean[known, :n], np.sqrt(variance[known, :n])
+
+
+def _told(problem: Problem, why: str) -> tuple[str, ...]:
+    """What was taken for the loads, and why."""
+    total = "damping is total: structure and aerodynamics"
+    if not problem.loads.statistics:
+        return (f"all loads are known, the noise learned from the record; {total}",)
+    taken = f"loads are states ({problem.loads.text}), their statistics and the noise learned from the record; {total}"
+    return (taken, why)
+
+
+def _doubts(mode: Posterior, given: Turbine, used: Turbine) -> tuple[str, ...]:
+    """What speaks against the bands and does not show in the innovations."""
+    doubts = []
+    if not mode.settled:
+        doubts.append(
+            f"the likelihood still rose after {mode.iterations} steps: choose a longer or steadier section, or priors nearer to the structure"
+        )
+    if getattr(given.model, "lag", "") == "free" and getattr(used.model, "lag", "") == "locked":
+        doubts.append(
+            "no channel sees the blades, so they are locked; where they move, the load takes the blame and the support's stiffness is off by more "
+            "than its band: add a sensor on a blade, or use a turbine file whose blades are locked (docs/tower.md)"
+        )
+    return tuple(doubts)

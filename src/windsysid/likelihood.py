@@ -35,6 +35,9 @@ SETTLED = 0.05
 NEAR = 1.0
 """The same, below which differences are central instead of forward."""
 
+LONGEST = 3.0
+"""No step moves a parameter by more than so many standard deviations of its prior."""
+
 HALVINGS = 8
 """How often a step that does not raise the posterior is halved."""
 
@@ -144,6 +147,7 @@ def posterior_mode(
             pull = found.gradient - information @ (theta - prior_mean)
             step = np.asarray(np.linalg.solve(curvature, pull), dtype=np.float64)
             distance = float(step @ curvature @ step)
+            step *= min(1.0, LONGEST / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
             last, widths = central and distance < SETTLED, INCREMENT / np.sqrt(np.diag(curvature))
             central = central or distance < NEAR
             if last:  # so short a step is taken unseen

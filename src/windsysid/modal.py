@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.tower import TowerModel
 from windsysid.statespace import Parameter
 
 __all__ = ["Mode", "modes", "modes_with_bands"]
@@ -64,13 +65,15 @@ class Mode(NamedTuple):
         return ("", "") if self.reference is None else (f"{self.reference[0]:.4f}", f"{100.0 * self.reference[1]:.3f}")
 
 
-def modes(rotor: RotorModel, model: CompiledModel, p: Array, rotor_speed: float) -> list[tuple[str, float, float]]:
+def modes(
+    rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float
+) -> list[tuple[str, float, float]]:
     """Name, frequency [Hz] and damping ratio of every oscillating mode, by rising frequency.
 
     Parameters
     ----------
-    model
-        The compiled rotor.
+    rotor, model
+        The rotor, or a tower under a rigid one, and the same compiled.
     p
         All its parameters (n_p,), SI.
     rotor_speed
@@ -80,11 +83,19 @@ def modes(rotor: RotorModel, model: CompiledModel, p: Array, rotor_speed: float)
     -----
     Empty for free blades of a rotor with fewer than three: no coordinates make its equations constant.
     """
-    if rotor.lag == "free" and rotor.blades < 3:
+    if isinstance(rotor, TowerModel):
+        system = _at_rest(model, p, np.zeros(len(model.inputs)))
+    elif rotor.lag == "free" and rotor.blades < 3:
         return []
-    eigenvalues, vectors = np.linalg.eig(_fixed_frame(rotor, model, p, rotor_speed))
+    else:
+        system = _fixed_frame(rotor, model, p, rotor_speed)
+    eigenvalues, vectors = np.linalg.eig(system)
     order = [i for i in np.argsort(np.abs(eigenvalues)) if eigenvalues[i].imag > 1e-9 * np.abs(eigenvalues).max()]
-    names = _names(rotor, model, p, vectors[: len(rotor.coordinates), order])
+    shapes = vectors[: len(rotor.coordinates), order]
+    if isinstance(rotor, TowerModel):
+        names = ["tower " + rotor.coordinates[int(np.argmax(np.abs(shape)))].replace("_", "-") for shape in shapes.T]
+    else:
+        names = _names(rotor, model, p, shapes)
     return [
         (name, float(abs(eigenvalues[i]) / (2.0 * math.pi)), float(-eigenvalues[i].real / abs(eigenvalues[i])))
         for name, i in zip(names, order, strict=True)
@@ -92,7 +103,7 @@ def modes(rotor: RotorModel, model: CompiledModel, p: Array, rotor_speed: float)
 
 
 def modes_with_bands(
-    rotor: RotorModel,
+    rotor: RotorModel | TowerModel,
     model: CompiledModel,
     p: Array,
     rotor_speed: float,
@@ -120,7 +131,8 @@ def modes_with_bands(
         step[i] = 0.1 * math.sqrt(cov[i, i]) if cov[i, i] > 0.0 else 1e-6
         above, below = at(theta + step), at(theta - step)
         if len(above) == len(below) == len(centre):
-            slopes[:, :, i] = (np.array([m[1:] for m in above]) - np.array([m[1:] for m in below])) / (2.0 * step[i])
+            either = [np.array([m[1:] for m in side]).reshape(-1, 2) for side in (above, below)]
+            slopes[:, :, i] = (either[0] - either[1]) / (2.0 * step[i])
     found = []
     for (name, frequency, damping), slope in zip(centre, slopes, strict=True):
         half = [2.0 * math.sqrt(max(float(row @ cov @ row), 0.0)) for row in slope]
@@ -140,19 +152,25 @@ def _fixed_frame(rotor: RotorModel, model: CompiledModel, p: Array, rotor_speed:
     n = len(rotor.coordinates)
     p = p.copy()
     p[model.parameters.index("gravity")] = 0.0
-    loads, rest = np.zeros(len(model.loads)), np.zeros(2 * n)
     total = np.zeros((2 * n, 2 * n))
     total[:n, n:] = np.eye(n)
     for psi in np.arange(AZIMUTHS) * 2.0 * math.pi / AZIMUTHS:
-        A = np.zeros((2 * n, 2 * n))
-        out = (np.empty(2 * n), A, np.zeros((2 * n, len(model.identified))), np.zeros((2 * n, len(loads))))
-        model.rates_jacobian(rest, np.array([psi, rotor_speed, 0.0]), p, loads, *out)
+        A = _at_rest(model, p, np.array([psi, rotor_speed, 0.0]))
         T, T1, T2 = _multi_blade(rotor, psi)
         first, second = rotor_speed * T1, rotor_speed**2 * T2
         position, velocity = A[n:, :n], A[n:, n:]
         total[n:, :n] += np.linalg.solve(T, position @ T + velocity @ first - second) / AZIMUTHS
         total[n:, n:] += np.linalg.solve(T, velocity @ T - 2.0 * first) / AZIMUTHS
     return total
+
+
+def _at_rest(model: CompiledModel, p: Array, inputs: Array) -> Array:
+    """∂ẋ/∂x (n_x, n_x) where nothing moves and nothing pushes."""
+    n, loads = len(model.states), np.zeros(len(model.loads))
+    A: Array = np.zeros((n, n))
+    out = (np.empty(n), A, np.zeros((n, len(model.identified))), np.zeros((n, len(loads))))
+    model.rates_jacobian(np.zeros(n), inputs, p, loads, *out)
+    return A
 
 
 def _multi_blade(rotor: RotorModel, psi: float) -> tuple[Array, Array, Array]:

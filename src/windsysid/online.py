@@ -30,6 +30,7 @@ from windsysid.statespace import StateSpace
 __all__ = ["History", "Online", "advance", "begin", "finish", "restore", "save"]
 
 Array = NDArray[np.float64]
+Start = Callable[[Array, Array], tuple[Array, Array]]
 
 MEMORY = 8
 """How many times the first samples are held, and processed again at every doubling."""
@@ -71,6 +72,11 @@ class Online(NamedTuple):
     readings: Array
 
     @property
+    def reached(self) -> int:
+        """Samples taken in, those held for the next block included."""
+        return _held_from(self) + len(self.readings)
+
+    @property
     def cov(self) -> Array:
         """Covariance of θ (n_θ, n_θ)."""
         return np.asarray(np.linalg.inv(self.precision), dtype=np.float64)
@@ -100,11 +106,21 @@ def begin(prior_mean: Array, prior_cov: Array, first: int, columns: tuple[int, i
 
 
 def advance(
-    build: Callable[[Array], StateSpace], online: Online, inputs: Array, readings: Array
+    build: Callable[[Array], StateSpace],
+    online: Online,
+    inputs: Array,
+    readings: Array,
+    start: Start | None = None,
 ) -> tuple[Online, History]:
-    """Take in T samples; `build` gives the state-only model for a value of θ.
+    """Take in T samples. However they are cut into pieces, the estimates are the same, bit for bit.
 
-    However the samples are cut into pieces, the estimates are the same, bit for bit.
+    Parameters
+    ----------
+    build
+        The state-only model for a value of θ (n_θ,).
+    start
+        Where the first estimate begins to look, and how uncertain that is, from the first samples' inputs and readings: θ (n_θ,) and its
+        covariance. The prior by default.
     """
     online = online._replace(
         inputs=np.concatenate([online.inputs, inputs]), readings=np.concatenate([online.readings, readings])
@@ -112,24 +128,25 @@ def advance(
     rows = []
     with ThreadPoolExecutor(THREADS) as pool:
         while (end := _next(online)) - _held_from(online) <= len(online.readings):
-            online = _absorb(build, online, end, pool)
+            online = _absorb(build, online, end, pool, start)
             rows.append((online.samples, online.theta, online.cov))
     return online, _history(rows, len(online.theta))
 
 
-def finish(build: Callable[[Array], StateSpace], online: Online) -> tuple[Online, History]:
-    """Take in what is held of a block that will not be completed."""
+def finish(build: Callable[[Array], StateSpace], online: Online, start: Start | None = None) -> tuple[Online, History]:
+    """Take in what is held of a block that will not be completed; `start` as for `advance`."""
     end = _held_from(online) + len(online.readings)
     if end == online.samples:
         return online, _history([], len(online.theta))
     with ThreadPoolExecutor(THREADS) as pool:
-        online = _absorb(build, online, end, pool)
+        online = _absorb(build, online, end, pool, start)
     return online, _history([(online.samples, online.theta, online.cov)], len(online.theta))
 
 
-def save(online: Online, path: Path) -> None:
-    """Write to a NumPy archive all that is needed to go on, whole or not at all."""
+def save(online: Online, history: History, path: Path) -> None:
+    """Write to a NumPy archive all that is needed to go on, and the estimates so far, whole or not at all."""
     arrays = {name: np.asarray(value) for name, value in online._asdict().items() if name != "bank"}
+    arrays |= {f"history_{name}": values for name, values in history._asdict().items()}
     if online.bank is not None:
         bank = online.bank
         arrays |= {"bank_mean": bank.mean, "bank_cov": bank.cov, "bank_inputs": bank.inputs}
@@ -140,7 +157,7 @@ def save(online: Online, path: Path) -> None:
     temporary.replace(path)
 
 
-def restore(build: Callable[[Array], StateSpace], path: Path) -> Online:
+def restore(build: Callable[[Array], StateSpace], path: Path) -> tuple[Online, History]:
     """What `save` wrote: going on from it gives what going on without a stop would have given, bit for bit.
 
     Raises
@@ -153,8 +170,9 @@ def restore(build: Callable[[Array], StateSpace], path: Path) -> Online:
             arrays = dict(archive)
         fields = {name: arrays[name] for name in Online._fields if name != "bank"}
         online = Online(**fields, bank=None)._replace(first=int(arrays["first"]), samples=int(arrays["samples"]))
+        history = History(*(arrays[f"history_{name}"] for name in History._fields))
         if "bank_mean" not in arrays:
-            return online
+            return online, history
         bank = bank_of([build(theta) for theta in neighbours(online.theta, online.widths, central=True)])
         if bank.mean.shape != arrays["bank_mean"].shape:
             raise ValueError("another model")
@@ -164,7 +182,8 @@ def restore(build: Callable[[Array], StateSpace], path: Path) -> Online:
             f"{path}: expected where an earlier run with the same turbine, sensors and options stopped, got something else ({error}): "
             "delete it to begin anew"
         ) from None
-    return online._replace(bank=bank._replace(mean=mean, cov=cov, inputs=inputs, samples=int(arrays["bank_samples"])))
+    bank = bank._replace(mean=mean, cov=cov, inputs=inputs, samples=int(arrays["bank_samples"]))
+    return online._replace(bank=bank), history
 
 
 def _history(rows: list[tuple[int, Array, Array]], n: int) -> History:
@@ -189,13 +208,16 @@ def _held_from(online: Online) -> int:
     return 0 if online.samples < MEMORY * online.first else online.samples
 
 
-def _absorb(build: Callable[[Array], StateSpace], online: Online, end: int, pool: ThreadPoolExecutor) -> Online:
+def _absorb(
+    build: Callable[[Array], StateSpace], online: Online, end: int, pool: ThreadPoolExecutor, start: Start | None
+) -> Online:
     """The estimate after `end` samples."""
     held_from = _held_from(online)
     held = online.inputs[: end - held_from], online.readings[: end - held_from]
     ratio = end / online.first
     if online.bank is None or (ratio <= MEMORY and ratio in (1, 2, 4, 8)):
-        online = _again(build, online, *held, pool)
+        begin_at = start(*held) if start and online.bank is None else (online.theta, online.cov)
+        online = _again(build, online, *held, pool, begin_at)
     else:
         part = slice(online.samples - held_from, None)
         bank, found = score(
@@ -211,13 +233,14 @@ def _absorb(build: Callable[[Array], StateSpace], online: Online, end: int, pool
 
 
 def _again(
-    build: Callable[[Array], StateSpace], online: Online, inputs: Array, readings: Array, pool: ThreadPoolExecutor
-) -> Online:
+    build: Callable[[Array], StateSpace], online: Online, inputs: Array, readings: Array, pool: ThreadPoolExecutor,
+    start: tuple[Array, Array],
+) -> Online:  # fmt: skip
     """The mode of the posterior of all samples since the start, and the bank there."""
     mode = posterior_mode(
         build, inputs, readings,
         prior_mean=online.prior_mean, prior_cov=online.prior_cov,
-        start=online.theta, start_cov=online.cov,
+        start=start[0], start_cov=start[1],
     )  # fmt: skip
     widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
     bank = bank_of([build(theta) for theta in neighbours(mode.mean, widths, central=True)])

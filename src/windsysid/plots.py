@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.tower import DIRECTIONS
 from windsysid.record import Record
 from windsysid.result import Identification, coefficient_errors
 from windsysid.units import unit_text
@@ -20,24 +22,32 @@ __all__ = [
     "coefficient_histories",
     "envelope",
     "innovations",
+    "plot_loads",
     "record_overview",
     "response_comparison",
     "start_indifference",
     "symbol",
     "tidy",
+    "whiteness",
 ]
 
 Array = NDArray[np.float64]
 
 ESTIMATE, BAND, REFERENCE, MEASURED, ERROR = "#1764ab", "#a9cbe8", "#111111", "#9a9a9a", "#d1661b"
 MOST_POINTS = 4000
+GREEK = (
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "rho", "sigma", "tau", "omega",
+)  # fmt: skip
 
 
 def symbol(name: str) -> str:
     """A coefficient's name as it is written in formulas: ``k_beta_1`` → k_β1."""
     letter, _, of = name.partition("_")
-    of = of.replace("beta_", r"\beta ").replace("roll", r"\mathrm{roll}")
-    return f"${letter}_{{{of}}}$"
+    letter = rf"\{letter}" if letter in GREEK else letter
+    if of in DIRECTIONS:
+        return f"${letter}$ {of.replace('_', '-')}"
+    of = of.replace("beta_", r"\beta ").replace("roll", r"\mathrm{roll}").replace("hub_blade", r"\mathrm{hub,blade}")
+    return f"${letter}_{{{of}}}$" if of else f"${letter}$"
 
 
 def coefficient_histories(identification: Identification, names: Sequence[str] | None = None) -> Figure:
@@ -73,10 +83,10 @@ def _history(ax: Axes, identification: Identification, name: str) -> None:
     )  # fmt: skip
     late = slice(len(time) // 8, None)
     bounds = (low[late].min(), high[late].max(), estimate.low, estimate.high, estimate.reference)
-    shown = [bound for bound in bounds if bound is not None]
+    shown = [bound for bound in bounds if bound is not None and np.isfinite(bound)]
     centre, half = 0.5 * (max(shown) + min(shown)), 0.5 * (max(shown) - min(shown))
     ax.set_ylim(centre - 1.4 * half, centre + 1.4 * half)
-    ax.set_ylabel(f"{symbol(name)} [{unit_text(estimate.unit)}]")
+    ax.set_ylabel(symbol(name) + (f" [{unit_text(estimate.unit)}]" if estimate.unit else ""))
     ax.yaxis.set_major_locator(MaxNLocator(5))
     tidy(ax)
 
@@ -243,7 +253,7 @@ def innovations(identification: Identification) -> Figure:
     for row, name in enumerate(identification.readings):
         left, right = axes[row]
         whitened = identification.whitened[:, row]
-        time, low, high = envelope(identification.time, whitened)
+        time, low, high = envelope(identification.innovation_time, whitened)
         left.fill_between(time, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
         for bound in (-2.0, 2.0):
             left.axhline(bound, color=REFERENCE, ls="--", lw=0.8)
@@ -257,6 +267,108 @@ def innovations(identification: Identification) -> Figure:
         tidy(right)
     axes[-1, 0].set_xlabel("time [s]")
     axes[-1, 1].set_xlabel("[σ], dashed: as it should be")
+    return figure
+
+
+def whiteness(identification: Identification) -> Figure | None:
+    """Autocorrelation and spectrum of the whitened innovations against white noise, the rotor's harmonics and the modes marked."""
+    diagnosis = identification.diagnosis
+    if diagnosis.whiteness is None:
+        return None
+    w, m = diagnosis.whiteness, len(diagnosis.whiteness.channels)
+    figure = Figure(figsize=(10, 1.9 * m + 0.9), layout="constrained")
+    axes = figure.subplots(m, 2, squeeze=False, sharex="col", width_ratios=[1, 1.6])
+    for row, check in enumerate(w.channels):
+        left, right = axes[row]
+        left.axhspan(-w.autocorrelation_bound, w.autocorrelation_bound, color=BAND, lw=0)
+        left.vlines(w.lags, 0.0, w.autocorrelation[:, row], color=ESTIMATE, lw=1.0)
+        left.axhline(0.0, color=REFERENCE, lw=0.6)
+        reached = float(np.abs(w.autocorrelation[:, row]).max())
+        left.set_ylim(*(np.array([-1.2, 1.2]) * max(reached, 2.0 * w.autocorrelation_bound)))
+        left.set_title(check.name.replace("_", " "), fontsize=9, loc="left", pad=2)
+        tidy(left)
+        if len(w.frequency):
+            _spectrum(right, identification, row)
+    axes[-1, 0].set_xlabel("lag [s]; blue: 95 % of white noise")
+    axes[-1, 1].set_xlabel("frequency [Hz]; dotted: modes, dashed: as it should be")
+    axes[0, 0].text(0.0, 1.18, "autocorrelation", transform=axes[0, 0].transAxes, fontsize=9, va="bottom")
+    axes[0, 1].text(0.0, 1.18, "spectrum", transform=axes[0, 1].transAxes, fontsize=9, va="bottom")
+    return figure
+
+
+def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
+    """The spectrum of one channel's whitened innovations: blue where a peak matters, orange above what condemns it."""
+    from windsysid.diagnostics import PEAK
+
+    diagnosis = identification.diagnosis
+    assert diagnosis.whiteness is not None
+    w, (low, high) = diagnosis.whiteness, diagnosis.reach
+    level = w.spectrum[:, row]
+    ax.axvspan(low, min(high, w.frequency[-1]), color=BAND, alpha=0.35, lw=0)
+    ax.loglog(w.frequency, level, color=ESTIMATE, lw=0.9)
+    bound = max(PEAK, w.spectrum_bound)
+    wrong = (level > bound) & (w.frequency > low) & (w.frequency < high)
+    ax.loglog(np.where(wrong, w.frequency, np.nan), np.where(wrong, level, np.nan), "o", color=ERROR, ms=3.5)
+    ax.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)
+    ax.axhline(bound, color=ERROR, lw=0.8)
+    for mode in identification.modes:
+        ax.axvline(mode.frequency_hz[0], color=REFERENCE, ls=":", lw=0.8)
+    for order in sorted({1, diagnosis.blades, 2 * diagnosis.blades} - {0}) if diagnosis.rotor_hz else ():
+        at = order * diagnosis.rotor_hz
+        if w.frequency[0] <= at <= w.frequency[-1]:
+            ax.axvline(at, color=MEASURED, lw=0.9)
+            ax.text(
+                at,
+                1.0,
+                f"{order}P",
+                transform=ax.get_xaxis_transform(),
+                fontsize=7,
+                color="#555555",
+                ha="center",
+                va="bottom",
+            )
+    ax.set_ylim(min(0.1, max(0.01, 0.8 * level.min())), max(10.0, 2.0 * bound, 1.5 * level.max()))
+    ax.yaxis.set_minor_formatter(NullFormatter())
+    ax.set_xlim(w.frequency[0], w.frequency[-1])
+    tidy(ax)
+
+
+def plot_loads(identification: Identification, window: float | None = None) -> Figure:
+    """The loads that were states, with ±2σ: the whole record, and the middle `window` seconds of it; eight turns of the rotor by default.
+
+    Raises
+    ------
+    ConfigurationError
+        If no load was a state.
+    """
+    loads, time = identification.loads, identification.innovation_time
+    if loads is None or not loads.names:
+        raise ConfigurationError(
+            "no load was a state here: expected a result of the joint formulation without measured loads"
+        )
+    turning = identification.diagnosis.rotor_hz
+    width = window or (8.0 / turning if turning > 0.0 else 0.1 * (time[-1] - time[0]))
+    centre = 0.5 * (time[0] + time[-1])
+    inside = np.abs(time - centre) <= 0.5 * width
+    figure = Figure(figsize=(10, 1.5 * len(loads.names) + 0.9), layout="constrained")
+    axes = figure.subplots(len(loads.names), 2, sharex="col", squeeze=False, width_ratios=[3, 2])
+    for (left, right), name, mean, std in zip(axes, loads.names, loads.mean.T, loads.std.T, strict=True):
+        start, low, high = envelope(time, mean)
+        left.fill_between(start, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
+        left.axvspan(centre - 0.5 * width, centre + 0.5 * width, color=BAND, alpha=0.6, lw=0)
+        right.fill_between(
+            time[inside], (mean - 2.0 * std)[inside], (mean + 2.0 * std)[inside], color=BAND, lw=0, label="±2σ"
+        )
+        right.plot(time[inside], mean[inside], color=ESTIMATE, lw=1.0, label="estimate")
+        left.set_title(name.replace("_", " "), fontsize=9, loc="left", pad=2)
+        left.set_ylabel("[N·m]" if "beta" in name or "roll" in name else "[N]")
+        tidy(left)
+        tidy(right)
+    axes[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize=8)
+    for ax in axes[-1]:
+        ax.set_xlabel("time [s]")
+    axes[-1, 0].set_xlim(time[0], time[-1])
+    axes[-1, 1].set_xlim(centre - 0.5 * width, centre + 0.5 * width)
     return figure
 
 

@@ -30,6 +30,9 @@ __all__ = ["AS_WRITTEN", "Array", "Record", "implied_unit"]
 AS_WRITTEN = "as written: "
 """Prefix of a unit that windsysid does not know: the values are as the file has them, not converted."""
 
+FINENESS = 64
+"""Ticks per median step to which the times of an unequally sampled record are rounded: 0.08 ms at 100 Hz, at most."""
+
 _OFF_GRID = 0.1  # of a step: beyond this a time stamp does not belong to a uniform grid
 
 
@@ -238,6 +241,32 @@ class Record:
         values = np.full((rows, len(self.channels)), np.nan)
         values[index.astype(np.int64)] = self.values
         return replace(self, time=self.time[0] + step * np.arange(rows), values=values)
+
+    def on_own_times(self) -> Record:
+        """The record for filters: on a uniform grid where its times allow that, else each sample at its own time.
+
+        Such times are rounded to a `FINENESS`-th of the median step, so that few intervals occur; rows that then fall together are kept as
+        one, with the later values where both have some.
+        """
+        try:
+            return self.on_uniform_grid()
+        except RecordError:
+            tick = _step(self.time) / FINENESS
+        index = np.rint((self.time - self.time[0]) / tick).astype(np.int64)
+        first = np.concatenate([[True], np.diff(index) > 0])
+        row = np.cumsum(first) - 1
+        values = np.full((row[-1] + 1, len(self.channels)), np.nan)
+        for target, given in zip(row, self.values, strict=True):
+            values[target] = np.where(np.isnan(given), values[target], given)
+        return replace(self, time=self.time[0] + tick * index[first], values=values)
+
+    def intervals(self) -> tuple[Array, npt.NDArray[np.int64]]:
+        """The sampling intervals that occur (S,) [s], and which of them led to each sample (T,); 0 for the first."""
+        if self.is_uniform:
+            return np.array([1.0 / self.rate]), np.zeros(self.samples, dtype=np.int64)
+        grain = 1e-6 * _step(self.time)
+        steps, which = np.unique(np.rint(np.diff(self.time) / grain).astype(np.int64), return_inverse=True)
+        return np.asarray(grain * steps, dtype=np.float64), np.concatenate([[0], which.ravel()]).astype(np.int64)
 
     def to_xarray(self) -> xr.Dataset:
         """As an `xarray.Dataset`: one variable (time,) with ``units`` per channel, and the attributes."""

@@ -59,13 +59,16 @@ def write_report(path: Path, title: str, subtitle: str, sections: Sequence[Secti
 
 def identification_report(path: Path, identification: Identification, record: Record) -> None:
     """The report of one identification on the section of the record that it used."""
-    from windsysid.plots import coefficient_histories, innovations, record_overview
+    from windsysid.plots import coefficient_histories, innovations, record_overview, whiteness
 
     i = identification
     channels = [channel for channel in i.sensors if channel in record]
+    spectra = whiteness(i)
     sections = [
         Section(
-            "Result", text=i.notes, tables=[coefficient_table(i), *tip_tables(i), *mode_tables(i), *statistic_tables(i)]
+            "Result",
+            text=[*_trust(i), *i.notes],
+            tables=[coefficient_table(i), *tip_tables(i), *mode_tables(i), *statistic_tables(i)],
         ),
         Section(
             "How the estimates came about",
@@ -81,10 +84,16 @@ def identification_report(path: Path, identification: Identification, record: Re
             "Does the model explain the record?",
             text=[
                 "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should stay between "
-                "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow."
+                "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow.",
+                *i.diagnosis.remarks,
             ],
-            figures=[(innovations(i), "Whitened innovations of the result.")],
+            tables=diagnosis_tables(i),
+            figures=[
+                *([(spectra, WHITENESS)] if spectra else []),
+                (innovations(i), "Whitened innovations of the result."),
+            ],
         ),
+        *([_load_section(i)] if i.loads is not None and i.loads.names else []),
         Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")]),
     ]
     subtitle = (
@@ -92,6 +101,26 @@ def identification_report(path: Path, identification: Identification, record: Re
         f"{i.samples} samples in {i.elapsed:.2f} s"
     )
     write_report(path, "Stiffness and damping", subtitle, sections)
+
+
+def _load_section(identification: Identification) -> Section:
+    """The loads as the filter knew them."""
+    from windsysid.plots import plot_loads
+
+    caption = "The loads that moved the structure, as the filter knew them at the result: over the record, and a stretch of it with ±2σ."
+    return Section("The loads", figures=[(plot_loads(identification), caption)])
+
+
+WHITENESS = (
+    "Autocorrelation of the whitened innovations, and their spectrum, which is 1 for white noise. A peak above the orange line condemns the result where it "
+    "lies in the shaded reach of what moves; elsewhere it does little harm. Grey lines: harmonics of the rotor."
+)
+
+
+def _trust(identification: Identification) -> list[str]:
+    """Whether to trust it, a paragraph for every reason not to."""
+    diagnosis = identification.diagnosis
+    return [f"trust: NO: because {reason}" for reason in diagnosis.reasons] or [str(diagnosis)]
 
 
 def coefficient_table(identification: Identification) -> Table:
@@ -156,6 +185,40 @@ def statistic_tables(identification: Identification) -> list[Table]:
     ]
     headings = ("statistic", "estimate", "±2σ band", "unit", "in the file")
     return [Table(headings, rows, "Loads and noise, learned from the record")] if rows else []
+
+
+def diagnosis_tables(identification: Identification) -> list[Table]:
+    """The innovations of each channel against white noise, the estimates against their priors."""
+    diagnosis = identification.diagnosis
+    tables = []
+    if diagnosis.whiteness is not None:
+        headings = (
+            *("channel", "missing, gated", "square (95 %)", "highest peak", "level near a mode"),
+            *("colour", "kurtosis", "beyond 5σ"),
+        )
+        rows = [
+            (
+                c.name,
+                f"{100.0 * c.missing:.2g} %, {100.0 * c.gated:.2g} %",
+                f"{c.nis:.3f} ({c.nis_low:.3f} … {c.nis_high:.3f})",
+                f"{c.peak:.2g} at {c.peak_hz:.3g} Hz",
+                f"{c.near:.2g} at {c.near_hz:.3g} Hz",
+                f"{c.colour:.3f}",
+                f"{c.kurtosis:+.2f}",
+                str(c.outliers),
+            )
+            for c in diagnosis.whiteness.channels
+        ]
+        tables.append(
+            Table(
+                headings,
+                rows,
+                "Whitened innovations: 1 is expected of the square, the peak and the level, 0 of colour and kurtosis",
+            )
+        )
+    against = [(c.name, f"{100.0 * c.informed_by_data:.1f} %", f"{c.shift:+.2f}") for c in diagnosis.coefficients]
+    titles = ("coefficient", "informed by data", "estimate − prior [σ expected]")
+    return [*tables, Table(titles, against, "Prior against data (beyond ±4: a contradiction)")]
 
 
 def _png(figure: "Figure") -> str:

@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.diagnostics import Diagnosis
 from windsysid.modal import Mode
 from windsysid.statespace import Parameter
 from windsysid.statistics import Statistic
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
     from rich.table import Table
+
+    from windsysid.formulation import Loads
 
 __all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
 
@@ -97,6 +100,10 @@ class Identification:
         What a reader must know: assumptions, warnings, what was left out.
     statistics
         Statistics of loads and noise that were learned from the record.
+    loads
+        The loads that were states, as the filter knew them at the result, at the times of the innovations; None where none were.
+    diagnosis
+        Whether to trust it, and why not.
     """
 
     method: str
@@ -121,6 +128,8 @@ class Identification:
     log_likelihood: float
     notes: tuple[str, ...] = ()
     statistics: tuple[Statistic, ...] = ()
+    loads: "Loads | None" = None
+    diagnosis: Diagnosis = field(kw_only=True)
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of one coefficient."""
@@ -128,6 +137,13 @@ class Identification:
             if estimate.name == name:
                 return estimate
         raise KeyError(f"'{name}' was not identified: expected one of {', '.join(e.name for e in self.estimates)}")
+
+    @property
+    def innovation_time(self) -> Array:
+        """When the readings of `innovation` were taken [s]: all of the record, or of its last piece where it came in pieces."""
+        if len(self.innovation) == len(self.time):
+            return self.time
+        return self.section[1] - np.arange(len(self.innovation))[::-1] / self.rate
 
     def history(self, name: str) -> tuple[Array, Array, Array]:
         """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
@@ -152,6 +168,7 @@ class Identification:
             "parameters": {e.name: _estimate_summary(e) for e in self.estimates},
             "modes": [mode.summary() for mode in self.modes],
             "statistics": {s.name: asdict(s) for s in self.statistics},
+            "diagnosis": self.diagnosis.summary(),
             "notes": list(self.notes),
         }
 
@@ -172,18 +189,26 @@ class Identification:
                 np.column_stack(columns) if columns else np.empty((len(self.time), 0)),
             )
         dataset["unit"] = ("parameter", [self[name].unit for name in names])
-        for field in ("estimate", "low", "high", "std", "prior", "informed_by_data"):
-            values = [getattr(self[name], field) for name in names]
-            dataset[f"final_{field}"] = ("parameter", np.array(values, dtype=np.float64))
+        for what in ("estimate", "low", "high", "std", "prior", "informed_by_data"):
+            values = [getattr(self[name], what) for name in names]
+            dataset[f"final_{what}"] = ("parameter", np.array(values, dtype=np.float64))
         dataset["cov"] = (("parameter", "parameter_2"), self.cov)
         dataset["cov"].attrs["note"] = "in filter coordinates: ln(k / prior) for stiffness, c / scale for damping"
         dataset["coordinate_reference"] = ("parameter", [parameter.reference for parameter in self.parameters])
         dataset["coordinate_logarithmic"] = ("parameter", [int(parameter.logarithmic) for parameter in self.parameters])
-        dataset["innovation"] = (("time", "reading"), self.innovation)
-        dataset["whitened"] = (("time", "reading"), self.whitened)
+        axis = "time" if len(self.innovation) == len(self.time) else "innovation_time"
+        dataset["innovation"] = ((axis, "reading"), self.innovation)
+        dataset["whitened"] = ((axis, "reading"), self.whitened)
         dataset = dataset.assign_coords(reading=list(self.readings))
+        if self.loads is not None:
+            dataset["load"] = ((axis, "load_name"), self.loads.mean)
+            dataset["load_std"] = ((axis, "load_name"), self.loads.std)
+            dataset = dataset.assign_coords(load_name=list(self.loads.names))
+        if axis != "time":
+            dataset = dataset.assign_coords({axis: (axis, self.innovation_time, {"units": "s"})})
         dataset.attrs |= {"method": self.method, "formulation": self.formulation, "record": self.record}
         dataset.attrs |= {"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)}
+        dataset.attrs |= {"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)}
         dataset.attrs |= {"section_start_s": self.section[0], "section_end_s": self.section[1]}
         return dataset
 
@@ -255,7 +280,7 @@ class Identification:
         from windsysid.console import render
 
         more = [*([self.modes_table()] if self.modes else []), *([self.statistics_table()] if self.statistics else [])]
-        return render(self.table(), *more, *self.notes)
+        return render(self.table(), *more, str(self.diagnosis), *self.diagnosis.remarks, *self.notes)
 
 
 def coefficient_errors(history: Array, reference: float) -> Array:

@@ -16,6 +16,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.jit import VALUE, compiled
 from windsysid.loads import GaussMarkov
 from windsysid.mechanics.compile import CompiledModel, compile_model
+from windsysid.mechanics.tower import TowerModel
 from windsysid.record import Record
 from windsysid.turbine import Turbine
 
@@ -111,10 +112,13 @@ def simulate_record(
     model = compile_model(turbine.model, turbine.sensors)
     lead = round(LEAD_IN * rate)
     rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
+    turning, yaw = rotor[:, :2], isinstance(turbine.model, TowerModel)
+    if yaw:  # the nacelle stays where it is
+        rotor = np.hstack([turning, np.zeros((len(turning), 3))])
     p = np.array([turbine.values[name] for name in model.parameters])
     start, substeps = np.zeros(len(model.states)), max(1, int(np.ceil(20.0 * fastest / rate)))
     if loads == "random":
-        drawn = gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, rng)
+        drawn = gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, rng, rotor[:, 0])
         response = integrate(model, p, np.hstack([rotor, drawn]), rate=rate, start=start, substeps=substeps)
     else:
         from windsysid.wind import packaged_wind, wind_loads
@@ -127,14 +131,14 @@ def simulate_record(
         )
     noise = rng.standard_normal(response.readings.shape) * [sensor.noise for sensor in turbine.sensors]
     bias = rng.standard_normal(len(turbine.sensors)) * [sensor.bias for sensor in turbine.sensors]
-    values = np.hstack(
-        [np.mod(rotor[lead:, :1], 2.0 * np.pi), rotor[lead:, 1:2], (response.readings + noise + bias)[lead:]]
-    )
+    scada = [np.mod(rotor[lead:, :1], 2.0 * np.pi), rotor[lead:, 1:2], *([rotor[lead:, 2:3]] if yaw else [])]
+    values = np.hstack([*scada, (response.readings + noise + bias)[lead:]])
+    known = (("rotor_azimuth", "rad"), ("rotor_speed", "rad/s"), *([("nacelle_yaw", "rad")] if yaw else []))
     return Record(
         time=np.arange(len(values)) / rate,
         values=values,
-        channels=("rotor_azimuth", "rotor_speed", *(sensor.channel for sensor in turbine.sensors)),
-        units=("rad", "rad/s", *(sensor.unit for sensor in turbine.sensors)),
+        channels=(*(name for name, _ in known), *(sensor.channel for sensor in turbine.sensors)),
+        units=(*(unit for _, unit in known), *(sensor.unit for sensor in turbine.sensors)),
         name=f"simulated record, seed {seed}",
         attributes={"source": f"windsysid simulate, turbine {turbine.name}, loads {loads}, seed {seed}"},
     )
@@ -147,17 +151,27 @@ def constant_speed_inputs(rotor_speed: float, duration: float, rate: float) -> A
 
 
 def gauss_markov_loads(
-    loads: Sequence[GaussMarkov], names: Sequence[str], samples: int, rate: float, rng: np.random.Generator
+    loads: Sequence[GaussMarkov],
+    names: Sequence[str],
+    samples: int,
+    rate: float,
+    rng: np.random.Generator,
+    azimuth: Array | None = None,
 ) -> Array:
-    """Draw stationary loads, one column per name in `names` (T, n_w); zero where none is modelled."""
+    """Draw stationary loads, one column per name in `names` (T, n_w); zero where none is modelled. Harmonics need ψ (T,)."""
     from scipy.signal import lfilter
 
     drawn = np.zeros((samples, len(names)))
     for load in loads:
-        factor, variance = (matrix.item() for matrix in load.discretise(1.0 / rate))
-        noise = rng.standard_normal(samples) * np.sqrt(variance)
+        factor, variance = (matrix[0, 0] for matrix in load.discretise(1.0 / rate))
+        noise = rng.standard_normal((samples, len(load.states))) * np.sqrt(variance)
         noise[:1] *= load.rms / np.sqrt(variance)
-        drawn[:, list(names).index(load.load)] += lfilter([1.0], [1.0, -factor], noise)
+        process = lfilter([1.0], [1.0, -factor], noise, axis=0)
+        if load.harmonic:
+            if azimuth is None:
+                raise ValueError(f"load '{load.load}': a harmonic of the rotor needs the azimuth")
+            process = process * np.column_stack([np.cos(load.harmonic * azimuth), np.sin(load.harmonic * azimuth)])
+        drawn[:, list(names).index(load.load)] += process.sum(axis=1)
     return drawn
 
 

@@ -72,6 +72,10 @@ class Parameter:
         theta = np.asarray(theta, dtype=np.float64)
         return self.reference * (np.exp(theta) if self.logarithmic else theta)
 
+    def coordinate(self, value: float) -> float:
+        """θ of a value in SI."""
+        return float(np.log(value / self.reference) if self.logarithmic else value / self.reference)
+
 
 @dataclass(frozen=True)
 class StateSpace:
@@ -125,6 +129,7 @@ def compose(
     mean: ArrayLike | None = None,
     cov: ArrayLike | None = None,
     walk: Mapping[str, float] | None = None,
+    gate: float | None = None,
 ) -> StateSpace:
     """Build the state-space model of `model` seen through `sensors`.
 
@@ -149,11 +154,14 @@ def compose(
         Prior of the mechanical states (n_x,), (n_x, n_x); zero and the identity by default.
     walk
         Standard deviation per √s of a parameter that drifts, in filter coordinates.
+    gate
+        Standard deviations of its own innovation beyond which a reading is left out as if it were missing, and reported
+        (`windsysid.filters.Info`, ``gated``). None leaves nothing out.
 
     Raises
     ------
     ConfigurationError
-        If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate or a noise is not
+        If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate, a noise or the gate is not
         positive, a channel is read twice, or the prior does not fit the states.
     """
     compiled = compile_model(model, sensors, [parameter.name for parameter in parameters])
@@ -166,6 +174,8 @@ def compose(
         p[i] = known[name]
 
     _check_sensors(sensors)
+    if gate is not None and not gate > 0.0:
+        raise ConfigurationError(f"gate: expected a positive number of standard deviations, got {gate}")
     drift = dict(walk or {})
     _check_walk(drift, [parameter.name for parameter in parameters])
     load_states, load_cov, load_output = _join_loads(loads, compiled)
@@ -193,6 +203,7 @@ def compose(
         ),
         bias_of=bias_of,
         noise=np.array([sensor.noise**2 for sensor in sensors], dtype=np.float64),
+        gate=np.array([np.inf if gate is None else gate], dtype=np.float64),
     )
     prior = [q.prior for q in parameters]
     full_cov = np.zeros((nx + nz + nb + nt,) * 2)

@@ -21,8 +21,11 @@ __all__ = [
     "Blocks",
     "Workspace",
     "expected_reading",
+    "linearise_reading",
     "linearise_transition",
+    "move",
     "predict_moments",
+    "set_load_outputs",
     "workspace",
 ]
 
@@ -57,6 +60,8 @@ class Blocks(NamedTuple):
         Index of the bias state of each reading, −1 for none (m,) as int64.
     noise
         Variance of the noise of each reading (m,).
+    gate
+        Standard deviations beyond which an innovation is left out (1,); ∞ where none is.
     """
 
     sizes: Any
@@ -72,10 +77,11 @@ class Blocks(NamedTuple):
     walk: Any
     bias_of: Any
     noise: Any
+    gate: Any
 
 
 _i1, _f1, _f2, _f3 = types.int64[::1], types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
-BLOCKS = types.NamedTuple([_i1, _f1, _i1, _f1, _i1, _f1, _i1, _f3, _f3, _f3, _f2, _i1, _f1], Blocks)
+BLOCKS = types.NamedTuple([_i1, _f1, _i1, _f1, _i1, _f1, _i1, _f3, _f3, _f3, _f2, _i1, _f1, _f1], Blocks)
 """Numba's type of `Blocks`, for explicit signatures."""
 
 
@@ -162,14 +168,64 @@ def load_output(blocks: Any, inputs: Any, H: Any) -> None:
 
 
 @inlined
+def set_load_outputs(blocks: Any, ws: Any, before: Any, after: Any) -> None:
+    """H(ψ) at either end of a step, once for all the states that `move` takes through it."""
+    load_output(blocks, before, ws.H0)
+    load_output(blocks, after, ws.H1)
+
+
+@inlined
+def move(rates: Any, blocks: Any, ws: Any, state: Any, eta: Any, before: Any, after: Any) -> None:
+    """The mechanical states one step on from `state` with the load noise `eta` (n_z,), by values alone, in ``ws.x``.
+
+    Load states are left in ``ws.z``. It is what `linearise_transition` computes, without sensitivities.
+    """
+    nx, nz, _, _, nu, nw = blocks.sizes
+    s = interval(blocks, after)
+    h, phi = blocks.step[s], blocks.load_transition[s]
+    set_parameters(blocks, ws, state)
+    for i in range(nz):
+        moved = eta[i]
+        for j in range(nz):
+            moved += phi[i, j] * state[nx + j]
+        ws.z[i] = moved
+    for i in range(nw):
+        first, last = before[nu + i], after[nu + i]
+        for j in range(nz):
+            first += ws.H0[i, j] * state[nx + j]
+            last += ws.H1[i, j] * ws.z[j]
+        ws.w0[i] = first
+        ws.w1[i] = last
+    for i in range(nx):
+        ws.x[i] = state[i]
+        ws.total[i] = 0.0
+    for stage in range(4):
+        at = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+        weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
+        ahead = h if stage == 2 else 0.5 * h
+        for i in range(nu):
+            ws.u[i] = before[i] + at * (after[i] - before[i])
+        for i in range(nw):
+            ws.w[i] = ws.w0[i] + at * (ws.w1[i] - ws.w0[i])
+        rates(ws.x, ws.u, ws.p, ws.w, ws.rate)
+        for i in range(nx):
+            ws.total[i] += weight * ws.rate[i]
+            ws.x[i] = state[i] + ahead * ws.rate[i]
+    for i in range(nx):
+        ws.x[i] = state[i] + ws.total[i]
+
+
+@inlined
 def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, before: Any, after: Any) -> None:
-    """Move `mean` by one step, in place, and leave its sensitivities to x₀, w₀, w₁ and p in ``ws.S``."""
-    nx, nz, _, nt, nu, nw = blocks.sizes
+    """Move `mean` by one step, in place, and leave the derivatives of the mechanical states.
+
+    ``ws.top`` holds those to the state before the step (n_x, n), ``ws.noise_gain`` those to the load noise η (n_x, n_z).
+    """
+    nx, nz, nb, nt, nu, nw = blocks.sizes
     s = interval(blocks, after)
     h, phi = blocks.step[s], blocks.load_transition[s]
     set_parameters(blocks, ws, mean)
-    load_output(blocks, before, ws.H0)
-    load_output(blocks, after, ws.H1)
+    set_load_outputs(blocks, ws, before, after)
     for i in range(nz):
         moved = 0.0
         for j in range(nz):
@@ -227,17 +283,7 @@ def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, b
         S[i, i] += 1.0
     for i in range(nz):
         mean[nx + i] = ws.z[i]
-
-
-@inlined
-def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: Any, before: Any, after: Any) -> None:
-    """Mean and covariance one step on, in place: P ← F P Fᵀ + Γ Q Γᵀ with F = ∂(x, z, b, θ)₁/∂(x, z, b, θ)₀."""
-    nx, nz, nb, nt, _, nw = blocks.sizes
-    n, rest = nx + nz + nb + nt, nx + nz
-    linearise_transition(rates_jacobian, blocks, ws, mean, before, after)
-    top, moved, noise_gain, S = ws.top, ws.moved, ws.noise_gain, ws.S
-    s = interval(blocks, after)
-    phi, Q, walk = blocks.load_transition[s], blocks.load_noise[s], blocks.walk[s]
+    top, noise_gain = ws.top, ws.noise_gain
     for i in range(nx):
         for j in range(nx):
             top[i, j] = S[i, j]
@@ -255,7 +301,18 @@ def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: A
                 through += noise_gain[i, k] * phi[k, j]
             top[i, nx + j] += through
         for j in range(nt):
-            top[i, rest + nb + j] = S[i, nx + 2 * nw + j] * ws.slope[j]
+            top[i, nx + nz + nb + j] = S[i, nx + 2 * nw + j] * ws.slope[j]
+
+
+@inlined
+def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: Any, before: Any, after: Any) -> None:
+    """Mean and covariance one step on, in place: P ← F P Fᵀ + Γ Q Γᵀ with F = ∂(x, z, b, θ)₁/∂(x, z, b, θ)₀."""
+    nx, nz, nb, nt, _, _ = blocks.sizes
+    n, rest = nx + nz + nb + nt, nx + nz
+    linearise_transition(rates_jacobian, blocks, ws, mean, before, after)
+    top, moved, noise_gain = ws.top, ws.moved, ws.noise_gain
+    s = interval(blocks, after)
+    phi, Q, walk = blocks.load_transition[s], blocks.load_noise[s], blocks.walk[s]
     # rows of F P: the mechanical rows are full, the load rows go through Φ, the others stay
     for i in range(nx):
         for c in range(n):
@@ -316,20 +373,39 @@ def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: A
 
 
 @inlined
-def expected_reading(reading_jacobian: Any, blocks: Any, ws: Any, mean: Any, inputs: Any) -> None:
-    """The expected readings in ``ws.y`` and their derivatives to the whole state in ``ws.H``."""
-    nx, nz, nb, nt, nu, nw = blocks.sizes
-    set_parameters(blocks, ws, mean)
+def set_reading_arguments(blocks: Any, ws: Any, state: Any, inputs: Any) -> None:
+    """Parameters, mechanical states, inputs and loads of `state`, for a reading with H(ψ) in ``ws.H1``."""
+    nx, nz, _, _, nu, nw = blocks.sizes
+    set_parameters(blocks, ws, state)
     for i in range(nx):
-        ws.x[i] = mean[i]
+        ws.x[i] = state[i]
     for i in range(nu):
         ws.u[i] = inputs[i]
-    load_output(blocks, inputs, ws.H1)
     for i in range(nw):
         load = inputs[nu + i]
         for j in range(nz):
-            load += ws.H1[i, j] * mean[nx + j]
+            load += ws.H1[i, j] * state[nx + j]
         ws.w[i] = load
+
+
+@inlined
+def expected_reading(reading: Any, blocks: Any, ws: Any, state: Any, inputs: Any) -> None:
+    """The readings of `state` in ``ws.y``, by values alone; ``ws.H1`` holds H(ψ)."""
+    nx, nz, _, _, _, _ = blocks.sizes
+    set_reading_arguments(blocks, ws, state, inputs)
+    reading(ws.x, ws.u, ws.p, ws.w, ws.y)
+    for i in range(blocks.noise.size):
+        bias = blocks.bias_of[i]
+        if bias >= 0:
+            ws.y[i] += state[nx + nz + bias]
+
+
+@inlined
+def linearise_reading(reading_jacobian: Any, blocks: Any, ws: Any, mean: Any, inputs: Any) -> None:
+    """The expected readings in ``ws.y`` and their derivatives to the whole state in ``ws.H``."""
+    nx, nz, nb, nt, _, nw = blocks.sizes
+    load_output(blocks, inputs, ws.H1)
+    set_reading_arguments(blocks, ws, mean, inputs)
     reading_jacobian(ws.x, ws.u, ws.p, ws.w, ws.y, ws.C, ws.D, ws.E)
     for i in range(blocks.noise.size):
         for j in range(nx):

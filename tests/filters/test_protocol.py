@@ -85,6 +85,7 @@ MODELS = {
     "chain_with_parameters": lambda: chain_with(parameters=[Parameter("k_2", 330.0, 0.2)]),
     "chain_sampled_unequally": lambda: chain_with(loads=LOADS, rate=None, intervals=[0.02, 0.005, 0.033]),
     "loads_that_turn": loads_that_turn,
+    "chain_with_a_gate": lambda: chain_with(loads=LOADS, gate=2.0),
     "chain_without_sensors": lambda: chain_with(sensors=(), loads=LOADS),
     "blades_locked": lambda: compose(
         RotorModel(3, lag="locked"),
@@ -141,8 +142,11 @@ def test_whatever_is_composed_runs_and_stays_finite(filter_: Filter, name: str):
     assert info.log_likelihood.shape == (40,)
     for array in (belief.mean, belief.cov, info.mean, info.std, info.log_likelihood):
         assert np.isfinite(array).all()
-    for array in (info.innovation, info.innovation_std, info.whitened):
+    for array in (info.innovation, info.innovation_std):
         np.testing.assert_array_equal(np.isnan(array), np.isnan(readings))
+    for array in (info.whitened, info.whitening_std):
+        np.testing.assert_array_equal(np.isnan(array), np.isnan(readings) | info.gated)
+    assert info.gated.any() == (name == "chain_with_a_gate")
     np.testing.assert_array_equal(belief.cov, belief.cov.T)
     np.testing.assert_array_equal(info.mean[-1], belief.mean)
     np.testing.assert_allclose(info.std[-1] ** 2, np.diag(belief.cov), rtol=1e-14)

@@ -251,6 +251,44 @@ def test_a_hysteretic_oscillator_agrees_with_scipy_and_dissipates():
         np.testing.assert_allclose(J[0][:, j], (ahead - behind) / 2e-6, rtol=1e-7, atol=1e-8)
 
 
+def test_powers_of_a_magnitude_have_derivatives_where_it_vanishes():
+    # d/dz |z|ⁿ⁻¹ z = n |z|ⁿ⁻¹ and d/dn |z|ⁿ = |z|ⁿ log |z| go to 0 with z; written naively they are 0/0 and 0 · −∞ there
+    z, v = symbols("z v")
+    n = sp.Symbol("n", positive=True)
+    model = compile_model(
+        Equations("power", (z, v), (), (n,), (), (v - abs(v) * abs(z) ** (n - 1) * z, -v * abs(z) ** n)), (), ("n",)
+    )
+    for at, power in ((0.0, 2.0), (0.0, 1.1), (0.3, 1.7), (-0.3, 1.7)):
+        value, J = np.empty(2), [np.zeros((2, 2)), np.zeros((2, 1)), np.zeros((2, 0))]
+        model.rates_jacobian(np.array([at, 0.8]), np.zeros(0), np.array([power]), np.zeros(0), value, *J)
+        size = abs(at)
+        np.testing.assert_allclose(value, [0.8 * (1.0 - np.sign(at) * size**power), -0.8 * size**power], atol=1e-15)
+        np.testing.assert_allclose(
+            J[0][:, 0],
+            [-0.8 * power * size ** (power - 1.0), -0.8 * power * np.sign(at) * size ** (power - 1.0)],
+            atol=1e-2 if at == 0.0 else 1e-14,
+        )
+        slope = size**power * np.log(size) if size else 0.0
+        np.testing.assert_allclose(J[1][:, 0], [-0.8 * np.sign(at) * slope, -0.8 * slope], atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["atan", "asin", "acos", "erf", "tanh", "sqrt", "sign", "Heaviside"])
+def test_functions_of_friction_and_saturation_compile(name: str):
+    x = symbols("x")[0]
+    expression = getattr(sp, name)(x)
+    model = compile_model(Equations("curve", (x,), (), (), (), (expression,)))
+    value = np.empty(1)
+    model.rates(np.array([0.4]), np.zeros(0), np.zeros(0), np.zeros(0), value)
+    assert value[0] == pytest.approx(float(expression.subs(x, 0.4)), rel=1e-14)
+
+
+def test_a_derivative_that_is_no_function_is_refused_in_one_line():
+    x = sp.Symbol("x")  # not declared real: d|x|/dx is no function then
+    with pytest.raises(ConfigurationError, match="declared with real=True") as error:
+        compile_model(Equations("complex", (x,), (), (), (), (-abs(x),)))
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize("name", ["class", "two words", "pi", "sin", "_hidden", "k-1", "1st"])
 def test_a_name_that_is_no_python_variable_is_refused(name: str):
     x, k = symbols("x")[0], sp.Symbol(name, real=True)

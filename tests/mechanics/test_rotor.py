@@ -293,5 +293,5 @@ def test_lagrange_gives_a_pendulum_whose_pivot_is_driven():
 def test_the_packaged_turbines_have_a_value_for_every_parameter():
     for name in ("verne555", "nrel5mw", "hammond"):
         turbine = load_turbine(name)
-        assert set(turbine.model.kinematics.parameters) == set(turbine.values)
+        assert set(turbine.rotor.kinematics.parameters) == set(turbine.values)
         assert all(isinstance(load, GaussMarkov) for load in turbine.loads)

@@ -225,7 +225,15 @@ def test_a_sensor_list_is_read(tmp_path: Path):
         (GOOD + "nosie = 1.0\n", "sensor 1: unknown key 'nosie'"),
         (GOOD.replace('"x"', '"span"'), "axis 'span' belongs to the frame 'blade', got frame 'fixed'"),
         (GOOD.replace('"x"', '"lag"'), "a sensor on the tower reads x or y"),
-        (GOOD.replace('"x"', '"z"'), r"axis: .*'x', 'y', 'span', 'tangential' or 'lag', got 'z'"),
+        (GOOD.replace('"x"', '"w"'), r"axis: .*'x', 'y', 'z', 'span', 'tangential', 'lag' or 'bearing', got 'w'"),
+        (GOOD.replace('"x"', '"z"'), r"axis 'z' \(fore-aft\) belongs to the frame 'nacelle', got frame 'fixed'"),
+        (GOOD.replace('"x"', '"bearing"'), "axis 'bearing' belongs to the frame 'tower', got frame 'fixed'"),
+        (GOOD.replace('"x"', '"y"') + 'frame = "nacelle"\n', "the frame 'nacelle' has the axes 'x' and 'z', got 'y'"),
+        (GOOD + 'frame = "tower"\n', "the frame 'tower' has the axis 'bearing' only, got 'x'"),
+        (
+            GOOD.replace('"tower"', '"blade_1"') + 'frame = "nacelle"\n',
+            "the frame 'nacelle' belongs to a sensor on the tower, got point 'blade_1'",
+        ),
         (GOOD + 'frame = "blade"\n', "the frame 'blade' has the axes 'span' and 'tangential', got 'x'"),
         (GOOD + "deflection = 2.0\n", "'deflection' and 'slope' describe a bending blade"),
         (GOOD.replace('"tower"', '"nacelle"'), "point: .* got 'nacelle'"),
@@ -269,3 +277,11 @@ def test_a_sensor_list_that_cannot_be_read_is_one_clear_line(tmp_path: Path):
 def test_a_sensor_on_a_blade_that_is_not_there_is_refused():
     with pytest.raises(ConfigurationError, match="'blade' sits on blade 7, but the turbine has 3 blades"):
         compile_model(RotorModel(3), variants(BLADE, {"point": "blade_7"}))
+
+
+def test_a_rotor_in_its_own_plane_refuses_what_yaws():
+    yawing = Sensor(channel="a", quantity="acceleration", point="tower", axis="z", frame="nacelle", noise=1.0)
+    with pytest.raises(
+        ConfigurationError, match="sensor 'a' is in the frame 'nacelle', which a rotor in its own plane"
+    ):
+        RotorModel(3).readings([yawing])

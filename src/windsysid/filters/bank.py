@@ -139,7 +139,9 @@ def run_bank(bank: Bank, inputs: Array, readings: Array, pool: ThreadPoolExecuto
         )  # fmt: skip
 
     list((pool.map if pool else map)(run, range(len(bank.lanes))))
-    whitened, log_std = (np.moveaxis(s, 0, 2).reshape(samples, m, LANES * len(bank.lanes))[..., : bank.filters] for s in scores)
+    whitened, log_std = (
+        np.moveaxis(s, 0, 2).reshape(samples, m, LANES * len(bank.lanes))[..., : bank.filters] for s in scores
+    )
     last = inputs[-1].copy() if samples else bank.inputs
     return bank._replace(mean=mean, cov=cov, inputs=last, samples=bank.samples + samples), Scores(whitened, log_std)
 

@@ -1,4 +1,4 @@
-"""What Gaussian filters share: the belief, the information that comes out of a step, and the scalar update.
+"""What Gaussian filters share: the belief, the information that comes out of a step, the protocol, and the scalar update.
 
 A measurement of m readings with independent noise is taken in one reading at a time, which needs no matrix to be
 inverted and lets a missing reading (NaN) simply be left out. The covariance update is Joseph's form written out for a
@@ -11,15 +11,17 @@ Source: Särkkä & Svensson, Bayesian Filtering and Smoothing (2nd ed.), ch. 6; 
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from windsysid.jit import inlined
 from windsysid.statespace import StateSpace
 
-__all__ = ["Belief", "Filter", "Info", "assimilate", "first_belief"]
+__all__ = ["ARGUMENTS", "Belief", "Filter", "Info", "assimilate", "assimilate_sample", "compare", "empty_info", "keep"]
 
 Array = NDArray[np.float64]
 
@@ -53,15 +55,17 @@ class Info(NamedTuple):
     mean, std
         Mean and standard deviation of the state after each sample (T, n).
     innovation, innovation_std
-        Reading minus its expectation, and the standard deviation it should have (T, m); NaN where the reading is
-        missing.
+        Reading minus its expectation, and the standard deviation it should have (T, m), both before anything of the sample is
+        taken in; NaN where the reading is missing.
     whitened
-        Innovations decorrelated and scaled to unit variance (T, m); NaN where missing.
+        Innovations decorrelated and scaled to unit variance (T, m); NaN where missing or gated.
     whitening_std
         What they were divided by (T, m): the standard deviation of a reading given the past and the readings before it
         in the same sample.
     log_likelihood
-        Log density of the readings of each sample given the past (T,).
+        Log density of the readings of each sample given the past (T,), those gated left out.
+    gated
+        Readings left out because the innovation was beyond the model's gate (T, m), as bool.
     """
 
     mean: Array
@@ -71,27 +75,176 @@ class Info(NamedTuple):
     whitened: Array
     whitening_std: Array
     log_likelihood: Array
+    gated: NDArray[np.bool_]
 
 
-class Filter(NamedTuple):
+def empty_info(samples: int, n: int, m: int) -> Info:
+    """Room for what comes out of T samples of m readings and n states; nothing gated."""
+    state, reading = (samples, n), (samples, m)
+    return Info(
+        np.empty(state), np.empty(state), np.empty(reading), np.empty(reading), np.empty(reading), np.empty(reading),
+        np.empty(samples), np.zeros(reading, dtype=np.bool_),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Filter:
     """The filter protocol: pure functions; a new belief and its `Info` come out, nothing is changed in place.
 
-    ``init(model) → belief``; ``predict(model, belief, inputs) → belief`` at the time of those inputs;
-    ``update(model, belief, readings) → belief, info`` at that same time; ``step`` is both, and `run` is `step` over
-    T samples.
+    `step` is `predict` and `update`, and `run` is `step` over T samples: batch, stream and restart agree bit for bit.
+
+    Attributes
+    ----------
+    name
+        In words.
+    kernel
+        For a model, the compiled filter: a function of `ARGUMENTS`.
     """
 
     name: str
-    init: Callable[[StateSpace], Belief]
-    predict: Callable[[StateSpace, Belief, Array], Belief]
-    update: Callable[[StateSpace, Belief, Array], tuple[Belief, Info]]
-    step: Callable[[StateSpace, Belief, Array, Array], tuple[Belief, Info]]
-    run: Callable[[StateSpace, Belief, Array, Array], tuple[Belief, Info]]
+    kernel: Callable[[StateSpace], Callable[..., None]]
+
+    def init(self, model: StateSpace) -> Belief:
+        """The prior of the model as a belief that no sample has reached yet."""
+        return Belief(model.mean.copy(), model.cov.copy(), np.zeros(len(model.inputs)), 0)
+
+    def predict(self, model: StateSpace, belief: Belief, inputs: Array) -> Belief:
+        """The belief at the time of `inputs` (n_u + n_w,), one sample on; the first prediction stays at the prior."""
+        nothing = np.full((1, len(model.readings)), np.nan)
+        return self._filter(model, belief, np.atleast_2d(inputs), nothing)[0]
+
+    def update(self, model: StateSpace, belief: Belief, readings: Array) -> tuple[Belief, Info]:
+        """The belief after readings (m,) taken at its own time."""
+        return self._filter(model, belief, belief.inputs[None], np.atleast_2d(readings), moves=False)[:2]
+
+    def step(self, model: StateSpace, belief: Belief, inputs: Array, readings: Array) -> tuple[Belief, Info]:
+        """Filter one sample: `run` over inputs (n_u + n_w,) and readings (m,)."""
+        return self.run(model, belief, np.atleast_2d(inputs), np.atleast_2d(readings))
+
+    def run(self, model: StateSpace, belief: Belief, inputs: Array, readings: Array) -> tuple[Belief, Info]:
+        """Filter T samples.
+
+        Parameters
+        ----------
+        belief
+            Where to start: `init` of the model, or the belief an earlier run ended with.
+        inputs
+            Known inputs and known loads at each sample (T, n_u + n_w).
+        readings
+            (T, m); NaN = missing.
+
+        Returns
+        -------
+        belief, info
+            The belief after the last sample, and what came out of each.
+
+        Raises
+        ------
+        ValueError
+            If a shape does not fit the model.
+        """
+        return self._filter(model, belief, inputs, readings)[:2]
+
+    def run_with_covariances(
+        self, model: StateSpace, belief: Belief, inputs: Array, readings: Array
+    ) -> tuple[Belief, Info, Array]:
+        """As `run`, and the covariance after each sample (T, n, n)."""
+        return self._filter(model, belief, inputs, readings, keep=True)
+
+    def _filter(
+        self,
+        model: StateSpace,
+        belief: Belief,
+        inputs: Array,
+        readings: Array,
+        *,
+        moves: bool = True,
+        keep: bool = False,
+    ) -> tuple[Belief, Info, Array]:
+        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
+        readings = np.ascontiguousarray(readings, dtype=np.float64)
+        samples, n, m = len(inputs), len(model.states), len(model.readings)
+        if inputs.shape != (samples, len(model.inputs)) or readings.shape != (samples, m):
+            raise ValueError(
+                f"expected inputs (T, {len(model.inputs)}) and readings (T, {m}), got {inputs.shape} and {readings.shape}"
+            )
+        mean, cov = belief.mean.copy(), belief.cov.copy()
+        covs = np.empty((samples if keep else 0, n, n))
+        info = empty_info(samples, n, m)
+        self.kernel(model)(mean, cov, belief.inputs, inputs, readings, belief.samples > 0, moves, covs, *info)
+        last = inputs[-1].copy() if samples else belief.inputs
+        return Belief(mean, cov, last, belief.samples + (samples if moves else 0)), info, covs
 
 
-def first_belief(model: StateSpace) -> Belief:
-    """The prior of the model as a belief that no sample has reached yet."""
-    return Belief(model.mean.copy(), model.cov.copy(), np.zeros(len(model.inputs)), 0)
+_vector, _matrix, _cube = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
+ARGUMENTS = (
+    _vector, _matrix, _vector, _matrix, _matrix, types.boolean, types.boolean,
+    _cube, _matrix, _matrix, _matrix, _matrix, _matrix, _matrix, _vector, types.boolean[:, ::1],
+)  # fmt: skip
+"""Numba's types of what every filter's kernel takes after the model.
+
+Mean and covariance, which it moves in place; the inputs at their own time; inputs and readings of T samples; whether the
+mean has been moved to a sample's time before, and whether it moves now; the covariances to be kept (T or 0, n, n); and the
+fields of `Info`."""
+
+
+@inlined
+def compare(ws: Any, cov: Any, blocks: Any, readings: Any, innovation: Any, innovation_std: Any, gated: Any) -> None:
+    """Innovations (m,) of a linearised reading, their standard deviations, and which of them are beyond the gate."""
+    n = cov.shape[0]
+    for c in range(readings.size):
+        innovation[c] = readings[c] - ws.y[c]
+        innovation_std[c] = np.nan
+        if np.isnan(readings[c]):
+            continue
+        h = ws.H[c]
+        spread = blocks.noise[c]
+        for i in range(n):
+            inner = 0.0
+            for j in range(n):
+                inner += cov[i, j] * h[j]
+            spread += h[i] * inner
+        innovation_std[c] = np.sqrt(spread)
+        gated[c] = abs(innovation[c]) > blocks.gate[0] * innovation_std[c]
+
+
+@inlined
+def assimilate_sample(
+    ws: Any, mean: Any, cov: Any, about: Any, blocks: Any, readings: Any, gated: Any,
+    whitened: Any, whitening_std: Any, v: Any, gain: Any,
+) -> float:  # fmt: skip
+    """Take in a sample's readings, linearised at `about` (n,), one after the other; the log density that they had."""
+    n = mean.size
+    total = 0.0
+    for c in range(readings.size):
+        whitened[c] = np.nan
+        whitening_std[c] = np.nan
+        if np.isnan(readings[c]) or gated[c]:
+            continue
+        h = ws.H[c]
+        residual = readings[c] - ws.y[c]
+        for i in range(n):
+            residual -= h[i] * (mean[i] - about[i])
+        z, std = assimilate(mean, cov, h, residual, blocks.noise[c], v, gain)
+        whitened[c] = z
+        whitening_std[c] = std
+        total -= 0.5 * (math.log(2.0 * math.pi) + z * z) + math.log(std)
+    return total
+
+
+@inlined
+def keep(mean: Any, cov: Any, k: int, means: Any, stds: Any, covs: Any) -> None:
+    """Make the covariance symmetric to the last digit and keep what sample `k` has ended with."""
+    n = mean.size
+    for i in range(n):
+        for j in range(i):
+            cov[i, j] = cov[j, i]
+        means[k, i] = mean[i]
+        stds[k, i] = np.sqrt(cov[i, i])
+    if covs.shape[0] > 0:
+        for i in range(n):
+            for j in range(n):
+                covs[k, i, j] = cov[i, j]
 
 
 @inlined

@@ -1,7 +1,7 @@
 r"""Records from OpenFAST: ``.out`` (text) and ``.outb`` (packed binary), under our names, signs and units.
 
 OpenFAST has x downwind, y to the left looking downwind, z up; we look upwind, with x to the right, y up and
-angles counter-clockwise, which is the way the rotor turns. So our x is +y of OpenFAST, our y its z, a
+angles counter-clockwise, which is the way the rotor turns. So our x is +y of OpenFAST, our y its z, our z its x, a
 rotation about its x axis keeps its sign, and an in-plane blade motion changes it, because OpenFAST counts lag
 against the rotation:
 
@@ -52,6 +52,10 @@ CHANNELS: dict[str, tuple[str, float]] = {
     "YawBrTVyp": ("tower_x_velocity", 1.0),
     "YawBrTAyp": ("tower_x_acceleration_kinematic", 1.0),
     "YawBrTAgyp": ("tower_x_acceleration", 1.0),
+    "TTDspFA": ("tower_z_displacement", 1.0),
+    "YawBrTVxp": ("tower_z_velocity", 1.0),
+    "YawBrTAxp": ("tower_z_acceleration_kinematic", 1.0),
+    "YawBrTAgxp": ("tower_z_acceleration", 1.0),
     "YawBrRDxt": ("tower_roll", 1.0),
     "NcIMUTAgys": ("nacelle_x_acceleration", 1.0),
     "TipALyb#": ("blade_#_tip_lag_acceleration_kinematic", -1.0),

@@ -3,5 +3,6 @@
 from windsysid.mechanics.compile import CompiledModel, Model, compile_model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor, read_sensors
+from windsysid.mechanics.tower import TowerModel
 
-__all__ = ["CompiledModel", "Model", "RotorModel", "Sensor", "compile_model", "read_sensors"]
+__all__ = ["CompiledModel", "Model", "RotorModel", "Sensor", "TowerModel", "compile_model", "read_sensors"]

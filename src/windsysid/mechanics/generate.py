@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 
 __all__ = ["generate_source"]
 
-_MATH = ("copysign", "cos", "cosh", "exp", "log", "pi", "sin", "sinh", "sqrt", "tan", "tanh")
+_MATH = (
+    "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "pi", "sin", "sinh", "sqrt", "tan", "tanh",
+)  # fmt: skip
+
+SMALLEST = 1e-30
+"""Least magnitude: |z| is kept that far off zero, so that |z|ⁿ has derivatives to z and n where z = 0, and not 0/0 or 0 · log 0."""
 
 
 def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence[str]) -> str:
@@ -195,7 +200,14 @@ def _indented(lines: Iterable[str]) -> Iterator[str]:
 
 def _text(expression: sp.Expr) -> str:
     """An expression as Python arithmetic that Numba compiles."""
-    return str(_printer().doprint(expression))
+    from sympy.printing.codeprinter import PrintMethodNotImplementedError
+
+    try:
+        return str(_printer().doprint(expression))
+    except PrintMethodNotImplementedError:
+        raise ConfigurationError(
+            f"cannot compile '{str(expression)[:100]}', a derivative in the model: expected functions of symbols declared with real=True"
+        ) from None
 
 
 class _Factor:
@@ -251,7 +263,14 @@ class _Factor:
 
 @lru_cache(maxsize=1)
 def _printer() -> Any:
-    """SymPy's printer of plain Python."""
+    """SymPy's printer of plain Python, with magnitudes kept off zero and the slope of a jump left out."""
     from sympy.printing.pycode import PythonCodePrinter
 
-    return PythonCodePrinter({"fully_qualified_modules": False})
+    class Printer(PythonCodePrinter):  # type: ignore[misc]
+        def _print_Abs(self, expression: sp.Abs) -> str:
+            return f"max(abs({self._print(expression.args[0])}), {SMALLEST})"
+
+        def _print_DiracDelta(self, expression: sp.DiracDelta) -> str:
+            return "0.0"
+
+    return Printer({"fully_qualified_modules": False})

@@ -14,7 +14,7 @@ Displacements are counted from static equilibrium (an accelerometer knows no mea
 blades' azimuth only; `datum="unstressed"` keeps the weight on y as Eq (12) prints it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -49,6 +49,8 @@ class RotorModel:
         The blades' lag angles, all ``"free"`` or all ``"locked"``.
     datum
         Where y is counted from: ``"static"`` equilibrium or the ``"unstressed"`` support (Eq (12) as printed).
+    air_couples
+        Whether the air that damps hub and blades also couples them, by the coefficient ``c_hub_blade`` (`Kinematics.dissipation`).
     """
 
     blades: int = 3
@@ -57,6 +59,7 @@ class RotorModel:
     roll: Literal["free", "locked", "tied"] = "locked"
     lag: Literal["free", "locked"] = "free"
     datum: Literal["static", "unstressed"] = "static"
+    air_couples: bool = False
 
     def __post_init__(self) -> None:
         if self.blades < 1:
@@ -92,6 +95,22 @@ class RotorModel:
     def coefficients(self) -> tuple[str, ...]:
         """The stiffness and damping coefficients of the free degrees of freedom: the paper's ten for three blades."""
         return tuple(f"{kind}_{name}" for name in self.coordinates for kind in ("k", "c"))
+
+    def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
+        """Mass [kg] or inertia [kg·m²] that moves with one degree of freedom when the others are held."""
+        v = values
+        if coordinate.startswith("beta_"):
+            return v["blade_inertia_" + coordinate.removeprefix("beta_")]
+        total = 0.0
+        for i in self.blade_numbers:
+            m, d = v[f"blade_mass_{i}"], v["hinge_offset"]
+            about_hub = v[f"blade_inertia_{i}"] + 2.0 * d * v[f"blade_first_moment_{i}"] + m * d**2
+            total += about_hub if coordinate == "roll" else m
+            if coordinate == "x" and self.roll == "tied":
+                total += v["kappa"] ** 2 * about_hub
+        own = {"x": v["hub_mass_x"], "y": v["hub_mass_y"], "roll": v["roll_inertia"]}[coordinate]
+        leaning = v["kappa"] ** 2 * v["roll_inertia"] if coordinate == "x" and self.roll == "tied" else 0.0
+        return total + own + leaning
 
     @property
     def signature(self) -> str:
@@ -141,6 +160,7 @@ class Kinematics:
             *("roll_inertia", "k_roll", "c_roll", "kappa"),
             *("eccentricity", "eccentricity_angle", "gravity", "hinge_offset"),
             *(f"{name}_{i}" for i in model.blade_numbers for name in blade_names),
+            *(["c_hub_blade"] if model.air_couples else []),
         ]
         self.parameters: dict[str, sp.Symbol] = {name: sp.Symbol(name, real=True) for name in names}
         self.triples = [tuple(self.symbol(name + end) for end in ("", "_rate", "_acc")) for name in model.coordinates]
@@ -243,6 +263,19 @@ class Kinematics:
         return springs + p["gravity"] * (weight_moment + sag)
 
     def dissipation(self) -> "sp.Expr":
-        """Rayleigh's dissipation function of the dampers."""
-        half, p = self.sp.Rational(1, 2), self.parameters
-        return sum((half * p[f"c_{name}"] * v**2 for name, (_, v, _) in self.coordinate.items()), self.zero)
+        """Rayleigh's dissipation function of the dampers, D = ½ Σ c q̇² + c_hub_blade Σ_i β̇_i v_i.
+
+        A blade's aerodynamic force falls with the velocity of its section, v_i + r β̇_i, v_i along the tangent where it acts: to each blade ½ c_a (v_i + r β̇_i)².
+        The squares are part of the totals c_x, c_y, c_β; what they leave is c_hub_blade = c_a r [N·s]. On a roll it acts at the radius d + I/S.
+        """
+        half, p, sin, cos = self.sp.Rational(1, 2), self.parameters, self.sp.sin, self.sp.cos
+        total = sum((half * p[f"c_{name}"] * v**2 for name, (_, v, _) in self.coordinate.items()), self.zero)
+        if not self.model.air_couples:
+            return total
+        vx, vy, turning = (self.rate(self.displacement(name)) for name in ("x", "y", "roll"))
+        for i in self.model.blade_numbers:
+            theta = self.blade_angle(i)
+            radius = p["hinge_offset"] + p[f"blade_inertia_{i}"] / p[f"blade_first_moment_{i}"]
+            along = vy * cos(theta) - vx * sin(theta) + radius * turning
+            total += p["c_hub_blade"] * self.rate(self.lag(i)) * along
+        return total

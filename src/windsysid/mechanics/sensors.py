@@ -40,9 +40,13 @@ class Sensor(BaseModel):
         ``tower`` (the support's top, where the hub sits) or ``blade_1`` … ``blade_N``.
     axis
         ``x``, ``y`` of the frame; ``span`` or ``tangential`` (in the sense of rotation) in the frame ``blade``;
-        ``lag`` for a blade's lag angle itself.
+        ``lag`` for a blade's lag angle itself. On a `TowerModel`: ``x`` (side-side) and ``z`` (fore-aft, downwind) in the frame
+        ``nacelle``, ``bearing`` in the frame ``tower``.
     frame
-        ``fixed``, ``tower_top`` (rolls with the support) or ``blade`` (turns with the blade).
+        ``fixed``, ``tower_top`` (rolls with the support) or ``blade`` (turns with the blade). On a `TowerModel`:
+        ``nacelle`` (yaws with it) or ``tower`` (does not).
+    bearing_deg
+        Where the axis ``bearing`` points: compass bearing [deg], counted as the yaw channel counts.
     position
         Where it sits [m]: from the hub centre along x and y of the tower top; on a blade, from its link along the
         blade and across it.
@@ -66,8 +70,9 @@ class Sensor(BaseModel):
     channel: str = Field(min_length=1)
     quantity: Quantity
     point: str = Field(pattern=r"^(tower|blade_[1-9][0-9]*)$")
-    axis: Literal["x", "y", "span", "tangential", "lag"]
-    frame: Literal["fixed", "tower_top", "blade"] = "fixed"
+    axis: Literal["x", "y", "z", "span", "tangential", "lag", "bearing"]
+    frame: Literal["fixed", "tower_top", "blade", "nacelle", "tower"] = "fixed"
+    bearing_deg: float = 0.0
     position: tuple[float, float] = (0.0, 0.0)
     deflection: float | None = Field(default=None, gt=0.0)
     slope: float = Field(default=1.0, ge=0.0)
@@ -84,8 +89,21 @@ class Sensor(BaseModel):
             raise ValueError(f"axis '{self.axis}' belongs to the frame 'blade', got frame '{self.frame}'")
         if self.axis in ("x", "y") and self.frame == "blade":
             raise ValueError(f"the frame 'blade' has the axes 'span' and 'tangential', got '{self.axis}'")
+        if self.axis == "z" and self.frame != "nacelle":
+            raise ValueError(f"axis 'z' (fore-aft) belongs to the frame 'nacelle', got frame '{self.frame}'")
+        if self.axis == "bearing" and self.frame != "tower":
+            raise ValueError(f"axis 'bearing' belongs to the frame 'tower', got frame '{self.frame}'")
+        if self.frame == "nacelle" and self.axis not in ("x", "z"):
+            raise ValueError(f"the frame 'nacelle' has the axes 'x' and 'z', got '{self.axis}'")
+        if self.frame == "tower" and self.axis != "bearing":
+            raise ValueError(f"the frame 'tower' has the axis 'bearing' only, got '{self.axis}'")
+        if on_blade and self.frame in ("nacelle", "tower"):
+            raise ValueError(f"the frame '{self.frame}' belongs to a sensor on the tower, got point '{self.point}'")
         if not on_blade and (self.frame == "blade" or self.axis == "lag"):
-            raise ValueError("a sensor on the tower reads x or y in the frame 'fixed' or 'tower_top'")
+            raise ValueError(
+                "a sensor on the tower reads x or y in the frame 'fixed' or 'tower_top', x or z in the frame 'nacelle', "
+                "or along a bearing in the frame 'tower'"
+            )
         if not on_blade and (self.deflection is not None or self.slope != 1.0):
             raise ValueError(
                 "'deflection' and 'slope' describe a bending blade: remove them from a sensor on the tower"
@@ -174,6 +192,11 @@ def first_problem(error: ValidationError) -> str:
 def reading(sensor: Sensor, kinematics: "Kinematics") -> "sp.Expr":
     """The expression that `sensor` reads on the rotor with these kinematics."""
     k = kinematics
+    if sensor.frame in ("nacelle", "tower"):
+        raise ConfigurationError(
+            f"sensor '{sensor.channel}' is in the frame '{sensor.frame}', which a rotor in its own plane does not know: expected 'fixed', "
+            "'tower_top' or 'blade'; for side-side and fore-aft motion use a turbine file of the kind 'tower'"
+        )
     if sensor.blade > k.model.blades:
         raise ConfigurationError(
             f"sensor '{sensor.channel}' sits on blade {sensor.blade}, but the turbine has {k.model.blades} blades"

@@ -26,7 +26,7 @@ from windsysid.signals.condition import (
 from windsysid.signals.harmonics import rotor_from_blades, rotor_from_tower
 from windsysid.signals.integration import METHODS, Motion, integrate
 from windsysid.signals.rotor import RotorMotion, rotor_from_encoder, rotor_from_pulses, rotor_inputs
-from windsysid.signals.yaw import to_nacelle, with_nacelle_axes
+from windsysid.signals.yaw import to_nacelle, tower_inputs, with_nacelle_axes
 
 __all__ = [
     "METHODS",
@@ -56,5 +56,6 @@ __all__ = [
     "rotor_from_tower",
     "rotor_inputs",
     "to_nacelle",
+    "tower_inputs",
     "with_nacelle_axes",
 ]

@@ -10,15 +10,25 @@ counter-clockwise from it as seen from above (b = 0: north and west). With e(θ)
 which keeps x, y up, z right-handed. Only axes turn: yawing is slow, and its own accelerations stay in the reading.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from windsysid.errors import RecordError
 from windsysid.record import Record
+from windsysid.signals.band import bridged
+from windsysid.signals.rotor import rotor_inputs
 
-__all__ = ["to_nacelle", "with_nacelle_axes"]
+__all__ = ["to_nacelle", "tower_inputs", "with_nacelle_axes"]
 
 Array = NDArray[np.float64]
+
+STANDING = 0.02
+"""Share of the usual rotor speed below which a rotor stands, and its azimuth says nothing."""
+
+YAW_WINDOW = 10.0
+"""Seconds over which a yaw is smoothed: a yaw drive turns half a degree per second for a minute, a yaw signal comes in steps."""
 
 
 def to_nacelle(first: ArrayLike, second: ArrayLike, yaw: ArrayLike, *, bearing: float = 0.0) -> tuple[Array, Array]:
@@ -41,11 +51,7 @@ def to_nacelle(first: ArrayLike, second: ArrayLike, yaw: ArrayLike, *, bearing: 
     u1, u2, gamma = (np.asarray(values, dtype=np.float64) for values in (first, second, yaw))
     if not (u1.ndim == 1 and u1.shape == u2.shape == gamma.shape):
         raise RecordError(f"expected two axes and a yaw of one shape (T,), got {u1.shape}, {u2.shape}, {gamma.shape}")
-    known = np.isfinite(gamma)
-    if not known.any():
-        raise RecordError("yaw: expected angles, got no numbers; leave the axes tower-fixed or choose another section")
-    index = np.arange(len(gamma))
-    turn = bearing - np.interp(index, index[known], np.unwrap(gamma[known]))
+    turn = bearing - _unwrapped(gamma)
     cos, sin = np.cos(turn), np.sin(turn)
     return u1 * sin - u2 * cos, -u1 * cos - u2 * sin
 
@@ -83,3 +89,57 @@ def with_nacelle_axes(
     turned = to_nacelle(record[first], record[second], record[yaw], bearing=bearing)
     unit = record.unit(first)
     return record.with_channels({name: (values, unit) for name, values in zip(names, turned, strict=True)})
+
+
+def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Array:
+    """The inputs of a `TowerModel`: ψ, Ω, γ, γ̇, γ̈ of a uniformly sampled record, (T, 5) [rad, rad/s …].
+
+    The azimuth is the record's, or else its ``rotor_speed`` summed up from an unknown start, or else that of the usual
+    `rotor_speed` [rad/s]. The yaw is the channel ``nacelle_yaw``, smoothed by local parabolas over ten seconds, or
+    else constant.
+
+    Raises
+    ------
+    RecordError
+        If `needs_yaw`, for a sensor that is fixed to the tower, and the record has none; or a unit or an azimuth is wrong.
+    """
+    for channel, unit in (("rotor_speed", "rad/s"), ("nacelle_yaw", "rad")):
+        if channel in record and record.unit(channel) != unit:
+            raise RecordError(f"channel '{channel}': expected {unit}, got {record.unit(channel)}: correct its unit")
+    inputs = np.zeros((record.samples, 5))
+    known = "rotor_speed" in record and bool(np.isfinite(record["rotor_speed"]).any())
+    speed = bridged(record["rotor_speed"], "rotor_speed") if known else np.full(record.samples, rotor_speed)
+    turns = abs(float(speed.mean())) > STANDING * rotor_speed
+    if turns and "rotor_azimuth" in record and np.isfinite(record["rotor_azimuth"]).sum() > 1:
+        inputs[:, :2] = rotor_inputs(record, rotor_speed)[:, :2]
+    else:
+        turned = 0.5 * (speed[1:] + speed[:-1]) * np.diff(record.time)
+        inputs[:, 0], inputs[:, 1] = np.concatenate([[0.0], np.cumsum(turned)]), speed
+    if "nacelle_yaw" in record:
+        inputs[:, 2:] = _smooth(_unwrapped(record["nacelle_yaw"]), record.rate)
+    elif needs_yaw:
+        raise RecordError(
+            f"{record.name}: expected a channel 'nacelle_yaw' [rad], since a sensor is fixed to the tower, got {', '.join(record.channels)}; "
+            "add the yaw, or list sensors in the frame 'nacelle'"
+        )
+    return inputs
+
+
+def _unwrapped(yaw: Array) -> Array:
+    """A yaw (T,) without jumps, missing values bridged the shorter way round."""
+    known = np.isfinite(yaw)
+    if not known.any():
+        raise RecordError("yaw: expected angles, got no numbers; leave the axes as they are or choose another section")
+    index = np.arange(len(yaw))
+    return np.interp(index, index[known], np.unwrap(yaw[known]))
+
+
+def _smooth(yaw: Array, rate: float) -> Array:
+    """Yaw, its rate and its acceleration (T, 3), by local quadratic least squares (Savitzky & Golay 1964)."""
+    from scipy.signal import savgol_filter
+
+    window = min(2 * math.ceil(YAW_WINDOW * rate / 2.0) + 1, len(yaw) - (1 - len(yaw) % 2))
+    if np.ptp(yaw) == 0.0 or window < 5:
+        return np.column_stack([yaw, np.zeros((len(yaw), 2))])
+    columns = [savgol_filter(yaw, window, 2, deriv=order, delta=1.0 / rate) for order in (0, 1, 2)]
+    return np.asarray(np.column_stack(columns), dtype=np.float64)

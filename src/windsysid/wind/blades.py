@@ -151,7 +151,7 @@ def blade_loads(
     ConfigurationError
         If an array does not fit.
     """
-    model = turbine.model
+    model = turbine.rotor
     radii = np.array(aerodynamics.radii)
     samples, n = len(azimuth), len(model.coordinates)
     if wind.shape != (samples, model.blades, len(radii)) or np.shape(rotor_speed) != (samples,):
@@ -182,7 +182,7 @@ def blade_loads(
 
 def _station_motion(turbine: "Turbine", aerodynamics: BladeAerodynamics, theta: Array) -> list[Array]:
     """J: motion of every station along its tangent per unit of each degree of freedom, (T, N, R) or what broadcasts to it."""
-    model, radii = turbine.model, np.array(aerodynamics.radii)
+    model, radii = turbine.rotor, np.array(aerodynamics.radii)
     levers = radii - turbine.values["hinge_offset"] if aerodynamics.levers is None else np.array(aerodynamics.levers)
     columns = []
     for name in model.coordinates:

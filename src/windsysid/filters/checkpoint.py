@@ -1,0 +1,67 @@
+"""Beliefs on disk: a filter that stops and goes on from a file computes, bit for bit, what it would have without stopping.
+
+A NumPy archive (.npz) holds the four fields of the belief as they are in memory, the names of the model's states, and a
+mark that says what it is. It is written beside its place and moved there whole, so that an interruption leaves the last one.
+"""
+
+import tempfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError, OutputError
+from windsysid.filters.gaussian import Belief
+from windsysid.statespace import StateSpace
+
+__all__ = ["load_belief", "save_belief"]
+
+MARK = "windsysid belief 1"
+
+_KIND = "expected a file written by save_belief, got one that is damaged or of another kind"
+
+
+def save_belief(path: str | Path, model: StateSpace, belief: Belief) -> None:
+    """Write what a filter of `model` believes to the file `path`, replacing one that is there.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    try:
+        with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.absolute().parent) as beside:
+            written = Path(beside) / "belief.npz"
+            np.savez(written, mark=np.array(MARK), states=np.array(model.states, dtype=np.str_), **belief._asdict())
+            written.replace(path)
+    except OSError as error:
+        raise OutputError(
+            f"checkpoint {path} cannot be written: {error.strerror or error}; choose another place"
+        ) from None
+
+
+def load_belief(path: str | Path, model: StateSpace) -> Belief:
+    """Read what `save_belief` wrote for a model of the same states and inputs.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file is missing, damaged, not a checkpoint, or of another model.
+    """
+    path = Path(path)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            content = {name: file[name] for name in file.files}
+    except FileNotFoundError:
+        raise ConfigurationError(f"checkpoint {path}: no such file: start without it") from None
+    except (OSError, EOFError, ValueError, AttributeError, TypeError, NotImplementedError, zipfile.BadZipFile):
+        raise ConfigurationError(f"checkpoint {path}: {_KIND}: start without it, or restore it") from None
+    if str(content.get("mark")) != MARK or not {*Belief._fields, "states"} <= content.keys():
+        raise ConfigurationError(f"checkpoint {path}: {_KIND}: start without it, or restore it")
+    if tuple(content["states"].tolist()) != model.states or content["inputs"].shape != (len(model.inputs),):
+        raise ConfigurationError(
+            f"checkpoint {path}: it belongs to another model: expected the states {', '.join(model.states)}, "
+            f"got {', '.join(content['states'].tolist())}"
+        )
+    return Belief(content["mean"], content["cov"], content["inputs"], int(content["samples"]))

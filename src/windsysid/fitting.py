@@ -1,0 +1,383 @@
+"""Fit: one's own equations + a record → estimates with bands. The front door for every structure that is no turbine.
+
+The unknowns are the parameters θ and, beside them, the noise of every sensor and the level of every load, η. The record is taken in as it would be
+on line (`windsysid.online`); that history is kept. The result is the mode of the posterior of the whole record on the likelihood of the state-only filter
+(`windsysid.likelihood`).
+
+The mode is climbed from where a joint filter ends. Far off, the likelihood has false summits, because the motion that it expects has lost the
+phase of the one that was measured; the joint filter stays in phase. It also locks in what it learns while linearised at wrong
+parameters, the more so the quieter the sensors are said to be, so it runs again with all noise 10 and 100 times as loud, and the end
+that the state-only filter likes best is the start.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from windsysid.diagnostics import Diagnosis, diagnose
+from windsysid.errors import ConfigurationError, RecordError, WindsysidError
+from windsysid.filters import EKF, Info
+from windsysid.filters.bank import bank_of, run_bank
+from windsysid.likelihood import Posterior, posterior_mode
+from windsysid.loads import LoadModel
+from windsysid.mechanics.compile import Model
+from windsysid.online import advance, begin, finish
+from windsysid.record import Record
+from windsysid.result import SIGMAS, Estimate, Identification
+from windsysid.statespace import Parameter, StateSpace, compose
+from windsysid.statistics import Statistic
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+__all__ = ["Fit", "Reading", "fit"]
+
+Array = NDArray[np.float64]
+
+LOUDER = (1.0, 10.0, 100.0)
+"""Factors on all noise with which the joint filter looks for a start."""
+
+LEVEL_SPREAD = 1.5
+"""Prior standard deviation of the logarithm of a level: noise and loads may be wrong by a factor of four or five."""
+
+FIRST_WIDTH = 0.05
+"""Standard deviation of the logarithm of a level that scales its first differences."""
+
+FIRST = 16
+"""The first estimate on line comes after this fraction of the record."""
+
+CLIMBS = 2
+"""How often the way to the mode is begun, where it was not reached."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one channel reads of a model of one's own.
+
+    Attributes
+    ----------
+    channel
+        Name of the record's channel.
+    expression
+        What it reads: an expression in the model's states, inputs, parameters, loads and accelerations.
+    noise
+        Standard deviation of the white noise of one sample, in the channel's unit.
+    bias
+        Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
+    drift
+        How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
+    """
+
+    channel: str
+    expression: "sp.Expr"
+    noise: float
+    bias: float = 0.0
+    drift: float = 0.0
+
+    @property
+    def structure(self) -> str:
+        """What its kernel depends on, as text."""
+        from sympy import srepr
+
+        return str(srepr(self.expression))
+
+
+@dataclass(frozen=True)
+class Fit(Identification):
+    """An `Identification` of one's own equations; `turbine` is their name.
+
+    Attributes
+    ----------
+    states
+        Names of the n states beside the parameters: the model's, its loads', its biases'.
+    state_mean, state_std
+        Each of them after each sample, at the estimates (T, n).
+    """
+
+    states: tuple[str, ...] = field(kw_only=True)
+    state_mean: Array = field(kw_only=True)
+    state_std: Array = field(kw_only=True)
+
+
+def fit(
+    model: Model,
+    record: Record,
+    *,
+    parameters: Sequence[Parameter],
+    sensors: Sequence[Any],
+    cov: ArrayLike,
+    mean: ArrayLike | None = None,
+    values: Mapping[str, float] | None = None,
+    loads: Sequence[LoadModel] = (),
+    channels: Mapping[str, str] | None = None,
+    learn_levels: bool = True,
+) -> Fit:
+    """Identify parameters of `model` from `record`.
+
+    Between two samples the filter takes one step of the fourth-order Runge–Kutta method, which damps a motion at ω by about (ωh)⁵/144 of the
+    critical: 2e-5 at 20 samples a period, 7e-4 at 10. Inputs run linearly between samples.
+
+    Parameters
+    ----------
+    model
+        `Equations`, or anything that compiles.
+    record
+        Holds a channel for every sensor and every input of the model, and for the loads that were measured.
+    parameters
+        What to identify, each with its prior.
+    sensors
+        `Reading`, one per channel.
+    cov, mean
+        Prior of the model's states at the first sample, (n_x, n_x) and (n_x,); mean zero by default.
+    values
+        The parameters that are not identified.
+    loads
+        Models of loads that were not measured. Loads that have neither model nor channel are zero.
+    channels
+        The channel of an input or a measured load, where it is not called what the model calls it.
+    learn_levels
+        Whether the noise of each sensor and the rms of each load are learned: what is given is then the median of a wide prior
+        (a factor of 4.5 at one standard deviation). The shape of a load's spectrum stays as given.
+
+    Raises
+    ------
+    RecordError
+        If the record lacks a channel, an input has gaps, or a sensor's channel holds no number.
+    ConfigurationError
+        If model, priors and sensors do not fit each other (`compose`).
+    WindsysidError
+        If every run of the filter diverges.
+    """
+    if not parameters:
+        raise ConfigurationError("parameters: expected at least one to identify, got none")
+    part = record.on_uniform_grid()
+    known = dict(values or {})
+    prior: dict[str, Any] = {"rate": part.rate, "loads": loads, "sensors": sensors, "mean": mean, "cov": cov}
+    joint = compose(model, values=known, parameters=parameters, **prior)
+    known |= {q.name: q.centre for q in parameters}
+    plain = compose(model, values=known, **prior)
+    inputs = _inputs(joint, part, channels or {})
+    readings = _readings(part, sensors)
+    names = [f"noise_{sensor.channel}" for sensor in sensors] + [f"rms_{load.states[0]}" for load in loads]
+    levels = len(names) if learn_levels else 0
+
+    def build(at: Array) -> StateSpace:
+        return _state_only(plain, parameters, loads, at)
+
+    problem = _Problem(joint, build, np.full(levels, LEVEL_SPREAD))
+    for space in (joint, plain):  # compiles or loads the kernels outside the clock
+        EKF.run(space, EKF.init(space), inputs[:0], readings[:0])
+    run_bank(bank_of([plain]), inputs[:0], readings[:0])
+    started = time.perf_counter()
+    history = _on_line(problem, inputs, readings)
+    mode = _mode(problem, inputs, readings)
+    elapsed = time.perf_counter() - started
+
+    n = len(parameters)
+    units = [part.unit(sensor.channel) for sensor in sensors] + [""] * len(loads)
+    given = [sensor.noise for sensor in sensors] + [float(np.sqrt(load.cov[0, 0])) for load in loads]
+    spread = np.sqrt(np.diag(mode.cov))
+    learned = [
+        Statistic(name, unit, value, *(value * np.exp(eta + k * std) for k in (0.0, -SIGMAS, SIGMAS)))
+        for name, unit, value, eta, std in zip(names[:levels], units, given, mode.mean[n:], spread[n:], strict=False)
+    ]
+    return Fit(
+        method=f"posterior mode, {EKF.name}",
+        formulation="fit",
+        record=part.name,
+        turbine=joint.compiled.name,
+        sensors=joint.readings,
+        section=(float(part.time[0]), float(part.time[-1])),
+        rate=part.rate,
+        samples=part.samples,
+        elapsed=elapsed,
+        estimates=tuple(map(_estimate, parameters, mode.mean[:n], spread[:n])),
+        modes=(),
+        parameters=tuple(parameters),
+        time=part.time,
+        mean=history[0][:, :n],
+        std=history[1][:, :n],
+        cov=mode.cov[:n, :n],
+        readings=joint.readings,
+        innovation=mode.info.innovation,
+        whitened=mode.info.whitened,
+        log_likelihood=mode.log_likelihood,
+        notes=() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",),
+        statistics=tuple(learned),
+        diagnosis=_diagnosis(mode, joint, part.rate),
+        states=plain.states,
+        state_mean=mode.info.mean,
+        state_std=mode.info.std,
+    )
+
+
+class _Problem(NamedTuple):
+    """What a record leaves to be found: θ and η, standard deviations of levels as logarithms of factors.
+
+    `model` is the joint model, `build` makes the state-only one for values of [θ | η], `levels` (n_η,) are the prior standard deviations of η.
+    """
+
+    model: StateSpace
+    build: Callable[[Array], StateSpace]
+    levels: Array
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and covariance of the unknowns."""
+        block, n = self.model.parameter_block, len(self.model.parameters)
+        cov = np.diag(np.concatenate([np.zeros(n), np.square(self.levels)]))
+        cov[:n, :n] = self.model.cov[block, block]
+        return np.concatenate([self.model.mean[block], np.zeros(len(self.levels))]), cov
+
+    def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
+        """Where to begin to look for the unknowns, and how uncertain that is, from T samples."""
+        block, n = self.model.parameter_block, len(self.model.parameters)
+        mean, cov = self.prior
+        best = -np.inf
+        for factor in LOUDER:
+            noise = self.model.blocks.noise * factor**2
+            louder = replace(self.model, blocks=self.model.blocks._replace(noise=noise))
+            belief, _ = EKF.run(louder, EKF.init(louder), inputs, readings)
+            if not (np.isfinite(belief.mean).all() and np.isfinite(belief.cov).all()):
+                continue
+            at = np.concatenate([belief.mean[block], np.zeros(len(self.levels))])
+            if len(self.levels):  # of all levels together: rather too loud, from where a few steps lead down
+                at[n:] = np.log(_loudest(_state_only_run(self.build(at), inputs, readings)))
+            off = at - self.prior[0]
+            log_likelihood = _state_only_run(self.build(at), inputs, readings).log_likelihood.sum()
+            reached = float(log_likelihood - 0.5 * off @ np.linalg.solve(self.prior[1], off))
+            if reached > best:
+                best, mean, cov = reached, at, np.diag(np.full(len(at), FIRST_WIDTH**2))
+                cov[:n, :n] = belief.cov[block, block]
+        return mean, cov
+
+
+def _on_line(problem: _Problem, inputs: Array, readings: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation of the unknowns as they would have been known after each sample (T, n)."""
+    samples, first = len(readings), -(-len(readings) // FIRST)
+    nothing = begin(*problem.prior, first, (inputs.shape[1], readings.shape[1]))
+    try:
+        online, history = advance(problem.build, nothing, inputs, readings, problem.start)
+        _, last = finish(problem.build, online, problem.start)
+    except (WindsysidError, np.linalg.LinAlgError):
+        return (np.full((samples, len(nothing.theta)), np.nan),) * 2
+    since = np.concatenate([[0], history.samples, last.samples])
+    mean = np.concatenate([nothing.theta[None], history.mean, last.mean])
+    cov = np.concatenate([nothing.cov[None], history.cov, last.cov])
+    known = np.searchsorted(since, np.arange(1, samples + 1), side="right") - 1
+    return mean[known], np.sqrt(np.diagonal(cov, axis1=1, axis2=2))[known]
+
+
+def _mode(problem: _Problem, inputs: Array, readings: Array) -> Posterior:
+    """The mode of the posterior of the whole record."""
+    start, start_cov = problem.start(inputs, readings)
+    for _ in range(CLIMBS):
+        mode = posterior_mode(
+            problem.build, inputs, readings,
+            prior_mean=problem.prior[0], prior_cov=problem.prior[1], start=start, start_cov=start_cov,
+        )  # fmt: skip
+        if mode.settled:
+            break
+        start, start_cov = mode.mean, mode.cov
+    if not (np.isfinite(mode.mean).all() and np.isfinite(mode.cov).all()):
+        raise WindsysidError(
+            "the search for the parameters lost its way: expected equations, noise and priors of the record's size; check units, "
+            "the prior of the states, and how far the priors of the parameters reach"
+        )
+    return mode
+
+
+def _state_only_run(model: StateSpace, inputs: Array, readings: Array) -> Info:
+    return EKF.run(model, EKF.init(model), inputs, readings)[1]
+
+
+def _loudest(info: Info) -> float:
+    """The greatest rms of a sensor's innovations, in their own standard deviations; 1 where nothing was read."""
+    squares = np.square(info.innovation / info.innovation_std)
+    means = np.nansum(squares, axis=0) / np.maximum(np.isfinite(squares).sum(axis=0), 1)
+    return float(np.sqrt(means.max())) or 1.0
+
+
+def _state_only(
+    plain: StateSpace, parameters: Sequence[Parameter], loads: Sequence[LoadModel], at: Array
+) -> StateSpace:
+    """`plain` with the parameters and levels of [θ | η]: noise of each reading first, then one factor for each load."""
+    n, m = len(parameters), len(plain.readings)
+    p = plain.blocks.p.copy()
+    for q, theta in zip(parameters, at, strict=False):
+        p[plain.compiled.parameters.index(q.name)] = float(q.physical(theta))
+    if len(at) == n:
+        return replace(plain, blocks=plain.blocks._replace(p=p))
+    factor = np.exp(2.0 * at[n:])
+    load_noise, cov = plain.blocks.load_noise.copy(), plain.cov.copy()
+    first = 0
+    for load, power in zip(loads, factor[m:], strict=True):
+        own = slice(first, first := first + len(load.states))
+        load_noise[:, own, own] *= power
+        own = slice(own.start + len(plain.compiled.states), own.stop + len(plain.compiled.states))
+        cov[own, own] *= power
+    blocks = plain.blocks._replace(p=p, noise=plain.blocks.noise * factor[:m], load_noise=load_noise)
+    return replace(plain, blocks=blocks, cov=cov)
+
+
+def _inputs(model: StateSpace, record: Record, channels: Mapping[str, str]) -> Array:
+    """Known inputs and measured loads (T, n_u + n_w)."""
+    names = (*model.compiled.inputs, *model.compiled.loads)
+    for name in channels:
+        if name not in names:
+            raise ConfigurationError(
+                f"channels: '{name}' is no input or load of the model: expected one of {', '.join(names) or 'none'}"
+            )
+    columns = np.zeros((record.samples, len(names)))
+    for column, name in enumerate(names):
+        channel = channels.get(name, name)
+        if name in model.compiled.loads and name not in channels and channel not in record:
+            continue
+        columns[:, column] = record[channel]
+        missing = int(np.isnan(columns[:, column]).sum())
+        if missing:
+            raise RecordError(
+                f"channel '{channel}' is an input of the model and lacks {missing} of {record.samples} samples: "
+                "expected all of them; choose a section without the gap, or fill it"
+            )
+    return columns
+
+
+def _readings(record: Record, sensors: Sequence[Any]) -> Array:
+    """What the sensors read (T, m)."""
+    if not sensors:
+        raise ConfigurationError("sensors: expected at least one reading, got none")
+    readings = np.column_stack([record[sensor.channel] for sensor in sensors])
+    for sensor, values in zip(sensors, readings.T, strict=True):
+        if not np.isfinite(values).any():
+            raise RecordError(f"channel '{sensor.channel}' holds no numbers: leave it out of the sensors")
+    return readings
+
+
+def _estimate(q: Parameter, theta: float, std: float) -> Estimate:
+    """A parameter in its own unit."""
+    low, value, high = (float(q.physical(theta + k * std)) for k in (-SIGMAS, 0.0, SIGMAS))
+    return Estimate(
+        name=q.name, unit="", kind="parameter", estimate=value, low=low, high=high,
+        std=float(std * (value if q.logarithmic else q.scale)),
+        informed_by_data=float(np.clip(1.0 - (std / q.prior[1]) ** 2, 0.0, 1.0)),
+        prior=q.centre, reference=None, average_error_percent=None,
+    )  # fmt: skip
+
+
+def _diagnosis(mode: Posterior, model: StateSpace, rate: float) -> Diagnosis:
+    """What to think of the result."""
+    n = len(model.parameters)
+    doubts = (
+        ()
+        if mode.settled
+        else ("the likelihood still rose when the search ended: identify fewer parameters, or give narrower priors",)
+    )
+    return diagnose(
+        mode.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
+        theta=mode.mean[:n], cov=mode.cov[:n, :n], doubts=doubts,
+    )  # fmt: skip

@@ -1,0 +1,253 @@
+"""What the loads may be like: a small family of named load models, each with the statistics that a record must tell.
+
+``broadband``
+    The turbine file's loads: a first-order Gauss–Markov process on each degree of freedom, independent of the others, and the rotor's
+    harmonics where the file lists them.
+``second-order``
+    The same with a second-order process, whose spectrum may have a hump and falls twice as fast.
+``rotor-wind``
+    What wind does to a turning rotor. Turbulence over the disc is a series in azimuth whose terms are uncorrelated and slow; the blades cut
+    through them, so that the force on each is
+
+        F_i = A_0 + Σ_{m=1}^{2N+1} (A_m cos mψ_i + B_m sin mψ_i) + R_i,        ψ_i = ψ + 2π(i−1)/N,
+
+    with R_i the small eddies that one blade meets alone. The same forces push the hub: a moment F about a blade's link is a force F/ℓ_m on the hub
+    that turns with the blade, ℓ_m = ℓ (m+1)/(m+1+ρ), further out for smaller eddies. What a force has that the moment has not (eddies near the hub) is a series
+    of its own in the terms that the tower feels most, and broadband. Air that pushes hub and blades also damps them together: the coefficient
+    ``c_hub_blade`` of `windsysid.mechanics.RotorModel` is identified with the others.
+
+The spectra of A_m, B_m follow from frozen turbulence with exponential coherence (IEC 61400-1 ed. 4, annex C): what a ring of radius r sees in its m-th
+term is S(f) x/(π(x² + m²)), x = 12 r f/V, for S ∝ f^{−5/3} flat below a corner near m V/12r and steep above. One pole at the corner f₁ m^0.7 does
+for m ≥ 2; the term m = 1, which the tower feels all the way up to its own frequency, needs a second pole and a zero.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from windsysid.errors import ConfigurationError
+from windsysid.loads import (
+    BladeForces,
+    GaussMarkov,
+    LoadModel,
+    Process,
+    blade_force,
+    first_order,
+    load_on,
+    rational,
+    rotor_harmonic,
+    second_order,
+)
+from windsysid.mechanics.rotor import RotorModel
+from windsysid.statespace import Parameter
+from windsysid.statistics import Statistic, load_groups, moved_loads
+from windsysid.turbine import Turbine
+
+__all__ = ["FAMILY", "LoadHypothesis", "hypothesis"]
+
+Values = Mapping[str, float]
+
+CORNER_POWER = 0.7
+"""Corner of the m-th term over that of the first: m to this power."""
+
+SECOND_POLE, ZERO = 7.0, 18.0
+"""Second pole and zero of the first term, over its corner."""
+
+SLOW_CORNER, SLOW_LEVEL = 0.4, 1.5
+"""Corner of the term m = 0, and level at zero frequency, over those of the first."""
+
+COUPLING = 0.5
+"""Prior standard deviation of c_hub_blade over the geometric mean of the damping of hub and blade."""
+
+
+@dataclass(frozen=True)
+class LoadHypothesis:
+    """A load model for one turbine.
+
+    Attributes
+    ----------
+    name
+        Its name in the family.
+    text
+        What it takes the loads for, in words.
+    turbine
+        The turbine with the model that it needs.
+    statistics
+        What must be learned of the loads.
+    blocks
+        The load states, from the values of the statistics by name.
+    parameters
+        Coefficients that come with it.
+    """
+
+    name: str
+    text: str
+    turbine: Turbine
+    statistics: tuple[Statistic, ...]
+    blocks: Callable[[Values], tuple[LoadModel, ...]]
+    parameters: tuple[Parameter, ...] = ()
+
+
+def hypothesis(name: str, turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis:
+    """The load model of that name for a turbine, `loads` being those of its file that are states.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none of that name, or it makes no sense for this turbine.
+    """
+    if name not in FAMILY:
+        raise ConfigurationError(f"load model: expected auto, {', '.join(FAMILY)}; got '{name}'")
+    return FAMILY[name](turbine, loads)
+
+
+def candidates(turbine: Turbine, loads: Sequence[GaussMarkov]) -> tuple[str, ...]:
+    """The models to choose from for a turbine, the cheapest first: where there is a rotor, wind on it is what the others would have to imitate."""
+    if not loads:
+        return ("broadband",)
+    return ("broadband", "rotor-wind" if isinstance(turbine.model, RotorModel) else "second-order")
+
+
+def _broadband(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis:
+    """The loads of the turbine file."""
+    statistics = load_groups(loads)
+
+    def blocks(values: Values) -> tuple[LoadModel, ...]:
+        return moved_loads(statistics, values, loads)
+
+    return LoadHypothesis("broadband", "first-order Gauss–Markov", turbine, statistics, blocks)
+
+
+def _second_order(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis:
+    """One second-order process on each degree of freedom; their rms as in the file, frequency and damping ratio common."""
+    slowest = min(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
+    plain = [load for load in loads if not load.harmonic]
+    levels = tuple(s for s in load_groups(plain) if s.name.startswith("load_rms"))
+    statistics = (
+        *levels,
+        Statistic("load_frequency", "Hz", 0.5 * slowest, spread=1.0),
+        Statistic("load_damping", "1", 0.7, spread=0.7),
+    )
+
+    def blocks(values: Values) -> tuple[LoadModel, ...]:
+        return tuple(
+            load_on(load.load, second_order(load.rms, values["load_frequency"], values["load_damping"]))
+            for load in moved_loads(levels, values, plain)
+        )
+
+    return LoadHypothesis("second-order", "second-order processes", turbine, statistics, blocks)
+
+
+def _rotor_wind(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis:
+    """Wind on a turning rotor."""
+    rotor, v = turbine.model, turbine.values
+    names = tuple(dict.fromkeys(load.load for load in loads))
+    if not isinstance(rotor, RotorModel) or not loads:
+        raise ConfigurationError(
+            "load model rotor-wind: expected a rotor with blades of its own and loads that are not all measured; choose broadband"
+        )
+    hub = tuple(name for name in names if name in ("load_x", "load_y"))
+    both = bool(hub) and any(name.startswith("load_beta") for name in names)
+    to = BladeForces(names, rotor.blades, v["hinge_offset"], v["kappa"] if rotor.roll == "tied" else 0.0)
+    statistics = _rotor_statistics(turbine, loads, blades=both or not hub, hub=bool(hub), both=both)
+    given = {s.name: s.given for s in statistics} | {"load_lever": _lever(turbine), "load_lever_rise": LEVER_RISE}
+
+    def blocks(values: Values) -> tuple[LoadModel, ...]:
+        return _rotor_blocks(to, given | dict(values), hub)
+
+    if not both:
+        return LoadHypothesis("rotor-wind", "wind on the turning rotor", turbine, statistics, blocks)
+    coupled = replace(turbine, model=replace(rotor, air_couples=True), values={**v, "c_hub_blade": 0.0})
+    scale = math.sqrt(max(v[f"c_{hub[0].removeprefix('load_')}"] * v["c_beta_1"], 1e-300))
+    parameters = (Parameter("c_hub_blade", 0.0, COUPLING * scale, logarithmic=False, scale=scale),)
+    return LoadHypothesis("rotor-wind", "wind on the turning rotor", coupled, statistics, blocks, parameters)
+
+
+FAMILY: Mapping[str, Callable[[Turbine, Sequence[GaussMarkov]], LoadHypothesis]] = {
+    "broadband": _broadband,
+    "second-order": _second_order,
+    "rotor-wind": _rotor_wind,
+}
+"""The named load models, the cheapest first."""
+
+LEVER_RISE = 0.4
+"""Given value of ρ."""
+
+
+def _lever(turbine: Turbine) -> float:
+    """Given value of ℓ [m]: the centre of percussion of the first blade."""
+    return turbine.values["blade_inertia_1"] / turbine.values["blade_first_moment_1"]
+
+
+def _rotor_statistics(
+    turbine: Turbine, loads: Sequence[GaussMarkov], *, blades: bool, hub: bool, both: bool
+) -> tuple[Statistic, ...]:
+    """What must be learned of the wind's loads, with priors of the file's size."""
+    turn = turbine.rotor_speed / (2.0 * math.pi)
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
+    of_blades = [load.rms for load in loads if load.load.startswith("load_beta")]
+    of_hub = [load.rms for load in loads if load.load in ("load_x", "load_y")]
+    moment = of_blades[0] if of_blades else of_hub[0] * _lever(turbine)
+    found = [
+        Statistic("load_rms_wind", "N*m", moment, spread=1.5),
+        Statistic("load_corner", "Hz", 0.06 * turn, spread=0.7),
+        Statistic("load_fall", "1", 1.4, spread=0.3),
+    ]
+    if both:
+        found += [
+            Statistic("load_lever", "m", _lever(turbine), spread=0.3),
+            Statistic("load_lever_rise", "1", LEVER_RISE, spread=0.7),
+            Statistic("load_hub_share", "1", 0.25, spread=0.7),
+        ]
+    if blades:
+        found += [
+            Statistic("load_rms_eddies", "N*m", 0.3 * moment, spread=1.5),
+            Statistic("load_eddies_frequency", "Hz", 3.0 * fastest, spread=0.7),
+            Statistic("load_eddies_damping", "1", 0.7, spread=0.7),
+        ]
+    if hub:
+        found += [
+            Statistic("load_rms_hub", "N", 0.3 * of_hub[0], spread=1.5),
+            Statistic("load_hub_time_constant", "s", 0.5 / (math.pi * fastest), spread=1.0),
+        ]
+    return tuple(found)
+
+
+def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[LoadModel, ...]:
+    """The load states of wind on a turning rotor."""
+    N = to.blades
+    terms = range(2 * N + 2)
+    shapes = [_term(m, values["load_corner"], values["load_fall"]) for m in terms]
+    size = values["load_rms_wind"] / math.sqrt(sum(shape.variance for shape in shapes))
+    levers = [values["load_lever"] * (m + 1) / (m + 1 + values["load_lever_rise"]) for m in terms]
+    blocks = [rotor_harmonic(shape.times(size), m, to, levers[m], f"wind_{m}P") for m, shape in enumerate(shapes)]
+    if "load_hub_share" in values:
+        for m in sorted({1, N - 1, N + 1}):
+            own = _one_pole(m, values["load_corner"], values["load_fall"]).times(size * values["load_hub_share"])
+            blocks.append(rotor_harmonic(own, m, to, levers[m], f"hub_{m}P", moments=False))
+    if "load_rms_eddies" in values:
+        eddies = second_order(values["load_rms_eddies"], values["load_eddies_frequency"], values["load_eddies_damping"])
+        blocks += [blade_force(eddies, i, to, levers[-1], f"eddies_{i}") for i in range(1, N + 1)]
+    if hub:
+        rest = first_order(values["load_rms_hub"], values["load_hub_time_constant"])
+        blocks += [load_on(name, rest) for name in hub]
+    return tuple(block for block in blocks if block.outputs)
+
+
+def _term(m: int, corner: float, fall: float) -> Process:
+    """The m-th term of the series in azimuth, its spectrum 1/m^{2 fall} at zero frequency."""
+    if m != 1:
+        return _one_pole(m, corner, fall)
+    a = 2.0 * math.pi * corner
+    return _with_level(rational(1.0, [-a, -SECOND_POLE * a], [-ZERO * a]), 1.0)
+
+
+def _one_pole(m: int, corner: float, fall: float) -> Process:
+    slow = m == 0
+    a = 2.0 * math.pi * corner * (SLOW_CORNER if slow else m**CORNER_POWER)
+    return _with_level(first_order(1.0, 1.0 / a), SLOW_LEVEL if slow else m**-fall)
+
+
+def _with_level(process: Process, level: float) -> Process:
+    """The process with the square of `level` as its spectrum at zero frequency."""
+    return process.times(level / math.sqrt(float(process.spectrum(0.0)[0])))

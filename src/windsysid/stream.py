@@ -1,0 +1,183 @@
+"""Records too long for memory, piece by piece: the joint formulation on line, interruptible and resumable.
+
+Each piece goes through `windsysid.online.advance`, whose memory does not grow; what it knows is written beside the output after every
+piece. The same call on the same record goes on from there, and ends where an uninterrupted one would have ended, bit for bit.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.filters import EKF
+from windsysid.formulation import Outcome, Prior, check_finite, known_inputs, known_loads
+from windsysid.identification import conclude, usable_sensors
+from windsysid.joint import first_estimate
+from windsysid.mechanics.sensors import Sensor
+from windsysid.online import History, Online, advance, begin, finish, restore, save
+from windsysid.record import Record
+from windsysid.result import Identification
+from windsysid.stateonly import Problem, pose
+from windsysid.statistics import learned_statistics
+from windsysid.turbine import Turbine
+
+__all__ = ["identify_pieces"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+
+def identify_pieces(
+    pieces: Iterable[Record],
+    turbine: Turbine,
+    *,
+    sensors: Sequence[Sensor] | None = None,
+    prior: Prior | None = None,
+    parameters: Sequence[str] | None = None,
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identify stiffness and damping from a record that comes in pieces, in bounded memory.
+
+    The estimate is the on-line one (docs/online.md): what `windsysid.identify` would find, but for a few per cent of a standard deviation.
+    Innovations, and with them the diagnosis, are those of the last piece.
+
+    Parameters
+    ----------
+    pieces
+        Records in order, of one sampling rate: `windsysid.iterate_record` makes them of a file. Samples missing between two pieces are
+        missing readings.
+    turbine, sensors, prior, parameters
+        As for `windsysid.identify`; sensors are chosen on the first piece.
+    checkpoint
+        Where to write what is known after each piece, and to go on from if it is there; it is deleted at the end.
+    progress
+        Called with the time [s] reached after each piece.
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If a piece does not hold what is needed, an option is out of range, or the checkpoint belongs to another call.
+    """
+    started = time.perf_counter()
+    run: _Run | None = None
+    for piece in pieces:
+        part = piece.on_uniform_grid()
+        if run is None:
+            run = _Run(part, turbine, usable_sensors(part, turbine, sensors), prior or Prior(), parameters, checkpoint)
+        run.take(part)
+        if progress:
+            progress(float(part.time[-1]))
+    if run is None:
+        raise RecordError("no pieces: expected at least one, got an empty record")
+    found = run.conclude(time.perf_counter() - started)
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
+    return found
+
+
+class _Run:
+    """One pass over the pieces."""
+
+    def __init__(
+        self, first: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
+        checkpoint: Path | None,
+    ) -> None:  # fmt: skip
+        self.problem: Problem = pose(first, turbine, sensors, prior, chosen)
+        self.rate, self.checkpoint = first.rate, checkpoint
+        self.begun = float(first.time[0])
+        self.known: int = 0  # samples that an earlier run had taken in
+        self.taken: int = 0
+        self.histories: list[History] = []
+        self.last: tuple[Record, Array, Array] | None = None
+        columns = self.problem.inputs.shape[1], self.problem.readings.shape[1]
+        self.online: Online = begin(*self.problem.prior, first_estimate(self.problem.turbine, self.rate), columns)
+        if checkpoint is not None and checkpoint.exists():
+            self.online, earlier = restore(self.problem.build, checkpoint)
+            self.histories.append(earlier)
+            self.known = self.online.reached
+
+    def take(self, piece: Record) -> None:
+        """The next piece, and the samples missing before it."""
+        inputs, readings = self._arrays(piece)
+        self.last = piece, inputs, readings
+        self.taken += len(readings)
+        if self.taken <= self.known:
+            return
+        if self.taken - len(readings) < self.known:
+            raise ConfigurationError(
+                f"checkpoint {self.checkpoint}: expected pieces as long as those of the run that was interrupted: "
+                "choose the same length, or delete the checkpoint to begin anew"
+            )
+        self.online, history = advance(self.problem.build, self.online, inputs, readings, self.problem.start)
+        self.histories.append(history)
+        if self.checkpoint is not None:
+            save(self.online, _joined(self.histories), self.checkpoint)
+
+    def _arrays(self, piece: Record) -> tuple[Array, Array]:
+        """Inputs and readings, continued from the piece before."""
+        if abs(piece.rate / self.rate - 1.0) > 0.01:
+            raise RecordError(f"{piece.name}: expected pieces of {self.rate:.6g} Hz, got one of {piece.rate:.6g} Hz")
+        sensors, turbine = self.problem.sensors, self.problem.turbine
+        missing = [sensor.channel for sensor in sensors if sensor.channel not in piece]
+        if missing:
+            raise RecordError(
+                f"{piece.name}: expected the channels of the first piece, got none of {', '.join(missing)}"
+            )
+        inputs = np.hstack([known_inputs(piece, turbine, sensors), known_loads(piece, turbine)[0]])
+        readings = np.column_stack([piece[sensor.channel] for sensor in sensors])
+        if self.last is None:
+            return inputs, readings
+        before, past, _ = self.last
+        steps = round((piece.time[0] - before.time[-1]) * self.rate)
+        if steps < 1:
+            raise RecordError(f"{piece.name}: expected a piece that begins after the one before, got an overlap")
+        expected = past[-1, 0] + past[-1, 1] * steps / self.rate  # the azimuth goes on where it was
+        inputs[:, 0] += 2.0 * math.pi * round((expected - inputs[0, 0]) / (2.0 * math.pi))
+        if steps > 1:
+            between = np.linspace(0.0, 1.0, steps + 1)[1:-1, None]
+            inputs = np.vstack([past[-1] + between * (inputs[0] - past[-1]), inputs])
+            readings = np.vstack([np.full((steps - 1, readings.shape[1]), np.nan), readings])
+        return inputs, readings
+
+    def conclude(self, elapsed: float) -> Identification:
+        """The result, judged on the last piece."""
+        problem = self.problem
+        self.online, rest = finish(problem.build, self.online, problem.start)
+        check_finite(self.online.theta, self.online.precision)
+        history = _joined([*self.histories, rest])
+        if self.last is None:
+            raise RecordError("no pieces: expected at least one, got an empty record")
+        piece, inputs, readings = self.last
+        n = len(problem.parameters)
+        final = problem.build(self.online.theta)
+        info = EKF.run(final, EKF.init(final), inputs, readings)[1]
+        outcome = Outcome(
+            turbine=problem.turbine,
+            model=problem.model,
+            history_mean=history.mean[:, :n],
+            history_std=np.sqrt(np.diagonal(history.cov, axis1=1, axis2=2)[:, :n]),
+            final=info,
+            theta=self.online.theta[:n],
+            cov=self.online.cov[:n, :n],
+            rotor=inputs[:, : len(problem.model.compiled.inputs)],
+            channels=tuple(sensor.channel for sensor in problem.sensors),
+            elapsed=elapsed,
+            notes=(
+                *problem.notes,
+                "taken in piece by piece: the estimate is the on-line one, the innovations are the last piece's",
+            ),
+            statistics=learned_statistics(problem.statistics, self.online.theta[n:], self.online.cov[n:, n:]),
+        )
+        return conclude(
+            outcome, piece, "joint", section=(self.begun, float(piece.time[-1])), samples=self.taken,
+            history_time=self.begun + (history.samples - 1) / self.rate,
+        )  # fmt: skip
+
+
+def _joined(histories: Sequence[History]) -> History:
+    return History(*(np.concatenate(parts) for parts in zip(*histories, strict=True)))

@@ -1,0 +1,142 @@
+"""The family of load models: what each takes the loads for."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from windsysid.errors import ConfigurationError
+from windsysid.loadmodels import LoadHypothesis, candidates, hypothesis
+from windsysid.loads import LoadModel
+from windsysid.mechanics import RotorModel
+from windsysid.turbine import Turbine, load_turbine
+from windsysid.wind import WindConditions, coherence, kaimal_spectrum, packaged_wind
+
+Array = np.ndarray
+
+
+def given(model: LoadHypothesis, **values: float) -> Sequence[LoadModel]:
+    """The blocks at given values, some of them changed."""
+    return model.blocks({s.name: s.given for s in model.statistics} | values)
+
+
+def output(block: LoadModel, name: str, psi: float) -> Array:
+    """H(ψ) of one load (n,)."""
+    if name not in block.outputs:
+        return np.zeros(len(block.states))
+    rows = block.outputs[name]
+    k = np.arange(1, (len(rows) + 1) // 2)
+    return np.asarray(rows[0] + np.cos(k * psi) @ rows[1::2] + np.sin(k * psi) @ rows[2::2])
+
+
+def covariance(blocks: Sequence[LoadModel], names: Sequence[str], psi: float) -> Array:
+    """Covariance of the loads at an azimuth."""
+    total = np.zeros((len(names),) * 2)
+    for block in blocks:
+        H = np.array([output(block, name, psi) for name in names])
+        total += H @ block.cov @ H.T
+    return total
+
+
+def test_broadband_is_the_turbine_file(verne555: Turbine):
+    model = hypothesis("broadband", verne555, verne555.loads)
+    assert given(model) == verne555.loads
+    assert model.turbine is verne555
+    assert [s.name for s in model.statistics] == ["load_rms_support", "load_rms_blades", "load_time_constant"]
+
+
+def test_second_order_loads_are_as_loud_as_the_file_says(verne555: Turbine):
+    model = hypothesis("second-order", verne555, verne555.loads)
+    for psi in (0.0, 1.0):
+        cov = covariance(given(model, load_frequency=3.0), verne555.model.loads, psi)
+        np.testing.assert_allclose(cov, 225.0 * np.eye(5), rtol=1e-12)
+
+
+def test_wind_is_the_same_for_every_blade_at_every_azimuth_and_isotropic_on_the_hub(verne555: Turbine):
+    model = hypothesis("rotor-wind", verne555, verne555.loads)
+    covs = [covariance(given(model), verne555.model.loads, psi) for psi in (0.0, 0.5, 2.2)]
+    expected = 15.0**2 + 4.5**2  # harmonics and eddies
+    for cov in covs:
+        np.testing.assert_allclose(np.diag(cov)[2:], expected, rtol=1e-12)
+        np.testing.assert_allclose(cov[2:, 2:], covs[0][2:, 2:], rtol=1e-12)
+        np.testing.assert_allclose(cov[0, 0], cov[1, 1], rtol=1e-12)
+        assert cov[0, 1] == pytest.approx(0.0, abs=1e-12 * cov[0, 0])
+    correlation = covs[0][2, 3] / expected
+    assert 0.1 < correlation < 0.9  # one gust is wider than a blade
+
+
+def test_hub_forces_are_the_blades_moments_over_the_lever(verne555: Turbine):
+    # Without what the hub feels alone, both hub loads follow from the three moments.
+    model = hypothesis("rotor-wind", verne555, verne555.loads)
+    blocks = given(model, load_rms_hub=1e-9, load_hub_share=1e-9, load_lever_rise=1e-9, load_lever=1.6)
+    for psi in (0.3, 1.9):
+        cov = covariance(blocks, verne555.model.loads, psi)
+        theta = psi + 2.0 * np.pi * np.arange(3) / 3.0
+        to_hub = np.array([-np.sin(theta), np.cos(theta)]) / 1.6
+        np.testing.assert_allclose(cov[:2, 2:], to_hub @ cov[2:, 2:], atol=1e-6 * np.abs(cov).max())
+        np.testing.assert_allclose(cov[:2, :2], to_hub @ cov[2:, 2:] @ to_hub.T, atol=1e-6 * np.abs(cov).max())
+
+
+def ring_spectrum(m: int, radius: float, frequency: Array, wind: WindConditions) -> Array:
+    """Spectrum of the m-th term in azimuth of the wind on a ring: the Fourier coefficient of its coherence, by quadrature."""
+    angle = (np.arange(4096) + 0.5) * np.pi / 4096
+    separation = 2.0 * radius * np.sin(0.5 * angle)
+    share = np.array([np.mean(coherence(f, separation, wind) * np.cos(m * angle)) for f in frequency])
+    return (2.0 if m else 1.0) * share * kaimal_spectrum(frequency, wind)
+
+
+def test_spectra_of_the_terms_have_the_shape_that_turbulence_gives_them(verne555: Turbine):
+    # Kaimal's spectrum and the IEC's coherence on the ring of the scale model's outer station; one level, corner and fall for seven terms. The
+    # spectra fall by a factor of 25 to 700 between 0.1 and 2.5 Hz: the model follows within 15 % rms, a factor of two at worst.
+    wind, blade = packaged_wind("verne555")
+    model = hypothesis("rotor-wind", verne555, verne555.loads)
+    blocks = {block.states[0].removesuffix("_0"): block for block in given(model, load_corner=0.134, load_fall=1.05)}
+    frequency = np.geomspace(0.1, 2.5, 12)
+    true = np.array([ring_spectrum(m, blade.radii[-1], frequency, wind) for m in range(1, 8)])
+    ours = np.array([blocks[f"wind_{m}P"].process.spectrum(frequency) for m in range(1, 8)])  # type: ignore[attr-defined]
+    assert np.all(true[:, 0] / true[:, -1] > 20.0)
+    off = np.log(ours / true) - np.mean(np.log(ours / true))
+    assert np.sqrt(np.mean(off**2)) < 0.15
+    assert np.abs(off).max() < np.log(2.0)
+
+
+def test_air_couples_hub_and_blades_and_its_coefficient_is_identified(verne555: Turbine):
+    model = hypothesis("rotor-wind", verne555, verne555.loads)
+    assert model.turbine.rotor.air_couples
+    assert model.turbine.values["c_hub_blade"] == 0.0
+    (coefficient,) = model.parameters
+    assert (coefficient.name, coefficient.centre, coefficient.logarithmic) == ("c_hub_blade", 0.0, False)
+    assert coefficient.spread == pytest.approx(0.5 * np.sqrt(12.0 * 6.0))
+
+
+def test_a_measured_load_is_not_modelled(verne555: Turbine):
+    rest = [load for load in verne555.loads if load.load != "load_y"]
+    for name in ("broadband", "second-order", "rotor-wind"):
+        blocks = given(hypothesis(name, verne555, rest))
+        assert not any("load_y" in block.outputs for block in blocks)
+        assert any("load_x" in block.outputs for block in blocks)
+
+
+def test_without_blades_wind_is_lines_on_the_hub(verne555: Turbine):
+    stiff = replace(verne555.with_model(RotorModel(3, lag="locked")), loads=verne555.loads[:2])
+    model = hypothesis("rotor-wind", stiff, stiff.loads)
+    assert not model.parameters
+    assert not model.turbine.rotor.air_couples
+    assert not any("lever" in s.name or "eddies" in s.name or "share" in s.name for s in model.statistics)
+    states = {state for block in given(model) for state in block.states}
+    assert {"wind_1P_0", "wind_2P", "wind_4P", "load_x", "load_y"} <= states
+    assert "wind_3P" not in states  # which the hub of three blades does not feel
+
+
+def test_what_there_is_to_choose_from(verne555: Turbine):
+    assert candidates(verne555, verne555.loads) == ("broadband", "rotor-wind")
+    assert candidates(verne555, []) == ("broadband",)
+    tower = load_turbine("tower")
+    assert candidates(tower, tower.loads) == ("broadband", "second-order")
+    with pytest.raises(
+        ConfigurationError, match="load model: expected auto, broadband, second-order, rotor-wind; got 'gusts'"
+    ):
+        hypothesis("gusts", verne555, verne555.loads)
+    with pytest.raises(ConfigurationError, match="load model rotor-wind: expected a rotor with blades of its own"):
+        hypothesis("rotor-wind", tower, tower.loads)
