@@ -300,7 +300,8 @@ def openfast() -> tuple[Turbine, Record, tuple[Sensor, ...]]:
 
 
 @needs_decay
-@pytest.mark.parametrize("scale", [pytest.param(0.7, marks=pytest.mark.slow), 1.3])
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", [0.7, 1.3])
 def test_openfasts_free_decay_is_identified_from_real_sensors(openfast, scale):
     turbine, record, sensors = openfast
     result = identify(record, turbine, sensors=sensors, prior=Prior(scale, scale))
