@@ -1,7 +1,8 @@
 """Which load model? The simplest is tried on the beginning of the record, and only where it does not explain that, the others too.
 
 A model explains a record when the spectra of its innovations have no peak within reach of a natural frequency that noise would not show in one record of a
-thousand (`windsysid.diagnostics`); then no other is tried. Otherwise the one with the greatest evidence p(y | model) = ∫ p(y | θ) p(θ) dθ is chosen, by Laplace's approximation at the
+thousand (`windsysid.diagnostics`); then no other is tried, and none either where the loads hardly matter, as in a free decay: what the simplest model's
+loads can do by themselves is then small beside the motion. Otherwise the one with the greatest evidence p(y | model) = ∫ p(y | θ) p(θ) dθ is chosen, by Laplace's approximation at the
 mode of the posterior,
 
     log p(y | model) ≈ log p(y | θ̂) − ½ (θ̂ − θ₀)ᵀ Λ₀ (θ̂ − θ₀) + ½ log det Λ₀ − ½ log det Λ,
@@ -13,6 +14,7 @@ Source: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995, https://doi.org/10.1080/01
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +25,7 @@ from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.online import MEMORY, History, Online, advance, begin, finish
 from windsysid.stateonly import FIRST_WIDTH, Problem
+from windsysid.statespace import StateSpace
 from windsysid.statistics import coordinates_of, values_of
 
 __all__ = ["Candidate", "choose"]
@@ -33,6 +36,10 @@ Start = Callable[[Array, Array], tuple[Array, Array]]
 
 TRIAL = 2
 """How many times the first samples are enough to compare models: a difference that matters is overwhelming there."""
+
+
+DRIVEN = 0.1
+"""Share of the motion's rms that loads make by themselves in some degree of freedom, or they hardly matter."""
 
 
 class Candidate(NamedTuple):
@@ -48,6 +55,8 @@ class Candidate(NamedTuple):
         Of the first samples on which models are compared.
     white
         Whether it explains what it has seen.
+    driven
+        Whether its loads make a good part of the motion that it has seen.
     """
 
     problem: Problem
@@ -55,6 +64,7 @@ class Candidate(NamedTuple):
     history: History
     log_evidence: float
     white: bool
+    driven: bool
 
 
 def choose(posed: Callable[[str], Problem], names: Sequence[str], first: int, rate: float) -> tuple[Candidate, str]:
@@ -84,7 +94,7 @@ def choose(posed: Callable[[str], Problem], names: Sequence[str], first: int, ra
                 raise
             continue
         tried.append(candidate)
-        if candidate.white and len(tried) == 1:
+        if len(tried) == 1 and (candidate.white or not candidate.driven):
             break
     if not tried:
         raise WindsysidError("no load model fits this record: check units, the turbine file and the priors")
@@ -95,9 +105,8 @@ def choose(posed: Callable[[str], Problem], names: Sequence[str], first: int, ra
 def _begun(problem: Problem, first: int) -> Candidate:
     """A model that has seen nothing."""
     online = begin(*problem.prior, first, (problem.inputs.shape[1], problem.readings.shape[1]))
-    return Candidate(
-        problem, online, advance(problem.build, online, problem.inputs[:0], problem.readings[:0])[1], -math.inf, True
-    )
+    history = advance(problem.build, online, problem.inputs[:0], problem.readings[:0])[1]
+    return Candidate(problem, online, history, -math.inf, white=True, driven=True)
 
 
 def _advanced(candidate: Candidate, until: int, rate: float, start: Start) -> Candidate:
@@ -112,7 +121,9 @@ def _advanced(candidate: Candidate, until: int, rate: float, start: Start) -> Ca
     if not np.isfinite(evidence):
         evidence = _log_evidence(float(info.log_likelihood.sum()), known)
     together = History(*(np.concatenate(parts) for parts in zip(candidate.history, history, strict=True)))
-    return Candidate(problem, online, together, evidence, _explained(problem, info, rate))
+    return Candidate(
+        problem, online, together, evidence, _explained(problem, info, rate), _driven(model, problem.inputs[seen], info)
+    )
 
 
 def _log_evidence(log_likelihood: float, known: Online) -> float:
@@ -129,6 +140,18 @@ def _explained(problem: Problem, info: Info, rate: float) -> bool:
     natural = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
     found = examine(info.whitened, names=problem.model.readings, rate=rate, frequencies=natural, gated=info.gated)
     return not any(channel.peak > found.spectrum_bound for channel in found.channels)
+
+
+def _driven(model: StateSpace, inputs: Array, info: Info) -> bool:
+    """Whether the loads, from rest and with nothing read, would make a good part of the motion in some degree of freedom."""
+    n = len(model.compiled.states) // 2
+    cov = model.cov.copy()
+    cov[: 2 * n, : 2 * n] = 0.0
+    at_rest = replace(model, cov=cov)
+    nothing = np.full((len(inputs), len(model.readings)), np.nan)
+    alone = EKF.run(at_rest, EKF.init(at_rest), inputs, nothing)[1]
+    by_loads, motion = np.mean(alone.std[:, :n] ** 2, axis=0), np.mean(info.mean[:, :n] ** 2, axis=0)
+    return bool(np.any(by_loads > DRIVEN**2 * motion))
 
 
 def _start(problem: Problem, tried: Sequence[Candidate]) -> Start:
@@ -170,7 +193,9 @@ def _told(best: Candidate, tried: Sequence[Candidate], seconds: float) -> str:
     """What was chosen, and by how much."""
     name = best.problem.loads.name
     if len(tried) == 1:
-        return f"load model {name}" + (": it explains the record" if best.white else "")
+        return f"load model {name}" + (
+            ": it explains the record" if best.white else "" if best.driven else ": loads hardly matter in this record"
+        )
     others = ", ".join(
         f"{other.problem.loads.name} by {best.log_evidence - other.log_evidence:.0f}"
         for other in tried

@@ -341,8 +341,8 @@ def examine(
                 outlying=float(np.square(scaled[beyond[:, c], c]).sum() / max(number[c], 1)),
                 missing=float(1.0 - (used[:, c] | gated[:, c]).mean()),
                 gated=float(gated[:, c].mean()),
-                **dict(zip(("peak_hz", "peak"), _peak(frequency[reached], spectrum[reached, c]), strict=True)),
-                **dict(zip(("far_hz", "far"), _peak(frequency[~reached], spectrum[~reached, c]), strict=True)),
+                **dict(zip(("peak_hz", "peak"), _peak(frequency, spectrum[:, c], reached), strict=True)),
+                **dict(zip(("far_hz", "far"), _peak(frequency, spectrum[:, c], ~reached), strict=True)),
                 **dict(zip(("near_hz", "near"), _near(frequency, spectrum[:, c], frequencies), strict=True)),
             )
         )
@@ -397,13 +397,13 @@ def _spectrum(z: Array, used: NDArray[np.bool_], rate: float) -> tuple[Array, Ar
     return np.arange(length // 2 + 1)[kept] * (rate / length), spectrum[kept], float(freedom)
 
 
-def _peak(frequency: Array, spectrum: Array) -> tuple[float, float]:
-    """Where (F,) is highest, between the frequencies by a parabola through the neighbours, and how high."""
-    if not len(frequency):
+def _peak(frequency: Array, spectrum: Array, among: NDArray[np.bool_]) -> tuple[float, float]:
+    """Where a spectrum (F,) is highest among some of its frequencies, by a parabola through the neighbours if it is a peak, and how high."""
+    if not among.any():
         return math.nan, math.nan
-    i = int(np.argmax(spectrum))
+    i = int(np.argmax(np.where(among, spectrum, -math.inf)))
     at = float(frequency[i])
-    if 0 < i < len(spectrum) - 1:
+    if 0 < i < len(spectrum) - 1 and spectrum[i] >= max(spectrum[i - 1], spectrum[i + 1]):
         left, top, right = np.log(np.maximum(spectrum[i - 1 : i + 2], 1e-300))
         bend = left - 2.0 * top + right
         if bend < 0.0:
