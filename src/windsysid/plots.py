@@ -329,6 +329,9 @@ def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
             )
     ax.set_ylim(min(0.1, max(0.01, 0.8 * level.min())), max(10.0, 2.0 * bound, 1.5 * level.max()))
     ax.yaxis.set_minor_formatter(NullFormatter())
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_xlim(w.frequency[0], w.frequency[-1])
     tidy(ax)
 

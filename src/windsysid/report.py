@@ -57,6 +57,13 @@ def write_report(path: Path, title: str, subtitle: str, sections: Sequence[Secti
     path.write_text(html, encoding="utf-8")
 
 
+_HISTORIES = {
+    "joint": "What was known on line after each sample, statistics of loads and noise learned with the coefficients; the dot is the result of the "
+    "whole record.",
+    "force-balance": "What the filter knew after each sample; the dot is where it ended.",
+}
+
+
 def identification_report(path: Path, identification: Identification, record: Record) -> None:
     """The report of one identification on the section of the record that it used."""
     from windsysid.plots import coefficient_histories, innovations, record_overview, whiteness
@@ -75,8 +82,7 @@ def identification_report(path: Path, identification: Identification, record: Re
             figures=[
                 (
                     coefficient_histories(i),
-                    "What a filter running on line would have known after each sample, with the statistics of the files; the dot is "
-                    "the result of the whole record. Where the two part, the on-line filter had locked in an early mistake.",
+                    _HISTORIES[i.formulation],
                 )
             ],
         ),

@@ -9,7 +9,7 @@ coefficients and statistics together, at the truth, plus the prior's.
 
 import argparse
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
@@ -29,7 +29,7 @@ from windsysid.stateonly import pose
 from windsysid.statespace import Parameter
 from windsysid.turbine import Turbine, load_turbine
 
-__all__ = ["Run", "Scenario", "bound", "calibrate", "draw_prior", "judge", "scenarios"]
+__all__ = ["DrawnPrior", "Run", "Scenario", "bound", "calibrate", "draw_prior", "judge", "scenarios"]
 
 Array = NDArray[np.float64]
 
@@ -132,14 +132,17 @@ def scenarios() -> dict[str, Scenario]:
 
 def draw_prior(seed: int) -> Prior:
     """Priors whose centres are drawn from themselves, so that the reference is a fair draw from each."""
-    return _Drawn(rng=np.random.default_rng([seed, 2]))
+    return DrawnPrior(rng=np.random.default_rng([seed, 2]))
 
 
 @dataclass(frozen=True)
-class _Drawn(Prior):
+class DrawnPrior(Prior):
+    """A prior whose centre is drawn from itself."""
+
     rng: np.random.Generator = field(default_factory=np.random.default_rng)
 
     def parameters(self, turbine: Turbine, names: Sequence[str], *, linear: bool) -> tuple[Parameter, ...]:
+        """As `Prior.parameters`, each centre moved by a draw from its own prior."""
         drawn = []
         for q in super().parameters(turbine, names, linear=linear):
             off = q.spread * self.rng.standard_normal()
@@ -147,18 +150,14 @@ class _Drawn(Prior):
         return tuple(drawn)
 
 
-def coordinates(parameters: Sequence[Parameter], values: Iterable[float]) -> Array:
-    """θ of physical values (n,)."""
-    pairs = zip(parameters, values, strict=True)
-    return np.array([math.log(value / q.reference) if q.logarithmic else value / q.reference for q, value in pairs])
-
-
 def judge(record: Record, turbine: Turbine, seed: int) -> Run:
     """Identify a record of a turbine whose coefficients are true, from a prior drawn with `seed`."""
     result = identify(record, turbine, prior=draw_prior(seed))
     reference = np.array([turbine.values[q.name] for q in result.parameters])
-    truth = coordinates(result.parameters, reference)
-    estimate = coordinates(result.parameters, [e.estimate for e in result.estimates])
+    truth, estimate = (
+        np.array([q.coordinate(value) for q, value in zip(result.parameters, values, strict=True)])
+        for values in (reference, [e.estimate for e in result.estimates])
+    )
     at = [int(np.searchsorted(result.time, result.time[0] + t - 0.5 / RATE)) - 1 for t in ONLINE]
     means = np.vstack([estimate, result.mean[at]])
     stds = np.vstack([np.sqrt(np.diag(result.cov)), result.std[at]])

@@ -1,10 +1,11 @@
 """The published study, repeated: ten coefficients at once by the paper's filter, on the reference scenario.
 
 Arm A is given the loads, as the printed equations need them; arm B is not, which shows what they cost. Then: twenty seeds, starts that
-are off by 0.3 to 3 times, sections that start anywhere, and the response of the model with the identified coefficients.
+are off by 0.3 to 3 times, sections that start anywhere, the response of the model with the identified coefficients, and every other method
+on the same records.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.result import Identification, coefficient_errors
 from windsysid.simulate import Response, integrate
 from windsysid.study.arms import identify_section, record_balance
+from windsysid.study.methods import Method, gather, run_methods
 from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
 from windsysid.study.wind import DirectionChangeStudy, direction_change_study
 from windsysid.turbine import Turbine, load_turbine
@@ -35,7 +37,7 @@ PUBLISHED_SECONDS = 30.0
 SETTLING = 30.0
 """The second averaging window starts so many seconds into the section."""
 
-SEEDS = 20
+SEEDS, COMPARED = 20, 10
 FACTORS = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 STARTS = tuple(np.arange(0.0, 501.0, 50.0))
 
@@ -64,6 +66,8 @@ class Study:
         Greatest relative difference between exact Jacobians and the paper's finite differences, over coefficients and samples.
     wind
         The same filter under turbulent wind that changes direction between 20 s and 40 s.
+    methods
+        Every method on the first `COMPARED` of the seeds.
     """
 
     turbine: Turbine
@@ -78,6 +82,7 @@ class Study:
     model_response: Response
     difference: float
     wind: DirectionChangeStudy
+    methods: Sequence[Method]
 
     @property
     def window(self) -> slice:
@@ -105,6 +110,7 @@ class Study:
             "seeds": len(self.errors),
             "covered_by_2_sigma": self.covered,
             "finite_differences_against_exact": self.difference,
+            "methods": [method.summary() for method in self.methods],
         }
 
 
@@ -145,6 +151,10 @@ def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
 
     progress("wind that changes direction")
     wind = direction_change_study(seed)
+    methods = []
+    for number in range(COMPARED):
+        progress(f"the methods side by side: record {number + 1} of {COMPARED}")
+        methods += run_methods(turbine, number)
     progress("the response of the identified model")
     motion = measured_motion(reference.record, turbine, cutoff=analysis_band(turbine)[0] / 2.0)
     return Study(
@@ -160,6 +170,7 @@ def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
         model_response=_respond(turbine, arm_a, reference),
         difference=float(np.max(np.abs(by_differences.mean / arm_a.mean - 1.0))),
         wind=wind,
+        methods=gather(methods),
     )
 
 

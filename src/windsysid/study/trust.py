@@ -24,7 +24,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.record import Record
 from windsysid.result import Identification
 from windsysid.simulate import LEAD_IN, constant_speed_inputs, gauss_markov_loads, integrate
-from windsysid.study.calibration import _Drawn as DrawnPrior
+from windsysid.study.calibration import DrawnPrior
 from windsysid.turbine import Turbine, load_turbine
 
 __all__ = ["FAULTS", "Judged", "faulty_record", "identify_broadband", "judge"]
