@@ -339,6 +339,12 @@ OPTIONS = {
     "identify": (
         "record", "--turbine", "--sensors", "--formulation", "joint", "force-balance", "--section", "START END", "to use [s]",
         "--prior-scale", "--add-noise", "PERCENT", "--seed", "--output", "--overwrite", "--no-report",
+        "--loads", "rotor-wind", "--in-pieces", "LENGTH", "--rate", "--mapping",
+    ),
+    "inspect": ("record", "--turbine", "--output", "--mapping", "--section-length", "[s]", "--overwrite"),
+    "plan": (
+        "turbine", "--sensors", "--duration", "--rate", "[Hz]", "--parameters", "NAME,NAME", "--within", "PERCENT", "--load-scale",
+        "--rotor-speed", "--seed", "--output", "--json", "--overwrite",
     ),
     "turbines": (),
 }  # fmt: skip

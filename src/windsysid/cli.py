@@ -2,7 +2,7 @@
 
 import logging
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -162,35 +162,32 @@ def identify(
     machine = load_turbine(turbine)
     listed = read_sensors(sensors) if sensors is not None else None
     prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
-    if in_pieces is not None:
-        if formulation != "joint" or section is not None or rate is not None or add_noise != 0.0 or loads != "auto":
-            raise ConfigurationError(
-                "--in-pieces goes with the joint formulation on a whole record: leave --section, --rate, --loads and --add-noise out"
-            )
-        length = _quantity("--in-pieces", in_pieces, "s", "10 min")
-        found = _identified_in_pieces(record, machine, listed, prior, mapping, length, output)
-        with new_folder(output, overwrite=overwrite) as folder:
-            found.save(folder)
-        print(found)
-        print(f"{found.samples} samples in {found.elapsed:.2f} s; results: {output / 'summary.json'}")
-        return
     with _progress("identify") as progress:
-        data = read_record(
-            record, mapping=mapping, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
-        )
-        if add_noise != 0.0:
-            data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
-        progress(f"{formulation} formulation, {data.samples} samples")
-        found = identify_record(
-            data, machine, sensors=listed, formulation=formulation, section=section, prior=prior, rate=rate, loads=loads
-        )
+        if in_pieces is not None:
+            if formulation != "joint" or section is not None or rate is not None or add_noise != 0.0 or loads != "auto":
+                raise ConfigurationError(
+                    "--in-pieces goes with the joint formulation on a whole record: leave --section, --rate, --loads and --add-noise out"
+                )
+            length = _quantity("--in-pieces", in_pieces, "s", "10 min")
+            found, used = _identified_in_pieces(record, machine, listed, prior, mapping, length, output, progress)
+        else:
+            data = read_record(
+                record, mapping=mapping, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
+            )
+            if add_noise != 0.0:
+                data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
+            progress(f"{formulation} formulation, {data.samples} samples")
+            found = identify_record(
+                data, machine, sensors=listed, formulation=formulation, section=section, prior=prior, rate=rate, loads=loads
+            )  # fmt: skip
+            used = data.section(*section) if section else data
         with new_folder(output, overwrite=overwrite) as folder:
             found.save(folder)
             if not no_report:
                 from windsysid.report import identification_report
 
                 progress("writing the report")
-                identification_report(folder / "report.html", found, data.section(*section) if section else data)
+                identification_report(folder / "report.html", found, used)
     print(found)
     print(
         f"{found.samples} samples in {found.elapsed:.2f} s; results: {output / ('summary.json' if no_report else 'report.html')}"
@@ -205,35 +202,39 @@ def _identified_in_pieces(
     mapping: Path | None,
     length: float,
     output: Path,
-) -> "Identification":
-    """Identify a file piece by piece, going on from where an earlier call was interrupted."""
+    progress: Callable[[str], None],
+) -> tuple["Identification", "Record"]:
+    """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
     from windsysid.formats import iterate_record
     from windsysid.stream import identify_pieces
 
     checkpoint = output.with_name(f".{output.name}.checkpoint.npz")
     output.absolute().parent.mkdir(parents=True, exist_ok=True)
     share, reached = 0.0, 0.0
-    with _progress("identify") as progress:
-        if checkpoint.exists():
-            progress(f"going on from {checkpoint}")
+    last: list[Record] = []
+    if checkpoint.exists():
+        progress(f"going on from {checkpoint}")
 
-        def reading(done: float) -> None:
-            nonlocal share
-            share = done
+    def reading(done: float) -> None:
+        nonlocal share
+        share = done
 
-        def taken(seconds: float) -> None:
-            nonlocal reached
-            reached = seconds
-            progress(f"{100 * share:.0f} % of {record}, {seconds:.0f} s of it taken in")
+    def taken(seconds: float) -> None:
+        nonlocal reached
+        reached = seconds
+        progress(f"{100 * share:.0f} % of {record}, {seconds:.0f} s of it taken in")
 
-        try:
-            pieces = iterate_record(record, length, mapping=mapping, progress=reading)
-            return identify_pieces(pieces, machine, sensors=listed, prior=prior, checkpoint=checkpoint, progress=taken)
-        except KeyboardInterrupt:
-            print(
-                f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})", file=sys.stderr
-            )
-            raise typer.Exit(130) from None
+    def pieces() -> Iterator["Record"]:
+        for piece in iterate_record(record, length, mapping=mapping, progress=reading):
+            last[:] = [piece]
+            yield piece
+
+    try:
+        found = identify_pieces(pieces(), machine, sensors=listed, prior=prior, checkpoint=checkpoint, progress=taken)
+    except KeyboardInterrupt:
+        print(f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})", file=sys.stderr)
+        raise typer.Exit(130) from None
+    return found, last[0]
 
 
 @app.command(name="inspect")
