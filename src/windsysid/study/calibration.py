@@ -11,7 +11,7 @@ import argparse
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ from windsysid.stateonly import pose
 from windsysid.statespace import Parameter
 from windsysid.turbine import Turbine, load_turbine
 
-__all__ = ["DrawnPrior", "Run", "Scenario", "bound", "calibrate", "draw_prior", "judge", "scenarios"]
+__all__ = ["DrawnPrior", "Run", "Scenario", "bound", "calibrate", "judge", "scenarios"]
 
 Array = NDArray[np.float64]
 
@@ -130,29 +130,24 @@ def scenarios() -> dict[str, Scenario]:
     }
 
 
-def draw_prior(seed: int) -> Prior:
-    """Priors whose centres are drawn from themselves, so that the reference is a fair draw from each."""
-    return DrawnPrior(rng=np.random.default_rng([seed, 2]))
-
-
 @dataclass(frozen=True)
 class DrawnPrior(Prior):
-    """A prior whose centre is drawn from itself."""
+    """Priors whose centres are drawn from themselves, so that the reference is a fair draw from each; the same whenever they are asked for."""
 
-    rng: np.random.Generator = field(default_factory=np.random.default_rng)
+    seed: int = 0
 
     def parameters(self, turbine: Turbine, names: Sequence[str], *, linear: bool) -> tuple[Parameter, ...]:
-        """As `Prior.parameters`, each centre moved by a draw from its own prior."""
-        drawn = []
+        """As `Prior.parameters`, each centre moved."""
+        rng, drawn = np.random.default_rng([self.seed, 2]), []
         for q in super().parameters(turbine, names, linear=linear):
-            off = q.spread * self.rng.standard_normal()
+            off = q.spread * rng.standard_normal()
             drawn.append(replace(q, centre=q.centre * math.exp(off) if q.logarithmic else q.centre + off))
         return tuple(drawn)
 
 
 def judge(record: Record, turbine: Turbine, seed: int) -> Run:
     """Identify a record of a turbine whose coefficients are true, from a prior drawn with `seed`."""
-    result = identify(record, turbine, prior=draw_prior(seed))
+    result = identify(record, turbine, prior=DrawnPrior(seed=seed))
     reference = np.array([turbine.values[q.name] for q in result.parameters])
     truth, estimate = (
         np.array([q.coordinate(value) for q, value in zip(result.parameters, values, strict=True)])

@@ -24,7 +24,7 @@ from windsysid.result import Identification
 from windsysid.simulate import integrate
 from windsysid.stateonly import pose
 from windsysid.study.arms import identify_section, record_balance
-from windsysid.study.calibration import draw_prior
+from windsysid.study.calibration import DrawnPrior
 from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
 from windsysid.turbine import Turbine, load_turbine
 
@@ -140,7 +140,7 @@ def accelerometers(turbine: Turbine, reference: Reference, seed: int) -> Record:
 
 def _joint(turbine: Turbine, supposed: Turbine, record: Record, f: Filter, seed: int) -> tuple[Array, Array]:
     """A filter with the coefficients in its state, told the statistics of loads and noise of `supposed`."""
-    problem = pose(record, supposed, supposed.sensors, draw_prior(seed))
+    problem = pose(record, supposed, supposed.sensors, DrawnPrior(seed=seed))
     belief, info = f.run(problem.model, f.init(problem.model), problem.inputs, problem.readings)
     block, parameters = problem.model.parameter_block, problem.parameters
     truth = np.array([turbine.values[q.name] for q in parameters])
@@ -156,7 +156,7 @@ def _balance(turbine: Turbine, reference: Reference, loads: Array | None) -> tup
 
 def _mode(turbine: Turbine, record: Record, seed: int) -> tuple[Array, Array]:
     """The mode of the posterior, as a user would call for it."""
-    return _judged(turbine, identify(record, turbine, prior=draw_prior(seed)))
+    return _judged(turbine, identify(record, turbine, prior=DrawnPrior(seed=seed)))
 
 
 def _judged(turbine: Turbine, result: Identification) -> tuple[Array, Array]:

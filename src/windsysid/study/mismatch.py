@@ -9,10 +9,8 @@ structure plus the mean of C on its diagonal (`windsysid.wind.blades`). ``python
 """
 
 import argparse
-import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -20,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid.console import render
-from windsysid.formulation import Prior
 from windsysid.identification import identify
 from windsysid.simulate import LEAD_IN, constant_speed_inputs, simulate_record
-from windsysid.statespace import Parameter
+from windsysid.study.calibration import DrawnPrior
 from windsysid.turbine import Turbine, load_turbine
 from windsysid.wind import packaged_wind, wind_loads
 
@@ -86,7 +83,7 @@ def _one_run(which: tuple[int, str, str]) -> Run:
     turbine = load_turbine("verne555")
     truth = total_coefficients(turbine, wind, seed)
     record = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed, loads=wind)  # type: ignore[arg-type]
-    found = identify(record, truth, prior=_Drawn(seed=seed), loads=model)
+    found = identify(record, truth, prior=DrawnPrior(seed=seed), loads=model)
     names = truth.model.coefficients
     estimates = [found[name] for name in names]
     true = np.array([truth.values[name] for name in names])
@@ -100,20 +97,6 @@ def _one_run(which: tuple[int, str, str]) -> Run:
         (name for name in ("rotor-wind", "second-order") if f"load model {name}" in " ".join(found.notes)), "broadband"
     )
     return Run(wind, model, seed, chosen, deviation, value / true - 1.0, found.diagnosis.trusted, found.elapsed)
-
-
-@dataclass(frozen=True)
-class _Drawn(Prior):
-    """Priors whose centres are drawn from themselves, the same whenever they are asked for."""
-
-    seed: int = 0
-
-    def parameters(self, turbine: Turbine, names: Sequence[str], *, linear: bool) -> tuple[Parameter, ...]:
-        rng, drawn = np.random.default_rng([self.seed, 2]), []
-        for q in super().parameters(turbine, names, linear=linear):
-            off = q.spread * rng.standard_normal()
-            drawn.append(replace(q, centre=q.centre * math.exp(off) if q.logarithmic else q.centre + off))
-        return tuple(drawn)
 
 
 def main() -> None:

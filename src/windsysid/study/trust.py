@@ -156,7 +156,7 @@ def judge(fault: Fault, size: float, runs: int) -> Judged:
     turbine = load_turbine("verne555")
     rows: list[tuple[float, ...]] = []
     for seed in range(runs):
-        prior = DrawnPrior(rng=np.random.default_rng([seed, 2]))
+        prior = DrawnPrior(seed=seed)
         try:
             found = identify_broadband(faulty_record(fault, size, seed), turbine, prior)
         except WindsysidError:
