@@ -306,11 +306,12 @@ def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path):
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (("--duration", "10"), r"--duration: expected a number and a unit, such as \"10 min\", got '10'"),
+        (("--duration", "10"), "--duration: the unit is missing: write it behind the number, in s; got '10'"),
         (("--duration", "ten min"), "--duration: expected a number and a unit"),
-        (("--duration", "10 kg"), "--duration: expected a number and a unit"),
-        (("--duration", "inf s"), "duration: expected one revolution"),
-        (("--rotor-speed", "12"), "--rotor-speed: expected a number and a unit, such as"),
+        (("--duration", "10 kg"), "--duration: expected a unit of the same quantity as s; got '10 kg'"),
+        (("--duration", "inf s"), "--duration: expected a finite number"),
+        (("--duration", "0.1 s"), "duration: expected one revolution"),
+        (("--rotor-speed", "12"), "--rotor-speed: the unit is missing: write it behind the number, in rad/s"),
         (("--parameters", "k_z"), "parameter 'k_z' cannot be identified here"),
         (("--parameters", ""), "parameter '' cannot be identified here"),
         (("--within", "nan"), "within: expected a positive number"),

@@ -168,7 +168,7 @@ def identify(
                 raise ConfigurationError(
                     "--in-pieces goes with the joint formulation on a whole record: leave --section, --rate, --loads and --add-noise out"
                 )
-            length = _quantity("--in-pieces", in_pieces, "s", "10 min")
+            length = _quantity("--in-pieces", in_pieces, "s")
             found, used = _identified_in_pieces(record, machine, listed, prior, mapping, length, output, progress)
         else:
             data = read_record(
@@ -308,8 +308,8 @@ def plan(
     machine = load_turbine(turbine)
     listed = read_sensors(sensors) if sensors is not None else None
     asked = [name.strip() for name in parameters.split(",")] if parameters is not None else None
-    seconds = _quantity("--duration", duration, "s", "10 min")
-    turning = _quantity("--rotor-speed", rotor_speed, "rad/s", "12 rpm") if rotor_speed is not None else None
+    seconds = _quantity("--duration", duration, "s")
+    turning = _quantity("--rotor-speed", rotor_speed, "rad/s") if rotor_speed is not None else None
     with _progress("plan") as progress:
         found = plan_record(
             machine, sensors=listed, duration=seconds, rate=rate, parameters=asked, within=within / 100.0, load_scale=load_scale,
@@ -356,17 +356,14 @@ def _noisy(
     return noisy, with_noise(found, added)
 
 
-def _quantity(option: str, text: str, unit: str, example: str) -> float:
+def _quantity(option: str, text: str, unit: str) -> float:
     """A number with its unit, in SI."""
-    from windsysid.units import is_same_quantity, to_si
+    from windsysid.units import parse_quantity
 
-    number, _, written = text.strip().partition(" ")
     try:
-        if is_same_quantity(written, unit):
-            return to_si(float(number), written)
-    except ValueError:  # no number, or no unit that is known
-        pass
-    raise ConfigurationError(f"{option}: expected a number and a unit, such as \"{example}\", got '{text}'")
+        return parse_quantity(text, unit)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{option}: {error}; got '{text}'") from None
 
 
 @contextmanager

@@ -32,7 +32,7 @@ from windsysid.likelihood import THREADS, neighbours, score
 from windsysid.mechanics.sensors import Sensor
 from windsysid.result import SIGMAS, finite
 from windsysid.simulate import simulate_record
-from windsysid.stateonly import Problem, _seen, pose
+from windsysid.stateonly import Problem, pose, seen_by
 from windsysid.statistics import learned_statistics
 from windsysid.turbine import Turbine
 
@@ -293,7 +293,7 @@ def plan(
     if not asked:
         raise ConfigurationError("parameters: expected at least one name; leave them out for all coefficients")
     notes: list[str] = []
-    seen = _seen(turbine, turbine.sensors, notes)
+    seen = seen_by(turbine, turbine.sensors, notes)
     unknown = [name for name in dict.fromkeys([*known, *asked]) if _moves(seen, name)]
     slowest, fastest, damping = _time_scales(seen)
     finding = min(PERIODS * 2.0 * math.pi / slowest, duration)

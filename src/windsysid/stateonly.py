@@ -23,7 +23,7 @@ from windsysid.statespace import Parameter, StateSpace, compose
 from windsysid.statistics import Statistic, moved_sensors, noise_groups, values_of
 from windsysid.turbine import Turbine
 
-__all__ = ["Problem", "pose"]
+__all__ = ["Problem", "pose", "seen_by"]
 
 Array = NDArray[np.float64]
 
@@ -125,7 +125,7 @@ def pose(
     `loads` names a load model of `windsysid.loadmodels`.
     """
     notes: list[str] = []
-    turbine = _seen(turbine, sensors, notes)
+    turbine = seen_by(turbine, sensors, notes)
     known = known_inputs(record, turbine, sensors)
     measured, of_the_file = known_loads(record, turbine)
     supposed = hypothesis(loads, turbine, of_the_file)
@@ -139,7 +139,7 @@ def pose(
     return Problem(turbine, model, tuple(sensors), supposed, statistics, inputs, readings, tuple(notes))
 
 
-def _seen(turbine: Turbine, sensors: Sequence[Sensor], notes: list[str]) -> Turbine:
+def seen_by(turbine: Turbine, sensors: Sequence[Sensor], notes: list[str]) -> Turbine:
     """The turbine with those degrees of freedom locked that no sensor sees."""
     if isinstance(turbine.model, TowerModel):
         changes = _unseen_directions(turbine.model, sensors, notes)

@@ -15,7 +15,7 @@ from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor, first_problem, parse_sensors
 from windsysid.mechanics.tower import DIRECTIONS, TowerModel
 from windsysid.turbine import Turbine
-from windsysid.units import is_same_quantity, to_si
+from windsysid.units import parse_quantity
 
 __all__ = ["as_tables", "parse_turbine"]
 
@@ -64,22 +64,10 @@ def _quantity(unit: str) -> BeforeValidator:
     def convert(value: Any) -> float:
         if not isinstance(value, str):
             raise ValueError(f'expected a value with its unit, such as "1.5 {unit}"')
-        number, _, written = value.strip().partition(" ")
         try:
-            amount = float(number)
-        except ValueError:
-            raise ValueError(f'expected a number and a unit, such as "1.5 {unit}"') from None
-        if not math.isfinite(amount):
-            raise ValueError(f'expected a finite number, such as "1.5 {unit}"')
-        if not written.strip():
-            raise ValueError(f"the unit is missing: write it behind the number, in {unit}")
-        try:
-            matches = is_same_quantity(written, unit)
+            return parse_quantity(value, unit)
         except ConfigurationError as error:
             raise ValueError(str(error)) from None
-        if not matches:
-            raise ValueError(f"expected a unit of the same quantity as {unit}")
-        return to_si(amount, written)
 
     return BeforeValidator(convert)
 

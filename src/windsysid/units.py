@@ -8,7 +8,7 @@ import math
 
 from windsysid.errors import ConfigurationError
 
-__all__ = ["UNITS", "canonical", "is_same_quantity", "si_unit", "to_si", "unit_text"]
+__all__ = ["UNITS", "canonical", "is_same_quantity", "parse_quantity", "si_unit", "to_si", "unit_text"]
 
 _TURN = 2.0 * math.pi
 _DEGREE = math.pi / 180.0
@@ -112,6 +112,28 @@ def to_si(value: float, unit: str) -> float:
 def is_same_quantity(unit: str, other: str) -> bool:
     """Whether two units measure the same quantity, so that one can be turned into the other."""
     return si_unit(unit) == si_unit(other)
+
+
+def parse_quantity(text: str, unit: str) -> float:
+    """A number with its unit, such as ``"1800 N/m"``, in SI.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no finite number or no unit, or the unit measures another quantity than `unit`.
+    """
+    number, _, written = text.strip().partition(" ")
+    try:
+        amount = float(number)
+    except ValueError:
+        raise ConfigurationError(f'expected a number and a unit, such as "1.5 {unit}"') from None
+    if not math.isfinite(amount):
+        raise ConfigurationError(f'expected a finite number, such as "1.5 {unit}"')
+    if not written.strip():
+        raise ConfigurationError(f"the unit is missing: write it behind the number, in {unit}")
+    if not is_same_quantity(written, unit):
+        raise ConfigurationError(f"expected a unit of the same quantity as {unit}")
+    return to_si(amount, written)
 
 
 def unit_text(unit: str) -> str:
