@@ -16,6 +16,7 @@
 
 #define N (NX + NZ + NT)
 #define NQ (NX / 2)
+#define SOME(n) ((n) ? (n) : 1) /* no array of nothing */
 #define PADDED(n) (((n) + 7) / 8 * 8)
 #define W PADDED(N)
 #define WS PADDED(NX + 2 * NZ + NT) /* columns of the sensitivities: x₀, w₀, w₁, p */
@@ -37,7 +38,7 @@ typedef struct {
 } Info;
 
 typedef struct {
-    double p[NP], slope[NT + 1]; /* and ∂p/∂θ */
+    double p[NP], slope[SOME(NT)]; /* and ∂p/∂θ */
     double mean[W] ALIGNED, P[N][W] ALIGNED;
 } Belief;
 
@@ -76,7 +77,7 @@ static void predict(const Model *model, Belief *b, const double *before, const d
 {
     static const double at[] = {0.0, 0.5, 0.5, 1.0}, share[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}, reach[] = {0.5, 0.5, 1.0, 0.0};
     double h = model->step, x[NX], rate[NX], total[NX] = {0}, u[NU], w0[NZ], w1[NZ], w[NZ];
-    double A[NX][NX] = {{0}}, B[NX][NT] = {{0}}, G[NX][NZ] = {{0}};
+    double A[NX][NX] = {{0}}, B[NX][SOME(NT)] = {{0}}, G[NX][NZ] = {{0}};
     double S[NX][WS] ALIGNED = {{0}}, slope[NX][WS] ALIGNED, sum[NX][WS] ALIGNED = {{0}};
 
     set_parameters(model, b);
@@ -155,7 +156,7 @@ static void predict(const Model *model, Belief *b, const double *before, const d
 
 static void update(const Model *model, Belief *b, const double *inputs, const double *readings, const Info *out)
 {
-    double w[NZ], y[M], C[M][NX] = {{0}}, D[M][NT] = {{0}}, E[M][NZ] = {{0}};
+    double w[NZ], y[M], C[M][NX] = {{0}}, D[M][SOME(NT)] = {{0}}, E[M][NZ] = {{0}};
     double H[M][W] ALIGNED = {{0}}, v[W] ALIGNED, gain[W] ALIGNED, pulled[W] ALIGNED, about[W] ALIGNED;
 
     set_parameters(model, b);

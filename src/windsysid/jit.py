@@ -19,7 +19,20 @@ import numba
 from numba import types
 from platformdirs import user_cache_path
 
-__all__ = ["JACOBIAN", "VALUE", "cache_folder", "compiled", "inlined", "logger"]
+from windsysid.simd import LANE_MATRIX, LANE_VECTOR
+
+__all__ = [
+    "JACOBIAN",
+    "LANE_JACOBIAN",
+    "VALUE",
+    "cache_folder",
+    "called",
+    "compiled",
+    "inlined",
+    "logger",
+    "pasted",
+    "uncounted",
+]
 
 logger = logging.getLogger("windsysid")
 
@@ -36,6 +49,11 @@ JACOBIAN = types.void(_vector, _vector, _vector, _vector, _vector, _matrix, _mat
 """Signature of a kernel with derivatives: (x, u, p, w) → value, ∂/∂x, ∂/∂p (identified), ∂/∂w.
 
 Entries that are zero for every argument are never written: hand in zeroed matrices."""
+
+LANE_JACOBIAN = types.void(
+    LANE_VECTOR, _vector, LANE_VECTOR, LANE_VECTOR, LANE_VECTOR, LANE_MATRIX, LANE_MATRIX, LANE_MATRIX
+)
+"""The same for `LANES` models at once, on vectors (`windsysid.simd`); u is the same for all."""
 
 
 @lru_cache(maxsize=1)
@@ -56,18 +74,27 @@ def _kernels() -> Path:
     """Where compiled kernels are kept: a folder for each state of the sources, since a kernel holds the helpers it inlines."""
     package = Path(__file__).parent
     digest = hashlib.sha256()
-    for path in (*sorted(package.glob("filters/*.py")), package / "transition.py", package / "simd.py", Path(__file__)):
+    for path in (
+        *sorted(package.glob("filters/*.py")),
+        package / "transition.py",
+        package / "rows.py",
+        package / "simd.py",
+        Path(__file__),
+    ):
         digest.update(path.read_bytes())
     return cache_folder() / f"kernels_{digest.hexdigest()[:20]}"
 
 
-def compiled(function: Callable[..., Any], signature: object) -> Any:
-    """`function` compiled for one explicit signature, from the cache on disk where it can be, else anew."""
+def compiled(function: Callable[..., Any], signature: object, *, borrows: bool = False) -> Any:
+    """`function` compiled for one explicit signature, from the cache on disk where it can be, else anew.
+
+    A function that `borrows` its arrays counts no references to them, and can make none.
+    """
     usual = numba.config.CACHE_DIR
     if function.__module__.startswith("windsysid."):  # a model's module is in the cache itself, under a name of its own
         numba.config.CACHE_DIR = str(_kernels())
     try:
-        return numba.njit(signature, cache=True, **_OPTIONS)(function)
+        return numba.njit(signature, cache=True, _nrt=not borrows, **_OPTIONS)(function)
     finally:
         numba.config.CACHE_DIR = usual
 
@@ -75,4 +102,22 @@ def compiled(function: Callable[..., Any], signature: object) -> Any:
 def inlined(function: _F) -> _F:
     """A helper that is compiled as part of the kernels that call it: a call with a model's many arrays costs more than the work."""
     helper: _F = numba.njit(forceinline=True, **_OPTIONS)(function)
+    return helper
+
+
+def uncounted(function: _F) -> _F:
+    """An `inlined` helper that counts no references to arrays, which can cost as much as the work: it cannot make any, its caller holds them."""
+    helper: _F = numba.njit(forceinline=True, _nrt=False, **_OPTIONS)(function)
+    return helper
+
+
+def pasted(function: _F) -> _F:
+    """An `uncounted` helper that is inlined before types are found: compiled in less time where it is small, in more where it is large."""
+    helper: _F = numba.njit(inline="always", _nrt=False, **_OPTIONS)(function)
+    return helper
+
+
+def called(function: _F) -> _F:
+    """An uncounted helper that stays a function of its own, for work that outweighs a call."""
+    helper: _F = numba.njit(forceinline=False, _nrt=False, **_OPTIONS)(function)
     return helper

@@ -24,7 +24,18 @@ from windsysid.filters import EKF, Info
 from windsysid.filters.bank import Bank, bank_of, run_bank
 from windsysid.statespace import StateSpace
 
-__all__ = ["Posterior", "Score", "information", "neighbours", "posterior_mode", "score"]
+__all__ = [
+    "Look",
+    "Mode",
+    "Posterior",
+    "Score",
+    "find_mode",
+    "information",
+    "look",
+    "neighbours",
+    "posterior_mode",
+    "score",
+]
 
 Array = NDArray[np.float64]
 
@@ -68,19 +79,62 @@ class Score(NamedTuple):
     fisher: Array
 
 
-class Posterior(NamedTuple):
-    """The mode of the posterior with its curvature.
+class Look(NamedTuple):
+    """The posterior at one point, and the filters that saw it.
+
+    Attributes
+    ----------
+    theta, widths
+        Where (n_θ,), and the widths of the differences (n_θ,).
+    central
+        Whether differences are central, else forward.
+    bank
+        The filters at θ and its neighbours after the last sample.
+    found
+        What the readings say.
+    """
+
+    theta: Array
+    widths: Array
+    central: bool
+    bank: Bank
+    found: Score
+
+
+class Mode(NamedTuple):
+    """Where a search ended.
 
     Attributes
     ----------
     mean, cov
         θ (n_θ,) and the inverse of Fisher information plus prior information (n_θ, n_θ).
-    log_likelihood
-        Of the readings at the mode.
     iterations
         Scoring steps taken.
     settled
         Whether the last step was small enough.
+    decrement
+        The squared length of the last step in standard deviations.
+    look
+        The last look that the search went on from: θ is one step away from there where it settled.
+    """
+
+    mean: Array
+    cov: Array
+    iterations: int
+    settled: bool
+    decrement: float
+    look: Look
+
+
+class Posterior(NamedTuple):
+    """The mode of the posterior with its curvature.
+
+    Attributes
+    ----------
+    mean, cov, iterations, settled
+        See `Mode`.
+    log_likelihood
+        Of the readings at the mode.
     info
         What came out of the state-only filter at the mode.
     """
@@ -103,6 +157,25 @@ def posterior_mode(
     start: Array,
     start_cov: Array,
 ) -> Posterior:
+    """Find the mode of the posterior of θ, and what the state-only filter says there; arguments as for `find_mode`."""
+    mode = find_mode(
+        build, inputs, readings, prior_mean=prior_mean, prior_cov=prior_cov, start=start, start_cov=start_cov
+    )
+    model = build(mode.mean)
+    info = EKF.run(model, EKF.init(model), inputs, readings)[1]
+    return Posterior(mode.mean, mode.cov, float(info.log_likelihood.sum()), mode.iterations, mode.settled, info)
+
+
+def find_mode(
+    build: Callable[[Array], StateSpace],
+    inputs: Array,
+    readings: Array,
+    *,
+    prior_mean: Array,
+    prior_cov: Array,
+    start: Array,
+    start_cov: Array,
+) -> Mode:
     """Find the mode of the posterior of θ.
 
     Parameters
@@ -123,50 +196,55 @@ def posterior_mode(
     """
     information = np.linalg.inv(prior_cov)
 
-    def objective(theta: Array, found: Score) -> float:
-        off = theta - prior_mean
-        value = float(found.log_likelihood - 0.5 * off @ information @ off)
+    def objective(look: Look) -> float:
+        off = look.theta - prior_mean
+        value = float(look.found.log_likelihood - 0.5 * off @ information @ off)
         return value if np.isfinite(value) else -np.inf
 
-    theta, widths = start.copy(), INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
+    widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
     central, settled = False, False
     with ThreadPoolExecutor(THREADS) as pool:
-
-        def look(at: Array) -> Score:
-            bank = bank_of([build(values) for values in neighbours(at, widths, central=central)])
-            return score(bank, inputs, readings, widths, central=central, pool=pool)[1]
-
-        found = look(theta)
-        best = objective(theta, found)
+        here = look(build, inputs, readings, start.copy(), widths, central=central, pool=pool)
+        best = objective(here)
         if not np.isfinite(best):
             raise WindsysidError(
                 "the likelihood is not finite at the start: check units, the turbine file and the priors"
             )
         for count in range(1, ITERATIONS + 1):  # noqa: B007 (told to the caller)
-            curvature = found.fisher + information
-            pull = found.gradient - information @ (theta - prior_mean)
+            theta = here.theta
+            curvature = here.found.fisher + information
+            pull = here.found.gradient - information @ (theta - prior_mean)
             step = np.asarray(np.linalg.solve(curvature, pull), dtype=np.float64)
             distance = float(step @ curvature @ step)
             step *= min(1.0, LONGEST / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
-            last, widths = central and distance < SETTLED, INCREMENT / np.sqrt(np.diag(curvature))
-            central = central or distance < NEAR
-            if last:  # so short a step is taken unseen
+            widths = INCREMENT / np.sqrt(np.diag(curvature))
+            if here.central and distance < SETTLED:  # so short a step is taken unseen
                 theta, settled = theta + step, True
                 break
+            central = central or distance < NEAR
             for _ in range(HALVINGS):
-                candidate = look(theta + step)
-                if (value := objective(theta + step, candidate)) > best:
-                    theta, found, best = theta + step, candidate, value
+                candidate = look(build, inputs, readings, theta + step, widths, central=central, pool=pool)
+                if (value := objective(candidate)) > best:
+                    here, best = candidate, value
+                    theta = here.theta
                     break
                 step = 0.5 * step
             else:
                 settled = central and distance < NEAR
                 if settled or central:
                     break
-                central, found = True, look(theta)
-    model = build(theta)
-    info = EKF.run(model, EKF.init(model), inputs, readings)[1]
-    return Posterior(theta, np.linalg.inv(curvature), float(info.log_likelihood.sum()), count, settled, info)
+                central = True
+                here = look(build, inputs, readings, theta, widths, central=central, pool=pool)
+    return Mode(theta, np.linalg.inv(curvature), count, settled, distance, here)
+
+
+def look(
+    build: Callable[[Array], StateSpace], inputs: Array, readings: Array, theta: Array, widths: Array, *,
+    central: bool, pool: ThreadPoolExecutor | None = None,
+) -> Look:  # fmt: skip
+    """What the readings say at θ (n_θ,), from differences of the widths given (n_θ,)."""
+    bank = bank_of([build(values) for values in neighbours(theta, widths, central=central)])
+    return Look(theta, widths, central, *score(bank, inputs, readings, widths, central=central, pool=pool))
 
 
 def information(
@@ -184,8 +262,7 @@ def information(
         Widths of the central differences (n_θ,): a tenth of a standard deviation of each parameter serves well.
     """
     with ThreadPoolExecutor(THREADS) as pool:
-        bank = bank_of([build(values) for values in neighbours(theta, widths, central=True)])
-        found = score(bank, inputs, readings, widths, central=True, pool=pool)[1]
+        found = look(build, inputs, readings, theta, widths, central=True, pool=pool).found
     return found.gradient, found.fisher
 
 
@@ -201,15 +278,18 @@ def score(
     """Run a bank of `neighbours` over T samples and take the differences between its filters."""
     n = len(widths)
     log_likelihood, gradient, fisher = 0.0, np.zeros(n), np.zeros((n, n))
+    above, below = slice(1, n + 1), slice(n + 1, None) if central else slice(0, 1)
     for first in range(0, len(readings), CHUNK):
         part = slice(first, first + CHUNK)
         bank, scores = run_bank(bank, inputs[part], readings[part], pool)
-        known = np.isfinite(readings[part])
-        z, log_s = scores.whitened[known], scores.log_std[known]
-        log_likelihood -= float(np.sum(log_s[:, 0] + 0.5 * z[:, 0] ** 2)) + 0.5 * math.log(2.0 * math.pi) * len(z)
-        width, below = (2.0 * widths, slice(n + 1, None)) if central else (widths, slice(0, 1))
-        slopes_z, slopes_s = ((lanes[:, 1 : n + 1] - lanes[:, below]) / width for lanes in (z, log_s))
-        gradient -= slopes_s.sum(axis=0) + slopes_z.T @ z[:, 0]
-        innovation = slopes_z + z[:, :1] * slopes_s
-        fisher += innovation.T @ innovation + 2.0 * slopes_s.T @ slopes_s
-    return bank, Score(log_likelihood, gradient, fisher)
+        z, log_s = (array.reshape(-1, bank.filters) for array in scores)  # zero where the reading is missing
+        middle = z[:, 0]
+        log_likelihood -= float(log_s[:, 0].sum() + 0.5 * middle @ middle)
+        moved_z, moved_s = (array[:, above] - array[:, below] for array in (z, log_s))
+        gradient -= moved_s.sum(axis=0) + middle @ moved_z
+        fisher += 2.0 * (moved_s.T @ moved_s)
+        moved_z += middle[:, None] * moved_s
+        fisher += moved_z.T @ moved_z
+    log_likelihood -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
+    width = 2.0 * widths if central else widths
+    return bank, Score(float(log_likelihood), gradient / width, fisher / np.outer(width, width))

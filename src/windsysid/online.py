@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from windsysid.errors import ConfigurationError
 from windsysid.filters.bank import Bank, bank_of
-from windsysid.likelihood import INCREMENT, THREADS, neighbours, posterior_mode, score
+from windsysid.likelihood import INCREMENT, THREADS, find_mode, look, neighbours, score
 from windsysid.statespace import StateSpace
 
 __all__ = ["History", "Online", "advance", "begin", "finish", "restore", "save"]
@@ -37,6 +37,9 @@ MEMORY = 8
 
 BLOCKS = 20
 """A block is this fraction of what has been seen."""
+
+CLOSE = 0.005
+"""The squared length of a step in standard deviations, below which the filters follow θ along their slopes instead of running again."""
 
 
 class Online(NamedTuple):
@@ -237,19 +240,20 @@ def _again(
     start: tuple[Array, Array],
 ) -> Online:  # fmt: skip
     """The mode of the posterior of all samples since the start, and the bank there."""
-    mode = posterior_mode(
+    mode = find_mode(
         build, inputs, readings,
         prior_mean=online.prior_mean, prior_cov=online.prior_cov,
         start=start[0], start_cov=start[1],
     )  # fmt: skip
-    widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
-    bank = bank_of([build(theta) for theta in neighbours(mode.mean, widths, central=True)])
-    bank, found = score(bank, inputs, readings, widths, central=True, pool=pool)
+    seen = mode.look
+    if not (seen.central and mode.settled and mode.decrement < CLOSE):
+        widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
+        seen = look(build, inputs, readings, mode.mean, widths, central=True, pool=pool)
     information = np.linalg.inv(online.prior_cov)
-    precision = found.fisher + information
-    pull = found.gradient - information @ (mode.mean - online.prior_mean)
+    precision = seen.found.fisher + information
+    pull = seen.found.gradient - information @ (seen.theta - online.prior_mean)
     step = np.asarray(np.linalg.solve(precision, pull), dtype=np.float64)
-    return _moved(build, online._replace(theta=mode.mean, widths=widths), bank, precision, step)
+    return _moved(build, online._replace(theta=seen.theta, widths=seen.widths), seen.bank, precision, step)
 
 
 def _moved(build: Callable[[Array], StateSpace], online: Online, bank: Bank, precision: Array, step: Array) -> Online:

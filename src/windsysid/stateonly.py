@@ -6,6 +6,7 @@ The unknowns are θ, the identified parameters in filter coordinates, and after 
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,11 +16,12 @@ from windsysid.filters import EKF
 from windsysid.formulation import Prior, identifiable, known_inputs, known_loads
 from windsysid.loadmodels import LoadHypothesis, hypothesis
 from windsysid.loads import LoadModel
+from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import TowerModel
 from windsysid.record import Record
-from windsysid.statespace import Parameter, StateSpace, compose
+from windsysid.statespace import Parameter, StateSpace, compose, parameters_given
 from windsysid.statistics import Statistic, moved_sensors, noise_groups, values_of
 from windsysid.turbine import Turbine
 
@@ -82,13 +84,12 @@ class Problem(NamedTuple):
 
     def build(self, unknowns: Array) -> StateSpace:
         """The state-only model at the unknowns (n,)."""
-        model, n, nx = self.model, len(self.parameters), len(self.model.compiled.states)
+        n = len(self.parameters)
         values = values_of(self.statistics, unknowns[n:])
         sensors = moved_sensors([s for s in self.statistics if s.name.startswith("noise_")], values, self.sensors)
-        physical = {q.name: float(q.physical(t)) for q, t in zip(self.parameters, unknowns, strict=False)}
-        return compose(
-            self.turbine.model, intervals=model.blocks.step, values={**self.turbine.values, **physical}, loads=self.loads.blocks(values), sensors=sensors,
-            cov=model.cov[:nx, :nx],
+        return parameters_given(
+            self.model, _compiled(self.turbine.model, self.sensors), unknowns[:n], self.loads.blocks(values),
+            [sensor.noise for sensor in sensors],
         )  # fmt: skip
 
     def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
@@ -114,6 +115,11 @@ class Problem(NamedTuple):
         start_cov = np.diag(np.full(n + extra, FIRST_WIDTH**2))
         start_cov[:n, :n] = cov
         return np.concatenate([theta, np.zeros(extra)]), start_cov
+
+
+@lru_cache(maxsize=16)
+def _compiled(model: RotorModel | TowerModel, sensors: tuple[Sensor, ...]) -> CompiledModel:
+    return compile_model(model, sensors)
 
 
 def pose(

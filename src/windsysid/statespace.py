@@ -17,7 +17,7 @@ from windsysid.loads import LoadModel
 from windsysid.mechanics.compile import CompiledModel, Model, compile_model
 from windsysid.transition import Blocks
 
-__all__ = ["Parameter", "StateSpace", "compose"]
+__all__ = ["Parameter", "StateSpace", "compose", "parameters_given"]
 
 Array = NDArray[np.float64]
 
@@ -227,6 +227,53 @@ def compose(
         readings=tuple(sensor.channel for sensor in sensors),
         mean=full_mean,
         cov=full_cov,
+    )
+
+
+def parameters_given(
+    model: StateSpace, compiled: CompiledModel, theta: Array, loads: Sequence[LoadModel], noise: ArrayLike
+) -> StateSpace:
+    """The model with its parameters known to be θ (n_θ,) instead of in the state, and with other loads and noise of the same structure.
+
+    What `compose` would build without parameters, at a fraction of its time: a likelihood is computed at thousands of θ.
+
+    Parameters
+    ----------
+    compiled
+        The kernels without derivatives to parameters.
+    loads
+        Load models with the states of those that `model` has.
+    noise
+        Standard deviation of each reading's noise (m,).
+    """
+    blocks = model.blocks
+    nx, nz, nb, _, nu, nw = blocks.sizes
+    n = nx + nz + nb
+    p = blocks.p.copy()
+    p[blocks.chosen] = blocks.reference * np.where(blocks.logarithmic == 1, np.exp(theta), theta)
+    _, load_cov, load_output = _join_loads(loads, compiled)
+    discrete = [[load.discretise(float(step)) for load in loads] for step in blocks.step]
+    cov = model.cov[:n, :n].copy()
+    cov[nx : nx + nz, nx : nx + nz] = load_cov
+    return StateSpace(
+        compiled=compiled,
+        blocks=blocks._replace(
+            sizes=np.array([nx, nz, nb, 0, nu, nw], dtype=np.int64),
+            p=p,
+            chosen=blocks.chosen[:0],
+            reference=blocks.reference[:0],
+            logarithmic=blocks.logarithmic[:0],
+            load_transition=_diagonal([[transition for transition, _ in parts] for parts in discrete], nz),
+            load_noise=_diagonal([[covariance for _, covariance in parts] for parts in discrete], nz),
+            load_output=load_output,
+            walk=np.ascontiguousarray(blocks.walk[:, :nb]),
+            noise=np.square(np.asarray(noise, dtype=np.float64)),
+        ),
+        states=model.states[:n],
+        parameters=(),
+        readings=model.readings,
+        mean=model.mean[:n].copy(),
+        cov=cov,
     )
 
 

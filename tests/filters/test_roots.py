@@ -3,7 +3,38 @@
 import numpy as np
 import pytest
 
-from windsysid.filters.roots import absorb, factorise, square, triangularise
+from windsysid.filters import roots
+from windsysid.filters.roots import absorb
+from windsysid.rows import padded
+
+
+def in_vectors(matrix: np.ndarray) -> np.ndarray:
+    """A matrix whose rows are padded to whole vectors."""
+    rows = padded(*matrix.shape)
+    rows[:, : matrix.shape[1]] = matrix
+    return rows
+
+
+def factorise(cov: np.ndarray) -> np.ndarray:
+    n = len(cov)
+    root = padded(n, n)
+    root[:, :n] = np.nan
+    roots.factorise(in_vectors(cov), root)
+    return root[:, :n]
+
+
+def square(root: np.ndarray) -> np.ndarray:
+    n = len(root)
+    cov = padded(n, n)
+    cov[:, :n] = np.nan
+    roots.square(in_vectors(root), cov)
+    return cov[:, :n]
+
+
+def triangularise(matrix: np.ndarray) -> None:
+    rows = in_vectors(matrix)
+    roots.triangularise(rows, padded(1, matrix.shape[1]))
+    matrix[:] = rows[:, : matrix.shape[1]]
 
 
 def covariance(n: int, rank: int, seed: int) -> np.ndarray:
@@ -20,9 +51,8 @@ def unit(cov: np.ndarray, scale: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("n", [0, 1, 2, 7, 25])
 def test_a_root_squared_is_the_covariance(n: int):
     cov = covariance(n, n, seed=n)
-    root, back = np.full((n, n), np.nan), np.full((n, n), np.nan)
-    factorise(cov, root)
-    square(root, back)
+    root = factorise(cov)
+    back = square(root)
     scale = np.sqrt(np.diag(cov))
     np.testing.assert_allclose(unit(back, scale), unit(cov, scale), atol=1e-14)
     np.testing.assert_array_equal(back, back.T)
@@ -39,9 +69,8 @@ def test_a_singular_covariance_has_a_root_too(rank: int):
     for i in range(10):
         chosen[i, i if i < rank else i - rank] = float(rank > 0 and (i < rank or i < 2 * rank))
     cov = chosen @ cov @ chosen.T
-    root, back = np.empty((10, 10)), np.empty((10, 10))
-    factorise(cov, root)
-    square(root, back)
+    root = factorise(cov)
+    back = square(root)
     scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     np.testing.assert_allclose(unit(back, scale), unit(cov, scale), atol=1e-13)
     assert np.count_nonzero(np.diag(root)) == rank
@@ -76,15 +105,18 @@ def test_a_root_is_precise_where_its_square_has_lost_everything():
 def test_readings_taken_in_one_by_one_are_the_gaussian_conditional():
     rng = np.random.default_rng(8)
     n, m = 7, 3
-    root = np.empty((n, n))
     cov = covariance(n, n, seed=9)
-    factorise(cov, root)
+    root = factorise(cov)
     scale = np.sqrt(np.diag(cov))
     H = rng.standard_normal((m, n)) / scale
     mean, reading = scale * rng.standard_normal(n), rng.standard_normal(m)
-    directions = np.hstack([root @ H.T, root])
-    centre = np.concatenate([H @ mean - reading, mean])
-    outcomes = [absorb(directions, centre, c, np.empty(m + n)) for c in range(m)]
+    rows, centres, behind = (
+        in_vectors(np.hstack([root @ H.T, root])),
+        in_vectors(np.hstack([H @ mean - reading, mean])[None]),
+        padded(1, m + n),
+    )
+    outcomes = [absorb(rows, centres, c, behind) for c in range(m)]
+    directions, centre = rows[:, : m + n], centres[0, : m + n]
     S = H @ cov @ H.T + np.eye(m)
     gain = cov @ H.T @ np.linalg.inv(S)
     posterior = cov - gain @ S @ gain.T
@@ -98,6 +130,6 @@ def test_readings_taken_in_one_by_one_are_the_gaussian_conditional():
 
 def test_a_very_precise_reading_leaves_no_negative_variance():
     # Sixteen decades between prior and noise: the subtraction 1 − 1/(1 + 1e-16) is 0, Carlson's quotient is not.
-    directions = np.array([[1e8, 1e8], [0.0, 1.0]])
-    absorb(directions, np.zeros(2), 0, np.empty(2))
+    directions = in_vectors(np.array([[1e8, 1e8], [0.0, 1.0]]))
+    absorb(directions, padded(1, 2), 0, padded(1, 2))
     assert directions[0, 1] == pytest.approx(1.0, rel=1e-12)

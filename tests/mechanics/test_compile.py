@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 import scipy.integrate
@@ -17,8 +18,9 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics import CompiledModel, RotorModel, Sensor, compile_model
 from windsysid.mechanics.equations import Equations
 from windsysid.mechanics.generate import generate_source
+from windsysid.simd import LANES, vectors
 from windsysid.simulate import integrate
-from windsysid.turbine import Turbine
+from windsysid.turbine import Turbine, load_turbine, packaged_turbines
 
 RICH = (
     Sensor(channel="a", quantity="acceleration", point="tower", axis="x", frame="tower_top", position=(0.4, -0.3),
@@ -167,6 +169,60 @@ def test_compiled_kernels_compute_what_the_generated_python_says(verne555: Turbi
         alone = np.empty(sizes(model, kernel))
         getattr(model, kernel)(*args, alone)
         np.testing.assert_allclose(alone, compiled_value, rtol=1e-13, atol=1e-14)
+
+
+@numba.njit
+def of_lanes(kernel, x, u, p, w, value, dx, dp, dw):
+    kernel(
+        vectors(x), u, vectors(p), vectors(w), vectors(value), vectors(dx), vectors(dp), vectors(dw)
+    )  # fmt: skip
+
+
+def everything() -> Equations:
+    """Every function that vectors have, of states and of inputs."""
+    x, v, u, a, b, w = symbols("x v u a b w")
+    branch = sp.Piecewise((sp.exp(-x), (x > 0) & (v < 1)), (x * v, x < -0.5), (1, True))
+    return Equations(
+        "everything", (x, v), (u,), (a, b), (w,),
+        (
+            sp.exp(-(x**2)) * abs(v) ** a + sp.tanh(b * v) + sp.sin(x + u) * sp.cos(u) ** 2 / (2 + sp.cos(3 * x)),
+            sp.Max(x, u) ** 3 + sp.sqrt(a + v**2) * sp.log(b) - sp.Heaviside(v) * sp.atan2(v, a) + sp.sign(x) * branch + w,
+        ),
+    )  # fmt: skip
+
+
+PACKAGED = [load_turbine(name) for name in packaged_turbines()]
+
+
+@pytest.mark.parametrize(
+    ("model", "sensors"),
+    [
+        *((turbine.model, turbine.sensors) for turbine in PACKAGED),
+        (RotorModel(3, roll="tied"), RICH),
+        (chain(), chain_sensors()), (duffing(), ()), (bouc_wen(), ()), (everything(), ()),
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)  # fmt: skip
+def test_kernels_of_lanes_compute_what_the_kernels_say(model: Any, sensors: tuple[Any, ...]):
+    compiled = compile_model(model, sensors)
+    rng = np.random.default_rng(9)
+    lanes = [arguments(compiled, rng) for _ in range(LANES)]
+    u = lanes[0][1]
+    x, _, p, w = (np.ascontiguousarray(np.stack(arrays, axis=-1)) for arrays in zip(*lanes, strict=True))
+    for kernel in ("rates", "reading"):
+        rows = sizes(compiled, kernel)
+        found = [
+            np.zeros((rows, *columns, LANES)) for columns in ((), (len(compiled.states),), (0,), (len(compiled.loads),))
+        ]
+        of_lanes(getattr(compiled, f"{kernel}_of_lanes"), x, u, p, w, *found)
+        for lane, (own_x, _, own_p, own_w) in enumerate(lanes):
+            value, blocks = jacobians(
+                compiled, kernel, [own_x, u, own_p, own_w], getattr(compiled, f"{kernel}_jacobian")
+            )
+            for one, other in zip(found, (value, *blocks), strict=True):
+                np.testing.assert_allclose(
+                    one[..., lane], other, rtol=1e-12, atol=1e-12 * np.abs(other).max(initial=1.0)
+                )
 
 
 def test_implicit_accelerations_solve_the_equations_of_motion():

@@ -5,7 +5,9 @@ in groups of `LANES`, the lane being the last axis of every array: each operatio
 unit. The bank computes what `windsysid.filters.ekf` computes for models without parameters in the state, in the order
 
     predict   m⁻ = f(m),   P⁻ = F P Fᵀ + Γ Q Γᵀ
-    update    reading by reading:  v = P h,  s = h v + r,  m ← m + v ν/s,  P ← P − v vᵀ/s.
+    update    reading by reading:  v = P h,  s = h v + r,  m ← m + v ν/s,  P ← P − v vᵀ/s
+
+where P is changed once for all readings of a sample: v = P⁻ h − Σ u (u h) over the readings before, u = v/√s, and P = P⁻ − Σ u uᵀ.
 """
 
 import math
@@ -18,9 +20,9 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from windsysid.jit import JACOBIAN, compiled, inlined
+from windsysid.jit import LANE_JACOBIAN, compiled, inlined, uncounted
 from windsysid.mechanics.compile import CompiledModel
-from windsysid.simd import LANES, load, splat, square_root, store
+from windsysid.simd import LANES, load, splat, square_root, store, vectors
 from windsysid.statespace import StateSpace
 
 __all__ = ["LANES", "Bank", "Scores", "bank_of", "run_bank"]
@@ -129,21 +131,21 @@ def run_bank(bank: Bank, inputs: Array, readings: Array, pool: ThreadPoolExecuto
     readings = np.ascontiguousarray(readings, dtype=np.float64)
     samples, m = readings.shape
     mean, cov = bank.mean.copy(), bank.cov.copy()
-    scores = np.zeros((2, len(bank.lanes), samples, m, LANES))
-    kernel = _kernel()
+    groups = len(bank.lanes)
+    whitened, variance = np.zeros((samples, m, groups, LANES)), np.ones((samples, m, groups, LANES))
+    kernel, rates, reading = _kernel(), bank.compiled.rates_of_lanes, bank.compiled.reading_of_lanes
 
     def run(g: int) -> None:
         kernel(
-            bank.compiled.rates_jacobian, bank.compiled.reading_jacobian, bank.lanes[g], mean[g], cov[g],
-            bank.inputs, inputs, readings, bank.samples > 0, scores[0, g], scores[1, g],
+            rates, reading, bank.lanes[g], mean[g], cov[g],
+            bank.inputs, inputs, readings, bank.samples > 0, g, whitened, variance,
         )  # fmt: skip
 
     list((pool.map if pool else map)(run, range(len(bank.lanes))))
-    whitened, log_std = (
-        np.moveaxis(s, 0, 2).reshape(samples, m, LANES * len(bank.lanes))[..., : bank.filters] for s in scores
-    )
+    log_std = 0.5 * np.log(variance)
+    scores = (array.reshape(samples, m, groups * LANES)[..., : bank.filters] for array in (whitened, log_std))
     last = inputs[-1].copy() if samples else bank.inputs
-    return bank._replace(mean=mean, cov=cov, inputs=last, samples=bank.samples + samples), Scores(whitened, log_std)
+    return bank._replace(mean=mean, cov=cov, inputs=last, samples=bank.samples + samples), Scores(*scores)
 
 
 def _lanes(group: Sequence[StateSpace], patterns: tuple[NDArray[np.int64], ...]) -> Lanes:
@@ -153,9 +155,11 @@ def _lanes(group: Sequence[StateSpace], patterns: tuple[NDArray[np.int64], ...])
     def last(name: str) -> Array:
         return np.ascontiguousarray(np.stack([getattr(b, name) for b in blocks], axis=-1))
 
+    noise = last("load_noise")
+    noise = np.pad(noise, [(0, 0), (0, 0), (0, -nz % 4), (0, 0)])
     return Lanes(
         np.array([nx, nz, nb, nu, nw], dtype=np.int64), blocks[0].step, blocks[0].azimuth,
-        np.ascontiguousarray([b.p for b in blocks]), last("load_transition"), last("load_noise"), last("load_output"),
+        last("p"), last("load_transition"), noise, last("load_output"),
         blocks[0].walk, blocks[0].bias_of, last("noise"), *patterns,
     )  # fmt: skip
 
@@ -180,13 +184,13 @@ _LANES_TYPE = types.NamedTuple([_i1, _f1, _i1, _f2, _f4, _f4, _f4, _f2, _i1, _f2
 
 @lru_cache(maxsize=1)
 def _kernel() -> Any:
-    model = types.FunctionType(JACOBIAN)
+    model = types.FunctionType(LANE_JACOBIAN)
     return compiled(
-        _run, types.void(model, model, _LANES_TYPE, _f2, _f3, _f1, _f2, _f2, types.boolean, _f3, _f3)
+        _run, types.void(model, model, _LANES_TYPE, _f2, _f3, _f1, _f2, _f2, types.boolean, types.intp, _f4, _f4)
     )  # fmt: skip
 
 
-@inlined
+@uncounted
 def _turn(lanes: Any, inputs: Any, H: Any) -> None:
     """H(ψ) at the azimuth of `inputs`, its entries in the order of `H_at`."""
     rows, nw, nz = lanes.output.shape[0], lanes.output.shape[1], lanes.output.shape[2]
@@ -200,55 +204,110 @@ def _turn(lanes: Any, inputs: Any, H: Any) -> None:
         store(H, e, value)
 
 
-@inlined
-def _combine(
-    weights: Any, first: int, count: int, rows: Any, start: int, matrix: Any, columns: int, out: Any, to: int
-) -> None:
-    """Row `to` of `out` = Σ_e weights[first + e] · row rows[start + e] of `matrix`: four columns at a time stay in registers."""
-    nothing = splat(0.0)
-    whole = columns - columns % 4
-    for c in range(0, whole, 4):
-        one, two, three, four = nothing, nothing, nothing, nothing
-        for e in range(count):
-            weight, at = load(weights, first + e), rows[start + e] * columns + c
-            one = one + weight * load(matrix, at)
-            two = two + weight * load(matrix, at + 1)
-            three = three + weight * load(matrix, at + 2)
-            four = four + weight * load(matrix, at + 3)
+@uncounted
+def _add(
+    weights: Any, first: int, stride: int, rows: Any, start: int, stop: int, matrix: Any, out: Any, to: int,
+    begin: int, columns: int,
+) -> None:  # fmt: skip
+    """Row `to` of `out` += Σ_r weights[first + stride r] · row r of `matrix`, r = rows[start], …, rows[stop − 1].
+
+    From the column `begin` on; `begin` and `columns` are multiples of four: so many or twice so many columns stay in registers.
+    """
+    c = begin
+    while c + 8 <= columns:
         at = to * columns + c
-        store(out, at, one)
-        store(out, at + 1, two)
-        store(out, at + 2, three)
-        store(out, at + 3, four)
-    for c in range(whole, columns):
-        one = nothing
-        for e in range(count):
-            one = one + load(weights, first + e) * load(matrix, rows[start + e] * columns + c)
-        store(out, to * columns + c, one)
+        s0, s1, s2, s3 = load(out, at), load(out, at + 1), load(out, at + 2), load(out, at + 3)
+        s4, s5, s6, s7 = load(out, at + 4), load(out, at + 5), load(out, at + 6), load(out, at + 7)
+        for e in range(start, stop):
+            r = rows[np.uint64(e)]
+            weight, b = load(weights, first + stride * r), r * columns + c
+            s0, s1 = s0 + weight * load(matrix, b), s1 + weight * load(matrix, b + 1)
+            s2, s3 = s2 + weight * load(matrix, b + 2), s3 + weight * load(matrix, b + 3)
+            s4, s5 = s4 + weight * load(matrix, b + 4), s5 + weight * load(matrix, b + 5)
+            s6, s7 = s6 + weight * load(matrix, b + 6), s7 + weight * load(matrix, b + 7)
+        store(out, at, s0)
+        store(out, at + 1, s1)
+        store(out, at + 2, s2)
+        store(out, at + 3, s3)
+        store(out, at + 4, s4)
+        store(out, at + 5, s5)
+        store(out, at + 6, s6)
+        store(out, at + 7, s7)
+        c += 8
+    if c < columns:
+        at = to * columns + c
+        s0, s1, s2, s3 = load(out, at), load(out, at + 1), load(out, at + 2), load(out, at + 3)
+        for e in range(start, stop):
+            r = rows[np.uint64(e)]
+            weight, b = load(weights, first + stride * r), r * columns + c
+            s0, s1 = s0 + weight * load(matrix, b), s1 + weight * load(matrix, b + 1)
+            s2, s3 = s2 + weight * load(matrix, b + 2), s3 + weight * load(matrix, b + 3)
+        store(out, at, s0)
+        store(out, at + 1, s1)
+        store(out, at + 2, s2)
+        store(out, at + 3, s3)
+
+
+@uncounted
+def _clear(array: Any, rows: int, columns: int) -> None:
+    nothing = splat(0.0)
+    for i in range(rows * columns):
+        store(array, i, nothing)
 
 
 def _run(
     rates_jacobian: Any, reading_jacobian: Any, lanes: Any, mean: Any, cov: Any, previous: Any,
-    inputs: Any, readings: Any, started: bool, whitened: Any, log_std: Any,
+    inputs: Any, readings: Any, started: bool, group: int, whitened: Any, variance: Any,
+) -> None:  # fmt: skip
+    n, m = mean.shape[0], lanes.noise.shape[0]
+    _filter(
+        rates_jacobian, reading_jacobian, lanes, mean, cov, previous, inputs, readings, started, group, whitened, variance,
+        _scratch(n, m, lanes.sizes, lanes.H_at.shape[0]),
+    )  # fmt: skip
+
+
+@uncounted
+def _widths(n: int, sizes: Any) -> tuple[int, int, int, int]:
+    """Lengths of the rows of matrices with n, n_x, n_z and n_x + 2 n_w columns: multiples of four."""
+    nx, nz, _, _, nw = sizes
+    columns = nx + 2 * nw
+    return n + -n % 4, nx + -nx % 4, nz + -nz % 4, columns + -columns % 4
+
+
+@inlined
+def _scratch(n: int, m: int, sizes: Any, turning: int) -> Any:
+    nx, nz, _, nu, nw = sizes
+    moving = nx + nz
+    wide, tall, broad, span = _widths(n, sizes)
+    return (
+        np.arange(max(n, m)), np.zeros(nu), np.zeros((nw, LANES)), np.zeros((nx, LANES)),
+        np.zeros((nx, nx, LANES)), np.zeros((nx, nw, LANES)), np.zeros((nx, 0, LANES)), np.zeros((m, 0, LANES)),
+        np.zeros((turning, LANES)), np.zeros((turning, LANES)), np.zeros((nw, LANES)), np.zeros((nw, LANES)), np.zeros((nz, LANES)),
+        np.zeros((nx, LANES)), np.zeros((nx, LANES)),
+        np.zeros((nx, span, LANES)), np.zeros((nx, span, LANES)), np.zeros((nx, span, LANES)),
+        np.zeros((n, wide, LANES)), np.zeros((moving, wide, LANES)), np.zeros((nx, broad, LANES)),
+        np.zeros((moving, tall, LANES)), np.zeros((nz, tall, LANES)), np.zeros((nx, tall, LANES)),
+        np.zeros((m, LANES)), np.zeros((m, n, LANES)), np.zeros((m, nx, LANES)), np.zeros((m, nw, LANES)),
+        np.zeros((m, wide, LANES)), np.zeros((m, wide, LANES)), np.zeros((m, LANES)),
+    )  # fmt: skip
+
+
+@uncounted
+def _filter(
+    rates_jacobian: Any, reading_jacobian: Any, lanes: Any, mean: Any, cov: Any, previous: Any,
+    inputs: Any, readings: Any, started: bool, group: int, whitened: Any, variance: Any, scratch: Any,
 ) -> None:  # fmt: skip
     nx, nz, nb, nu, nw = lanes.sizes
-    n, m, moving = mean.shape[0], lanes.noise.shape[0], nx + nz
-    columns = nx + 2 * nw
+    n, m, moving, groups = mean.shape[0], lanes.noise.shape[0], nx + nz, whitened.shape[2]
+    wide, tall, broad, span = _widths(n, lanes.sizes)
     nothing, unit = splat(0.0), splat(1.0)
-    every = np.arange(n)
-    no_parameters = np.zeros((max(nx, m), 0))
-    one_x, one_w, u, one_rate, one_y = np.zeros(nx), np.zeros(nw), np.zeros(nu), np.zeros(nx), np.zeros(m)
-    one_A, one_G, one_C, one_E = np.zeros((nx, nx)), np.zeros((nx, nw)), np.zeros((m, nx)), np.zeros((m, nw))
-    A, G = np.zeros((lanes.A_at.shape[0], LANES)), np.zeros((lanes.G_at.shape[0], LANES))
-    H0, H1 = np.zeros((lanes.H_at.shape[0], LANES)), np.zeros((lanes.H_at.shape[0], LANES))
-    w0, w1, z1 = np.zeros((nw, LANES)), np.zeros((nw, LANES)), np.zeros((nz, LANES))
-    x, total = np.zeros((nx, LANES)), np.zeros((nx, LANES))
-    S, slope_S = np.zeros((nx, columns, LANES)), np.zeros((nx, columns, LANES))
-    total_S = np.zeros((nx, columns, LANES))
-    top, moved = np.zeros((nx, moving, LANES)), np.zeros((moving, n, LANES))
-    noise_gain, pushed = np.zeros((nx, nz, LANES)), np.zeros((nx, nz, LANES))
-    y, H, E = np.zeros((m, LANES)), np.zeros((m, n, LANES)), np.zeros((m, nw, LANES))
-    shift, v, s = np.zeros((n, LANES)), np.zeros((1, n, LANES)), np.zeros((1, LANES))
+    (
+        every, u, w, rate, A, G, no_rates, no_readings, H0, H1, w0, w1, z1, x, total, S, slope_S, total_S,
+        P, moved, pushed, top, gain, corner, y, H, C, E, v, minus, residual,
+    ) = scratch  # fmt: skip
+    for i in range(n):
+        for j in range(n):
+            store(P, i * wide + j, load(cov, i * n + j))
     before = previous
     for k in range(inputs.shape[0]):
         after = inputs[k]
@@ -274,114 +333,106 @@ def _run(
             for i in range(nx):
                 store(x, i, load(mean, i))
                 store(total, i, nothing)
-                for c in range(columns):
-                    store(total_S, i * columns + c, nothing)
+            _clear(total_S, nx, span)
             for stage in range(4):
                 at = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-                weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
-                ahead = h if stage == 2 else 0.5 * h
+                share = splat(h / 6.0 if stage == 0 or stage == 3 else h / 3.0)
+                reach = splat(h if stage == 2 else 0.5 * h)
+                early, late = splat(1.0 - at), splat(at)
                 for i in range(nu):
                     u[i] = before[i] + at * (after[i] - before[i])
-                for lane in range(LANES):
-                    for i in range(nx):
-                        one_x[i] = x[i, lane]
-                    for i in range(nw):
-                        one_w[i] = w0[i, lane] + at * (w1[i, lane] - w0[i, lane])
-                    rates_jacobian(one_x, u, lanes.p[lane], one_w, one_rate, one_A, no_parameters[:nx], one_G)
-                    for e in range(lanes.A_at.shape[0]):
-                        A[e, lane] = one_A[lanes.A_at[e, 0], lanes.A_at[e, 1]]
-                    for e in range(lanes.G_at.shape[0]):
-                        G[e, lane] = one_G[lanes.G_at[e, 0], lanes.G_at[e, 1]]
-                    for i in range(nx):
-                        total[i, lane] += weight * one_rate[i]
-                        x[i, lane] = mean[i, lane] + ahead * one_rate[i]
+                for i in range(nw):
+                    store(w, i, early * load(w0, i) + late * load(w1, i))
+                rates_jacobian(
+                    vectors(x), u, vectors(lanes.p), vectors(w), vectors(rate), vectors(A), vectors(no_rates), vectors(G)
+                )  # fmt: skip
+                for i in range(nx):
+                    slope = load(rate, i)
+                    store(total, i, load(total, i) + share * slope)
+                    store(x, i, load(mean, i) + reach * slope)
+                _clear(slope_S, nx, span)
+                for e in range(lanes.G_at.shape[0]):
+                    i, j = lanes.G_at[e, 0], lanes.G_at[e, 1]
+                    c, slope = i * span + nx + j, load(G, i * nw + j)
+                    store(slope_S, c, early * slope)
+                    store(slope_S, c + nw, late * slope)
                 if stage == 0:  # S is the identity
-                    for c in range(nx * columns):
-                        store(slope_S, c, nothing)
                     for e in range(lanes.A_at.shape[0]):
-                        store(slope_S, lanes.A_at[e, 0] * columns + lanes.A_at[e, 1], load(A, e))
+                        i, j = lanes.A_at[e, 0], lanes.A_at[e, 1]
+                        store(slope_S, i * span + j, load(A, i * nx + j))
                 else:
                     for i in range(nx):
-                        first = lanes.A_rows[i]
-                        _combine(A, first, lanes.A_rows[i + 1] - first, lanes.A_columns, first, S, columns, slope_S, i)
-                early, late = splat(1.0 - at), splat(at)
-                for e in range(lanes.G_at.shape[0]):
-                    c = lanes.G_at[e, 0] * columns + nx + lanes.G_at[e, 1]
-                    store(slope_S, c, load(slope_S, c) + early * load(G, e))
-                    store(slope_S, c + nw, load(slope_S, c + nw) + late * load(G, e))
-                share, reach = splat(weight), splat(ahead)
-                for c in range(nx * columns):
+                        _add(
+                            A, i * nx, 1, lanes.A_columns, lanes.A_rows[i], lanes.A_rows[i + 1], S, slope_S, i, 0, span
+                        )
+                for c in range(nx * span):
                     slope = load(slope_S, c)
                     store(total_S, c, load(total_S, c) + share * slope)
                     store(S, c, reach * slope)
                 for i in range(nx):
-                    store(S, i * columns + i, load(S, i * columns + i) + unit)
+                    store(S, i * span + i, load(S, i * span + i) + unit)
             for i in range(nx):
                 store(mean, i, load(mean, i) + load(total, i))
-                store(total_S, i * columns + i, load(total_S, i * columns + i) + unit)
+                store(total_S, i * span + i, load(total_S, i * span + i) + unit)
             for i in range(nz):
                 store(mean, nx + i, load(z1, i))
-            # the mechanical rows of F, and Γ
+            # the mechanical rows of F, and Γ, both transposed
             for i in range(nx):
                 for j in range(nx):
-                    store(top, i * moving + j, load(total_S, i * columns + j))
+                    store(top, j * tall + i, load(total_S, i * span + j))
                 for j in range(nz):
-                    store(top, i * moving + nx + j, nothing)
-                    store(noise_gain, i * nz + j, nothing)
+                    store(top, (nx + j) * tall + i, nothing)
+                    store(gain, j * tall + i, nothing)
             for e in range(lanes.H_at.shape[0]):
                 c, j = lanes.H_at[e, 0], lanes.H_at[e, 1]
                 first_H, last_H = load(H0, e), load(H1, e)
                 for i in range(nx):
-                    a, b, w = i * moving + nx + j, i * nz + j, i * columns + nx + c
-                    store(top, a, load(top, a) + load(total_S, w) * first_H)
-                    store(noise_gain, b, load(noise_gain, b) + load(total_S, w + nw) * last_H)
+                    a, b, d = (nx + j) * tall + i, j * tall + i, i * span + nx + c
+                    store(top, a, load(top, a) + load(total_S, d) * first_H)
+                    store(gain, b, load(gain, b) + load(total_S, d + nw) * last_H)
             for e in range(lanes.phi_at.shape[0]):
                 c, j = lanes.phi_at[e, 0], lanes.phi_at[e, 1]
                 factor = load(phi, c * nz + j)
                 for i in range(nx):
-                    a = i * moving + nx + j
-                    store(top, a, load(top, a) + load(noise_gain, i * nz + c) * factor)
+                    a = (nx + j) * tall + i
+                    store(top, a, load(top, a) + load(gain, c * tall + i) * factor)
             # F P, then (F P) Fᵀ + Γ Q Γᵀ, the upper triangle mirrored
+            _clear(moved, moving, wide)
+            _clear(pushed, nx, broad)
+            _clear(corner, nx, tall)
             for i in range(nx):
-                _combine(top, i * moving, moving, every, 0, cov, n, moved, i)
-            for i in range(nz):
-                for c in range(n):
-                    store(moved, (nx + i) * n + c, nothing)
+                _add(top, i, tall, every, 0, moving, P, moved, i, 0, wide)
+                _add(gain, i, tall, every, 0, nz, Q, pushed, i, 0, broad)
+                _add(moved, i * wide, 1, every, 0, moving, top, corner, i, i - i % 4, tall)
+                _add(pushed, i * broad, 1, every, 0, nz, gain, corner, i, i - i % 4, tall)
             for e in range(lanes.phi_at.shape[0]):
                 i, j = nx + lanes.phi_at[e, 0], nx + lanes.phi_at[e, 1]
                 factor = load(phi, (i - nx) * nz + j - nx)
                 for c in range(n):
-                    store(moved, i * n + c, load(moved, i * n + c) + factor * load(cov, j * n + c))
-            for i in range(nx):
-                _combine(noise_gain, i * nz, nz, every, 0, Q, nz, pushed, i)
+                    store(moved, i * wide + c, load(moved, i * wide + c) + factor * load(P, j * wide + c))
             for i in range(nx):
                 for j in range(i, nx):
-                    value = nothing
-                    for c in range(moving):
-                        value = value + load(moved, i * n + c) * load(top, j * moving + c)
-                    for c in range(nz):
-                        value = value + load(pushed, i * nz + c) * load(noise_gain, j * nz + c)
-                    store(cov, i * n + j, value)
+                    store(P, i * wide + j, load(corner, i * tall + j))
                 for j in range(nz):
-                    store(cov, i * n + nx + j, load(pushed, i * nz + j))
+                    store(P, i * wide + nx + j, load(pushed, i * broad + j))
                 for j in range(moving, n):
-                    store(cov, i * n + j, load(moved, i * n + j))
+                    store(P, i * wide + j, load(moved, i * wide + j))
             for i in range(nz):
                 for j in range(nz):
-                    store(cov, (nx + i) * n + nx + j, load(Q, i * nz + j))
+                    store(P, (nx + i) * wide + nx + j, load(Q, i * broad + j))
                 for j in range(moving, n):
-                    store(cov, (nx + i) * n + j, load(moved, (nx + i) * n + j))
+                    store(P, (nx + i) * wide + j, load(moved, (nx + i) * wide + j))
             for e in range(lanes.phi_at.shape[0]):
                 j, c = nx + lanes.phi_at[e, 0], nx + lanes.phi_at[e, 1]
                 factor = load(phi, (j - nx) * nz + c - nx)
                 for i in range(moving):
-                    store(cov, i * n + j, load(cov, i * n + j) + load(moved, i * n + c) * factor)
+                    store(P, i * wide + j, load(P, i * wide + j) + load(moved, i * wide + c) * factor)
             for i in range(moving):
                 for j in range(i + 1 if i < nx else moving, n):
-                    store(cov, j * n + i, load(cov, i * n + j))
+                    store(P, j * wide + i, load(P, i * wide + j))
             for i in range(nb):
-                a = (moving + i) * (n + 1)
-                store(cov, a, load(cov, a) + splat(lanes.walk[interval, i]))
+                a = (moving + i) * (wide + 1)
+                store(P, a, load(P, a) + splat(lanes.walk[interval, i]))
         started = True
         before = after
         # what the sensors should read
@@ -393,19 +444,12 @@ def _run(
             store(w1, i, load(w1, i) + load(H1, e) * load(mean, nx + j))
         for i in range(nu):
             u[i] = after[i]
-        for lane in range(LANES):
-            for i in range(nx):
-                one_x[i] = mean[i, lane]
-            for i in range(nw):
-                one_w[i] = w1[i, lane]
-            reading_jacobian(one_x, u, lanes.p[lane], one_w, one_y, one_C, no_parameters[:m], one_E)
-            for c in range(m):
-                y[c, lane] = one_y[c]
-                for i in range(nx):
-                    H[c, i, lane] = one_C[c, i]
-                for i in range(nw):
-                    E[c, i, lane] = one_E[c, i]
+        reading_jacobian(
+            vectors(mean), u, vectors(lanes.p), vectors(w1), vectors(y), vectors(C), vectors(no_readings), vectors(E)
+        )
         for c in range(m):
+            for j in range(nx):
+                store(H, c * n + j, load(C, c * nx + j))
             for j in range(nz):
                 store(H, c * n + nx + j, nothing)
             for e in range(lanes.H_at.shape[0]):
@@ -415,30 +459,37 @@ def _run(
             if bias >= 0:
                 store(y, c, load(y, c) + load(mean, moving + bias))
                 store(H, c * n + moving + bias, unit)
-        for i in range(n):
-            store(shift, i, load(mean, i))
+        # readings one by one, P once for all: v = (P h − Σ v_d (v_d · h)) / √s over the readings d before
+        _clear(v, m, wide)
+        _clear(minus, m, wide)
         for c in range(m):
-            value_read = readings[k, c]
-            if np.isnan(value_read):
+            store(residual, c, nothing)
+            if np.isnan(readings[k, c]):
                 continue
-            _combine(H, c * n, n, every, 0, cov, n, v, 0)
+            store(residual, c, splat(readings[k, c]) - load(y, c))
+            _add(H, c * n, 1, every, 0, n, P, v, c, 0, wide)
+            for d in range(c):
+                along = nothing
+                for i in range(n):
+                    along = along + load(H, c * n + i) * load(minus, d * wide + i)
+                for i in range(n):
+                    store(v, c * wide + i, load(v, c * wide + i) + along * load(v, d * wide + i))
+                store(residual, c, load(residual, c) + along * load(residual, d))
             spread = load(lanes.noise, c)
-            residual = splat(value_read) - load(y, c)
             for i in range(n):
-                slope = load(H, c * n + i)
-                spread = spread + slope * load(v, i)
-                residual = residual - slope * (load(mean, i) - load(shift, i))
-            scale = unit / spread
-            step = scale * residual
+                spread = spread + load(H, c * n + i) * load(v, c * wide + i)
+            scale = unit / square_root(spread)
+            step = scale * load(residual, c)
+            store(residual, c, step)
             for i in range(n):
-                along = load(v, i)
+                along = scale * load(v, c * wide + i)
+                store(v, c * wide + i, along)
+                store(minus, c * wide + i, -along)
                 store(mean, i, load(mean, i) + along * step)
-                gain = along * scale
-                for j in range(i, n):
-                    value = load(cov, i * n + j) - gain * load(v, j)
-                    store(cov, i * n + j, value)
-                    store(cov, j * n + i, value)
-            store(whitened, k * m + c, residual / square_root(spread))
-            store(s, 0, spread)
-            for lane in range(LANES):
-                log_std[k, c, lane] = 0.5 * math.log(s[0, lane])
+            store(whitened, (k * m + c) * groups + group, step)
+            store(variance, (k * m + c) * groups + group, spread)
+        for i in range(n):
+            _add(minus, i, wide, every, 0, m, v, P, i, 0, wide)
+    for i in range(n):
+        for j in range(n):
+            store(cov, i * n + j, load(P, i * wide + j))

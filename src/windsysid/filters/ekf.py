@@ -11,19 +11,21 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Any
 
-import numpy as np
 from numba import types
 
-from windsysid.filters.gaussian import ARGUMENTS, Filter, assimilate_sample, compare, keep
+from windsysid.filters.gaussian import ARGUMENTS, Filter, assimilate_sample, close_belief, compare, keep, open_belief
 from windsysid.jit import JACOBIAN, compiled
 from windsysid.statespace import StateSpace
-from windsysid.transition import BLOCKS, linearise_reading, predict_moments, workspace
+from windsysid.transition import BLOCKS, WORKSPACE, linearise_reading, predict_moments, set_parameters, workspace
 
 __all__ = ["EKF"]
 
 
 def _kernel(model: StateSpace) -> Callable[..., None]:
-    return partial(_compiled(), model.compiled.rates_jacobian, model.compiled.reading_jacobian, model.blocks)
+    compiled_model, blocks = model.compiled, model.blocks
+    return partial(
+        _compiled(), compiled_model.rates_jacobian, compiled_model.reading_jacobian, blocks, workspace(blocks)
+    )
 
 
 EKF = Filter("extended Kalman filter", _kernel)
@@ -33,29 +35,27 @@ EKF = Filter("extended Kalman filter", _kernel)
 def _compiled() -> Any:
     """The compiled filter, one for all models."""
     jacobian = types.FunctionType(JACOBIAN)
-    return compiled(_run, types.void(jacobian, jacobian, BLOCKS, *ARGUMENTS))
+    return compiled(_run, types.void(jacobian, jacobian, BLOCKS, WORKSPACE, *ARGUMENTS), borrows=True)
 
 
 def _run(
-    rates_jacobian: Any, reading_jacobian: Any, blocks: Any, mean: Any, cov: Any, previous: Any,
+    rates_jacobian: Any, reading_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: Any, previous: Any,
     inputs: Any, readings: Any, started: bool, moves: bool, covs: Any, means: Any, stds: Any,
     innovation: Any, innovation_std: Any, whitened: Any, whitening_std: Any, log_likelihood: Any, gated: Any,
 ) -> None:  # fmt: skip
-    ws = workspace(blocks)
-    n = mean.size
-    v, gain, about = np.empty(n), np.empty(n), np.empty(n)
+    open_belief(ws, mean, cov)
     before = previous
     for k in range(inputs.shape[0]):
         after = inputs[k]
+        set_parameters(blocks, ws, ws.mean)
         if started and moves:
-            predict_moments(rates_jacobian, blocks, ws, mean, cov, before, after)
+            predict_moments(rates_jacobian, blocks, ws, ws.mean, ws.cov, before, after)
         started = True
         before = after
-        linearise_reading(reading_jacobian, blocks, ws, mean, after)
-        compare(ws, cov, blocks, readings[k], innovation[k], innovation_std[k], gated[k])
-        for i in range(n):
-            about[i] = mean[i]
-        log_likelihood[k] = assimilate_sample(
-            ws, mean, cov, about, blocks, readings[k], gated[k], whitened[k], whitening_std[k], v, gain
-        )
-        keep(mean, cov, k, means, stds, covs)
+        linearise_reading(reading_jacobian, blocks, ws, ws.mean, after)
+        compare(ws, blocks, readings[k], innovation[k], innovation_std[k], gated[k])
+        for i in range(ws.mean.size):
+            ws.about[i] = ws.mean[i]
+        log_likelihood[k] = assimilate_sample(ws, blocks, readings[k], gated[k], whitened[k], whitening_std[k])
+        keep(ws.mean, ws.cov, k, means, stds, covs)
+    close_belief(ws, mean, cov)

@@ -18,10 +18,24 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from windsysid.jit import inlined
+from windsysid.jit import pasted
+from windsysid.rows import inner, multiply
+from windsysid.simd import LANES, lanes_sum, load, splat, store
 from windsysid.statespace import StateSpace
 
-__all__ = ["ARGUMENTS", "Belief", "Filter", "Info", "assimilate", "assimilate_sample", "compare", "empty_info", "keep"]
+__all__ = [
+    "ARGUMENTS",
+    "Belief",
+    "Filter",
+    "Info",
+    "assimilate",
+    "assimilate_sample",
+    "close_belief",
+    "compare",
+    "empty_info",
+    "keep",
+    "open_belief",
+]
 
 Array = NDArray[np.float64]
 
@@ -188,54 +202,61 @@ mean has been moved to a sample's time before, and whether it moves now; the cov
 fields of `Info`."""
 
 
-@inlined
-def compare(ws: Any, cov: Any, blocks: Any, readings: Any, innovation: Any, innovation_std: Any, gated: Any) -> None:
+@pasted
+def open_belief(ws: Any, mean: Any, cov: Any) -> None:
+    """Begin a run: `mean` (n,) and `cov` (n, n) into ``ws.mean`` and ``ws.cov``, whose rows are whole vectors."""
+    for i in range(mean.size):
+        ws.mean[i] = mean[i]
+        for j in range(mean.size):
+            ws.cov[i, j] = cov[i, j]
+
+
+@pasted
+def close_belief(ws: Any, mean: Any, cov: Any) -> None:
+    """End a run: ``ws.mean`` and ``ws.cov`` into `mean` (n,) and `cov` (n, n)."""
+    for i in range(mean.size):
+        mean[i] = ws.mean[i]
+        for j in range(mean.size):
+            cov[i, j] = ws.cov[i, j]
+
+
+@pasted
+def compare(ws: Any, blocks: Any, readings: Any, innovation: Any, innovation_std: Any, gated: Any) -> None:
     """Innovations (m,) of a linearised reading, their standard deviations, and which of them are beyond the gate."""
-    n = cov.shape[0]
+    multiply(ws.nothing, ws.H, 0, readings.size, 0, ws.cov.shape[0], ws.cov, ws.spread)
     for c in range(readings.size):
         innovation[c] = readings[c] - ws.y[c]
         innovation_std[c] = np.nan
         if np.isnan(readings[c]):
             continue
-        h = ws.H[c]
-        spread = blocks.noise[c]
-        for i in range(n):
-            inner = 0.0
-            for j in range(n):
-                inner += cov[i, j] * h[j]
-            spread += h[i] * inner
-        innovation_std[c] = np.sqrt(spread)
+        innovation_std[c] = math.sqrt(blocks.noise[c] + inner(ws.H, c, ws.spread, c))
         gated[c] = abs(innovation[c]) > blocks.gate[0] * innovation_std[c]
 
 
-@inlined
-def assimilate_sample(
-    ws: Any, mean: Any, cov: Any, about: Any, blocks: Any, readings: Any, gated: Any,
-    whitened: Any, whitening_std: Any, v: Any, gain: Any,
-) -> float:  # fmt: skip
-    """Take in a sample's readings, linearised at `about` (n,), one after the other; the log density that they had."""
-    n = mean.size
+@pasted
+def assimilate_sample(ws: Any, blocks: Any, readings: Any, gated: Any, whitened: Any, whitening_std: Any) -> float:
+    """Take in a sample's readings, linearised at ``ws.about``, one after the other; the log density that they had."""
+    vectors = ws.about.size // LANES
     total = 0.0
     for c in range(readings.size):
         whitened[c] = np.nan
         whitening_std[c] = np.nan
         if np.isnan(readings[c]) or gated[c]:
             continue
-        h = ws.H[c]
-        residual = readings[c] - ws.y[c]
-        for i in range(n):
-            residual -= h[i] * (mean[i] - about[i])
-        z, std = assimilate(mean, cov, h, residual, blocks.noise[c], v, gain)
+        moved = splat(0.0)
+        for i in range(vectors):
+            moved = moved + load(ws.H, c * vectors + i) * (load(ws.mean, i) - load(ws.about, i))
+        z, std = assimilate(ws, c, readings[c] - ws.y[c] - lanes_sum(moved), blocks.noise[c])
         whitened[c] = z
         whitening_std[c] = std
         total -= 0.5 * (math.log(2.0 * math.pi) + z * z) + math.log(std)
     return total
 
 
-@inlined
+@pasted
 def keep(mean: Any, cov: Any, k: int, means: Any, stds: Any, covs: Any) -> None:
     """Make the covariance symmetric to the last digit and keep what sample `k` has ended with."""
-    n = mean.size
+    n = means.shape[1]
     for i in range(n):
         for j in range(i):
             cov[i, j] = cov[j, i]
@@ -247,28 +268,29 @@ def keep(mean: Any, cov: Any, k: int, means: Any, stds: Any, covs: Any) -> None:
                 covs[k, i, j] = cov[i, j]
 
 
-@inlined
-def assimilate(mean: Any, cov: Any, h: Any, residual: float, variance: float, v: Any, gain: Any) -> tuple[float, float]:
-    """Take in one scalar reading, in place.
+@pasted
+def assimilate(ws: Any, c: int, residual: float, variance: float) -> tuple[float, float]:
+    """Take in reading `c`, row c of ``ws.H`` its derivative h, into ``ws.mean`` and ``ws.cov``.
 
-    `h` (n,) is the reading's derivative, `residual` its deviation from the expectation at the current mean, `v` and
-    `gain` (n,) scratch. Returns the whitened innovation and the standard deviation it was divided by.
+    `residual` is its deviation from the expectation at the current mean. Returns the whitened innovation and the standard deviation it
+    was divided by.
     """
-    n = mean.size
-    s = variance
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += cov[i, j] * h[j]
-        v[i] = total
-        s += h[i] * total
-    scale = 1.0 / s
-    for i in range(n):
-        gain[i] = v[i] * scale
-        mean[i] += gain[i] * residual
-    for i in range(n):
-        pushed, pulled = gain[i], s * gain[i] - v[i]
-        for j in range(n):
-            cov[i, j] += pulled * gain[j] - pushed * v[j]
+    n, vectors = ws.cov.shape[0], ws.cov.shape[1] // LANES
+    v, K, pulled, mean, cov = ws.spread, ws.K, ws.pulled, ws.mean, ws.cov
+    multiply(ws.nothing, ws.H, c, c + 1, 0, n, cov, v)
+    s = variance + inner(ws.H, c, v, c)
+    scale, size, step = splat(1.0 / s), splat(s), splat(residual)
+    for i in range(vectors):
+        along = load(v, c * vectors + i)
+        gain = along * scale
+        store(K, i, gain)
+        store(pulled, i, size * gain - along)
+        store(mean, i, load(mean, i) + gain * step)
+    # P − K vᵀ + (s K − v) Kᵀ
+    for j in range(vectors):
+        along, gain = load(v, c * vectors + j), load(K, j)
+        for i in range(n):
+            at = i * vectors + j
+            store(cov, at, load(cov, at) + splat(pulled[0, i]) * gain - splat(K[0, i]) * along)
     root = math.sqrt(s)
     return residual / root, root

@@ -31,11 +31,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from windsysid.filters.gaussian import ARGUMENTS, Filter, assimilate_sample, compare, keep
+from windsysid.filters.gaussian import ARGUMENTS, Filter, assimilate_sample, close_belief, compare, keep, open_belief
 from windsysid.filters.roots import factorise
-from windsysid.jit import JACOBIAN, compiled, inlined
+from windsysid.jit import JACOBIAN, compiled, pasted, uncounted
+from windsysid.rows import inner, multiply, padded
+from windsysid.simd import LANES, lanes_sum, load, splat, store
 from windsysid.statespace import StateSpace
-from windsysid.transition import BLOCKS, linearise_reading, predict_moments, workspace
+from windsysid.transition import (
+    BLOCKS,
+    WORKSPACE,
+    Matrix,
+    Vector,
+    linearise_reading,
+    predict_moments,
+    scratch_type,
+    set_parameters,
+    workspace,
+)
 
 __all__ = ["IEKF"]
 
@@ -53,181 +65,185 @@ HALVINGS = 5
 
 
 def _kernel(model: StateSpace) -> Callable[..., None]:
-    return partial(_compiled(), model.compiled.rates_jacobian, model.compiled.reading_jacobian, model.blocks)
+    compiled_model, blocks = model.compiled, model.blocks
+    steps = _steps(len(model.states), len(model.readings))
+    return partial(
+        _compiled(), compiled_model.rates_jacobian, compiled_model.reading_jacobian, blocks, workspace(blocks), steps
+    )
 
 
 IEKF = Filter("iterated extended Kalman filter", _kernel)
+
+
+class Steps(NamedTuple):
+    """Scratch of the iteration, which is at x = m⁻ + P⁻ v: v in `push`, a step of x and of v, H P⁻ Hᵀ + R with its root, λ.
+
+    `H` and `y` keep the linearisation at the prediction.
+    """
+
+    push: Matrix
+    towards: Matrix
+    pushes: Matrix
+    S: Matrix
+    root: Matrix
+    weight: Vector
+    H: Matrix
+    y: Vector
+
+
+STEPS = scratch_type(Steps)
+
+
+def _steps(n: int, m: int) -> Steps:
+    return Steps(
+        padded(1, n), padded(1, n), padded(1, n), padded(m, m), padded(m, m), np.zeros(m), padded(m, n), np.zeros(m)
+    )
 
 
 @lru_cache(maxsize=1)
 def _compiled() -> Any:
     """The compiled filter, one for all models."""
     jacobian = types.FunctionType(JACOBIAN)
-    return compiled(_run, types.void(jacobian, jacobian, BLOCKS, *ARGUMENTS))
+    return compiled(_run, types.void(jacobian, jacobian, BLOCKS, WORKSPACE, STEPS, *ARGUMENTS), borrows=True)
 
 
 def _run(
-    rates_jacobian: Any, reading_jacobian: Any, blocks: Any, mean: Any, cov: Any, previous: Any,
+    rates_jacobian: Any, reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, mean: Any, cov: Any, previous: Any,
     inputs: Any, readings: Any, started: bool, moves: bool, covs: Any, means: Any, stds: Any,
     innovation: Any, innovation_std: Any, whitened: Any, whitening_std: Any, log_likelihood: Any, gated: Any,
 ) -> None:  # fmt: skip
-    ws, steps = workspace(blocks), _steps(mean.size, blocks.noise.size)
-    n, at = mean.size, steps.at
-    v, gain = np.empty(n), np.empty(n)
+    open_belief(ws, mean, cov)
     before = previous
     for k in range(inputs.shape[0]):
         after = inputs[k]
+        set_parameters(blocks, ws, ws.mean)
         if started and moves:
-            predict_moments(rates_jacobian, blocks, ws, mean, cov, before, after)
+            predict_moments(rates_jacobian, blocks, ws, ws.mean, ws.cov, before, after)
         started = True
         before = after
-        linearise_reading(reading_jacobian, blocks, ws, mean, after)
-        compare(ws, cov, blocks, readings[k], innovation[k], innovation_std[k], gated[k])
-        settled = _iterate(reading_jacobian, blocks, ws, steps, mean, cov, after, readings[k], gated[k])
-        log_likelihood[k] = assimilate_sample(
-            ws, mean, cov, at, blocks, readings[k], gated[k], whitened[k], whitening_std[k], v, gain
-        )
+        linearise_reading(reading_jacobian, blocks, ws, ws.mean, after)
+        compare(ws, blocks, readings[k], innovation[k], innovation_std[k], gated[k])
+        settled = _iterate(reading_jacobian, blocks, ws, steps, after, readings[k], gated[k])
+        log_likelihood[k] = assimilate_sample(ws, blocks, readings[k], gated[k], whitened[k], whitening_std[k])
         if not settled:
-            for i in range(n):
-                mean[i] = at[i]
-        keep(mean, cov, k, means, stds, covs)
+            _copy(ws.about, ws.mean)
+        keep(ws.mean, ws.cov, k, means, stds, covs)
+    close_belief(ws, mean, cov)
 
 
-class Steps(NamedTuple):
-    """Scratch of the iteration: x = m⁻ + P⁻ v in `at` and `push`, a step of both, P⁻ Hᵀ, H P⁻ Hᵀ + R with its root, λ."""
-
-    at: Any
-    push: Any
-    towards: Any
-    pushes: Any
-    spread: Any
-    S: Any
-    root: Any
-    weight: Any
+@pasted
+def _copy(source: Any, to: Any) -> None:
+    for c in range(to.size // LANES):
+        store(to, c, load(source, c))
 
 
-@inlined
-def _steps(n: int, m: int) -> Any:
-    return Steps(
-        np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((m, n)), np.zeros((m, m)), np.zeros((m, m)), np.zeros(m)
-    )  # fmt: skip
-
-
-@inlined
-def _iterate(
-    reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, mean: Any, cov: Any, inputs: Any, readings: Any, gated: Any
-) -> bool:
-    """Move ``steps.at`` from the prediction to the mode, the reading linearised there; whether the last step was small."""
-    n, at, push, towards, pushes = mean.size, steps.at, steps.push, steps.towards, steps.pushes
-    for i in range(n):
-        at[i] = mean[i]
-        push[i] = 0.0
-    if not _bends(reading_jacobian, blocks, ws, steps, mean, cov, inputs, readings, gated):
+@uncounted
+def _iterate(reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, inputs: Any, readings: Any, gated: Any) -> bool:
+    """Move ``ws.about`` from the prediction to the mode, the reading linearised there; whether the last step was small."""
+    at, push, towards, pushes = ws.about, steps.push, steps.towards, steps.pushes
+    vectors = at.size // LANES
+    _copy(ws.mean, at)
+    for c in range(vectors):
+        store(push, c, splat(0.0))
+    if not _bends(reading_jacobian, blocks, ws, steps, inputs, readings, gated):
         return True
-    cost = _cost(ws, steps, mean, blocks, readings, gated)
+    cost = _cost(ws, steps, blocks, readings, gated)
     for _ in range(ITERATIONS):
-        _gauss_newton(ws, steps, mean, cov, blocks, readings, gated)
+        _gauss_newton(ws, steps, blocks, readings, gated)
         if not _length(ws, steps, blocks, readings, gated) > SETTLED:
             return True
-        shorter = 0
-        while shorter <= HALVINGS:
-            for i in range(n):
-                at[i] += towards[i]
-                push[i] += pushes[i]
-            linearise_reading(reading_jacobian, blocks, ws, at, inputs)
-            reached = _cost(ws, steps, mean, blocks, readings, gated)
+        for halved in range(HALVINGS + 2):
+            length = splat(1.0 if halved <= HALVINGS else 0.0)
+            for c in range(vectors):
+                store(at, c, load(at, c) + length * load(towards, c))
+                store(push, c, load(push, c) + length * load(pushes, c))
+            _linearise(reading_jacobian, blocks, ws, inputs)
+            if halved > HALVINGS:
+                return False
+            reached = _cost(ws, steps, blocks, readings, gated)
             if reached <= cost:
                 cost = reached
                 break
-            for i in range(n):
-                at[i] -= towards[i]
-                push[i] -= pushes[i]
-                towards[i] *= 0.5
-                pushes[i] *= 0.5
-            shorter += 1
-        if shorter > HALVINGS:
-            linearise_reading(reading_jacobian, blocks, ws, at, inputs)
-            return False
+            half = splat(0.5)
+            for c in range(vectors):
+                store(at, c, load(at, c) - load(towards, c))
+                store(push, c, load(push, c) - load(pushes, c))
+                store(towards, c, half * load(towards, c))
+                store(pushes, c, half * load(pushes, c))
     return False
 
 
-@inlined
-def _bends(
-    reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, mean: Any, cov: Any, inputs: Any, readings: Any, gated: Any
-) -> bool:
+@uncounted
+def _linearise(reading_jacobian: Any, blocks: Any, ws: Any, inputs: Any) -> None:
+    """The readings' expectations and derivatives at ``ws.about``."""
+    set_parameters(blocks, ws, ws.about)
+    linearise_reading(reading_jacobian, blocks, ws, ws.about, inputs)
+
+
+@uncounted
+def _bends(reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, inputs: Any, readings: Any, gated: Any) -> bool:
     """Whether a reading is off its linearisation at the prediction, where the first step ends."""
-    n, at, line = mean.size, steps.at, steps.weight
-    _gauss_newton(ws, steps, mean, cov, blocks, readings, gated)
+    at, line, rows = ws.about, steps.weight, steps.H.size // LANES
+    _gauss_newton(ws, steps, blocks, readings, gated)
     for c in range(readings.size):
-        line[c] = ws.y[c]
-        for i in range(n):
-            line[c] += ws.H[c, i] * steps.towards[i]
-    for i in range(n):
-        at[i] = mean[i] + steps.towards[i]
-    linearise_reading(reading_jacobian, blocks, ws, at, inputs)
+        steps.y[c] = ws.y[c]
+        line[c] = ws.y[c] + inner(ws.H, c, steps.towards, 0)
+    for c in range(rows):
+        store(steps.H, c, load(ws.H, c))
+    for c in range(at.size // LANES):
+        store(at, c, load(ws.mean, c) + load(steps.towards, c))
+    _linearise(reading_jacobian, blocks, ws, inputs)
     bent = False
     for c in range(readings.size):
         if not (np.isnan(readings[c]) or gated[c]):
             bent = bent or abs(ws.y[c] - line[c]) > BENT * np.sqrt(blocks.noise[c])
-    for i in range(n):
-        at[i] = mean[i]
-    linearise_reading(reading_jacobian, blocks, ws, at, inputs)
+        ws.y[c] = steps.y[c]
+    for c in range(rows):
+        store(ws.H, c, load(steps.H, c))
+    _copy(ws.mean, at)
     return bent
 
 
-@inlined
+@pasted
 def _length(ws: Any, steps: Any, blocks: Any, readings: Any, gated: Any) -> float:
     """√(dᵀ (P⁻⁻¹ + Hᵀ R⁻¹ H) d) of the step d in ``steps.towards``."""
-    n = steps.at.size
-    total = 0.0
-    for i in range(n):
-        total += steps.pushes[i] * steps.towards[i]
+    total = inner(steps.pushes, 0, steps.towards, 0)
     for c in range(readings.size):
         if not (np.isnan(readings[c]) or gated[c]):
-            along = 0.0
-            for i in range(n):
-                along += ws.H[c, i] * steps.towards[i]
+            along = inner(ws.H, c, steps.towards, 0)
             total += along * along / blocks.noise[c]
     return float(np.sqrt(total))
 
 
-@inlined
-def _cost(ws: Any, steps: Any, mean: Any, blocks: Any, readings: Any, gated: Any) -> float:
+@pasted
+def _cost(ws: Any, steps: Any, blocks: Any, readings: Any, gated: Any) -> float:
     """J where the reading is linearised."""
-    total = 0.0
-    for i in range(mean.size):
-        total += steps.push[i] * (steps.at[i] - mean[i])
+    off_prior = splat(0.0)
+    for c in range(ws.mean.size // LANES):
+        off_prior = off_prior + load(steps.push, c) * (load(ws.about, c) - load(ws.mean, c))
+    total = lanes_sum(off_prior)
     for c in range(readings.size):
         if not (np.isnan(readings[c]) or gated[c]):
             off = readings[c] - ws.y[c]
             total += off * off / blocks.noise[c]
-    return 0.5 * total
+    return float(0.5 * total)
 
 
-@inlined
-def _gauss_newton(ws: Any, steps: Any, mean: Any, cov: Any, blocks: Any, readings: Any, gated: Any) -> None:
-    """The full step from ``steps.at``, into ``steps.towards`` and ``steps.pushes``; readings left out have λ = 0."""
-    n, m = mean.size, readings.size
-    S, root, weight, spread = steps.S, steps.root, steps.weight, steps.spread
+@uncounted
+def _gauss_newton(ws: Any, steps: Any, blocks: Any, readings: Any, gated: Any) -> None:
+    """The full step from ``ws.about``, into ``steps.towards`` and ``steps.pushes``; readings left out have λ = 0."""
+    m, vectors = readings.size, ws.mean.size // LANES
+    S, root, weight, spread, towards, pushes = steps.S, steps.root, steps.weight, ws.spread, steps.towards, steps.pushes
+    for c in range(vectors):
+        store(towards, c, load(ws.mean, c) - load(ws.about, c))
+        store(pushes, c, splat(0.0) - load(steps.push, c))
+    multiply(ws.nothing, ws.H, 0, m, 0, ws.cov.shape[0], ws.cov, spread)
     for c in range(m):
-        h = ws.H[c]
         known = not (np.isnan(readings[c]) or gated[c])
-        weight[c] = readings[c] - ws.y[c] if known else 0.0
-        for i in range(n):
-            inner = 0.0
-            if known:
-                for j in range(n):
-                    inner += cov[i, j] * h[j]
-                weight[c] += h[i] * (steps.at[i] - mean[i])
-            spread[c, i] = inner
+        weight[c] = readings[c] - ws.y[c] - inner(ws.H, c, towards, 0) if known else 0.0
         for d in range(c):
-            value = 0.0
-            for i in range(n):
-                value += spread[d, i] * h[i]
-            S[d, c] = value if known else 0.0
-        S[c, c] = blocks.noise[c]
-        for i in range(n):
-            S[c, c] += spread[c, i] * h[i]
+            S[d, c] = inner(spread, d, ws.H, c) if known and not (np.isnan(readings[d]) or gated[d]) else 0.0
+        S[c, c] = blocks.noise[c] + (inner(spread, c, ws.H, c) if known else 0.0)
     factorise(S, root)
     for c in range(m):
         for d in range(c):
@@ -237,10 +253,8 @@ def _gauss_newton(ws: Any, steps: Any, mean: Any, cov: Any, blocks: Any, reading
         for d in range(c + 1, m):
             weight[c] -= root[c, d] * weight[d]
         weight[c] = weight[c] / root[c, c] if root[c, c] > 0.0 else 0.0
-    for i in range(n):
-        steps.towards[i] = mean[i] - steps.at[i]
-        steps.pushes[i] = -steps.push[i]
     for c in range(m):
-        for i in range(n):
-            steps.towards[i] += spread[c, i] * weight[c]
-            steps.pushes[i] += ws.H[c, i] * weight[c]
+        size = splat(weight[c])
+        for i in range(vectors):
+            store(towards, i, load(towards, i) + size * load(spread, c * vectors + i))
+            store(pushes, i, load(pushes, i) + size * load(ws.H, c * vectors + i))

@@ -27,10 +27,12 @@ from numpy.typing import NDArray
 from windsysid.filters.ekf import EKF
 from windsysid.filters.gaussian import Filter, Info, empty_info
 from windsysid.filters.roots import ROUNDING, factorise, triangularise
-from windsysid.filters.ukf import UKF, sigma_points, spread_transition
-from windsysid.jit import JACOBIAN, VALUE, compiled, inlined
+from windsysid.filters.ukf import SIGMA_POINTS, UKF, set_load_roots, sigma_points, spread_transition
+from windsysid.jit import JACOBIAN, VALUE, compiled, uncounted
+from windsysid.rows import inner, padded, write
+from windsysid.simd import LANES, splat, store
 from windsysid.statespace import StateSpace
-from windsysid.transition import BLOCKS, interval, linearise_transition, workspace
+from windsysid.transition import BLOCKS, WORKSPACE, interval, linearise_transition, set_parameters, workspace
 
 __all__ = ["Smoothed", "smooth"]
 
@@ -96,58 +98,75 @@ def smooth(model: StateSpace, inputs: Array, readings: Array, filter_: Filter = 
 
 def _backward(model: StateSpace, filter_: Filter) -> Callable[..., None]:
     """For a model, the compiled way back: a function of `_ARGUMENTS`."""
+    blocks, n = model.blocks, len(model.states)
+    points = sigma_points(blocks)
+    scratch = (workspace(blocks), points, padded(2 * n, points.width), padded(n, n))
     if filter_ == UKF:
-        return partial(_compiled_unscented(), model.compiled.rates, model.blocks)
-    return partial(_compiled_linearised(), model.compiled.rates_jacobian, model.blocks)
+        return partial(_compiled_unscented(), model.compiled.rates, blocks, *scratch)
+    return partial(_compiled_linearised(), model.compiled.rates_jacobian, blocks, *scratch)
 
 
 _matrix, _cube = types.float64[:, ::1], types.float64[:, :, ::1]
-_ARGUMENTS = (_matrix, _matrix, _cube, types.float64[::1], _matrix, _matrix, _matrix)
-"""Inputs of T samples and, unless they are the last, of the one after them; the filter's means and covariances; mean and root
+_ARGUMENTS = (
+    WORKSPACE,
+    SIGMA_POINTS,
+    _matrix,
+    _matrix,
+    _matrix,
+    _matrix,
+    _cube,
+    types.float64[::1],
+    _matrix,
+    _matrix,
+    _matrix,
+)
+"""Scratch, two blocks of rows (2n, w⁺) and a covariance (n, n⁺) among it; inputs of T samples and, unless they are the last, of the one after them; the filter's means and covariances; mean and root
 of the sample after, which become those of the first; means and standard deviations to be written."""
 
 
 @lru_cache(maxsize=1)
 def _compiled_linearised() -> Any:
-    return compiled(_linearised, types.void(types.FunctionType(JACOBIAN), BLOCKS, *_ARGUMENTS))
+    return compiled(_linearised, types.void(types.FunctionType(JACOBIAN), BLOCKS, *_ARGUMENTS), borrows=True)
 
 
 @lru_cache(maxsize=1)
 def _compiled_unscented() -> Any:
-    return compiled(_unscented, types.void(types.FunctionType(VALUE), BLOCKS, *_ARGUMENTS))
+    return compiled(_unscented, types.void(types.FunctionType(VALUE), BLOCKS, *_ARGUMENTS), borrows=True)
 
 
 def _linearised(
-    rates_jacobian: Any, blocks: Any, inputs: Any, filtered: Any, covs: Any, mean: Any, root: Any, means: Any, stds: Any
-) -> None:
-    ws, points = workspace(blocks), sigma_points(blocks)
-    n, last = mean.size, inputs.shape[0] - 1
-    rows, predicted = np.zeros((2 * n, points.width)), np.zeros(n)
+    rates_jacobian: Any, blocks: Any, ws: Any, points: Any, rows: Any, cov: Any, inputs: Any, filtered: Any, covs: Any,
+    mean: Any, root: Any, means: Any, stds: Any,
+) -> None:  # fmt: skip
+    n, last, predicted = mean.size, inputs.shape[0] - 1, ws.mean
+    set_load_roots(blocks, ws, points)
     for k in range(filtered.shape[0] - 1, -1, -1):
-        factorise(covs[k], points.root)
         for i in range(n):
             predicted[i] = filtered[k, i]
+            write(cov, i * cov.shape[1], covs, (k * n + i) * n, n)
+        factorise(cov, points.root)
         if k < last:
             _linearised_transition(rates_jacobian, blocks, ws, points, predicted, rows, inputs[k], inputs[k + 1])
-        _retreat(points.root, filtered[k], predicted, rows, k == last, mean, root, means[k], stds[k])
+        _retreat(points.root, points.pivot, filtered[k], predicted, rows, k == last, mean, root, means[k], stds[k])
 
 
 def _unscented(
-    rates: Any, blocks: Any, inputs: Any, filtered: Any, covs: Any, mean: Any, root: Any, means: Any, stds: Any
-) -> None:
-    ws, points = workspace(blocks), sigma_points(blocks)
-    n, last = mean.size, inputs.shape[0] - 1
-    rows, predicted = np.zeros((2 * n, points.width)), np.zeros(n)
+    rates: Any, blocks: Any, ws: Any, points: Any, rows: Any, cov: Any, inputs: Any, filtered: Any, covs: Any,
+    mean: Any, root: Any, means: Any, stds: Any,
+) -> None:  # fmt: skip
+    n, last, predicted = mean.size, inputs.shape[0] - 1, ws.mean
+    set_load_roots(blocks, ws, points)
     for k in range(filtered.shape[0] - 1, -1, -1):
-        factorise(covs[k], points.root)
         for i in range(n):
             predicted[i] = filtered[k, i]
+            write(cov, i * cov.shape[1], covs, (k * n + i) * n, n)
+        factorise(cov, points.root)
         if k < last:
             spread_transition(rates, blocks, ws, points, predicted, rows, inputs[k], inputs[k + 1])
-        _retreat(points.root, filtered[k], predicted, rows, k == last, mean, root, means[k], stds[k])
+        _retreat(points.root, points.pivot, filtered[k], predicted, rows, k == last, mean, root, means[k], stds[k])
 
 
-@inlined
+@uncounted
 def _linearised_transition(
     rates_jacobian: Any, blocks: Any, ws: Any, points: Any, mean: Any, rows: Any, before: Any, after: Any
 ) -> None:
@@ -155,14 +174,15 @@ def _linearised_transition(
     nx, nz, nb, nt, _, _ = blocks.sizes
     n, rest = nx + nz + nb + nt, nx + nz
     s = interval(blocks, after)
-    phi, noise = blocks.load_transition[s], points.load_roots[s]
-    rows[:, :] = 0.0
+    phi = blocks.load_transition[s]
+    for c in range(rows.size // LANES):
+        store(rows, c, splat(0.0))
+    set_parameters(blocks, ws, mean)
     linearise_transition(rates_jacobian, blocks, ws, mean, before, after)
     for j in range(n):
         direction = points.root[j]
         for i in range(nx):
-            for k in range(n):
-                rows[i, j] += ws.top[i, k] * direction[k]
+            rows[i, j] = inner(ws.F, i, points.root, j)
         for i in range(nz):
             for k in range(nz):
                 rows[nx + i, j] += phi[i, k] * direction[nx + k]
@@ -171,18 +191,18 @@ def _linearised_transition(
     for j in range(nz):
         for i in range(nx):
             for k in range(nz):
-                rows[i, n + j] += ws.noise_gain[i, k] * noise[j, k]
+                rows[i, n + j] += ws.gain[i, k] * points.load_roots[s * nz + j, k]
         for i in range(nz):
-            rows[nx + i, n + j] = noise[j, i]
+            rows[nx + i, n + j] = points.load_roots[s * nz + j, i]
     for j in range(points.walking.size):
         i = points.walking[j]
         rows[rest + i, n + nz + nx + j] = math.sqrt(blocks.walk[s, i])
 
 
-@inlined
+@uncounted
 def _retreat(
-    own: Any, filtered: Any, predicted: Any, rows: Any, is_last: bool, mean: Any, root: Any, means: Any, stds: Any
-) -> None:
+    own: Any, pivot: Any, filtered: Any, predicted: Any, rows: Any, is_last: bool, mean: Any, root: Any, means: Any, stds: Any
+) -> None:  # fmt: skip
     """Smoothed mean and root of one sample from those of the next, in place.
 
     `own` is the filter's root, `predicted` the mean that its step leads to, `rows` (2n, w) begin with A; the rest is filled
@@ -198,7 +218,7 @@ def _retreat(
         for i in range(n):
             for j in range(n):
                 rows[n + i, j] = own[j, i]
-        triangularise(rows)
+        triangularise(rows, pivot)
         for i in range(n):
             mean[i] -= predicted[i]
         _solve(rows, mean)
@@ -221,7 +241,7 @@ def _retreat(
                 rows[i, j] = own[i, j]
             for j in range(n, w):
                 rows[i, j] = rows[n + i, j]
-        triangularise(rows[:n])
+        triangularise(rows[:n], pivot)
         for i in range(n):
             for j in range(n):
                 root[j, i] = rows[i, j]
@@ -233,7 +253,7 @@ def _retreat(
         stds[i] = math.sqrt(variance)
 
 
-@inlined
+@uncounted
 def _solve(rows: Any, right: Any) -> None:
     """L⁻¹ `right`, in place, L being the first n rows and columns of `rows`; zero where L's pivot is rounding."""
     n = right.size

@@ -30,11 +30,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from windsysid.filters.gaussian import ARGUMENTS, Filter, keep
+from windsysid.filters.gaussian import ARGUMENTS, Filter, close_belief, keep, open_belief
 from windsysid.filters.roots import absorb, factorise, square, triangularise
-from windsysid.jit import VALUE, compiled, inlined
+from windsysid.jit import VALUE, compiled, uncounted
+from windsysid.rows import padded
+from windsysid.simd import LANES, splat, store
 from windsysid.statespace import StateSpace
-from windsysid.transition import BLOCKS, expected_reading, interval, load_output, move, set_load_outputs, workspace
+from windsysid.transition import (
+    BLOCKS,
+    WORKSPACE,
+    Blocks,
+    Indices,
+    Matrix,
+    Vector,
+    expected_reading,
+    interval,
+    load_output,
+    move,
+    scratch_type,
+    set_load_outputs,
+    workspace,
+)
 
 __all__ = ["UKF"]
 
@@ -43,38 +59,90 @@ SPREAD = math.sqrt(3.0)
 
 
 def _kernel(model: StateSpace) -> Callable[..., None]:
-    return partial(_compiled(), model.compiled.rates, model.compiled.reading, model.blocks)
+    blocks = model.blocks
+    points = sigma_points(blocks)
+    rows = padded(len(model.states), points.width)
+    return partial(_compiled(), model.compiled.rates, model.compiled.reading, blocks, workspace(blocks), points, rows)
 
 
 UKF = Filter("unscented Kalman filter", _kernel)
+
+
+class SigmaPoints(NamedTuple):
+    """Scratch of the unscented transform.
+
+    `root` (n, n) of the state's covariance, transposed, and `load_roots` (S, n_z, n_z) of the load noise; `width` of the rows that a step
+    writes; `walking` names the biases and parameters that walk. For a reading, `directions` (n, m + n) and `centre` (m + n,) hold the
+    readings' d_j and means, then those of the state; `curved` (m, m) is Σ g_j g_jᵀ / c² with the sensors' noise.
+    """
+
+    root: Matrix
+    load_roots: Matrix
+    width: int
+    walking: Indices
+    state: Vector
+    eta: Vector
+    loads: Vector
+    first: Vector
+    high: Vector
+    curvature: Vector
+    curved_x: Matrix
+    root_x: Matrix
+    bend: Vector
+    curved: Matrix
+    directions: Matrix
+    centre: Matrix
+    behind: Matrix
+    pivot: Matrix
+
+
+SIGMA_POINTS = scratch_type(SigmaPoints)
+"""Numba's type of `SigmaPoints`."""
+
+
+def sigma_points(blocks: Blocks) -> SigmaPoints:
+    """Allocate `SigmaPoints` for a model."""
+    nx, nz, nb, nt, _, _ = (int(size) for size in blocks.sizes)
+    n, m, size = nx + nz + nb + nt, len(blocks.noise), max(nx, len(blocks.noise))
+    walking = np.flatnonzero(blocks.walk[0] > 0.0)
+    width = n + nz + nx + len(walking)
+    return SigmaPoints(
+        root=padded(n, n), load_roots=padded(len(blocks.step) * nz, nz), width=width, walking=walking,
+        state=padded(1, n)[0], eta=padded(1, nz)[0], loads=np.zeros(nz),
+        first=np.zeros(size), high=np.zeros(size), curvature=np.zeros(size), curved_x=padded(nx, nx), root_x=padded(nx, nx),
+        bend=np.zeros(size), curved=np.zeros((m, m)), directions=padded(n, m + n), centre=padded(1, m + n), behind=padded(1, m + n),
+        pivot=padded(1, width),
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=1)
 def _compiled() -> Any:
     """The compiled filter, one for all models."""
     value = types.FunctionType(VALUE)
-    return compiled(_run, types.void(value, value, BLOCKS, *ARGUMENTS))
+    return compiled(
+        _run, types.void(value, value, BLOCKS, WORKSPACE, SIGMA_POINTS, types.float64[:, ::1], *ARGUMENTS), borrows=True
+    )
 
 
 def _run(
-    rates: Any, reading: Any, blocks: Any, mean: Any, cov: Any, previous: Any,
+    rates: Any, reading: Any, blocks: Any, ws: Any, points: Any, rows: Any, mean: Any, cov: Any, previous: Any,
     inputs: Any, readings: Any, started: bool, moves: bool, covs: Any, means: Any, stds: Any,
     innovation: Any, innovation_std: Any, whitened: Any, whitening_std: Any, log_likelihood: Any, gated: Any,
 ) -> None:  # fmt: skip
-    ws, points = workspace(blocks), sigma_points(blocks)
     n, m = mean.size, blocks.noise.size
-    rows = np.zeros((n, points.width))
+    open_belief(ws, mean, cov)
+    set_load_roots(blocks, ws, points)
     before = previous
     for k in range(inputs.shape[0]):
         after = inputs[k]
         if started and moves:
-            factorise(cov, points.root)
-            spread_transition(rates, blocks, ws, points, mean, rows, before, after)
-            triangularise(rows)
+            factorise(ws.cov, points.root)
+            spread_transition(rates, blocks, ws, points, ws.mean, rows, before, after)
+            triangularise(rows, points.pivot)
             for i in range(n):
                 for j in range(n):
                     points.root[j, i] = rows[i, j]
-            square(points.root, cov)
+            square(points.root, ws.cov)
         started = True
         before = after
         seen = 0
@@ -86,73 +154,25 @@ def _run(
             seen += 0 if np.isnan(readings[k, c]) else 1
         log_likelihood[k] = 0.0
         if seen > 0:
-            factorise(cov, points.root)
-            spread_reading(reading, blocks, ws, points, mean, after)
+            factorise(ws.cov, points.root)
+            spread_reading(reading, blocks, ws, points, ws.mean, after)
             log_likelihood[k] = _assimilate(
-                blocks,
-                points,
-                mean,
-                readings[k],
-                innovation[k],
-                innovation_std[k],
-                whitened[k],
-                whitening_std[k],
-                gated[k],
-            )
-            square(points.root, cov)
-        keep(mean, cov, k, means, stds, covs)
+                blocks, points, ws.mean, readings[k], innovation[k], innovation_std[k], whitened[k], whitening_std[k], gated[k]
+            )  # fmt: skip
+            square(points.root, ws.cov)
+        keep(ws.mean, ws.cov, k, means, stds, covs)
+    close_belief(ws, mean, cov)
 
 
-class SigmaPoints(NamedTuple):
-    """Scratch of the unscented transform.
-
-    `root` (n, n) of the state's covariance, transposed, and `load_roots` (S, n_z, n_z) of the load noise; `width` of the rows that a step
-    writes; `walking` names the biases and parameters that walk. For a reading, `directions` (n, m + n) and `centre` (m + n,) hold the
-    readings' d_j and means, then those of the state; `curved` (m, m) is Σ g_j g_jᵀ / c² with the sensors' noise.
-    """
-
-    root: Any
-    load_roots: Any
-    width: int
-    walking: Any
-    state: Any
-    eta: Any
-    loads: Any
-    first: Any
-    high: Any
-    curvature: Any
-    curved_x: Any
-    root_x: Any
-    bend: Any
-    curved: Any
-    directions: Any
-    centre: Any
-    behind: Any
-
-
-@inlined
-def sigma_points(blocks: Any) -> Any:
-    """Allocate `SigmaPoints` for a model."""
-    nx, nz, nb, nt, _, _ = blocks.sizes
-    n, m, size = nx + nz + nb + nt, blocks.noise.size, max(nx, blocks.noise.size)
-    load_roots = np.zeros((blocks.step.size, nz, nz))
+@uncounted
+def set_load_roots(blocks: Any, ws: Any, points: Any) -> None:
+    """The roots of the load noise of every interval."""
+    nz = blocks.sizes[1]
     for s in range(blocks.step.size):
-        factorise(blocks.load_noise[s], load_roots[s])
-    count = 0
-    walking = np.zeros(nb + nt, dtype=np.int64)
-    for i in range(nb + nt):
-        if blocks.walk[0, i] > 0.0:
-            walking[count] = i
-            count += 1
-    return SigmaPoints(
-        np.zeros((n, n)), load_roots, n + nz + nx + count, walking[:count],
-        np.zeros(n), np.zeros(nz), np.zeros(nz), np.zeros(size), np.zeros(size), np.zeros(size),
-        np.zeros((nx, nx)), np.zeros((nx, nx)), np.zeros(size), np.zeros((m, m)),
-        np.zeros((n, m + n)), np.zeros(m + n), np.zeros(m + n),
-    )  # fmt: skip
+        factorise(ws.Q[s * nz : (s + 1) * nz], points.load_roots[s * nz : (s + 1) * nz])
 
 
-@inlined
+@uncounted
 def spread_transition(
     rates: Any, blocks: Any, ws: Any, points: Any, mean: Any, rows: Any, before: Any, after: Any
 ) -> None:
@@ -165,7 +185,8 @@ def spread_transition(
     s = interval(blocks, after)
     phi = blocks.load_transition[s]
     state, eta, root = points.state, points.eta, points.root
-    rows[:, :] = 0.0
+    for c in range(rows.size // LANES):
+        store(rows, c, splat(0.0))
     set_load_outputs(blocks, ws, before, after)
     for j in range(nz):
         eta[j] = 0.0
@@ -178,7 +199,7 @@ def spread_transition(
     for i in range(nz):
         points.loads[i] = ws.z[i]
     for j in range(n + nz):
-        direction = root[j] if j < n else points.load_roots[s, j - n]
+        direction = root[j] if j < n else points.load_roots[s * nz + j - n]
         for side in range(2):
             out = SPREAD if side == 0 else -SPREAD
             for i in range(n):
@@ -219,12 +240,12 @@ def spread_transition(
         rows[rest + i, n + nz + nx + j] = math.sqrt(blocks.walk[s, i])
 
 
-@inlined
+@uncounted
 def spread_reading(reading: Any, blocks: Any, ws: Any, points: Any, mean: Any, inputs: Any) -> None:
     """Means, directions and additional noise of all readings, as `_assimilate` takes them."""
-    n, m = mean.size, blocks.noise.size
+    n, m = points.root.shape[0], blocks.noise.size
     state, curved = points.state, points.curved
-    load_output(blocks, inputs, ws.H1)
+    load_output(blocks, ws, inputs, ws.H1)
     expected_reading(reading, blocks, ws, mean, inputs)
     for c in range(m):
         points.first[c] = ws.y[c]
@@ -252,42 +273,42 @@ def spread_reading(reading: Any, blocks: Any, ws: Any, points: Any, mean: Any, i
         for i in range(n):
             points.directions[j, m + i] = direction[i]
     for c in range(m):
-        points.centre[c] = points.first[c] + points.bend[c]
+        points.centre[0, c] = points.first[c] + points.bend[c]
     for i in range(n):
-        points.centre[m + i] = mean[i]
+        points.centre[0, m + i] = mean[i]
 
 
-@inlined
+@uncounted
 def _assimilate(
     blocks: Any, points: Any, mean: Any, readings: Any, innovation: Any, innovation_std: Any,
     whitened: Any, whitening_std: Any, gated: Any,
 ) -> float:  # fmt: skip
     """Take in a sample's readings: mean in place, its root in `points`; the log density that they had."""
-    n, m = mean.size, blocks.noise.size
     directions, centre, noise = points.directions, points.centre, points.curved
+    n, m = directions.shape[0], blocks.noise.size
     for c in range(m):
         if np.isnan(readings[c]):
             continue
         spread = noise[c, c]
         for j in range(n):
             spread += directions[j, c] * directions[j, c]
-        innovation[c] = readings[c] - centre[c]
+        innovation[c] = readings[c] - centre[0, c]
         innovation_std[c] = math.sqrt(spread)
         gated[c] = abs(innovation[c]) > blocks.gate[0] * innovation_std[c]
-        centre[c] = -innovation[c]  # from here on, the mean of the reading's deviation from what was read
+        centre[0, c] = -innovation[c]  # from here on, the mean of the reading's deviation from what was read
     total = 0.0
     for c in range(m):
         if np.isnan(readings[c]) or gated[c]:
             continue
         # one row of the noise's Cholesky factor: this reading to unit noise, those after it to what it does not explain
         own = math.sqrt(noise[c, c])
-        centre[c] /= own
+        centre[0, c] /= own
         for j in range(n):
             directions[j, c] /= own
         for d in range(c + 1, m):
             share = noise[c, d] / own
             if share != 0.0:
-                centre[d] -= share * centre[c]
+                centre[0, d] -= share * centre[0, c]
                 for j in range(n):
                     directions[j, d] -= share * directions[j, c]
                 for e in range(d, m):
@@ -297,7 +318,7 @@ def _assimilate(
         whitening_std[c] = std * own
         total -= 0.5 * (math.log(2.0 * math.pi) + z * z) + math.log(std * own)
     for i in range(n):
-        mean[i] = centre[m + i]
+        mean[i] = centre[0, m + i]
     for j in range(n):
         for i in range(n):
             points.root[j, i] = directions[j, m + i]

@@ -3,7 +3,8 @@
 A model is written out as one readable Python module in the user's cache folder (`windsysid.mechanics.generate`), named by
 a hash of what it was made from, and compiled from there; a warm run imports that module and never SymPy. Per model there
 are two quantities, the rates ẋ and the readings y, each as a value kernel and as a kernel with its Jacobians, with one
-fixed signature for all models (`windsysid.jit`).
+fixed signature for all models (`windsysid.jit`). The Jacobian kernels can also be compiled for several models side by side: the generated
+arithmetic is the same for numbers and for vectors (`windsysid.simd`), and what depends on inputs alone stays a number.
 """
 
 import hashlib
@@ -19,7 +20,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
-from windsysid.jit import JACOBIAN, VALUE, cache_folder, compiled, logger
+from windsysid.jit import JACOBIAN, LANE_JACOBIAN, VALUE, cache_folder, compiled, logger
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -108,6 +109,16 @@ class CompiledModel:
         """Kernel of y with ∂y/∂x, ∂y/∂p, ∂y/∂w."""
         return compiled(self.module.reading_jacobian, JACOBIAN)
 
+    @cached_property
+    def rates_of_lanes(self) -> Any:
+        """`rates_jacobian` for `windsysid.simd.LANES` models at once."""
+        return compiled(self.module.rates_jacobian, LANE_JACOBIAN)
+
+    @cached_property
+    def reading_of_lanes(self) -> Any:
+        """`reading_jacobian` for `windsysid.simd.LANES` models at once."""
+        return compiled(self.module.reading_jacobian, LANE_JACOBIAN)
+
 
 def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequence[str] = ()) -> CompiledModel:
     """Compile `model` with the readings of `sensors` and derivatives to the parameters `identified`.
@@ -143,9 +154,9 @@ def _announce() -> None:
 
 @lru_cache(maxsize=1)
 def _version() -> str:
-    """What the generated source depends on besides the model: this package's mechanics and SymPy."""
+    """What the generated source and its kernels depend on besides the model: this package's mechanics and vectors, and SymPy."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in (*sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "simd.py"):
         digest.update(path.read_bytes())
     return f"{digest.hexdigest()} sympy {metadata.version('sympy')}"
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["generate_source"]
 
 _MATH = (
-    "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "pi", "sin", "sinh", "sqrt", "tan", "tanh",
+    "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "nan", "pi", "sin", "sinh", "sqrt", "tan", "tanh",
 )  # fmt: skip
 
 SMALLEST = 1e-30
@@ -34,7 +34,12 @@ def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence
     """The Python module that holds a model's four kernels: rates and reading, each without and with Jacobians."""
     equations = model.equations()
     for symbol in (*equations.states, *equations.inputs, *equations.parameters, *equations.loads):
-        if not symbol.name.isidentifier() or iskeyword(symbol.name) or symbol.name in _MATH or symbol.name[0] == "_":
+        if (
+            not symbol.name.isidentifier()
+            or iskeyword(symbol.name)
+            or symbol.name in (*_MATH, "where")
+            or symbol.name[0] == "_"
+        ):
             raise ConfigurationError(
                 f"model '{equations.name}': expected names fit for Python variables, got '{symbol.name}': rename it"
             )
@@ -50,6 +55,8 @@ def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence
         f'"""{equations.name}: kernels written by windsysid. Do not edit: delete the file and it is made again."""',
         "",
         f"from math import {', '.join(_MATH)}",
+        "",
+        "from windsysid.simd import where",
         "",
         f"NAME = {equations.name!r}",
     ]
@@ -263,7 +270,7 @@ class _Factor:
 
 @lru_cache(maxsize=1)
 def _printer() -> Any:
-    """SymPy's printer of plain Python, with magnitudes kept off zero and the slope of a jump left out."""
+    """SymPy's printer of plain Python that vectors understand too, with magnitudes kept off zero and the slope of a jump left out."""
     from sympy.printing.pycode import PythonCodePrinter
 
     class Printer(PythonCodePrinter):  # type: ignore[misc]
@@ -272,5 +279,28 @@ def _printer() -> Any:
 
         def _print_DiracDelta(self, expression: sp.DiracDelta) -> str:
             return "0.0"
+
+        def _print_sign(self, expression: sp.sign) -> str:
+            of = self._print(expression.args[0])
+            return f"where({of} == 0.0, 0.0, copysign(1.0, {of}))"
+
+        def _print_Piecewise(self, expression: sp.Piecewise) -> str:
+            text = "nan"
+            for value, condition in reversed(expression.args):
+                text = (
+                    self._print(value)
+                    if condition == True  # noqa: E712 (SymPy's own truth)
+                    else f"where({self._print(condition)}, {self._print(value)}, {text})"
+                )
+            return text
+
+        def _print_Heaviside(self, expression: sp.Heaviside) -> str:
+            return str(self._print(expression.rewrite(sp.Piecewise)))
+
+        def _print_And(self, expression: sp.And) -> str:
+            return " & ".join(f"({self._print(part)})" for part in expression.args)
+
+        def _print_Or(self, expression: sp.Or) -> str:
+            return " | ".join(f"({self._print(part)})" for part in expression.args)
 
     return Printer({"fully_qualified_modules": False})
