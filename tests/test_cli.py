@@ -346,6 +346,8 @@ OPTIONS = {
         "turbine", "--sensors", "--duration", "--rate", "[Hz]", "--parameters", "NAME,NAME", "--within", "PERCENT", "--load-scale",
         "--rotor-speed", "--seed", "--output", "--json", "--overwrite",
     ),
+    "modes": ("--speeds", "--operating", "--output", "--json", "--overwrite"),
+    "compare": ("before", "after", "--output", "--json", "--overwrite"),
     "turbines": (),
 }  # fmt: skip
 

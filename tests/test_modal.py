@@ -1,6 +1,7 @@
 """Modes in the fixed frame: isolated limits, published rotors, and Floquet's theory as an independent judge."""
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment
 
 from windsysid.mechanics import CompiledModel, RotorModel, compile_model
-from windsysid.modal import Mode, modes, modes_with_bands
+from windsysid.modal import Mode, analyse, modes, modes_with_bands, obstacles
 from windsysid.statespace import Parameter
 from windsysid.turbine import Turbine, load_turbine
 
@@ -45,12 +46,18 @@ def test_on_a_stiff_support_the_blades_vibrate_on_their_own_seen_from_the_ground
     )
 
 
-def test_nrel5mw_has_the_modes_of_the_openfast_linearisation():
+OPENFAST = ([0.3155, 0.8955, 1.1112, 1.3052], [0.349, 0.582, 0.482, 0.404])
+"""Frequencies [Hz] and damping ratios [%] of OpenFAST's linearisation at 12.1 rpm, tower side-side and first edgewise modes free."""
+
+
+@pytest.mark.parametrize("method", ["Coleman", "Floquet"])
+def test_nrel5mw_has_the_modes_of_the_openfast_linearisation(method: Literal["Coleman", "Floquet"]):
     # ../shared/data/README.md: first-order values of another program, given to four and three digits.
-    found = modes_of(load_turbine("nrel5mw"))
-    assert [name for name, _, _ in found] == ["tower x", "lag backward", "lag collective", "lag forward"]
-    np.testing.assert_allclose([f for _, f, _ in found], [0.3155, 0.8955, 1.1112, 1.3052], rtol=2e-4)
-    np.testing.assert_allclose([100 * z for _, _, z in found], [0.349, 0.582, 0.482, 0.404], rtol=4e-3)
+    nrel = load_turbine("nrel5mw")
+    found = analyse(nrel.model, *compiled(nrel), nrel.rotor_speed, method=method)
+    assert found.names == ("tower x", "lag backward", "lag collective", "lag forward")
+    np.testing.assert_allclose(found.frequency, OPENFAST[0], rtol=2e-4)
+    np.testing.assert_allclose(100 * found.damping, OPENFAST[1], rtol=4e-3)
 
 
 @pytest.mark.parametrize("rpm", range(20, 401, 20))
@@ -104,10 +111,158 @@ def test_modes_are_the_floquet_exponents_of_one_revolution(name: str, tolerance:
     assert np.any(np.abs(np.round(turns)) > 0)  # the turning frame was really left
 
 
-def test_two_blades_have_no_constant_coordinates(verne555: Turbine):
-    two = RotorModel(2)
-    model = compile_model(two)
-    assert modes(two, model, np.array([verne555.values[name] for name in model.parameters]), 7.0) == []
+def isotropic_hub(turbine: Turbine) -> Turbine:
+    """The y of the support made like its x."""
+    return turbine.with_values({f"{to}_y": turbine.values[f"{to}_x"] for to in ("hub_mass", "k", "c")})
+
+
+@pytest.mark.parametrize("rpm", [20, 100, 160, 240, 300, 500])
+@pytest.mark.parametrize("damping", [0.0, 1.0])
+@pytest.mark.parametrize("method", ["Coleman", "Floquet"])
+def test_hammond_on_an_isotropic_hub_has_the_roots_of_colemans_characteristic_equation(
+    rpm: int, damping: float, method: Literal["Coleman", "Floquet"]
+):
+    # With z = x + i y and Z = ξ_c + i ξ_s, the hub and the whirling lag of N blades obey (derived by hand, turned to the fixed frame)
+    #   M z″ + c z′ + k z + i (N/2) S Z″ = 0,
+    #   I (Z″ − 2iΩ Z′ − Ω² Z) + c_β (Z′ − iΩ Z) + (k_β + S d Ω²) Z − i S z″ = 0:  a quartic in λ.
+    hammond = isotropic_hub(load_turbine("hammond"))
+    hammond = hammond.with_values(
+        {name: damping * hammond.values[name] for name in ("c_x", "c_y", *(f"c_beta_{i}" for i in range(1, 5)))}
+    )
+    v, N, Omega = hammond.values, 4, rpm * math.pi / 30
+    hub = np.array([v["hub_mass_x"] + N * v["blade_mass_1"], v["c_x"], v["k_x"]])
+    turned = np.poly1d([1.0, -1j * Omega])
+    stiffness = v["k_beta_1"] + v["blade_first_moment_1"] * v["hinge_offset"] * Omega**2
+    lag = v["blade_inertia_1"] * turned**2 + v["c_beta_1"] * turned + stiffness
+    quartic = np.poly1d(hub) * lag - np.poly1d([N / 2 * v["blade_first_moment_1"] ** 2, 0, 0, 0, 0])
+    whirling = quartic.roots
+    alone = np.roots([v["blade_inertia_1"], v["c_beta_1"], stiffness])
+    expected = np.concatenate(
+        [whirling, whirling.conj(), alone, alone]
+    )  # collective and differential lag are the blade alone
+    expected = expected[expected.imag > 1e-6]
+    found = analyse(hammond.model, *compiled(hammond), Omega, method=method)
+    assert len(found.exponents) == len(expected)
+    distance = np.abs(found.exponents[:, None] - expected)
+    assert distance[linear_sum_assignment(distance)].max() < 1e-6 * Omega
+    assert found.growth == pytest.approx(max(whirling.real.max(), alone.real.max()), abs=1e-6 * Omega)
+
+
+def two_blades() -> Turbine:
+    """Half of Hammond's helicopter, heavier, its blades on springs, in a vertical plane."""
+    hammond = load_turbine("hammond")
+    return hammond.with_model(RotorModel(2)).with_values(
+        {
+            "gravity": 9.81,
+            "c_x": 4e3,
+            "c_y": 4e3,
+            "k_beta_1": 4e5,
+            "k_beta_2": 4e5,
+            "c_beta_1": 400.0,
+            "c_beta_2": 400.0,
+        }
+    )
+
+
+def simulated(turbine: Turbine, speed: float, start: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """The nonlinear equations of motion in SciPy's hands: states (T, n)."""
+    model, p = compiled(turbine)
+    out, loads = np.empty(len(model.states)), np.zeros(len(model.loads))
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        model.rates(np.ascontiguousarray(x), np.array([speed * t, speed, 0.0]), p, loads, out)
+        return out.copy()
+
+    return np.asarray(
+        solve_ivp(rates, (0.0, time[-1]), start, method="DOP853", rtol=1e-11, atol=1e-14, t_eval=time).y.T
+    )
+
+
+def test_two_blades_vibrate_as_their_nonlinear_equations_do():
+    # Neighbours of the periodic motion, a turn later, make the monodromy matrix without any Jacobian.
+    turbine, speed = two_blades(), 24.0
+    turn = 2 * math.pi / speed
+    n = 2 * len(turbine.model.coordinates)
+    settled = simulated(turbine, speed, np.zeros(n), np.array([0.0, 200 * turn]))[-1]
+    step = 1e-5
+    monodromy = np.column_stack([
+        (simulated(turbine, speed, settled + d, np.array([turn]))[-1] - simulated(turbine, speed, settled - d, np.array([turn]))[-1])
+        / (2 * step)
+        for d in step * np.eye(n)
+    ])  # fmt: skip
+    found = analyse(turbine.model, *compiled(turbine), speed)
+    assert found.method == "Floquet"
+    multipliers = np.exp(np.concatenate([found.exponents, found.exponents.conj()]) * turn)
+    distance = np.abs(multipliers[:, None] - np.linalg.eigvals(monodromy))
+    assert len(multipliers) == n
+    assert distance[linear_sum_assignment(distance)].max() < 1e-6
+
+
+def test_two_blades_are_felt_where_the_notes_say():
+    # A free decay of the blades against each other: they feel f; the ground feels f + Ω forward, f − Ω backward (Ω − f forward where f < Ω).
+    turbine = isotropic_hub(two_blades())
+    for speed in (12.0, 24.0):
+        found = analyse(turbine.model, *compiled(turbine), speed)
+        f = float(found.frequency[found.names.index("lag differential")])
+        turning = speed / (2 * math.pi)
+        start, time = np.zeros(8), np.arange(0.0, 20.0, 0.01)
+        start[2:4] = 1e-3, -1e-3
+        motion = simulated(turbine, speed, start, time) - simulated(turbine, speed, np.zeros(8), time)
+        frequency = np.fft.fftfreq(8 * len(time), 0.01)
+        blades, ground = (
+            np.abs(np.fft.fft(np.hanning(len(time)) * v, 8 * len(time)))
+            for v in (motion[:, 2] - motion[:, 3], motion[:, 0] + 1j * motion[:, 1])
+        )
+        assert abs(frequency[np.argmax(blades)]) == pytest.approx(f, abs=0.03)
+        for line in (turning + f, turning - f):
+            near, mirrored = np.abs(frequency - line) < 0.3, np.abs(frequency + line) < 0.3
+            assert frequency[near][np.argmax(ground[near])] == pytest.approx(line, abs=0.05)
+            assert ground[near].max() > 10 * ground[mirrored].max()
+
+
+def test_floquet_and_coleman_meet_where_the_rotor_stands_still(verne555: Turbine):
+    # As the turn slows down, what gravity does to the blades averages out.
+    arguments = (verne555.model, *compiled(verne555))
+    slow, standing = analyse(*arguments, 0.2), analyse(*arguments, 0.0, method="Coleman")
+    np.testing.assert_allclose(slow.frequency[:3], standing.frequency[:3], rtol=2e-4)
+    assert analyse(*arguments, 0.0).method == "constant"
+
+
+@pytest.mark.parametrize("speed", [0.0, 7.0])
+@pytest.mark.parametrize("blades", [2, 3])
+def test_slopes_are_the_differences_of_exponents(verne555: Turbine, blades: int, speed: float):
+    turbine = verne555.with_model(RotorModel(blades))
+    model, p = compiled(turbine)
+    directions = np.zeros((3, len(p)))
+    for row, name in enumerate(("k_x", "c_beta_1", "blade_inertia_2")):
+        directions[row, model.parameters.index(name)] = turbine.values[name]
+    found = analyse(turbine.model, model, p, speed, directions)
+    for i, direction in enumerate(directions):
+        above, below = (analyse(turbine.model, model, p + e * direction, speed).exponents for e in (1e-5, -1e-5))
+        np.testing.assert_allclose(found.slopes[:, i], (above - below) / 2e-5, atol=1e-5 * np.abs(found.slopes).max())
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({}, []),
+        ({"gravity": 9.81}, ["gravity in the rotor plane"]),
+        ({"c_beta_1": 0.0}, ["blades differ in c_beta"]),
+        ({"eccentricity": 0.1, "blade_mass_2": 90.0}, ["blades differ in blade_mass", "an eccentric hub"]),
+    ],
+)
+def test_where_colemans_transform_does_not_apply_is_said_in_words(changed: dict[str, float], why: list[str]):
+    hammond = load_turbine("hammond").with_values(changed)
+    assert obstacles(hammond.model, dict(hammond.values)) == why
+    assert analyse(hammond.model, *compiled(hammond), 25.0).method == ("Floquet" if why else "Coleman")
+    assert obstacles(RotorModel(2), dict(hammond.values))[0] == "2 blades"
+    assert obstacles(RotorModel(4, lag="locked"), dict(hammond.values)) == []
+
+
+def test_a_round_whirl_of_the_support_is_named():
+    hammond = isotropic_hub(load_turbine("hammond"))
+    names = analyse(hammond.model, *compiled(hammond), 45.0).names
+    assert {"tower forward", "tower backward"} <= set(names)
 
 
 def test_bands_follow_from_the_covariance_by_the_delta_method(verne555: Turbine):

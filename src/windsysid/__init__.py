@@ -13,6 +13,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from windsysid.campbell import Campbell, find_modes
+    from windsysid.comparison import Comparison, compare
     from windsysid.errors import ConfigurationError, OutputError, RecordError, WindsysidError
     from windsysid.filters import EKF, IEKF, UKF, Belief, Filter, Info, Smoothed, load_belief, save_belief, smooth
     from windsysid.fitting import Fit, Reading, fit
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from windsysid.planning import Plan, plan
     from windsysid.profiling import Profile, profile_likelihood
     from windsysid.record import Record
-    from windsysid.result import Estimate, Identification
+    from windsysid.result import Estimate, Identification, Posterior, load_posterior
     from windsysid.simulate import simulate_record
     from windsysid.statespace import Parameter, StateSpace, compose
     from windsysid.turbine import Turbine, load_turbine, packaged_turbines, write_turbine
@@ -37,12 +39,14 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _WHERE = {
+    "campbell": ("Campbell", "find_modes"),
+    "comparison": ("Comparison", "compare"),
     "errors": ("ConfigurationError", "OutputError", "RecordError", "WindsysidError"),
     "filters": ("EKF", "IEKF", "UKF", "Belief", "Filter", "Info", "Smoothed", "load_belief", "save_belief", "smooth"),
     "fitting": ("Fit", "Reading", "fit"),
     "formats": ("iterate_record", "load_mapping", "read_record", "write_record"),
     "formulation": ("Prior",),
-    "result": ("Estimate", "Identification"),
+    "result": ("Estimate", "Identification", "Posterior", "load_posterior"),
     "identification": ("add_noise", "identify"),
     "mechanics.compile": ("CompiledModel", "compile_model"),
     "mechanics.equations": ("Equations", "lagrange"),
@@ -61,10 +65,10 @@ _WHERE = {
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
 
 __all__ = [
-    "EKF", "IEKF", "UKF", "Belief", "CompiledModel", "ConfigurationError", "Equations", "Estimate", "Filter", "Fit", "GaussMarkov",
-    "Identification", "Info", "LoadBlock", "Mode", "OutputError", "Parameter", "Plan", "Prior", "Profile", "Reading", "Record", "RecordError", "RotorModel", "Sensor", "Smoothed",
-    "StateSpace", "TowerModel", "Turbine", "WindsysidError", "add_noise", "compile_model", "compose", "fit", "identify",
-    "iterate_record", "lagrange", "load_belief", "load_mapping",
+    "EKF", "IEKF", "UKF", "Belief", "Campbell", "Comparison", "CompiledModel", "ConfigurationError", "Equations", "Estimate", "Filter", "Fit", "GaussMarkov",
+    "Identification", "Info", "LoadBlock", "Mode", "OutputError", "Parameter", "Plan", "Posterior", "Prior", "Profile", "Reading", "Record", "RecordError", "RotorModel", "Sensor", "Smoothed",
+    "StateSpace", "TowerModel", "Turbine", "WindsysidError", "add_noise", "compare", "compile_model", "compose", "find_modes", "fit", "identify",
+    "iterate_record", "lagrange", "load_belief", "load_mapping", "load_posterior",
     "load_turbine", "packaged_turbines", "plan", "profile_likelihood", "read_record", "read_sensors", "save_belief", "simulate_record", "smooth", "write_record",
     "write_turbine",
 ]  # fmt: skip

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from windsysid.formulation import Prior
     from windsysid.mechanics.sensors import Sensor
     from windsysid.record import Record
-    from windsysid.result import Identification
+    from windsysid.result import Identification, Posterior
     from windsysid.turbine import Turbine
 
 app = typer.Typer(
@@ -325,6 +325,93 @@ def plan(
 
 
 @app.command()
+def compare(
+    before: Annotated[Path, typer.Argument(help="Folder that windsysid identify wrote: the record to compare with.")],
+    after: Annotated[list[Path], typer.Argument(help="One or more folders of later records.")],
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, changes.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Between records: which coefficients moved, by how much, and how sure that is."""
+    from windsysid.comparison import compare as compare_results
+    from windsysid.output import check_output, new_folder
+    from windsysid.result import load_posterior
+
+    if output is not None:
+        check_output(output, overwrite=overwrite)
+        if len(after) > 1:
+            raise ConfigurationError("--output goes with two folders: compare one later record at a time")
+    first = load_posterior(before)
+    comparisons = [compare_results(first, load_posterior(later)) for later in after]
+    if json:
+        print(
+            "[" * (len(after) > 1)
+            + ",\n".join(found.to_json().rstrip() for found in comparisons)
+            + "]" * (len(after) > 1)
+        )
+    else:
+        print(*comparisons, sep="\n\n")
+    if output is not None:
+        with new_folder(output, overwrite=overwrite) as folder:
+            comparisons[0].save(folder)
+        if not json:
+            print(f"report: {output / 'report.html'}")
+
+
+@app.command()
+def modes(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="TURBINE|RESULT",
+            help="A packaged turbine, a TOML file, or a folder that identify wrote: with the bands of its posterior.",
+        ),
+    ],
+    speeds: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            metavar="FROM TO",
+            help='Rotor speeds of the diagram, such as "0 rpm" "20 rpm"; 0.1 to 1.3 times the usual one by default.',
+        ),
+    ] = None,
+    operating: Annotated[
+        tuple[str, str] | None,
+        typer.Option(metavar="FROM TO", help="Operating range, with its unit; 10 % around the usual speed by default."),
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, campbell.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
+    from windsysid.campbell import find_modes
+    from windsysid.output import check_output, new_folder
+    from windsysid.result import load_posterior
+    from windsysid.turbine import load_turbine, packaged_turbines
+
+    if output is not None:
+        check_output(output, overwrite=overwrite)
+    if source in packaged_turbines() or source.endswith(".toml"):
+        machine: Turbine | Posterior = load_turbine(source)
+    elif Path(source).is_dir():
+        machine = load_posterior(source)
+    else:
+        raise ConfigurationError(
+            f"no turbine and no result '{source}': expected one of {', '.join(packaged_turbines())}, the path of a .toml file, "
+            "or a folder that identify wrote"
+        )
+    diagram, working = _speeds("--speeds", speeds), _speeds("--operating", operating)
+    with _progress("modes") as progress:
+        found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
+        if output is not None:
+            with new_folder(output, overwrite=overwrite) as folder:
+                progress("writing the report")
+                found.save(folder)
+    print(found.to_json() if json else found, end="" if json else "\n")
+    if output is not None and not json:
+        print(f"report: {output / 'report.html'}")
+
+
+@app.command()
 def turbines() -> None:
     """List the packaged turbines."""
     from windsysid.turbine import load_turbine, packaged_turbines
@@ -364,6 +451,11 @@ def _quantity(option: str, text: str, unit: str) -> float:
         return parse_quantity(text, unit)
     except ConfigurationError as error:
         raise ConfigurationError(f"{option}: {error}; got '{text}'") from None
+
+
+def _speeds(option: str, given: tuple[str, str] | None) -> tuple[float, float] | None:
+    """Two rotor speeds with their units, in rad/s."""
+    return None if given is None else (_quantity(option, given[0], "rad/s"), _quantity(option, given[1], "rad/s"))
 
 
 @contextmanager

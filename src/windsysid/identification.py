@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from windsysid.record import Record
 from windsysid.result import SIGMAS, Estimate, Identification, coefficient_errors
 from windsysid.signals import resample
 from windsysid.turbine import Turbine
+from windsysid.units import parameter_unit
 
 __all__ = ["Formulation", "Prior", "add_noise", "conclude", "identify", "usable_sensors", "with_noise"]
 
@@ -220,7 +222,7 @@ def conclude(
         estimates.append(
             Estimate(
                 name=q.name,
-                unit=_unit(q.name),
+                unit=parameter_unit(q.name),
                 kind=_KINDS.get(q.name[:2], "parameter"),
                 estimate=value,
                 low=low,
@@ -275,24 +277,11 @@ def conclude(
         notes=outcome.notes,
         statistics=outcome.statistics,
         diagnosis=diagnosis,
+        machine=replace(turbine, rotor_speed=speed) if speed > 0.0 else turbine,
         loads=outcome.loads,
     )
 
 
-def _unit(name: str) -> str:
-    """SI unit of a parameter of the rotor."""
-    for start, unit in _UNITS.items():
-        if name.startswith(start):
-            return unit
-    return "1"
-
-
-_UNITS = {
-    "k_x": "N/m", "k_y": "N/m", "k_side_side": "N/m", "k_fore_aft": "N/m", "k_": "N*m/rad",
-    "c_x": "N*s/m", "c_y": "N*s/m", "c_side_side": "N*s/m", "c_fore_aft": "N*s/m", "c_hub_blade": "N*s", "c_": "N*m*s/rad", "mass_": "kg", "tilt": "rad/m",
-    "hub_mass": "kg", "blade_mass": "kg", "blade_first_moment": "kg*m", "blade_inertia": "kg*m^2", "roll_inertia": "kg*m^2",
-    "kappa": "rad/m", "eccentricity_angle": "rad", "eccentricity": "m", "gravity": "m/s^2", "hinge_offset": "m",
-}  # fmt: skip
 _KINDS = {"k_": "stiffness", "c_": "damping"}
 
 

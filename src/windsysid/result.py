@@ -2,17 +2,19 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid.diagnostics import Diagnosis
+from windsysid.errors import ConfigurationError
 from windsysid.modal import Mode
 from windsysid.statespace import Parameter
 from windsysid.statistics import Statistic
+from windsysid.turbine import Turbine
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 
     from windsysid.formulation import Loads
 
-__all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
+__all__ = ["Estimate", "Identification", "Posterior", "coefficient_errors", "finite", "load_posterior"]
 
 Array = NDArray[np.float64]
 
@@ -66,6 +68,33 @@ class Estimate:
     tip: Mapping[str, float] | None = None
 
 
+PRIORS = {"prior_centre": "centre", "prior_spread": "spread", "logarithmic": "logarithmic", "coordinate_scale": "scale"}
+"""What ``identification.nc`` holds of a `Parameter`, and under which names."""
+
+
+class Posterior(NamedTuple):
+    """What a result says about a turbine: all that a question after it needs.
+
+    Attributes
+    ----------
+    turbine
+        With the estimates as its values, the degrees of freedom that were used and the record's mean rotor speed.
+    parameters, theta, cov
+        The identified parameters, their estimates (n_θ,) and covariance (n_θ, n_θ) in filter coordinates.
+    record
+        Name of the record.
+    trusted
+        Whether nothing spoke against the result.
+    """
+
+    turbine: Turbine
+    parameters: tuple[Parameter, ...]
+    theta: Array
+    cov: Array
+    record: str
+    trusted: bool
+
+
 @dataclass(frozen=True)
 class Identification:
     """What an identification found.
@@ -104,6 +133,9 @@ class Identification:
         The loads that were states, as the filter knew them at the result, at the times of the innovations; None where none were.
     diagnosis
         Whether to trust it, and why not.
+    machine
+        The turbine as it was identified: with the reference values, the degrees of freedom that were used, the record's mean rotor speed; None for
+        equations of one's own.
     """
 
     method: str
@@ -129,6 +161,7 @@ class Identification:
     notes: tuple[str, ...] = ()
     statistics: tuple[Statistic, ...] = ()
     loads: "Loads | None" = None
+    machine: Turbine | None = None
     diagnosis: Diagnosis = field(kw_only=True)
 
     def __getitem__(self, name: str) -> Estimate:
@@ -144,6 +177,22 @@ class Identification:
         if len(self.innovation) == len(self.time):
             return self.time
         return self.section[1] - np.arange(len(self.innovation))[::-1] / self.rate
+
+    @property
+    def posterior(self) -> Posterior:
+        """The turbine as the record shows it, and how well.
+
+        Raises
+        ------
+        ConfigurationError
+            If equations of one's own were identified, which are no turbine.
+        """
+        if self.machine is None:
+            raise ConfigurationError(f"{self.turbine}: expected a turbine, got equations of one's own")
+        values = {e.name: e.estimate for e in self.estimates}
+        theta = np.array([q.coordinate(values[q.name]) for q in self.parameters])
+        turbine = self.machine.with_values(values)
+        return Posterior(turbine, self.parameters, theta, self.cov, self.record, self.diagnosis.trusted)
 
     def history(self, name: str) -> tuple[Array, Array, Array]:
         """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
@@ -178,7 +227,10 @@ class Identification:
 
     def to_xarray(self) -> "xr.Dataset":
         """Histories, covariance and innovations as a labelled dataset."""
+        import tomli_w
         import xarray as xr
+
+        from windsysid.turbinefile import as_tables
 
         names = [parameter.name for parameter in self.parameters]
         dataset = xr.Dataset(coords={"time": ("time", self.time, {"units": "s"}), "parameter": names})
@@ -193,9 +245,11 @@ class Identification:
             values = [getattr(self[name], what) for name in names]
             dataset[f"final_{what}"] = ("parameter", np.array(values, dtype=np.float64))
         dataset["cov"] = (("parameter", "parameter_2"), self.cov)
-        dataset["cov"].attrs["note"] = "in filter coordinates: ln(k / prior) for stiffness, c / scale for damping"
-        dataset["coordinate_reference"] = ("parameter", [parameter.reference for parameter in self.parameters])
-        dataset["coordinate_logarithmic"] = ("parameter", [int(parameter.logarithmic) for parameter in self.parameters])
+        dataset["cov"].attrs["note"] = (
+            "in filter coordinates: ln(k / prior_centre) for stiffness, c / coordinate_scale for damping"
+        )
+        for key, what in PRIORS.items():
+            dataset[key] = ("parameter", [float(getattr(parameter, what)) for parameter in self.parameters])
         axis = "time" if len(self.innovation) == len(self.time) else "innovation_time"
         dataset["innovation"] = ((axis, "reading"), self.innovation)
         dataset["whitened"] = ((axis, "reading"), self.whitened)
@@ -210,6 +264,8 @@ class Identification:
         dataset.attrs |= {"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)}
         dataset.attrs |= {"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)}
         dataset.attrs |= {"section_start_s": self.section[0], "section_end_s": self.section[1]}
+        if self.machine is not None:
+            dataset.attrs |= {"turbine_file": tomli_w.dumps(as_tables(self.machine))}
         return dataset
 
     def save(self, folder: Path) -> None:
@@ -281,6 +337,49 @@ class Identification:
 
         more = [*([self.modes_table()] if self.modes else []), *([self.statistics_table()] if self.statistics else [])]
         return render(self.table(), *more, str(self.diagnosis), *self.diagnosis.remarks, *self.notes)
+
+
+def load_posterior(folder: str | Path) -> Posterior:
+    """The posterior that `Identification.save` left in a folder.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none, or it was written by a version that did not keep the turbine.
+    """
+    import xarray as xr
+
+    from windsysid.turbinefile import parse_turbine
+
+    path = Path(folder) / "identification.nc"
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as file:
+            data = file.load()
+        text = data.attrs["turbine_file"]
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(
+            f"result {folder}: expected a folder that windsysid identify wrote, got no identification.nc that can be read "
+            f"({error.__class__.__name__})"
+        ) from None
+    except KeyError:
+        raise ConfigurationError(
+            f"result {folder}: expected the turbine in identification.nc, got a file of an older version: identify the record again"
+        ) from None
+    turbine = parse_turbine(text, str(path))
+    names = [str(name) for name in data["parameter"].values]
+    if "c_hub_blade" in names:
+        turbine = turbine.with_model(replace(turbine.rotor, air_couples=True))
+        turbine = replace(turbine, values={**turbine.values, "c_hub_blade": 0.0})
+    estimate = data["final_estimate"].values.tolist()
+    columns = (data[key].values.tolist() for key in PRIORS)
+    parameters = tuple(
+        Parameter(name, centre, spread, bool(logarithmic), scale)
+        for name, centre, spread, logarithmic, scale in zip(names, *columns, strict=True)
+    )
+    theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
+    identified = turbine.with_values(dict(zip(names, estimate, strict=True)))
+    record, trusted = str(data.attrs["record"]), bool(data.attrs["trusted"])
+    return Posterior(identified, parameters, theta, data["cov"].values, record, trusted)
 
 
 def coefficient_errors(history: Array, reference: float) -> Array:

@@ -10,6 +10,8 @@ Source: Särkkä & Svensson, Bayesian Filtering and Smoothing (2nd ed.), ch. 6; 
 """
 
 import math
+import threading
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -38,6 +40,9 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+
+
+_scratch = threading.local()
 
 
 class Belief(NamedTuple):
@@ -165,6 +170,15 @@ class Filter:
         """As `run`, and the covariance after each sample (T, n, n)."""
         return self._filter(model, belief, inputs, readings, keep=True)
 
+    def _kept(self, model: StateSpace) -> Callable[..., None]:
+        """The kernel with its scratch, which each thread makes once for a model: a step costs less than its scratch."""
+        kernels: dict[str, Callable[..., None]] = _scratch.__dict__
+        key = f"{self.name} of {id(model)}"
+        if key not in kernels:
+            kernels[key] = self.kernel(model)
+            weakref.finalize(model, kernels.pop, key, None).atexit = False
+        return kernels[key]
+
     def _filter(
         self,
         model: StateSpace,
@@ -185,7 +199,7 @@ class Filter:
         mean, cov = belief.mean.copy(), belief.cov.copy()
         covs = np.empty((samples if keep else 0, n, n))
         info = empty_info(samples, n, m)
-        self.kernel(model)(mean, cov, belief.inputs, inputs, readings, belief.samples > 0, moves, covs, *info)
+        self._kept(model)(mean, cov, belief.inputs, inputs, readings, belief.samples > 0, moves, covs, *info)
         last = inputs[-1].copy() if samples else belief.inputs
         return Belief(mean, cov, last, belief.samples + (samples if moves else 0)), info, covs
 
