@@ -10,9 +10,9 @@ import pytest
 import xarray as xr
 
 from windsysid.forcebalance import analysis_band
-from windsysid.study import PUBLISHED, Study, run, run_study
+from windsysid.study import run
 from windsysid.study.report import error_table, save_study, withheld_table
-from windsysid.study.run import average_errors
+from windsysid.study.run import PUBLISHED, Study, average_errors, run_study
 from windsysid.study.scenario import NOISE, RATE, SECTION, simulate_reference
 
 FIVE = ("k_x", "k_y", "k_beta_1", "c_x", "c_y")

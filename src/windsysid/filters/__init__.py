@@ -4,6 +4,8 @@ from windsysid.filters.checkpoint import load_belief, save_belief
 from windsysid.filters.ekf import EKF
 from windsysid.filters.gaussian import Belief, Filter, Info
 from windsysid.filters.iekf import IEKF
+from windsysid.filters.particle import Cloud, ParticleFilter, ParticleInfo, degeneracy
+from windsysid.filters.raoblackwell import Mixture, MixtureInfo, RaoBlackwellised, Split
 from windsysid.filters.smoother import Smoothed, smooth
 from windsysid.filters.ukf import UKF
 
@@ -13,9 +15,17 @@ __all__ = [
     "IEKF",
     "UKF",
     "Belief",
+    "Cloud",
     "Filter",
     "Info",
+    "Mixture",
+    "MixtureInfo",
+    "ParticleFilter",
+    "ParticleInfo",
+    "RaoBlackwellised",
     "Smoothed",
+    "Split",
+    "degeneracy",
     "load_belief",
     "save_belief",
     "smooth",

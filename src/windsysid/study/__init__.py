@@ -1,5 +1,3 @@
-"""The published study, reproduced: scenario, arms, tables, figures."""
+"""The published study, reproduced, and what is measured beyond it: each module is a command, ``python -m windsysid.study.NAME``."""
 
-from windsysid.study.run import PUBLISHED, Study, run_study
-
-__all__ = ["PUBLISHED", "Study", "run_study"]
+__all__: list[str] = []

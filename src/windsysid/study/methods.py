@@ -25,6 +25,7 @@ from windsysid.simulate import integrate
 from windsysid.stateonly import pose
 from windsysid.study.arms import identify_section, record_balance
 from windsysid.study.calibration import DrawnPrior
+from windsysid.study.particles import SIR, identify_section_by_particles
 from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
 from windsysid.turbine import Turbine, load_turbine
 
@@ -114,6 +115,8 @@ def _methods(turbine: Turbine, seed: int) -> Iterator[tuple[str, str, Callable[[
     for arm, loads in (("A", reference.inputs[:, 3:]), ("B", None)):
         told = motion if loads is None else f"{motion}, loads"
         yield f"force balance, EKF, arm {arm}", told, partial(_balance, turbine, reference, loads)
+        if arm == "A":
+            yield f"force balance, SIR, {SIR.particles} particles", told, partial(_particles, turbine, reference)
     record = accelerometers(turbine, reference, seed)
     statistics = "statistics of loads and noise"
     loud = replace(turbine, loads=tuple(replace(load, rms=WRONG * load.rms) for load in turbine.loads))
@@ -152,6 +155,12 @@ def _joint(turbine: Turbine, supposed: Turbine, record: Record, f: Filter, seed:
 def _balance(turbine: Turbine, reference: Reference, loads: Array | None) -> tuple[Array, Array]:
     """The paper's filter, told these loads or none."""
     return _judged(turbine, identify_section(turbine, reference, record_balance(turbine, reference, loads)))
+
+
+def _particles(turbine: Turbine, reference: Reference) -> tuple[Array, Array]:
+    """The paper's other filter, told the loads."""
+    balance = record_balance(turbine, reference, reference.inputs[:, 3:])
+    return _judged(turbine, identify_section_by_particles(turbine, reference, balance))
 
 
 def _mode(turbine: Turbine, record: Record, seed: int) -> tuple[Array, Array]:

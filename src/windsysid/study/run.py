@@ -19,6 +19,7 @@ from windsysid.result import Identification, coefficient_errors
 from windsysid.simulate import Response, integrate
 from windsysid.study.arms import identify_section, record_balance
 from windsysid.study.methods import Method, gather, run_methods
+from windsysid.study.particles import PUBLISHED_HOURS, identify_section_by_particles
 from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
 from windsysid.study.wind import DirectionChangeStudy, direction_change_study
 from windsysid.turbine import Turbine, load_turbine
@@ -52,6 +53,8 @@ class Study:
         The scale model and its simulated record.
     arm_a, arm_b
         Identifications with the loads known, and with the loads withheld.
+    particles
+        Arm A by the particle filter.
     errors
         Average errors of arm A [%], (seeds, 2, n_θ): over the whole section, and from 30 s on.
     covered
@@ -75,6 +78,7 @@ class Study:
     motion: tuple[Array, Array]
     arm_a: Identification
     arm_b: Identification
+    particles: Identification
     errors: Array
     covered: float
     histories: Mapping[float, list[Array]]
@@ -99,6 +103,8 @@ class Study:
         return {
             **summary,
             "published_seconds": PUBLISHED_SECONDS,
+            "published_particle_filter_hours": PUBLISHED_HOURS,
+            "particle_filter": {"elapsed_s": self.particles.elapsed, **self.particles.summary()["parameters"]},
             "loads_withheld": self.arm_b.summary()["parameters"],
             "average_error_percent": {
                 window: {
@@ -124,6 +130,8 @@ def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
     with_loads = record_balance(turbine, reference, loads)
     arm_a = identify_section(turbine, reference, with_loads)
     by_differences = identify_section(turbine, reference, record_balance(turbine, reference, loads, "differences"))
+    progress("arm A by the particle filter")
+    particles = identify_section_by_particles(turbine, reference, with_loads)
     progress("arm B: loads withheld")
     arm_b = identify_section(turbine, reference, record_balance(turbine, reference, None))
 
@@ -163,6 +171,7 @@ def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
         motion=(motion.displacement, motion.velocity),
         arm_a=arm_a,
         arm_b=arm_b,
+        particles=particles,
         errors=np.array(errors),
         covered=float(np.mean(covered)),
         histories=histories,
