@@ -1,7 +1,8 @@
-# Two commands do everything: `make study` and `make test`.
+# Two commands do everything: `make study` and `make test`. `make bench` compares with other libraries; `make bench SHORT=1` in minutes.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PEERS := .venv-peers
 STUDY ?= results/study
 
 .PHONY: study test test-all lint bench clean
@@ -27,5 +28,13 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
 	touch $@
 
+bench: $(VENV)/.installed $(PEERS)/.installed
+	$(BIN)/python benchmarks/bench.py --peers $(PEERS)/bin/python $(if $(SHORT),--short)
+
+$(PEERS)/.installed: pyproject.toml constraints.txt benchmarks/peers.txt
+	test -d $(PEERS) || $(PYTHON) -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . -r benchmarks/peers.txt
+	touch $@
+
 clean:
-	rm -rf $(VENV) results .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(PEERS) results .mypy_cache .ruff_cache .pytest_cache

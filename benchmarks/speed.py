@@ -14,7 +14,6 @@ import os
 import platform
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable
@@ -62,7 +61,6 @@ def main() -> None:
     if everywhere:
         os.sched_setaffinity(0, everywhere)
     console.print(searches(problem, readings))
-    console.print(processes())
 
 
 def surroundings() -> Iterable[str]:
@@ -166,31 +164,6 @@ def searches(problem: Problem, readings: Array) -> Table:
             )  # fmt: skip
             least = min(least, time.perf_counter() - begun)
         table.add_row(title, str(n), str(mode.iterations), f"{least:.2f}")
-    return table
-
-
-def processes() -> Table:
-    """Seconds that whole commands take, with an empty cache and with a full one."""
-    table = Table(title="Whole processes, seconds", title_justify="left")
-    for heading in ("command", "first run", "later runs"):
-        table.add_column(heading, justify="left" if heading == "command" else "right")
-    with tempfile.TemporaryDirectory() as folder:
-        surrounding = os.environ | {"WINDSYSID_CACHE": str(Path(folder) / "cache")}
-        record = str(Path(folder) / "record.nc")
-
-        def run(*arguments: str) -> float:
-            begun = time.perf_counter()
-            subprocess.run(
-                [sys.executable, "-m", "windsysid.cli", *arguments], env=surrounding, check=True, capture_output=True
-            )
-            return time.perf_counter() - begun
-
-        run("simulate", "--turbine", "verne555", "--duration", "100", "--rate", "100", "--output", record)
-        shutil.rmtree(surrounding["WINDSYSID_CACHE"])
-        for number, command in enumerate((["--help"], ["identify", record, "--turbine", "verne555"])):
-            output = [] if command == ["--help"] else ["--output", str(Path(folder) / f"result{number}"), "--overwrite"]
-            first, *later = (run(*command, *output) for _ in range(4))
-            table.add_row(f"windsysid {Path(command[0]).name}", f"{first:.1f}", f"{min(later):.1f}")
     return table
 
 

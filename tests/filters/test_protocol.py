@@ -213,6 +213,7 @@ def test_nothing_handed_in_is_changed(filter_: Filter, name: str):
     start, _ = filter_.run(model, filter_.init(model), inputs[:5], readings[:5])
     given = (start.mean, start.cov, start.inputs, inputs, readings, model.mean, model.cov, *model.blocks)
     before = [array.copy() for array in given]
+    inputs.flags.writeable = readings.flags.writeable = False  # as a file mapped into memory is
     filter_.run(model, start, inputs, readings)
     filter_.step(model, start, inputs[0], readings[0])
     filter_.update(model, filter_.predict(model, start, inputs[0]), readings[0])

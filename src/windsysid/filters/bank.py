@@ -127,8 +127,8 @@ def bank_of(models: Sequence[StateSpace]) -> Bank:
 
 def run_bank(bank: Bank, inputs: Array, readings: Array, pool: ThreadPoolExecutor | None = None) -> tuple[Bank, Scores]:
     """Filter T samples with every filter: inputs (T, n_u + n_w), readings (T, m), NaN = missing."""
-    inputs = np.ascontiguousarray(inputs, dtype=np.float64)
-    readings = np.ascontiguousarray(readings, dtype=np.float64)
+    inputs = np.require(inputs, np.float64, ["C", "W"])
+    readings = np.require(readings, np.float64, ["C", "W"])
     samples, m = readings.shape
     mean, cov = bank.mean.copy(), bank.cov.copy()
     groups = len(bank.lanes)

@@ -189,8 +189,8 @@ class Filter:
         moves: bool = True,
         keep: bool = False,
     ) -> tuple[Belief, Info, Array]:
-        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
-        readings = np.ascontiguousarray(readings, dtype=np.float64)
+        inputs = np.require(inputs, np.float64, ["C", "W"])
+        readings = np.require(readings, np.float64, ["C", "W"])
         samples, n, m = len(inputs), len(model.states), len(model.readings)
         if inputs.shape != (samples, len(model.inputs)) or readings.shape != (samples, m):
             raise ValueError(

@@ -1,0 +1,164 @@
+"""The whole benchmark: `make bench`.
+
+    python benchmarks/bench.py --peers .venv-peers/bin/python [--short]
+
+Every part runs in a process of its own, one after the other: those that compare with other libraries in the peers' environment. The tables go to
+docs/performance_tables.md, the numbers to benchmarks/results.json. Before it replaces that file it compares windsysid's costs with those
+committed there, both as ratios to the C reference of their own run, which takes the machine out, and names what got slower by more than 15 %.
+`--short` leaves out the long cases, compares, and writes nothing.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from functools import partial
+from pathlib import Path
+
+import speed
+from rich.console import Console
+from sheets import Sheet, number
+
+from windsysid import EKF
+
+HERE = Path(__file__).parent
+RESULTS, PAGE = HERE / "results.json", HERE.parent / "docs" / "performance_tables.md"
+
+OURS, THEIRS = ("speed", "processes", "scaling"), ("peers", "smc")
+"""Parts, by the environment that they run in."""
+
+LONG = ("smc",)
+"""Parts that have no short form."""
+
+SLOWER = 1.15
+"""Ratio of costs from which a part is named."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--peers", help="Python of the peers' environment; without it they are left out")
+    parser.add_argument("--short", action="store_true", help="leave out the long cases, write nothing")
+    given = parser.parse_args()
+    console = Console(width=140)
+    about = [*speed.surroundings(), *_peer_versions(given.peers)]
+    console.print("\n".join(about), highlight=False)
+    sheets: list[Sheet] = []
+    for python, parts in ((sys.executable, OURS), (given.peers, THEIRS)):
+        for part in parts:
+            if python is None:
+                console.print(f"{part} left out: no environment of the peers")
+            elif given.short and part in LONG:
+                console.print(f"{part} left out: it takes minutes")
+            else:
+                sheets += run(python, part, given.short)
+    judged = targets(sheets)
+    console.print(judged.table(), highlight=False)
+    costs = {name: cost for sheet in sheets for name, cost in sheet.costs.items()}
+    floor = find(sheets, "One core", (EKF.name,), "C")
+    slower = compared(costs, floor, json.loads(RESULTS.read_text(encoding="utf-8"))) if RESULTS.exists() else None
+    if slower is None:
+        console.print("not compared with an earlier benchmark: there is none, or no C reference in one of the two")
+    else:
+        console.print(slower.table() if slower.rows else "nothing got slower by more than 15 %", highlight=False)
+    if not given.short:
+        RESULTS.write_text(
+            json.dumps({"about": about, "floor": floor, "costs": costs}, indent=1) + "\n", encoding="utf-8"
+        )
+        PAGE.write_text(page(about, [judged, *sheets]), encoding="utf-8")
+
+
+def run(python: str, part: str, short: bool) -> list[Sheet]:
+    """A part's tables, printed as they come."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sheets.json"
+        command = [python, str(HERE / "sheets.py"), part, "--json", str(path), *(["--short"] if short else [])]
+        subprocess.run(command, check=True)
+        return [Sheet(**sheet) for sheet in json.loads(path.read_text(encoding="utf-8"))]
+
+
+def compared(costs: dict[str, float], floor: float | None, earlier: dict) -> Sheet | None:
+    """What got slower since an earlier benchmark, each in units of its own C reference; None where that is missing."""
+    if not (floor and earlier["floor"]):
+        return None
+    rows = []
+    for name, cost in costs.items():
+        before, now = earlier["costs"].get(name, 0.0) / earlier["floor"], cost / floor
+        if before and now > SLOWER * before:
+            rows.append((name, number(before), number(now), number(now / before)))
+    return Sheet(
+        "Slower than in benchmarks/results.json, in units of the C reference", ("", "then", "now", "÷"), rows, {}
+    )
+
+
+def targets(sheets: Sequence[Sheet]) -> Sheet:
+    """The targets, and what this run has of them."""
+    extended = partial(find, sheets, "joint, extended", heading="÷ windsysid")
+    peers = [
+        extended(row)
+        for row in (("filterpy", "NumPy"), ("Stone-Soup", "NumPy"), ("dynamax", "XLA"), ("cuthbert", "XLA"))
+    ]
+    turbines, processes = partial(find, sheets, "Turbines"), partial(find, sheets, "Whole commands")
+    many, ten = turbines(("1000",), "µs per sample"), turbines(("10",), "µs per sample")
+    particles = "2000 particles, 10000 samples"
+    rows = [
+        _judged("joint EKF ÷ C", 2.0, find(sheets, "One core", (EKF.name,), "÷ C")),
+        _judged("fastest peer ÷ joint EKF", -10.0, min((ratio for ratio in peers if ratio), default=None)),
+        _judged("filterpy on windsysid's compiled equations ÷ joint EKF", -10.0, extended(("filterpy", "windsysid's"))),
+        _judged("filterpy by differences ÷ joint EKF", -300.0, extended(("filterpy", "NumPy, differences"))),
+        _judged("filterpy with exact Jacobians in NumPy ÷ joint EKF", -300.0, extended(("filterpy", "NumPy"))),
+        _judged(
+            "SIR, 2000 particles, 10 000 samples, s",
+            2.0,
+            find(sheets, particles, ("windsysid, 2 threads",), "clock s"),
+        ),
+        _judged("particles ÷ SIR, one thread each", -20.0, find(sheets, particles, ("particles",), "÷ ours")),
+        _judged("1000 turbines at 100 Hz, × real time", -1.0, turbines(("1000",), "× real time")),
+        _judged("a sample among 1000 turbines ÷ among 10", 1.1, many / ten if many and ten else None),
+        _judged("warm identify --no-report, s", 1.5, processes(("windsysid identify --no-report",), "later runs")),
+        _judged("warm identify, s", 4.0, processes(("windsysid identify",), "later runs")),
+        _judged("first identify after installation, s", 20.0, processes(("windsysid identify",), "first run")),
+    ]
+    return Sheet("Targets", ("", "target", "measured", ""), rows, {})
+
+
+def _judged(title: str, bound: float, found: float | None) -> tuple[str, ...]:
+    """A row: at most `bound`, or at least −`bound` where that is negative."""
+    target = f"≤ {bound:g}" if bound > 0.0 else f"≥ {-bound:g}"
+    if found is None:
+        return title, target, "", "not measured"
+    return title, target, number(found), "hit" if (found <= bound if bound > 0.0 else found >= -bound) else "MISS"
+
+
+def find(sheets: Iterable[Sheet], title: str, row: tuple[str, ...], heading: str) -> float | None:
+    """The number under a heading in the row that begins with these cells, in a table whose title begins so."""
+    for sheet in sheets:
+        if sheet.title.startswith(title) and heading in sheet.headings:
+            for cells in sheet.rows:
+                value = cells[sheet.headings.index(heading)].replace(" ", "")
+                if tuple(cells[: len(row)]) == row and value:
+                    return float(value)
+    return None
+
+
+def page(about: Iterable[str], sheets: Iterable[Sheet]) -> str:
+    """The tables as Markdown."""
+    lines = ["<!-- Written by `make bench`. -->", "", *(f"- {line}" for line in about)]
+    for sheet in sheets:
+        lines += ["", sheet.markdown()]
+    return "\n".join(lines) + "\n"
+
+
+def _peer_versions(python: str | None) -> Iterable[str]:
+    """Versions of the libraries compared with."""
+    if python is None:
+        return
+    pins = (HERE / "peers.txt").read_text(encoding="utf-8").splitlines()
+    names = [pin.split("==")[0] for pin in pins if pin and not pin.startswith("#")]
+    script = "import sys; from importlib.metadata import version; print(', '.join(f'{n} {version(n)}' for n in sys.argv[1:]))"
+    yield subprocess.run([python, "-c", script, *names], capture_output=True, text=True, check=True).stdout.strip()
+
+
+if __name__ == "__main__":
+    main()
