@@ -201,6 +201,22 @@ def test_a_bad_netcdf_is_refused_in_one_line(tmp_path, record):
     refused(tmp_path / "map.nc", "not a record: expected a coordinate 'time'")
 
 
+def test_netcdf_packed_elsewhere_reads_as_xarray_unpacks_it(tmp_path):
+    import xarray as xr
+
+    value = np.array([-1.5, 0.25, np.nan, 700.125])
+    station = {"station": 7.0, "height": ("time", np.ones(4))}  # coordinates that are no channel
+    dataset = xr.Dataset({"u": ("time", value, {"units": "m/s"})}, {"time": ("time", np.arange(4.0)), **station})
+    packing = {"dtype": "int16", "scale_factor": 0.125, "add_offset": 300.0, "_FillValue": -32768}
+    dataset.to_netcdf(tmp_path / "x.nc", engine="h5netcdf", encoding={"u": packing})
+    record = read_record(tmp_path / "x.nc")
+    assert record.channels == ("u",)
+    with xr.open_dataset(tmp_path / "x.nc", engine="h5netcdf") as expected:
+        np.testing.assert_array_equal(record["u"], expected["u"])
+    assert np.isnan(record["u"][2])
+    assert record["u"][3] == 700.125
+
+
 def test_a_slash_in_a_name_cannot_go_to_netcdf(tmp_path):
     record = Record(np.arange(2.0), np.ones((2, 1)), ("u/v",), ("1",))
     with pytest.raises(OutputError, match="'u/v'"):

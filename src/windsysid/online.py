@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from windsysid.errors import ConfigurationError
 from windsysid.filters.bank import Bank, bank_of
-from windsysid.likelihood import INCREMENT, THREADS, find_mode, look, neighbours, score
+from windsysid.likelihood import INCREMENT, SETTLED, THREADS, find_mode, look, neighbours, score
 from windsysid.statespace import StateSpace
 
 __all__ = ["History", "Online", "advance", "begin", "finish", "restore", "save"]
@@ -37,9 +37,6 @@ MEMORY = 8
 
 BLOCKS = 20
 """A block is this fraction of what has been seen."""
-
-CLOSE = 0.005
-"""The squared length of a step in standard deviations, below which the filters follow θ along their slopes instead of running again."""
 
 
 class Online(NamedTuple):
@@ -246,7 +243,7 @@ def _again(
         start=start[0], start_cov=start[1],
     )  # fmt: skip
     seen = mode.look
-    if not (seen.central and mode.settled and mode.decrement < CLOSE):
+    if not (seen.central and mode.decrement < SETTLED):  # too long a step to follow along the slopes
         widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
         seen = look(build, inputs, readings, mode.mean, widths, central=True, pool=pool)
     information = np.linalg.inv(online.prior_cov)

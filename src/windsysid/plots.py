@@ -4,11 +4,12 @@ One language throughout: blue is the estimate with its ±2σ band, a black dashe
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from windsysid.errors import ConfigurationError
@@ -55,17 +56,52 @@ def coefficient_histories(identification: Identification, names: Sequence[str] |
     names = list(names or [e.name for e in identification.estimates])
     columns = min(4 if len(names) > 6 else 3, len(names))
     rows = -(-len(names) // columns)
-    figure = Figure(figsize=(12.6, 3.3 * rows + 0.6), layout="constrained")
-    for cell, name in zip(figure.subfigures(rows, columns, squeeze=False).flat, names, strict=False):
+    width, height, legend = 12.6 / columns, 3.3, 0.3
+    figure = Figure(figsize=(12.6, rows * height + legend))
+    for i, name in enumerate(names):
         known = identification[name].reference is not None
-        axes = cell.subplots(2 if known else 1, 1, sharex=True, squeeze=False, height_ratios=[3, 1.4] if known else [1])
-        _history(axes[0, 0], identification, name)
+        left, bottom = i % columns * width, (rows - 1 - i // columns) * height
+        axes = _panels(
+            figure, (left + 0.8, bottom + 0.46, left + width - 0.12, bottom + height - 0.2),
+            heights=[3, 1.4] if known else [1], apart=(0.0, 0.14),
+        )[:, 0]  # fmt: skip
+        _history(axes[0], identification, name)
         if known:
-            _error(axes[1, 0], identification, name)
-        axes[-1, 0].set_xlabel("time [s]")
-    handles, labels = figure.subfigs[0].axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False, fontsize=9)
+            _error(axes[1], identification, name)
+        axes[-1].set_xlabel("time [s]")
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper center", ncols=4, frameon=False, fontsize=9)
     return figure
+
+
+def _panels(
+    figure: Figure, box: tuple[float, float, float, float], *,
+    heights: Sequence[float], widths: Sequence[float] = (1.0,), apart: tuple[float, float],
+) -> NDArray[Any]:  # fmt: skip
+    """Axes (rows, columns) over common times in a `box` (left, bottom, right, top), `apart` from each other across and down, all in inches.
+
+    Matplotlib's constrained layout would find such margins itself, by measuring every label: it takes longer than the drawing.
+    """
+    (left, bottom, right, top), (across, down) = box, apart
+    width, height = figure.get_size_inches()
+    grid = figure.add_gridspec(
+        len(heights), len(widths), height_ratios=heights, width_ratios=widths,
+        left=left / width, right=right / width, bottom=bottom / height, top=top / height,
+        wspace=across * len(widths) / (right - left - across * (len(widths) - 1)),
+        hspace=down * len(heights) / (top - bottom - down * (len(heights) - 1)),
+    )  # fmt: skip
+    axes: NDArray[Any] = grid.subplots(squeeze=False, sharex="col")
+    for ax in axes.flat:
+        ax.ticklabel_format(axis="y", scilimits=(-3, 5))  # no label of more than six characters
+        ax.yaxis.get_offset_text().set(x=-0.015, horizontalalignment="right", fontsize=8)  # beside the name, not on it
+    for ax in axes[:, 0]:
+        ax.yaxis.set_label_coords(-0.56 / (ax.get_position().width * width), 0.5)
+    return axes
+
+
+def _name(ax: Axes, text: str) -> None:
+    """A channel's name over its axes."""
+    ax.set_title(text.replace("_", " "), fontsize=9, loc="left", y=1.0, pad=2)
 
 
 def _history(ax: Axes, identification: Identification, name: str) -> None:
@@ -99,7 +135,7 @@ def _error(ax: Axes, identification: Identification, name: str) -> None:
     ax.semilogy(identification.time[every], np.maximum(errors[every], 1e-4), color=ERROR, lw=0.9)
     ax.set_ylabel("error [%]")
     ax.yaxis.set_major_locator(LogLocator(numticks=4))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+    ax.minorticks_off()
     ax.text(
         0.98,
         0.92,
@@ -114,15 +150,16 @@ def _error(ax: Axes, identification: Identification, name: str) -> None:
 
 def record_overview(record: Record, channels: Sequence[str], section: tuple[float, float] | None = None) -> Figure:
     """Channels over time, the section that is used marked (the paper's Fig 3)."""
-    figure = Figure(figsize=(10, 1.5 * len(channels) + 0.8), layout="constrained")
-    axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
+    height = 1.5 * len(channels) + 0.8
+    figure = Figure(figsize=(10, height))
+    axes = _panels(figure, (0.8, 0.5, 9.9, height - 0.25), heights=[1.0] * len(channels), apart=(0.0, 0.3))[:, 0]
     for ax, channel in zip(axes, channels, strict=True):
         time, low, high = envelope(record.time, record[channel])
         ax.fill_between(time, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
         if section is not None:
             ax.axvspan(*section, color=BAND, alpha=0.6, lw=0)
         unit = record.units[record.channels.index(channel)]
-        ax.set_title(channel.replace("_", " "), fontsize=9, loc="left", pad=2)
+        _name(ax, channel)
         ax.set_ylabel(f"[{unit_text(unit)}]")
         tidy(ax)
     if section is not None:
@@ -246,8 +283,9 @@ def balance_error_comparison(names: Sequence[str], ours: Array, published: Mappi
 def innovations(identification: Identification) -> Figure:
     """Whitened innovations of each reading: over time, and their distribution against the normal one they should have."""
     m = len(identification.readings)
-    figure = Figure(figsize=(10, 1.4 * m + 0.8), layout="constrained")
-    axes = figure.subplots(m, 2, squeeze=False, sharex="col", width_ratios=[3, 1])
+    height = 1.4 * m + 0.8
+    figure = Figure(figsize=(10, height))
+    axes = _panels(figure, (0.8, 0.5, 9.9, height - 0.25), heights=[1.0] * m, widths=[3, 1], apart=(0.1, 0.28))
     grid = np.linspace(-4.5, 4.5, 91)
     normal = np.exp(-0.5 * grid**2) / np.sqrt(2.0 * np.pi)
     for row, name in enumerate(identification.readings):
@@ -257,10 +295,10 @@ def innovations(identification: Identification) -> Figure:
         left.fill_between(time, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
         for bound in (-2.0, 2.0):
             left.axhline(bound, color=REFERENCE, ls="--", lw=0.8)
-        left.set_title(name.replace("_", " "), fontsize=9, loc="left", pad=2)
+        _name(left, name)
         left.set_ylabel("[σ]")
         known = whitened[np.isfinite(whitened)]
-        right.hist(np.clip(known, -4.5, 4.5), bins=grid[::2], density=True, color=BAND)
+        right.stairs(*np.histogram(np.clip(known, -4.5, 4.5), bins=grid[::2], density=True), fill=True, color=BAND)
         right.plot(grid, normal, color=REFERENCE, lw=1, ls="--")
         right.set_yticks([])
         tidy(left)
@@ -276,8 +314,9 @@ def whiteness(identification: Identification) -> Figure | None:
     if diagnosis.whiteness is None:
         return None
     w, m = diagnosis.whiteness, len(diagnosis.whiteness.channels)
-    figure = Figure(figsize=(10, 1.9 * m + 0.9), layout="constrained")
-    axes = figure.subplots(m, 2, squeeze=False, sharex="col", width_ratios=[1, 1.6])
+    height = 1.9 * m + 0.9
+    figure = Figure(figsize=(10, height))
+    axes = _panels(figure, (0.55, 0.5, 9.9, height - 0.5), heights=[1.0] * m, widths=[1, 1.6], apart=(0.5, 0.32))
     for row, check in enumerate(w.channels):
         left, right = axes[row]
         left.axhspan(-w.autocorrelation_bound, w.autocorrelation_bound, color=BAND, lw=0)
@@ -285,7 +324,7 @@ def whiteness(identification: Identification) -> Figure | None:
         left.axhline(0.0, color=REFERENCE, lw=0.6)
         reached = float(np.abs(w.autocorrelation[:, row]).max())
         left.set_ylim(*(np.array([-1.2, 1.2]) * max(reached, 2.0 * w.autocorrelation_bound)))
-        left.set_title(check.name.replace("_", " "), fontsize=9, loc="left", pad=2)
+        _name(left, check.name)
         tidy(left)
         if len(w.frequency):
             _spectrum(right, identification, row)
@@ -308,7 +347,7 @@ def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
     ax.loglog(w.frequency, level, color=ESTIMATE, lw=0.9)
     bound = max(PEAK, w.spectrum_bound)
     wrong = (level > bound) & (w.frequency > low) & (w.frequency < high)
-    ax.loglog(np.where(wrong, w.frequency, np.nan), np.where(wrong, level, np.nan), "o", color=ERROR, ms=3.5)
+    ax.plot(np.where(wrong, w.frequency, np.nan), np.where(wrong, level, np.nan), "o", color=ERROR, ms=3.5)
     ax.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)
     ax.axhline(bound, color=ERROR, lw=0.8)
     for mode in identification.modes:
@@ -328,10 +367,9 @@ def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
                 va="bottom",
             )
     ax.set_ylim(min(0.1, max(0.01, 0.8 * level.min())), max(10.0, 2.0 * bound, 1.5 * level.max()))
-    ax.yaxis.set_minor_formatter(NullFormatter())
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter("{x:g}")
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.minorticks_off()
     ax.set_xlim(w.frequency[0], w.frequency[-1])
     tidy(ax)
 
@@ -353,8 +391,11 @@ def plot_loads(identification: Identification, window: float | None = None) -> F
     width = window or (8.0 / turning if turning > 0.0 else 0.1 * (time[-1] - time[0]))
     centre = 0.5 * (time[0] + time[-1])
     inside = np.abs(time - centre) <= 0.5 * width
-    figure = Figure(figsize=(10, 1.5 * len(loads.names) + 0.9), layout="constrained")
-    axes = figure.subplots(len(loads.names), 2, sharex="col", squeeze=False, width_ratios=[3, 2])
+    height = 1.5 * len(loads.names) + 0.9
+    figure = Figure(figsize=(10, height))
+    axes = _panels(
+        figure, (0.8, 0.5, 9.9, height - 0.35), heights=[1.0] * len(loads.names), widths=[3, 2], apart=(0.65, 0.3)
+    )
     for (left, right), name, mean, std in zip(axes, loads.names, loads.mean.T, loads.std.T, strict=True):
         start, low, high = envelope(time, mean)
         left.fill_between(start, low, high, color=MEASURED, lw=0.4, edgecolor=MEASURED)
@@ -363,7 +404,7 @@ def plot_loads(identification: Identification, window: float | None = None) -> F
             time[inside], (mean - 2.0 * std)[inside], (mean + 2.0 * std)[inside], color=BAND, lw=0, label="±2σ"
         )
         right.plot(time[inside], mean[inside], color=ESTIMATE, lw=1.0, label="estimate")
-        left.set_title(name.replace("_", " "), fontsize=9, loc="left", pad=2)
+        _name(left, name)
         left.set_ylabel("[N·m]" if "beta" in name or "roll" in name else "[N]")
         tidy(left)
         tidy(right)

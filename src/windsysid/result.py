@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 __all__ = ["Estimate", "Identification", "Posterior", "coefficient_errors", "finite", "load_posterior"]
 
 Array = NDArray[np.float64]
+Variable = tuple[tuple[str, ...], NDArray[Any], dict[str, str]]
+"""Dimensions, values and attributes."""
 
 SIGMAS = 2.0
 """Half-width of every band, in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's choice)."""
@@ -192,7 +194,9 @@ class Identification:
         values = {e.name: e.estimate for e in self.estimates}
         theta = np.array([q.coordinate(values[q.name]) for q in self.parameters])
         turbine = self.machine.with_values(values)
-        return Posterior(turbine, self.parameters, theta, self.cov, self.record, self.diagnosis.trusted)
+        return Posterior(
+            turbine, self.parameters, theta, self.cov, _section_name(self.record, *self.section), self.diagnosis.trusted
+        )
 
     def history(self, name: str) -> tuple[Array, Array, Array]:
         """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
@@ -227,51 +231,70 @@ class Identification:
 
     def to_xarray(self) -> "xr.Dataset":
         """Histories, covariance and innovations as a labelled dataset."""
-        import tomli_w
         import xarray as xr
+
+        return xr.Dataset(self._variables(), attrs=self._attributes())
+
+    def _variables(self) -> dict[str, Variable]:
+        """What ``identification.nc`` holds."""
+        names = [parameter.name for parameter in self.parameters]
+        histories = np.reshape([self.history(name) for name in names], (len(names), 3, len(self.time)))
+        variables: dict[str, Variable] = {"time": (("time",), self.time, {"units": "s"})}
+        variables["parameter"] = ("parameter",), np.array(names, dtype=object), {}
+        for row, label in enumerate(("estimate", "low", "high")):
+            variables[label] = ("time", "parameter"), histories[:, row].T, {}
+        variables["unit"] = ("parameter",), np.array([self[name].unit for name in names], dtype=object), {}
+        for what in ("estimate", "low", "high", "std", "prior", "informed_by_data"):
+            finals = np.array([getattr(self[name], what) for name in names], dtype=np.float64)
+            variables[f"final_{what}"] = ("parameter",), finals, {}
+        note = "in filter coordinates: ln(k / prior_centre) for stiffness, c / coordinate_scale for damping"
+        variables["cov"] = ("parameter", "parameter_2"), self.cov, {"note": note}
+        for key, what in PRIORS.items():
+            variables[key] = ("parameter",), np.array([getattr(q, what) for q in self.parameters], dtype=np.float64), {}
+        axis = "time" if len(self.innovation) == len(self.time) else "innovation_time"
+        variables["innovation"] = (axis, "reading"), self.innovation, {}
+        variables["whitened"] = (axis, "reading"), self.whitened, {}
+        variables["reading"] = ("reading",), np.array(self.readings, dtype=object), {}
+        if self.loads is not None:
+            variables["load"] = (axis, "load_name"), self.loads.mean, {}
+            variables["load_std"] = (axis, "load_name"), self.loads.std, {}
+            variables["load_name"] = ("load_name",), np.array(self.loads.names, dtype=object), {}
+        if axis != "time":
+            variables[axis] = (axis,), self.innovation_time, {"units": "s"}
+        return variables
+
+    def _attributes(self) -> dict[str, Any]:
+        """What ``identification.nc`` says of the whole."""
+        import tomli_w
 
         from windsysid.turbinefile import as_tables
 
-        names = [parameter.name for parameter in self.parameters]
-        dataset = xr.Dataset(coords={"time": ("time", self.time, {"units": "s"}), "parameter": names})
-        for row, label in enumerate(("estimate", "low", "high")):
-            columns = [self.history(name)[row] for name in names]
-            dataset[label] = (
-                ("time", "parameter"),
-                np.column_stack(columns) if columns else np.empty((len(self.time), 0)),
-            )
-        dataset["unit"] = ("parameter", [self[name].unit for name in names])
-        for what in ("estimate", "low", "high", "std", "prior", "informed_by_data"):
-            values = [getattr(self[name], what) for name in names]
-            dataset[f"final_{what}"] = ("parameter", np.array(values, dtype=np.float64))
-        dataset["cov"] = (("parameter", "parameter_2"), self.cov)
-        dataset["cov"].attrs["note"] = (
-            "in filter coordinates: ln(k / prior_centre) for stiffness, c / coordinate_scale for damping"
-        )
-        for key, what in PRIORS.items():
-            dataset[key] = ("parameter", [float(getattr(parameter, what)) for parameter in self.parameters])
-        axis = "time" if len(self.innovation) == len(self.time) else "innovation_time"
-        dataset["innovation"] = ((axis, "reading"), self.innovation)
-        dataset["whitened"] = ((axis, "reading"), self.whitened)
-        dataset = dataset.assign_coords(reading=list(self.readings))
-        if self.loads is not None:
-            dataset["load"] = ((axis, "load_name"), self.loads.mean)
-            dataset["load_std"] = ((axis, "load_name"), self.loads.std)
-            dataset = dataset.assign_coords(load_name=list(self.loads.names))
-        if axis != "time":
-            dataset = dataset.assign_coords({axis: (axis, self.innovation_time, {"units": "s"})})
-        dataset.attrs |= {"method": self.method, "formulation": self.formulation, "record": self.record}
-        dataset.attrs |= {"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)}
-        dataset.attrs |= {"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)}
-        dataset.attrs |= {"section_start_s": self.section[0], "section_end_s": self.section[1]}
-        if self.machine is not None:
-            dataset.attrs |= {"turbine_file": tomli_w.dumps(as_tables(self.machine))}
-        return dataset
+        return {
+            **{"method": self.method, "formulation": self.formulation, "record": self.record},
+            **{"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)},
+            **{"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)},
+            **{"section_start_s": self.section[0], "section_end_s": self.section[1]},
+            **({} if self.machine is None else {"turbine_file": tomli_w.dumps(as_tables(self.machine))}),
+        }
 
     def save(self, folder: Path) -> None:
-        """Write ``summary.json`` and ``identification.nc`` into an existing folder."""
+        """Write ``summary.json`` and ``identification.nc``, which is `to_xarray` as netCDF-4, into an existing folder."""
+        import h5netcdf
+        import h5py  # type: ignore[import-untyped,unused-ignore]
+
         (folder / "summary.json").write_text(self.to_json(), encoding="utf-8")
-        self.to_xarray().to_netcdf(folder / "identification.nc", engine="h5netcdf")
+        # xarray would write the same; to import it takes longer than to read, write and print.
+        with h5netcdf.File(folder / "identification.nc", "w") as file:
+            for name, (axes, values, attributes) in self._variables().items():
+                file.dimensions.update(
+                    {axis: n for axis, n in zip(axes, values.shape, strict=True) if axis not in file.dimensions}
+                )
+                text = values.dtype == object
+                variable = file.create_variable(
+                    name, axes, h5py.string_dtype() if text else np.float64, values, fillvalue=None if text else np.nan
+                )
+                variable.attrs.update(attributes)
+            file.attrs.update(self._attributes())
 
     def table(self) -> "Table":
         """The estimates as a Rich table."""
@@ -347,15 +370,18 @@ def load_posterior(folder: str | Path) -> Posterior:
     ConfigurationError
         If there is none, or it was written by a version that did not keep the turbine.
     """
-    import xarray as xr
+    import h5netcdf
 
     from windsysid.turbinefile import parse_turbine
 
     path = Path(folder) / "identification.nc"
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as file:
-            data = file.load()
-        text = data.attrs["turbine_file"]
+        with h5netcdf.File(path, decode_vlen_strings=True) as file:
+            text, trusted = file.attrs["turbine_file"], file.attrs["trusted"]
+            record = _section_name(*(file.attrs[key] for key in ("record", "section_start_s", "section_end_s")))
+            names = file["parameter"][...].tolist()
+            estimate, *columns = (file[key][...].tolist() for key in ("final_estimate", *PRIORS))
+            cov = file["cov"][...]
     except (OSError, ValueError) as error:
         raise ConfigurationError(
             f"result {folder}: expected a folder that windsysid identify wrote, got no identification.nc that can be read "
@@ -366,20 +392,21 @@ def load_posterior(folder: str | Path) -> Posterior:
             f"result {folder}: expected the turbine in identification.nc, got a file of an older version: identify the record again"
         ) from None
     turbine = parse_turbine(text, str(path))
-    names = [str(name) for name in data["parameter"].values]
     if "c_hub_blade" in names:
         turbine = turbine.with_model(replace(turbine.rotor, air_couples=True))
         turbine = replace(turbine, values={**turbine.values, "c_hub_blade": 0.0})
-    estimate = data["final_estimate"].values.tolist()
-    columns = (data[key].values.tolist() for key in PRIORS)
     parameters = tuple(
         Parameter(name, centre, spread, bool(logarithmic), scale)
         for name, centre, spread, logarithmic, scale in zip(names, *columns, strict=True)
     )
     theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
     identified = turbine.with_values(dict(zip(names, estimate, strict=True)))
-    record, trusted = str(data.attrs["record"]), bool(data.attrs["trusted"])
-    return Posterior(identified, parameters, theta, data["cov"].values, record, trusted)
+    return Posterior(identified, parameters, theta, cov, str(record), bool(trusted))
+
+
+def _section_name(record: str, start: float, end: float) -> str:
+    """A record and the part of it that was used, in words."""
+    return f"{record}, {start:.6g}–{end:.6g} s"
 
 
 def coefficient_errors(history: Array, reference: float) -> Array:

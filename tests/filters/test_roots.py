@@ -1,11 +1,24 @@
 """The algebra of roots against NumPy's, and where NumPy's gives up: singular covariances."""
 
+from collections.abc import Callable
+from typing import Any
+
+import numba
 import numpy as np
 import pytest
 
 from windsysid.filters import roots
-from windsysid.filters.roots import absorb
 from windsysid.rows import padded
+
+
+def from_python(helper: Any) -> Callable[..., Any]:
+    """A helper inside a function of its own: by itself it is compiled as a part of kernels only."""
+    return numba.njit(lambda *arguments: helper(*arguments))  # type: ignore[no-any-return]
+
+
+absorb, factorise_rows, square_rows, triangularise_rows = map(
+    from_python, (roots.absorb, roots.factorise, roots.square, roots.triangularise)
+)
 
 
 def in_vectors(matrix: np.ndarray) -> np.ndarray:
@@ -19,7 +32,7 @@ def factorise(cov: np.ndarray) -> np.ndarray:
     n = len(cov)
     root = padded(n, n)
     root[:, :n] = np.nan
-    roots.factorise(in_vectors(cov), root)
+    factorise_rows(in_vectors(cov), root)
     return root[:, :n]
 
 
@@ -27,13 +40,13 @@ def square(root: np.ndarray) -> np.ndarray:
     n = len(root)
     cov = padded(n, n)
     cov[:, :n] = np.nan
-    roots.square(in_vectors(root), cov)
+    square_rows(in_vectors(root), cov)
     return cov[:, :n]
 
 
 def triangularise(matrix: np.ndarray) -> None:
     rows = in_vectors(matrix)
-    roots.triangularise(rows, padded(1, matrix.shape[1]))
+    triangularise_rows(rows, padded(1, matrix.shape[1]))
     matrix[:] = rows[:, : matrix.shape[1]]
 
 

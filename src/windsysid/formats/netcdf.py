@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from windsysid.record import Array, Record
 from windsysid.units import si_unit, to_si
 
 if TYPE_CHECKING:
-    import xarray as xr
+    import h5netcdf
 
 __all__ = ["open_netcdf", "read_netcdf", "write_netcdf"]
 
@@ -69,35 +69,35 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         raise RecordError("is not netCDF-4; give the file the ending of what it is, or export it again")
     if whole or path.stat().st_size < _LARGE:
         _check_seal(path)
-    dataset = _opened(path)
+    file = _opened(path)
     try:
         time_name = mapping.time.column or "time"
-        if time_name not in dataset.variables or dataset[time_name].ndim != 1:
+        if time_name not in file.variables or len(file[time_name].dimensions) != 1:
             raise RecordError(
                 "not a record: expected a coordinate 'time' (T,) in seconds, got the variables "
-                f"{', '.join(map(str, list(dataset.variables)[:12])) or 'none'}"
+                f"{', '.join(list(file.variables)[:12]) or 'none'}"
             )
-        names = [name for name in _order(dataset) if name != time_name]
-        cells = [Cell(name, name, _unit(dataset[name])) for name in names]
+        names = [name for name in _order(file) if name != time_name]
+        cells = [Cell(name, name, _unit(file[name])) for name in names]
         columns = plan_columns(cells, None, mapping)
-        dimension = dataset[time_name].dims[0]
+        (dimension,) = file[time_name].dimensions
         for column in columns:
-            _check_variable(dataset[names[column.index]], names[column.index], str(dimension))
-        time = _seconds(dataset[time_name], time_name, mapping)
-        attributes = {str(k): str(v) for k, v in dataset.attrs.items() if not str(k).startswith("windsysid_")}
-        name = str(dataset.attrs.get("windsysid_name", path.name))
+            _check_variable(file[names[column.index]], names[column.index], dimension)
+        time = _seconds(file[time_name], time_name, mapping)
+        attributes = {k: str(v) for k, v in file.attrs.items() if not k.startswith("windsysid_")}
+        name = str(file.attrs.get("windsysid_name", path.name))
     except (RecordError, ConfigurationError):
         raise
     except Exception as error:
         raise _damaged(error) from error
     finally:
-        dataset.close()
+        file.close()
 
-    opened: list[xr.Dataset] = []
+    opened: list[h5netcdf.File] = []
 
     def rows(low: int, high: int) -> Array:
         try:
-            parts = [opened[-1][names[c.index]][low:high].to_numpy().astype(np.float64) for c in columns]
+            parts = [_numbers(opened[-1][names[c.index]], slice(low, high)) for c in columns]
         except Exception as error:
             raise _damaged(error) from error
         return np.column_stack([column.values(part) for column, part in zip(columns, parts, strict=True)])
@@ -161,16 +161,15 @@ def _checksum(path: Path, size: int) -> int:
     return checksum
 
 
-def _opened(path: Path) -> "xr.Dataset":
+def _opened(path: Path) -> "h5netcdf.File":
+    import h5netcdf
     import h5py  # type: ignore[import-untyped,unused-ignore]
-    import xarray as xr
 
     try:
         # h5netcdf leaves a traceback on stderr where it fails half-way: fail before it in the same places.
         with h5py.File(path) as file:
             file.attrs.get("_nc3_strict")
-        # Times are plain seconds: xarray must not turn them into dates or time spans.
-        return xr.open_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False, cache=False)
+        return h5netcdf.File(path, decode_vlen_strings=True)
     except Exception as error:  # damaged HDF5 raises nearly anything
         raise _damaged(error) from error
 
@@ -180,23 +179,38 @@ def _damaged(error: Exception) -> RecordError:
     return RecordError(f"is damaged, cut off or not netCDF-4 ({reason}); copy or export it again")
 
 
-def _order(dataset: "xr.Dataset") -> list[str]:
-    """The variables' names, in the order of the record that was written."""
-    names = [str(name) for name in dataset.data_vars]
+def _order(file: "h5netcdf.File") -> list[str]:
+    """The variables' names without the coordinates (CF conventions 1.11, section 5), in the order of the record that was written."""
+    listed = [str(item.attrs.get("coordinates", "")).split() for item in (file, *file.variables.values())]
+    coordinates = {*file.dimensions, *(name for some in listed for name in some)}
+    names = [name for name in file.variables if name not in coordinates]
     try:
-        order = [str(name) for name in json.loads(dataset.attrs.get("windsysid_channels", "[]"))]
+        order = [str(name) for name in json.loads(file.attrs.get("windsysid_channels", "[]"))]
     except (TypeError, ValueError):
         return names
     return order if sorted(order) == sorted(names) else names
 
 
-def _unit(variable: "xr.DataArray") -> str | None:
+def _unit(variable: "h5netcdf.Variable") -> str | None:
     unit = variable.attrs.get("units")
     return None if unit is None else str(unit)
 
 
-def _seconds(variable: "xr.DataArray", name: str, mapping: Mapping) -> Array:
-    _check_variable(variable, name, str(variable.dims[0]))
+def _numbers(variable: "h5netcdf.Variable", rows: slice) -> Array:
+    """Values as CF conventions 1.11 pack them: what equals the fill value is missing (2.5.1), then scale and offset (8.1)."""
+    raw, attributes = variable[rows], variable.attrs
+    values = np.asarray(raw, dtype=np.float64)
+    for key in ("_FillValue", "missing_value"):
+        if key in attributes:
+            values = np.where(np.isin(raw, attributes[key]), np.nan, values)
+    scale, offset = (
+        float(np.squeeze(attributes.get(key, usual))) for key, usual in (("scale_factor", 1.0), ("add_offset", 0.0))
+    )
+    return values if (scale, offset) == (1.0, 0.0) else scale * values + offset
+
+
+def _seconds(variable: "h5netcdf.Variable", name: str, mapping: Mapping) -> Array:
+    _check_variable(variable, name, *variable.dimensions)
     unit = mapping.time.unit or str(variable.attrs.get("units", "s"))
     try:
         factor = to_si(1.0, unit) if si_unit(unit) == "s" else None
@@ -204,13 +218,14 @@ def _seconds(variable: "xr.DataArray", name: str, mapping: Mapping) -> Array:
         raise RecordError(f"time: {error}") from error
     if factor is None:
         raise RecordError(f"time is in '{unit}', expected seconds; convert it first")
-    time = variable.to_numpy().astype(np.float64)
+    time = _numbers(variable, slice(None))
     return time if factor == 1.0 else np.asarray(time * factor)
 
 
-def _check_variable(variable: Any, name: str, dimension: str) -> None:
-    if variable.dims != (dimension,) or variable.dtype.kind not in "fiu":
+def _check_variable(variable: "h5netcdf.Variable", name: str, dimension: str) -> None:
+    kind = np.dtype(variable.dtype)
+    if variable.dimensions != (dimension,) or kind.kind not in "fiu" or "_Unsigned" in variable.attrs:
         raise RecordError(
-            f"'{name}' is {variable.dtype} with dimensions ({', '.join(map(str, variable.dims))}): "
+            f"'{name}' is {kind} with dimensions ({', '.join(variable.dimensions)}): "
             f"expected numbers with dimension ({dimension}); leave it out or convert it"
         )
