@@ -38,6 +38,9 @@ MEMORY = 8
 BLOCKS = 20
 """A block is this fraction of what has been seen."""
 
+LONGEST_BLOCK = 50_000
+"""Samples beyond which blocks do not grow: those of a block are held."""
+
 
 class Online(NamedTuple):
     """What is known between two samples, and all that is needed to go on.
@@ -196,7 +199,7 @@ def _next(online: Online) -> int:
     """The sample at which the next estimate is due."""
     if online.samples < online.first:
         return online.first
-    block = online.samples + max(online.first // 4, online.samples // BLOCKS)
+    block = online.samples + min(max(online.first // 4, online.samples // BLOCKS), LONGEST_BLOCK)
     doubled = online.first
     while doubled <= online.samples:
         doubled *= 2
