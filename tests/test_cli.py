@@ -347,6 +347,7 @@ OPTIONS = {
         "--rotor-speed", "--seed", "--output", "--json", "--overwrite",
     ),
     "modes": ("--speeds", "--operating", "--output", "--json", "--overwrite"),
+    "monitor": ("results", "--covariates", "--alarms-per-year", "--output", "--json", "--overwrite"),
     "compare": ("before", "after", "--output", "--json", "--overwrite"),
     "turbines": (),
 }  # fmt: skip

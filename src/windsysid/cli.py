@@ -360,6 +360,33 @@ def compare(
 
 
 @app.command()
+def monitor(
+    results: Annotated[list[Path], typer.Argument(help="Folders that windsysid identify wrote, in order of time.")],
+    covariates: Annotated[
+        Path | None,
+        typer.Option(help="CSV with a line for each folder: time, and what else moved, such as temperature and wind."),
+    ] = None,
+    alarms_per_year: Annotated[float, typer.Option(help="False alarms that are accepted in a year of records.")] = 0.1,
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, monitor.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
+    from windsysid.monitor import read_blocks, watch
+    from windsysid.output import check_output, new_folder
+
+    if output is not None:
+        check_output(output, overwrite=overwrite)
+    found = watch(read_blocks(results, covariates), alarms_per_year=alarms_per_year)
+    print(found.to_json().rstrip() if json else found)
+    if output is not None:
+        with new_folder(output, overwrite=overwrite) as folder:
+            found.save(folder)
+        if not json:
+            print(f"report: {output / 'report.html'}")
+
+
+@app.command()
 def modes(
     source: Annotated[
         str,

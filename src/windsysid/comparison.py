@@ -28,7 +28,7 @@ from windsysid.modal import modes_with_bands
 from windsysid.result import SIGMAS, Posterior
 from windsysid.units import parameter_unit, unit_text
 
-__all__ = ["HEADINGS", "MOVED", "Change", "Comparison", "compare"]
+__all__ = ["HEADINGS", "MOVED", "Change", "Comparison", "compare", "own_information"]
 
 Array = NDArray[np.float64]
 
@@ -217,7 +217,7 @@ def _difference(before: Posterior, after: Posterior, names: Sequence[str], sprea
     """Mean (n,) and covariance (n, n) of the change of `names` in A's filter coordinates, prior standard deviations `spread` (n,)."""
     n = len(names)
     prior, prior_vector = _prior(before, names)
-    said = [_own(result, names, before) for result in (before, after)]
+    said = [own_information(result, names, before) for result in (before, after)]
     (info_a, h_a), (info_b, h_b) = said
     information = np.block([[prior + info_a + info_b, info_b], [info_b, info_b + np.diag(spread**-2.0)]])
     cov = np.linalg.inv(information)
@@ -225,7 +225,7 @@ def _difference(before: Posterior, after: Posterior, names: Sequence[str], sprea
     return mean[n:], cov[n:, n:]
 
 
-def _own(result: Posterior, names: Sequence[str], frame: Posterior) -> tuple[Array, Array]:
+def own_information(result: Posterior, names: Sequence[str], frame: Posterior) -> tuple[Array, Array]:
     """What a record itself says of `names`: information (n, n) and vector (n,), in the coordinates of `frame`."""
     at = [[q.name for q in result.parameters].index(name) for name in names]
     own = [result.parameters[i] for i in at]
