@@ -334,6 +334,8 @@ def compare(
     overwrite: Overwrite = False,
 ) -> None:
     """Between records: which coefficients moved, by how much, and how sure that is."""
+    from json import dumps
+
     from windsysid.comparison import compare as compare_results
     from windsysid.output import check_output, new_folder
     from windsysid.result import load_posterior
@@ -345,11 +347,8 @@ def compare(
     first = load_posterior(before)
     comparisons = [compare_results(first, load_posterior(later)) for later in after]
     if json:
-        print(
-            "[" * (len(after) > 1)
-            + ",\n".join(found.to_json().rstrip() for found in comparisons)
-            + "]" * (len(after) > 1)
-        )
+        summaries = [found.summary() for found in comparisons]
+        print(dumps(summaries if len(after) > 1 else summaries[0], indent=2))
     else:
         print(*comparisons, sep="\n\n")
     if output is not None:

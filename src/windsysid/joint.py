@@ -47,7 +47,8 @@ MOST = 0.05
 GATED_PASSES = 4
 """Most searches for the mode until the set of outliers stays."""
 
-NARROW = "in simulated turbulent wind the bands of this load model hold the truth in 72 … 77 % of the cases, not 95 (docs/calibration.md): double them"
+NARROW = "under simulated turbulent wind the bands of this load model have been found too narrow (docs/calibration.md)"
+"""What a result under `rotor-wind` says of itself; ``python -m windsysid.study.mismatch`` prints by how much."""
 
 CHUNK = 1024
 """Samples whose covariances are held at once."""

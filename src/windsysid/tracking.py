@@ -19,9 +19,6 @@ Triple = tuple[float, float, float]
 BEND = 0.005
 """Share of the diagram's height by which a curve may leave the straight line between its neighbours."""
 
-BROKEN = 1.5
-"""Cost beyond which a mode does not continue a curve: a shape with nothing in common, or an exponent half a tenth off, costs 1."""
-
 
 @dataclass(frozen=True, eq=False)
 class Curve:
