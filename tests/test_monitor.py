@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from windsysid import ConfigurationError, cli
+from windsysid.blocks import DAY, Blocks, gather, read_blocks
 from windsysid.identification import identify
-from windsysid.monitor import DAY, NOISE, SENSOR, STRUCTURE, Blocks, gather, read_blocks, watch
+from windsysid.monitor import NOISE, SENSOR, STRUCTURE, watch
 from windsysid.planning import plan
 from windsysid.result import Posterior
 from windsysid.simulate import simulate_record

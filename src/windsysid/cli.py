@@ -371,7 +371,8 @@ def monitor(
     overwrite: Overwrite = False,
 ) -> None:
     """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
-    from windsysid.monitor import read_blocks, watch
+    from windsysid.blocks import read_blocks
+    from windsysid.monitor import watch
     from windsysid.output import check_output, new_folder
 
     if output is not None:

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from windsysid.monitor import DAY, HEADINGS, Watch
+from windsysid.blocks import DAY
+from windsysid.monitor import HEADINGS, Watch
 from windsysid.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.report import Section, Table, write_report
 from windsysid.units import unit_text

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from windsysid.monitor import DAY
+from windsysid.blocks import DAY
 from windsysid.study import years
 from windsysid.study.years import Site, delays, false_alarms, simulate_blocks
 

@@ -45,7 +45,7 @@ from windsysid.filters.particlekernels import (
     temper_kernel,
 )
 from windsysid.filters.philox import Purpose, key_of, normals, uniforms
-from windsysid.filters.resampling import Resampling, ancestors, check_resampling
+from windsysid.filters.resampling import Resampling, ancestors, check_resampling, normalised
 from windsysid.jit import VALUE
 from windsysid.statespace import StateSpace
 from windsysid.transition import Workspace, workspace
@@ -102,8 +102,7 @@ class Cloud(NamedTuple):
     @property
     def weights(self) -> Array:
         """Normalised weights (N,)."""
-        w = np.exp(self.log_weights - self.log_weights.max())
-        return np.asarray(w / w.sum())
+        return normalised(self.log_weights)
 
     @property
     def mean(self) -> Array:
@@ -364,8 +363,7 @@ def resample(
     options: Options, values: Array, log_weights: Array, number: int, part: int = 0
 ) -> tuple[NDArray[np.int64], Array]:
     """The ancestors (N,) of the next particles, and their static values (n, N), drawn anew where a kernel is asked for."""
-    weights = np.exp(log_weights - log_weights.max())
-    weights /= weights.sum()
+    weights = normalised(log_weights)
     points = uniforms(options.seed, number, Purpose.ANCESTORS, weights.size, part)
     chosen = ancestors(weights, points, options.resampling)
     if options.discount == 1.0 or not len(values):

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError
 from windsysid.filters.bank import LANES, Bank, Scores, bank_of, run_bank
 from windsysid.filters.particle import ParticleFilter, pool, reflected, resample, survivors
-from windsysid.filters.resampling import Resampling
+from windsysid.filters.resampling import Resampling, normalised
 from windsysid.statespace import StateSpace
 
 __all__ = ["Mixture", "MixtureInfo", "RaoBlackwellised", "Split"]
@@ -71,8 +71,7 @@ class Mixture(NamedTuple):
     @property
     def weights(self) -> Array:
         """Normalised weights (N,)."""
-        w = np.exp(self.log_weights - self.log_weights.max())
-        return np.asarray(w / w.sum())
+        return normalised(self.log_weights)
 
     @property
     def mean(self) -> Array:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError
 from windsysid.jit import compiled
 
-__all__ = ["Resampling", "ancestors", "check_resampling"]
+__all__ = ["Resampling", "ancestors", "check_resampling", "normalised"]
 
 Array = NDArray[np.float64]
 Resampling = Literal["systematic", "stratified", "residual"]
@@ -95,3 +95,9 @@ def _resample(weights: Any, uniforms: Any, scheme: int, out: Any) -> None:
         out[certain + i] = n
     if scheme == 2:
         out.sort()
+
+
+def normalised(log_weights: Array) -> Array:
+    """Weights (N,) that add up to 1."""
+    weights = np.exp(log_weights - log_weights.max())
+    return np.asarray(weights / weights.sum())

@@ -26,10 +26,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.blocks import DAY, Blocks, gather
 from windsysid.console import render
 from windsysid.errors import WindsysidError
 from windsysid.identifiability import standard_deviations
-from windsysid.monitor import DAY, TOLERATED, YEAR, Blocks, Watch, gather, watch
+from windsysid.monitor import TOLERATED, YEAR, Watch, watch
 from windsysid.planning import plan
 from windsysid.turbine import load_turbine
 
