@@ -13,12 +13,13 @@
 
     with R_i the small eddies that one blade meets alone. The same forces push the hub: a moment F about a blade's link is a force F/ℓ_m on the hub
     that turns with the blade, ℓ_m = ℓ (m+1)/(m+1+ρ), further out for smaller eddies. What a force has that the moment has not (eddies near the hub) is a series
-    of its own in the terms that the tower feels most, and broadband. Air that pushes hub and blades also damps them together: the coefficient
+    of its own in the terms that the hub feels, and small eddies of its own. Air that pushes hub and blades also damps them together: the coefficient
     ``c_hub_blade`` of `windsysid.mechanics.RotorModel` is identified with the others.
 
 The spectra of A_m, B_m follow from frozen turbulence with exponential coherence (IEC 61400-1 ed. 4, annex C): what a ring of radius r sees in its m-th
-term is S(f) x/(π(x² + m²)), x = 12 r f/V, for S ∝ f^{−5/3} flat below a corner near m V/12r and steep above. One pole at the corner f₁ m^0.7 does
-for m ≥ 2; the term m = 1, which the tower feels all the way up to its own frequency, needs a second pole and a zero.
+term is S(f) x/(π(x² + m²)), x = 12 r f/V, for S ∝ f^{−5/3} flat below a corner near m V/12r and steep above, and between two lines nP there is nothing but such skirts. One pole at the
+corner f₁ m^0.7 does for m ≥ 3; below, a second pole and a zero bend the skirt. What the moment does not tell of the force falls later, from 2 f₁ m^0.6.
+The constants were fitted to the sums over the blades of the scale model and of the NREL 5 MW turbine (docs/loads.md).
 """
 
 import math
@@ -50,11 +51,17 @@ Values = Mapping[str, float]
 CORNER_POWER = 0.7
 """Corner of the m-th term over that of the first: m to this power."""
 
-SECOND_POLE, ZERO = 7.0, 18.0
-"""Second pole and zero of the first term, over its corner."""
+KNEE = 6.0
+"""Given value of the second pole of the first term, over its corner."""
 
-SLOW_CORNER, SLOW_LEVEL = 0.4, 1.5
+BENDS = ((0.55, 3.2), (1.0, 2.05), (1.4, 1.55))
+"""Of the terms m = 0, 1, 2: the second pole over that of the first, and the zero over the second pole."""
+
+SLOW_CORNER, SLOW_LEVEL = 0.33, 3.0
 """Corner of the term m = 0, and level at zero frequency, over those of the first."""
+
+OWN_CORNER, OWN_POWER, OWN_FALL = 2.0, 0.6, 0.7
+"""Of what the hub feels alone: corner of its first term over f₁, powers of m by which corners rise and levels fall."""
 
 COUPLING = 0.5
 """Prior standard deviation of c_hub_blade over the geometric mean of the damping of hub and blade."""
@@ -191,7 +198,8 @@ def _rotor_statistics(
     found = [
         Statistic("load_rms_wind", "N*m", moment, spread=1.5),
         Statistic("load_corner", "Hz", 0.06 * turn, spread=0.7),
-        Statistic("load_fall", "1", 1.4, spread=0.3),
+        Statistic("load_fall", "1", 1.2, spread=0.3),
+        Statistic("load_knee", "1", KNEE, spread=0.3),
     ]
     if both:
         found += [
@@ -206,10 +214,9 @@ def _rotor_statistics(
             Statistic("load_eddies_damping", "1", 0.7, spread=0.7),
         ]
     if hub:
-        found += [
-            Statistic("load_rms_hub", "N", 0.3 * of_hub[0], spread=1.5),
-            Statistic("load_hub_time_constant", "s", 0.5 / (math.pi * fastest), spread=1.0),
-        ]
+        found.append(Statistic("load_rms_hub", "N", 0.3 * of_hub[0], spread=1.5))
+    if hub and not blades:
+        found.append(Statistic("load_hub_time_constant", "s", 0.5 / (math.pi * fastest), spread=1.0))
     return tuple(found)
 
 
@@ -217,35 +224,41 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     """The load states of wind on a turning rotor."""
     N = to.blades
     terms = range(2 * N + 2)
-    shapes = [_term(m, values["load_corner"], values["load_fall"]) for m in terms]
+    shapes = [_term(m, values) for m in terms]
     size = values["load_rms_wind"] / math.sqrt(sum(shape.variance for shape in shapes))
     levers = [values["load_lever"] * (m + 1) / (m + 1 + values["load_lever_rise"]) for m in terms]
     blocks = [rotor_harmonic(shape.times(size), m, to, levers[m], f"wind_{m}P") for m, shape in enumerate(shapes)]
     if "load_hub_share" in values:
-        for m in sorted({1, N - 1, N + 1}):
-            own = _one_pole(m, values["load_corner"], values["load_fall"]).times(size * values["load_hub_share"])
+        for m in (m for m in terms if (m + 1) % N == 0 or (m - 1) % N == 0):  # which the hub feels
+            own = _own(m, values["load_corner"]).times(size * values["load_hub_share"])
             blocks.append(rotor_harmonic(own, m, to, levers[m], f"hub_{m}P", moments=False))
     if "load_rms_eddies" in values:
         eddies = second_order(values["load_rms_eddies"], values["load_eddies_frequency"], values["load_eddies_damping"])
         blocks += [blade_force(eddies, i, to, levers[-1], f"eddies_{i}") for i in range(1, N + 1)]
     if hub:
-        rest = first_order(values["load_rms_hub"], values["load_hub_time_constant"])
+        if "load_rms_eddies" in values:
+            rest = second_order(values["load_rms_hub"], values["load_eddies_frequency"], values["load_eddies_damping"])
+        else:
+            rest = first_order(values["load_rms_hub"], values["load_hub_time_constant"])
         blocks += [load_on(name, rest) for name in hub]
     return tuple(block for block in blocks if block.outputs)
 
 
-def _term(m: int, corner: float, fall: float) -> Process:
+def _term(m: int, values: Values) -> Process:
     """The m-th term of the series in azimuth, its spectrum 1/m^{2 fall} at zero frequency."""
-    if m != 1:
-        return _one_pole(m, corner, fall)
-    a = 2.0 * math.pi * corner
-    return _with_level(rational(1.0, [-a, -SECOND_POLE * a], [-ZERO * a]), 1.0)
+    corner = 2.0 * math.pi * values["load_corner"]
+    pole = corner * (m**CORNER_POWER if m else SLOW_CORNER)
+    level = m ** -values["load_fall"] if m else SLOW_LEVEL
+    if m >= len(BENDS):
+        return _with_level(first_order(1.0, 1.0 / pole), level)
+    second = BENDS[m][0] * values["load_knee"] * corner
+    return _with_level(rational(1.0, [-pole, -second], [-BENDS[m][1] * second]), level)
 
 
-def _one_pole(m: int, corner: float, fall: float) -> Process:
-    slow = m == 0
-    a = 2.0 * math.pi * corner * (SLOW_CORNER if slow else m**CORNER_POWER)
-    return _with_level(first_order(1.0, 1.0 / a), SLOW_LEVEL if slow else m**-fall)
+def _own(m: int, corner: float) -> Process:
+    """The m-th term of what the hub feels alone."""
+    pole = 2.0 * math.pi * OWN_CORNER * corner * m**OWN_POWER
+    return _with_level(first_order(1.0, 1.0 / pole), m**-OWN_FALL)
 
 
 def _with_level(process: Process, level: float) -> Process:
