@@ -18,7 +18,7 @@
 
 The spectra of A_m, B_m follow from frozen turbulence with exponential coherence (IEC 61400-1 ed. 4, annex C): what a ring of radius r sees in its m-th
 term is S(f) x/(π(x² + m²)), x = 12 r f/V, for S ∝ f^{−5/3} flat below a corner near m V/12r and steep above, and between two lines nP there is nothing but such skirts. One pole at the
-corner f₁ m^0.7 does for m ≥ 3; below, a second pole and a zero bend the skirt. What the moment does not tell of the force falls later, from 2 f₁ m^0.6.
+corner f₁ m^0.7 does for m ≥ 3; below, a second pole and a zero bend the skirt. What the moment does not tell of the force falls later, from 2.2 f₁ m^0.6.
 The constants were fitted to the sums over the blades of the scale model and of the NREL 5 MW turbine (docs/loads.md).
 """
 
@@ -60,7 +60,7 @@ BENDS = ((0.55, 3.2), (1.0, 2.05), (1.4, 1.55))
 SLOW_CORNER, SLOW_LEVEL = 0.33, 3.0
 """Corner of the term m = 0, and level at zero frequency, over those of the first."""
 
-OWN_CORNER, OWN_POWER, OWN_FALL = 2.0, 0.6, 0.7
+OWN_CORNER, OWN_POWER, OWN_FALL = 2.2, 0.6, 0.9
 """Of what the hub feels alone: corner of its first term over f₁, powers of m by which corners rise and levels fall."""
 
 COUPLING = 0.5
