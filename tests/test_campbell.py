@@ -260,7 +260,7 @@ def test_the_summary_as_json_is_all_that_is_printed(run):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("nowhere",), "no turbine and no result 'nowhere': expected one of hammond, nrel5mw, tower, verne555, the path of a .toml file"),
+        (("nowhere",), "no turbine and no result 'nowhere': expected one of hammond, nrel5mw, nrel5mw_full, tower, verne555, the path of a .toml file"),
         (("verne555", "--speeds", "2", "3 rpm"), "--speeds: the unit is missing: write it behind the number, in rad/s; got '2'"),
         (("verne555", "--operating", "2 rpm", "3 kg"), "--operating: expected a unit of the same quantity as rad/s; got '3 kg'"),
         (("verne555", "--speeds", "3 rpm", "2 rpm"), "speeds: expected two rotor speeds from 0 on, the lower first, got 3 and 2 rpm"),

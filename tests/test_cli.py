@@ -172,7 +172,10 @@ def test_what_is_not_there_or_a_folder_is_refused(run, tmp_path, results):
         (("--prior-scale", "1e6"), "prior scale of stiffness: expected a factor"),
         (("--add-noise", "-1"), "added noise: expected a percentage between 0 and 1000, got -1"),
         (("--add-noise", "nan"), "added noise: expected a percentage"),
-        (("--turbine", "nordex"), "no turbine 'nordex': expected one of hammond, nrel5mw, tower, verne555"),
+        (
+            ("--turbine", "nordex"),
+            "no turbine 'nordex': expected one of hammond, nrel5mw, nrel5mw_full, tower, verne555",
+        ),
         (("--turbine", "nowhere.toml"), r"turbine file nowhere\.toml: cannot be read"),
         (("--sensors", "nowhere.toml"), r"nowhere\.toml: expected a TOML file"),
     ],

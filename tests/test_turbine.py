@@ -12,7 +12,7 @@ from windsysid.turbine import Turbine, load_turbine, packaged_turbines, write_tu
 
 
 def test_the_packaged_turbines_load_by_name():
-    assert packaged_turbines() == ("hammond", "nrel5mw", "tower", "verne555")
+    assert packaged_turbines() == ("hammond", "nrel5mw", "nrel5mw_full", "tower", "verne555")
     for name in packaged_turbines():
         turbine = load_turbine(name)
         assert turbine.name == name
@@ -367,7 +367,8 @@ def test_a_tower_has_no_rotor_of_its_own(verne555: Turbine):
 
 def test_a_turbine_that_is_not_there_is_one_clear_line(tmp_path: Path):
     with pytest.raises(
-        ConfigurationError, match=r"no turbine 'verne': expected one of hammond, nrel5mw, tower, verne555, or"
+        ConfigurationError,
+        match=r"no turbine 'verne': expected one of hammond, nrel5mw, nrel5mw_full, tower, verne555, or",
     ):
         load_turbine("verne")
     with pytest.raises(ConfigurationError, match=r"turbine file .*nowhere\.toml: cannot be read"):

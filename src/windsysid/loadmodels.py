@@ -155,7 +155,7 @@ def _rotor_wind(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesi
         )
     hub = tuple(name for name in names if name in ("load_x", "load_y"))
     both = bool(hub) and any(name.startswith("load_beta") for name in names)
-    to = BladeForces(names, rotor.blades, v["hinge_offset"], v["kappa"] if rotor.roll == "tied" else 0.0)
+    to = BladeForces(names, rotor.blades, v["hinge_offset"], rotor.lean(v))
     statistics = _rotor_statistics(turbine, loads, blades=both or not hub, hub=bool(hub), both=both)
     given = {s.name: s.given for s in statistics} | {"load_lever": _lever(turbine), "load_lever_rise": LEVER_RISE}
 

@@ -312,7 +312,7 @@ class _Frame:
             return np.array([v[f"mass_{name}"] for name in rotor.coordinates])
         blades = sum(v[f"blade_mass_{i}"] for i in rotor.blade_numbers)
         lag = sum(v[f"blade_inertia_{i}"] for i in rotor.blade_numbers)
-        support = {"x": v["hub_mass_x"] + blades, "y": v["hub_mass_y"] + blades, "roll": lag}
+        support = {"x": v["hub_mass_x"] + blades, "y": v["hub_mass_y"] + blades, "roll": rotor.inertia("roll", v)}
         weights = [support[name] for name in rotor.coordinates if name in support]
         if rotor.lag == "free":
             N = rotor.blades

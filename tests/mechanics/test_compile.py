@@ -154,7 +154,7 @@ def test_every_parameter_of_the_rotor_is_seen_by_the_rates_or_the_readings():
     args = arguments(model, np.random.default_rng(6))
     seen = sum(np.abs(jacobians(model, kernel, args)[1][1]).max(axis=0) for kernel in ("rates", "reading"))
     unseen = {name for name, slope in zip(model.identified, seen, strict=True) if slope == 0.0}
-    assert unseen == {"kappa"}
+    assert not unseen
 
 
 def test_compiled_kernels_compute_what_the_generated_python_says(verne555: Turbine):

@@ -3,10 +3,12 @@
 import math
 from dataclasses import replace
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.linalg import eigh
 
 from windsysid.errors import ConfigurationError
 from windsysid.loads import GaussMarkov
@@ -95,14 +97,15 @@ def test_the_printed_inertia_is_larger_by_m_h_w_over_6(verne555: Turbine):
     assert verne555.values["blade_inertia_1"] == pytest.approx(float(ours.subs(scale_model)), rel=1e-14)
 
 
-def test_newton_and_euler_give_the_same_for_a_tied_roll_and_a_varying_speed():
+@pytest.mark.parametrize("rolling", ["tied", "free"])
+def test_newton_and_euler_give_the_same_for_a_roll_that_leans_and_a_varying_speed(rolling: Literal["tied", "free"]):
     # d'Alembert with rigid bodies: Σ (m a · ∂r/∂q + I_c α ∂θ/∂q) is the generalised force. No Lagrangian, no first
     # moment and no moment about the link: each blade is a mass at S/m from its link with I − S²/m about its centre.
     t = sp.Symbol("t", real=True)
-    model = RotorModel(2, roll="tied", datum="unstressed")
+    model = RotorModel(2, roll=rolling, datum="unstressed")
     q = {name: sp.Function(name)(t) for name in model.coordinates}
     azimuth = sp.Function("rotor_azimuth")(t)
-    roll = real("kappa") * q["x"]
+    roll = real("kappa") * q["x"] + q.get("roll", 0)
     external = {name: real(f"load_{name}") for name in q}
     for name, function in q.items():
         external[name] += -real(f"k_{name}") * function - real(f"c_{name}") * sp.diff(function, t)
@@ -178,7 +181,7 @@ def test_energy_changes_by_the_work_of_shaft_and_loads(verne555: Turbine):
     model = RotorModel(3, roll="free")
     equations, energy = with_shaft_as_coordinate(model)
     compiled = compile_model(equations)
-    values = {**verne555.values, "roll_inertia": 3.0, "k_roll": 9000.0, "kappa": 0.0}
+    values = {**verne555.values, "roll_inertia": 3.0, "k_roll": 9000.0, "kappa": -0.3}
     values |= {name: 0.0 for name in values if name.startswith("c_")}
     p = [values[name] for name in compiled.parameters]
     rng = np.random.default_rng(2)
@@ -238,6 +241,35 @@ def test_the_jacobi_integral_is_conserved_over_1000_revolutions_and_energy_is_no
     assert finer < 1e-5 * energy
 
 
+def test_at_rest_a_partly_free_roll_has_the_modes_of_a_mass_matrix_written_by_hand():
+    # Small motion about ψ = 0.4 without gravity: T = ½ m_x ẋ² + ½ J r² + Σ ½ I β̇² + β̇ [(I + d S) ṙ − S sin θ ẋ] with ṙ = κ ẋ + ρ̇; the hub's
+    # own coupling of x and ṙ is Σ −(d m + S) sin θ = 0. V is diagonal.
+    turbine = load_turbine("nrel5mw_full").with_values({"gravity": 0.0})
+    v, psi = turbine.values, 0.4
+    d, kappa, m, S, inertia = (
+        v[n] for n in ("hinge_offset", "kappa", "blade_mass_1", "blade_first_moment_1", "blade_inertia_1")
+    )
+    turning = v["roll_inertia"] + 3 * (inertia + 2 * d * S + m * d**2)
+    lean = np.array([[1.0, 0.0], [kappa, 1.0]])  # (x, ρ) to (x, r)
+    mass = np.zeros((5, 5))
+    mass[:2, :2] = np.diag([v["hub_mass_x"] + 3 * m, turning])
+    mass[2:, 2:] = inertia * np.eye(3)
+    mass[2:, 0] = -S * np.sin(psi + 2 * np.pi * np.arange(3) / 3)
+    mass[2:, 1] = inertia + d * S
+    mass[:2, 2:] = mass[2:, :2].T
+    to_r = np.eye(5)
+    to_r[:2, :2] = lean
+    by_hand = eigh(np.diag([v["k_x"], v["k_roll"], *[v["k_beta_1"]] * 3]), to_r.T @ mass @ to_r, eigvals_only=True)
+
+    model = compile_model(turbine.model)
+    p = np.array([v[name] for name in model.parameters])
+    A, B, G = np.zeros((10, 10)), np.zeros((10, 0)), np.zeros((10, 5))
+    model.rates_jacobian(np.zeros(10), np.array([psi, 0.0, 0.0]), p, np.zeros(5), np.empty(10), A, B, G)
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(-A[5:, :5]).real), by_hand, rtol=1e-10)
+    for k, name in enumerate(("x", "roll")):
+        assert turbine.inertia(name) == pytest.approx((lean.T @ mass[:2, :2] @ lean)[k, k], rel=1e-12)
+
+
 def test_every_combination_of_free_and_locked_has_its_states_and_loads():
     model = RotorModel(2, y="locked", roll="free")
     assert model.coordinates == ("x", "roll", "beta_1", "beta_2")
@@ -291,7 +323,7 @@ def test_lagrange_gives_a_pendulum_whose_pivot_is_driven():
 
 
 def test_the_packaged_turbines_have_a_value_for_every_parameter():
-    for name in ("verne555", "nrel5mw", "hammond"):
+    for name in ("verne555", "nrel5mw", "nrel5mw_full", "hammond"):
         turbine = load_turbine(name)
         assert set(turbine.rotor.kinematics.parameters) == set(turbine.values)
         assert all(isinstance(load, GaussMarkov) for load in turbine.loads)

@@ -13,6 +13,7 @@ from windsysid.turbine import Turbine
 
 ROLLING = RotorModel(3, roll="free")
 RATE = 2000.0
+KAPPA = -0.3
 
 TOWER = Sensor(channel="tower", quantity="acceleration", point="tower", axis="x", noise=1.0)
 BLADE = Sensor(
@@ -56,12 +57,13 @@ class Motion(NamedTuple):
     hinge_offset: float
 
     def of(self, name: str, end: str = "") -> np.ndarray:
-        return self.states[:, ROLLING.states.index(name + end)]
+        lean = KAPPA * self.of("x", end) if name == "roll" else 0.0
+        return np.asarray(self.states[:, ROLLING.states.index(name + end)] + lean)
 
 
 @pytest.fixture(scope="module")
 def values(verne555: Turbine) -> dict[str, float]:
-    return {**verne555.values, "roll_inertia": 3.0, "k_roll": 9000.0, "c_roll": 5.0}
+    return {**verne555.values, "roll_inertia": 3.0, "k_roll": 9000.0, "c_roll": 5.0, "kappa": KAPPA}
 
 
 def simulated(values: dict[str, float], sensors: list[Sensor]) -> tuple[Motion, np.ndarray]:

@@ -2,7 +2,7 @@
 
 Looking upwind: x is lateral, y is up, the rotor turns counter-clockwise by the azimuth ψ(t), which is an input.
 Blade i hangs on a link at the radius d and the angle θ_i = φ_i + ψ + r, φ_i = 2π(i−1)/N, where r is the in-plane
-roll of the support; it leads by β_i. With m its mass, S its first and I its second moment about the link,
+roll of the support, r = κ x + ρ where x leans it and ρ is free; it leads by β_i. With m its mass, S its first and I its second moment about the link,
 twice its kinetic energy is
 
     m |v_L|² + 2 S (θ̇ + β̇) v_L·t + I (θ̇ + β̇)²,     v_L = (ẋ, ẏ) + d θ̇ (−sin θ, cos θ),   t = (−sin(θ+β), cos(θ+β)).
@@ -44,7 +44,8 @@ class RotorModel:
     x, y
         Lateral and vertical motion of the hub: ``"free"`` or ``"locked"``.
     roll
-        In-plane roll of the support: ``"free"``, ``"locked"`` (the paper) or ``"tied"`` to x (r = κ x).
+        In-plane roll of the support: ``"locked"`` (the paper), ``"tied"`` to x (r = κ x), or ``"free"`` (r = κ x + ρ, with ρ on a spring and a
+        damper of its own; κ may be 0).
     lag
         The blades' lag angles, all ``"free"`` or all ``"locked"``.
     datum
@@ -106,11 +107,15 @@ class RotorModel:
             m, d = v[f"blade_mass_{i}"], v["hinge_offset"]
             about_hub = v[f"blade_inertia_{i}"] + 2.0 * d * v[f"blade_first_moment_{i}"] + m * d**2
             total += about_hub if coordinate == "roll" else m
-            if coordinate == "x" and self.roll == "tied":
-                total += v["kappa"] ** 2 * about_hub
+            if coordinate == "x":
+                total += self.lean(v) ** 2 * about_hub
         own = {"x": v["hub_mass_x"], "y": v["hub_mass_y"], "roll": v["roll_inertia"]}[coordinate]
-        leaning = v["kappa"] ** 2 * v["roll_inertia"] if coordinate == "x" and self.roll == "tied" else 0.0
+        leaning = self.lean(v) ** 2 * v["roll_inertia"] if coordinate == "x" else 0.0
         return total + own + leaning
+
+    def lean(self, values: Mapping[str, float]) -> float:
+        """κ [rad/m], by how much x leans the rotor: 0 where roll is locked."""
+        return 0.0 if self.roll == "locked" else values["kappa"]
 
     @property
     def signature(self) -> str:
@@ -171,12 +176,11 @@ class Kinematics:
         return self.sp.Symbol(name, real=True)
 
     def displacement(self, name: str) -> "sp.Expr":
-        """The displacement of a degree of freedom: its symbol if free, κ x for a tied roll, 0 if locked."""
-        if name in self.coordinate:
-            return self.coordinate[name][0]
-        if name == "roll" and self.model.roll == "tied":
-            return self.parameters["kappa"] * self.coordinate["x"][0]
-        return self.zero
+        """The displacement of hub, support or blade: its symbol if free, 0 if locked; κ x and what is free for a roll."""
+        own = self.coordinate[name][0] if name in self.coordinate else self.zero
+        if name == "roll" and self.model.roll != "locked" and "x" in self.coordinate:
+            return self.parameters["kappa"] * self.coordinate["x"][0] + own
+        return own
 
     def rate(self, expression: "sp.Expr") -> "sp.Expr":
         """The time derivative of an expression in displacements, velocities, ψ and Ω."""

@@ -2,7 +2,7 @@
 
 Station s of blade i at the angle θ_i moves along the tangent t = (−sin θ, cos θ) by J q̇,
 
-    J = [−sin θ (+ κ r if roll is tied), cos θ, r (roll), lever (β_i)],
+    J = [−sin θ (+ κ r where x leans the rotor), cos θ, r (roll), lever (β_i)],
 
 and meets the air with V_n = u cos δ − a V across the rotor plane and W = r Ω + J q̇ + u sin δ sin θ in it. Then
 
@@ -187,7 +187,7 @@ def _station_motion(turbine: "Turbine", aerodynamics: BladeAerodynamics, theta: 
     columns = []
     for name in model.coordinates:
         if name == "x":
-            columns.append(-np.sin(theta) + (turbine.values["kappa"] * radii if model.roll == "tied" else 0.0))
+            columns.append(-np.sin(theta) + model.lean(turbine.values) * radii)
         elif name == "y":
             columns.append(np.cos(theta))
         elif name == "roll":
