@@ -125,6 +125,34 @@ def test_a_first_order_process_is_the_turbine_files_load():
         np.testing.assert_allclose(mine, theirs, rtol=1e-12)
 
 
+@pytest.mark.parametrize("time_constant", [0.1, 1.0, 5.0])
+def test_behind_a_low_pass_the_samples_have_the_spectrum_of_a_process_cut_off_there(time_constant: float):
+    # Closed form of Gauss–Markov, gain of the resampler, all that folds back. Without the second pole the samples hold twice as much near half the rate.
+    rate, f = 4.0, np.linspace(0.02, 1.98, 50)
+    block = GaussMarkov("load_x", 1.0, time_constant, low_pass=0.5 * rate)
+    transition, noise = block.discretise(1.0 / rate)
+    row = block.outputs["load_x"][0]
+    z = np.exp(2j * np.pi * f / rate)
+    ours = [
+        abs(
+            row
+            @ np.linalg.solve(x * np.eye(2) - transition, noise)
+            @ np.linalg.solve(x * np.eye(2) - transition, np.eye(2)).conj().T
+            @ row
+        )
+        for x in z
+    ]
+
+    def cut_off(x: np.ndarray) -> np.ndarray:
+        gain = np.where(
+            x < 0.4 * rate, 1.0, np.where(x < 0.6 * rate, np.cos(0.25 * np.pi * (x / rate - 0.4) / 0.1), 0.0)
+        )
+        return np.asarray(gain**2 / (1.0 + (2.0 * np.pi * x * time_constant) ** 2))
+
+    ratio = np.log(ours / (cut_off(f) + cut_off(rate - f)))
+    assert np.std(ratio) < 0.085
+
+
 @pytest.mark.parametrize(
     ("rms", "poles", "zeros"),
     [

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from windsysid.filters import Info
 from windsysid.loads import GaussMarkov
 from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import TowerModel
-from windsysid.record import Record
+from windsysid.record import LOW_PASS, Record
 from windsysid.signals import resample, rotor_inputs, tower_inputs
 from windsysid.statespace import Parameter, StateSpace
 from windsysid.statistics import Statistic
@@ -176,12 +176,13 @@ def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) ->
 
 
 def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMarkov]]:
-    """Measured loads (T, n), zero where there is no channel, and the loads that are therefore states."""
+    """Measured loads (T, n), zero where there is no channel, and the loads that are therefore states, as far as the record's low-pass lets them through."""
     known = np.zeros((record.samples, len(turbine.model.loads)))
     for column, name in enumerate(turbine.model.loads):
         if name in record:
             known[:, column] = np.nan_to_num(record[name])
-    return known, [load for load in turbine.loads if load.load not in record]
+    low_pass = float(record.attributes.get(LOW_PASS, math.inf))
+    return known, [replace(load, low_pass=low_pass) for load in turbine.loads if load.load not in record]
 
 
 def check_finite(mean: Array, cov: Array) -> None:

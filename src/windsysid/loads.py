@@ -40,6 +40,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+BEYOND = 1.2
+"""Pole over the frequency of the low-pass: sampled at twice that, the spectrum is that of a process cut off there to within 8 % rms."""
+
 
 class LoadModel(Protocol):
     """What `compose` needs of a load model."""
@@ -76,12 +79,16 @@ class GaussMarkov:
         [s].
     harmonic
         n; 0: the process itself.
+    low_pass
+        [Hz]; where the record went through an anti-aliasing low-pass, what it knows of the process did too: a second pole at `BEYOND` times that frequency. Without it
+        the samples of the process hold power from above half the rate which those of the record do not, and a mode's damping pays for it.
     """
 
     load: str
     rms: float
     time_constant: float
     harmonic: int = 0
+    low_pass: float = math.inf
 
     def __post_init__(self) -> None:
         if not (self.rms > 0.0 and self.time_constant > 0.0 and np.isfinite(self.rms * self.time_constant)):
@@ -93,16 +100,28 @@ class GaussMarkov:
     def states(self) -> tuple[str, ...]:
         """The load is its own state; a harmonic has two, a and b."""
         line = f"{self.load}_{self.harmonic}P"
-        return (f"{line}_cosine", f"{line}_sine") if self.harmonic else (self.load,)
+        if self.harmonic:
+            return (f"{line}_cosine", f"{line}_sine")
+        return (self.load,) if math.isinf(self.low_pass) else (self.load, f"{self.load}_rate")
+
+    @property
+    def _passed(self) -> "Process | None":
+        """The process behind the low-pass, where there is one."""
+        if self.harmonic or math.isinf(self.low_pass):
+            return None
+        return rational(self.rms, [-1.0 / self.time_constant, -2.0 * math.pi * BEYOND * self.low_pass])
 
     @property
     def cov(self) -> Array:
         """Stationary covariance (n, n)."""
-        return self.rms**2 * np.eye(len(self.states))
+        passed = self._passed
+        return self.rms**2 * np.eye(len(self.states)) if passed is None else passed.cov
 
     @property
     def outputs(self) -> Mapping[str, Array]:
         """It drives its own degree of freedom."""
+        if passed := self._passed:
+            return {self.load: passed.value[None]}
         if not self.harmonic:
             return {self.load: np.ones((1, 1))}
         rows = np.zeros((1 + 2 * self.harmonic, 2))
@@ -111,6 +130,8 @@ class GaussMarkov:
 
     def discretise(self, step: float) -> tuple[Array, Array]:
         """Φ and Q (n, n) over `step` seconds, exact."""
+        if passed := self._passed:
+            return _discretised(passed.drift, passed.cov, step)
         variance = self.rms**2 * -np.expm1(-2.0 * step / self.time_constant)
         one = np.eye(len(self.states))
         return np.exp(-step / self.time_constant) * one, variance * one
@@ -307,7 +328,7 @@ class BladeForces:
     hinge_offset
         d [m].
     kappa
-        Where roll is tied to x, r = κ x [rad/m]; 0 elsewhere.
+        Where x leans the rotor, r = κ x [rad/m]; 0 elsewhere.
     """
 
     loads: tuple[str, ...]

@@ -25,10 +25,13 @@ from windsysid.units import UNITS, canonical, si_unit, to_si
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["AS_WRITTEN", "Array", "Record", "implied_unit"]
+__all__ = ["AS_WRITTEN", "LOW_PASS", "Array", "Record", "implied_unit"]
 
 AS_WRITTEN = "as written: "
 """Prefix of a unit that windsysid does not know: the values are as the file has them, not converted."""
+
+LOW_PASS = "low_pass_hz"
+"""Attribute of a record that went through a low-pass when its rate was lowered: the frequency [Hz]."""
 
 FINENESS = 64
 """Ticks per median step to which the times of an unequally sampled record are rounded: 0.08 ms at 100 Hz, at most."""

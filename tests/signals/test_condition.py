@@ -36,6 +36,17 @@ def test_what_the_new_rate_cannot_hold_does_not_alias():
     np.testing.assert_allclose(got["a"][inside], wave(got.time)[inside], atol=2e-3)
 
 
+def test_white_noise_stays_white():
+    from scipy.signal import welch
+
+    a = np.random.default_rng(0).standard_normal(200_000)
+    slow = resample(record(np.arange(200_000) / 100.0, a=a), 20.0)["a"][100:-100]
+    f, spectrum = welch(slow, 20.0, nperseg=256)
+    assert spectrum[1:-1].mean() == pytest.approx(2.0 / 100.0, rel=0.02)
+    for low, high in ((0.1, 4.0), (7.0, 8.5), (8.5, 9.9)):
+        assert spectrum[(f > low) & (f < high)].mean() == pytest.approx(2.0 / 100.0, rel=0.05)
+
+
 def test_long_gaps_stay_gaps_and_short_ones_are_bridged():
     t = np.arange(2000) / 100.0
     a = wave(t)
