@@ -20,6 +20,7 @@ import argparse
 import math
 import sys
 from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -32,6 +33,7 @@ from windsysid.errors import WindsysidError
 from windsysid.identifiability import standard_deviations
 from windsysid.monitor import TOLERATED, YEAR, Watch, watch
 from windsysid.planning import plan
+from windsysid.result import Posterior
 from windsysid.turbine import load_turbine
 
 __all__ = ["CHANGES", "WINDS", "Delay", "Site", "delays", "false_alarms", "raw", "simulate_blocks", "site", "smallest"]
@@ -52,6 +54,9 @@ STATED = 0.1
 
 OFTEN = 10.0
 """A rate that shows itself in few years."""
+
+RAW_SAMPLES = 12.0
+"""Samples of a raw record per period of the fastest degree of freedom."""
 
 BEFORE, AFTER = 30.0, 15.0
 """Days before and after a change."""
@@ -155,19 +160,29 @@ def delays(place: Site, change: tuple[str, float], trials: int, *, seed: int = 1
     return Delay(seconds, when / seen, size / seen)
 
 
-def raw(turbine: str, records: int, *, factor: float = 0.95, rate: float = 50.0) -> tuple[Blocks, Watch]:
-    """Raw records of 10 minutes, simulated and identified one after the other, k_x multiplied by `factor` in the second half: blocks, and the watch over them."""
+def raw(turbine: str, records: int, *, factor: float = 0.95) -> tuple[Blocks, Watch]:
+    """Raw records of 10 minutes, simulated and identified, k_x multiplied by `factor` in the second half: blocks, and the watch over them."""
+    from rich.console import Console
+    from rich.progress import track
+
+    each = ((turbine, seed, factor if seed >= records // 2 else 1.0) for seed in range(records))
+    with ProcessPoolExecutor() as pool:
+        found = pool.map(_raw_record, each, chunksize=4)
+        posteriors = list(track(found, total=records, description="raw records", console=Console(stderr=True)))
+    blocks = gather(posteriors)
+    return blocks, watch(blocks, alarms_per_year=STATED)
+
+
+def _raw_record(which: tuple[str, int, float]) -> Posterior:
+    """What one record says, sampled `RAW_SAMPLES` times per period of the fastest degree of freedom."""
     from windsysid.identification import identify
     from windsysid.simulate import simulate_record
 
-    healthy = load_turbine(turbine)
+    name, seed, factor = which
+    healthy = load_turbine(name)
+    rate = RAW_SAMPLES * max(healthy.natural_frequency(q) for q in healthy.model.coordinates) / (2.0 * math.pi)
     damaged = healthy.with_values({"k_x": factor * healthy.values["k_x"]})
-    posteriors = []
-    for seed in range(records):
-        record = simulate_record(damaged if seed >= records // 2 else healthy, duration=BLOCK, rate=rate, seed=seed)
-        posteriors.append(identify(record, healthy).posterior)
-    blocks = gather(posteriors)
-    return blocks, watch(blocks, alarms_per_year=STATED)
+    return identify(simulate_record(damaged, duration=BLOCK, rate=rate, seed=seed), healthy).posterior
 
 
 def _memory(rng: np.random.Generator, count: int, seconds: float) -> Array:
@@ -191,7 +206,9 @@ def main() -> None:
         help="years without a change, for each wind; 5 trials of each change for every year",
     )
     parser.add_argument("--turbine", default="nrel5mw", help="a packaged turbine with k_x, c_x and k_beta_1")
-    parser.add_argument("--raw", type=int, metavar="N", help="raw records instead, 24 or more")
+    parser.add_argument(
+        "--raw", type=int, metavar="N", help="raw records of 10 minutes instead, 24 or more; 1008 are a week"
+    )
     parser.add_argument("--faults", action="store_true", help="what faults of sensors do to one raw record")
     options = parser.parse_args()
     if options.faults:
