@@ -240,6 +240,14 @@ def test_an_azimuth_that_runs_backward_is_refused(speed):
         rotor_inputs(rotor_record(-AZIMUTH, speed), 1.2)
 
 
+def test_a_parked_rotor_stands_where_it_is():
+    psi, speed, _ = rotor_inputs(rotor_record(np.full_like(R_TIME, 0.4), np.zeros_like(R_TIME)), 1.2).T
+    np.testing.assert_allclose(psi, 0.4, atol=1e-9)
+    np.testing.assert_array_equal(speed, 0.0)
+    with pytest.raises(RecordError, match=r"turns at 1\.2 rad/s but rotor_speed says 0 rad/s"):
+        rotor_inputs(rotor_record(AZIMUTH, np.zeros_like(R_TIME)), 1.2)
+
+
 @pytest.mark.parametrize("factor", [1.1, 30.0 / np.pi])
 def test_azimuth_and_speed_that_contradict_each_other_are_refused(factor):
     with pytest.raises(RecordError, match=r"turns at 1\.2 rad/s but rotor_speed says .* check the unit"):

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from windsysid.campbell import Campbell, find_modes
     from windsysid.comparison import Comparison, compare
+    from windsysid.damping import Separation, separate_damping
     from windsysid.errors import ConfigurationError, OutputError, RecordError, WindsysidError
     from windsysid.filters import EKF, IEKF, UKF, Belief, Filter, Info, Smoothed, load_belief, save_belief, smooth
     from windsysid.fitting import Fit, Reading, fit
@@ -41,6 +42,7 @@ __version__ = "0.1.0"
 _WHERE = {
     "campbell": ("Campbell", "find_modes"),
     "comparison": ("Comparison", "compare"),
+    "damping": ("Separation", "separate_damping"),
     "errors": ("ConfigurationError", "OutputError", "RecordError", "WindsysidError"),
     "filters": ("EKF", "IEKF", "UKF", "Belief", "Filter", "Info", "Smoothed", "load_belief", "save_belief", "smooth"),
     "fitting": ("Fit", "Reading", "fit"),
@@ -66,10 +68,10 @@ _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names
 
 __all__ = [
     "EKF", "IEKF", "UKF", "Belief", "Campbell", "Comparison", "CompiledModel", "ConfigurationError", "Equations", "Estimate", "Filter", "Fit", "GaussMarkov",
-    "Identification", "Info", "LoadBlock", "Mode", "OutputError", "Parameter", "Plan", "Posterior", "Prior", "Profile", "Reading", "Record", "RecordError", "RotorModel", "Sensor", "Smoothed",
+    "Identification", "Info", "LoadBlock", "Mode", "OutputError", "Parameter", "Plan", "Posterior", "Prior", "Profile", "Reading", "Record", "RecordError", "RotorModel", "Sensor", "Separation", "Smoothed",
     "StateSpace", "TowerModel", "Turbine", "WindsysidError", "add_noise", "compare", "compile_model", "compose", "find_modes", "fit", "identify",
     "iterate_record", "lagrange", "load_belief", "load_mapping", "load_posterior",
-    "load_turbine", "packaged_turbines", "plan", "profile_likelihood", "read_record", "read_sensors", "save_belief", "simulate_record", "smooth", "write_record",
+    "load_turbine", "packaged_turbines", "plan", "profile_likelihood", "read_record", "read_sensors", "save_belief", "separate_damping", "simulate_record", "smooth", "write_record",
     "write_turbine",
 ]  # fmt: skip
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid.comparison import own_information
+from windsysid.comparison import without_prior
 from windsysid.errors import ConfigurationError
 from windsysid.result import SIGMAS, Posterior, load_posterior
 
@@ -136,12 +136,7 @@ def gather(
     for row, posterior in enumerate(posteriors):
         known = [name for name in names if name in [q.name for q in posterior.parameters]]
         at = [names.index(name) for name in known]
-        information, vector = own_information(posterior, known, frame)
-        faint = 1e-6 * np.array(
-            [frame.parameters[i].prior[1] ** -2.0 for i in at]
-        )  # what a record does not see stays finite
-        cov = np.linalg.inv(information + np.diag(faint))
-        theta[row, at] = cov @ (vector + faint * [frame.parameters[i].prior[0] for i in at])
+        theta[row, at], cov = without_prior(posterior, known, frame)
         std[row, at] = np.sqrt(np.diag(cov))
     for row, found in enumerate(noise):
         for name, (value, relative) in found.items():

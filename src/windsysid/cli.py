@@ -359,6 +359,34 @@ def compare(
 
 
 @app.command()
+def damping(
+    results: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folders that windsysid identify wrote: one turbine, parked and running, in several winds."
+        ),
+    ],
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, damping.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Structural against aerodynamic damping: what records in several states tell of each, or why they do not."""
+    from windsysid.damping import separate_damping
+    from windsysid.output import check_output, new_folder
+    from windsysid.result import load_posterior
+
+    if output is not None:
+        check_output(output, overwrite=overwrite)
+    found = separate_damping([load_posterior(folder) for folder in results])
+    print(found.to_json().rstrip() if json else found)
+    if output is not None:
+        with new_folder(output, overwrite=overwrite) as folder:
+            found.save(folder)
+        if not json:
+            print(f"report: {output / 'report.html'}")
+
+
+@app.command()
 def monitor(
     results: Annotated[list[Path], typer.Argument(help="Folders that windsysid identify wrote, in order of time.")],
     covariates: Annotated[

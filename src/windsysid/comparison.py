@@ -28,7 +28,7 @@ from windsysid.modal import modes_with_bands
 from windsysid.result import SIGMAS, Posterior
 from windsysid.units import parameter_unit, unit_text
 
-__all__ = ["HEADINGS", "MOVED", "Change", "Comparison", "compare", "own_information"]
+__all__ = ["HEADINGS", "MOVED", "Change", "Comparison", "compare", "own_information", "without_prior"]
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,9 @@ TYPICAL = {"k": 0.1, "c": 0.5}
 
 VAGUE = 100.0
 """How many times wider the prior of a change is where its size is estimated."""
+
+FAINT = 1e-6
+"""Share of the prior's information that is left where it is taken out."""
 
 MOVED = 100.0
 """Odds from which a coefficient is said to have moved."""
@@ -243,6 +246,15 @@ def own_information(result: Posterior, names: Sequence[str], frame: Posterior) -
     values, vectors = np.linalg.eigh(posterior - prior)
     information = (vectors * values.clip(0.0)) @ vectors.T
     return information, posterior @ mean - prior @ prior_mean
+
+
+def without_prior(result: Posterior, names: Sequence[str], frame: Posterior) -> tuple[Array, Array]:
+    """Mean (n,) and covariance (n, n) of `names` by what the record itself says, in the coordinates of `frame`; what it does not see stays finite."""
+    information, vector = own_information(result, names, frame)
+    prior = [next(q.prior for q in frame.parameters if q.name == name) for name in names]
+    faint = FAINT * np.array([spread**-2.0 for _, spread in prior])
+    cov = np.linalg.inv(information + np.diag(faint))
+    return cov @ (vector + faint * [centre for centre, _ in prior]), np.asarray(cov, dtype=np.float64)
 
 
 def _prior(result: Posterior, names: Sequence[str]) -> tuple[Array, Array]:

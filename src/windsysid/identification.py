@@ -19,7 +19,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import TowerModel
 from windsysid.modal import modes_with_bands
 from windsysid.record import Record
-from windsysid.result import SIGMAS, Estimate, Identification, coefficient_errors
+from windsysid.result import SIGMAS, Conditions, Estimate, Identification, coefficient_errors
 from windsysid.signals import resample
 from windsysid.turbine import Turbine
 from windsysid.units import parameter_unit
@@ -279,7 +279,16 @@ def conclude(
         diagnosis=diagnosis,
         machine=replace(turbine, rotor_speed=speed) if speed > 0.0 else turbine,
         loads=outcome.loads,
+        conditions=_conditions(record, speed),
     )
+
+
+def _conditions(record: Record, rotor_speed: float) -> Conditions:
+    """How the turbine ran, as far as it was recorded."""
+    turning = "rotor_speed" in record or "rotor_azimuth" in record
+    wind = record["wind_speed"] if "wind_speed" in record else np.empty(0)
+    known = wind[np.isfinite(wind)]
+    return Conditions(rotor_speed if turning else None, float(known.mean()) if known.size else None)
 
 
 _KINDS = {"k_": "stiffness", "c_": "damping"}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from windsysid.formulation import Loads
 
-__all__ = ["Estimate", "Identification", "Posterior", "coefficient_errors", "finite", "load_posterior"]
+__all__ = ["Conditions", "Estimate", "Identification", "Posterior", "coefficient_errors", "finite", "load_posterior"]
 
 Array = NDArray[np.float64]
 Variable = tuple[tuple[str, ...], NDArray[Any], dict[str, str]]
@@ -70,6 +70,23 @@ class Estimate:
     tip: Mapping[str, float] | None = None
 
 
+class Conditions(NamedTuple):
+    """How the turbine ran: means over the section, None where nothing was recorded.
+
+    Attributes
+    ----------
+    rotor_speed
+        [rad/s].
+    wind_speed
+        [m/s], of the channel ``wind_speed``.
+    """
+
+    rotor_speed: float | None = None
+    wind_speed: float | None = None
+
+
+NOT_RECORDED = Conditions()
+
 PRIORS = {"prior_centre": "centre", "prior_spread": "spread", "logarithmic": "logarithmic", "coordinate_scale": "scale"}
 """What ``identification.nc`` holds of a `Parameter`, and under which names."""
 
@@ -87,6 +104,8 @@ class Posterior(NamedTuple):
         Name of the record.
     trusted
         Whether nothing spoke against the result.
+    conditions
+        How the turbine ran.
     """
 
     turbine: Turbine
@@ -95,6 +114,7 @@ class Posterior(NamedTuple):
     cov: Array
     record: str
     trusted: bool
+    conditions: Conditions = NOT_RECORDED
 
 
 @dataclass(frozen=True)
@@ -138,6 +158,8 @@ class Identification:
     machine
         The turbine as it was identified: with the reference values, the degrees of freedom that were used, the record's mean rotor speed; None for
         equations of one's own.
+    conditions
+        How the turbine ran.
     """
 
     method: str
@@ -164,6 +186,7 @@ class Identification:
     statistics: tuple[Statistic, ...] = ()
     loads: "Loads | None" = None
     machine: Turbine | None = None
+    conditions: Conditions = NOT_RECORDED
     diagnosis: Diagnosis = field(kw_only=True)
 
     def __getitem__(self, name: str) -> Estimate:
@@ -194,9 +217,8 @@ class Identification:
         values = {e.name: e.estimate for e in self.estimates}
         theta = np.array([q.coordinate(values[q.name]) for q in self.parameters])
         turbine = self.machine.with_values(values)
-        return Posterior(
-            turbine, self.parameters, theta, self.cov, _section_name(self.record, *self.section), self.diagnosis.trusted
-        )
+        name = _section_name(self.record, *self.section)
+        return Posterior(turbine, self.parameters, theta, self.cov, name, self.diagnosis.trusted, self.conditions)
 
     def history(self, name: str) -> tuple[Array, Array, Array]:
         """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
@@ -214,6 +236,8 @@ class Identification:
             "turbine": self.turbine,
             "sensors": list(self.sensors),
             "section": list(self.section),
+            "rotor_speed_rad_s": self.conditions.rotor_speed,
+            "wind_speed_m_s": self.conditions.wind_speed,
             "rate_hz": self.rate,
             "samples": self.samples,
             "elapsed_s": self.elapsed,
@@ -274,6 +298,7 @@ class Identification:
             **{"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)},
             **{"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)},
             **{"section_start_s": self.section[0], "section_end_s": self.section[1]},
+            **{f"mean_{what}": mean for what, mean in self.conditions._asdict().items() if mean is not None},
             **({} if self.machine is None else {"turbine_file": tomli_w.dumps(as_tables(self.machine))}),
         }
 
@@ -379,6 +404,8 @@ def load_posterior(folder: str | Path) -> Posterior:
         with h5netcdf.File(path, decode_vlen_strings=True) as file:
             text, trusted = file.attrs["turbine_file"], file.attrs["trusted"]
             record = _section_name(*(file.attrs[key] for key in ("record", "section_start_s", "section_end_s")))
+            means = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
+            conditions = Conditions(*(None if mean is None else float(mean) for mean in means))
             names = file["parameter"][...].tolist()
             estimate, *columns = (file[key][...].tolist() for key in ("final_estimate", *PRIORS))
             cov = file["cov"][...]
@@ -401,7 +428,7 @@ def load_posterior(folder: str | Path) -> Posterior:
     )
     theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
     identified = turbine.with_values(dict(zip(names, estimate, strict=True)))
-    return Posterior(identified, parameters, theta, cov, str(record), bool(trusted))
+    return Posterior(identified, parameters, theta, cov, str(record), bool(trusted), conditions)
 
 
 def _section_name(record: str, start: float, end: float) -> str:

@@ -2,7 +2,7 @@
 
 `inspect_record` is the one function; it reads nothing and writes nothing, so a notebook, the command line and a test
 use it alike. Its parts: `health` (faults of channels), `plausibility` (units and contradictions), `spectra` (what
-vibrates), `sections` (which part to use), `figures` and `report`.
+vibrates), `sections` (which part to use), `stops` (of the rotor), `figures` and `report`.
 """
 
 from typing import TYPE_CHECKING
@@ -13,15 +13,16 @@ from windsysid.errors import ConfigurationError
 from windsysid.inspect.channels import kinds, most_telling
 from windsysid.inspect.health import SEVERITIES, Finding, channel_faults, clock_faults
 from windsysid.inspect.inspection import Inspection
-from windsysid.inspect.plausibility import Rotor, implausible, rotor_of
+from windsysid.inspect.plausibility import SLOWEST, Rotor, implausible, rotor_of
 from windsysid.inspect.sections import Proposal, propose
 from windsysid.inspect.spectra import VARIES, Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram
+from windsysid.inspect.stops import Stop, find_stops
 from windsysid.record import Record
 
 if TYPE_CHECKING:
     from windsysid.turbine import Turbine
 
-__all__ = ["Finding", "Inspection", "Proposal", "inspect_record"]
+__all__ = ["Finding", "Inspection", "Proposal", "Stop", "inspect_record"]
 
 
 def inspect_record(record: Record, turbine: "Turbine | None" = None, section_length: float = 100.0) -> Inspection:
@@ -45,7 +46,7 @@ def inspect_record(record: Record, turbine: "Turbine | None" = None, section_len
         raise ConfigurationError(f"section_length: expected a positive time in seconds, got {section_length:g}")
     first = tuple(s.channel for s in turbine.sensors if s.channel in record) if turbine is not None else ()
     known = kinds(record)
-    standing = "rotor_speed" in record and bool(np.nanmin(np.abs(record["rotor_speed"]), initial=np.inf) < 0.05)
+    standing = "rotor_speed" in record and bool(np.nanmin(np.abs(record["rotor_speed"]), initial=np.inf) < SLOWEST)
     findings = clock_faults(record)
     for channel, kind in known.items():
         findings += channel_faults(record, channel, kind, standing)
@@ -85,6 +86,7 @@ def inspect_record(record: Record, turbine: "Turbine | None" = None, section_len
         spectra=found,
         spectrograms=pictures,
         proposals=propose(record, usable, rotor, findings, section_length),
+        stops=find_stops(record, rotor, usable),
         notes=tuple(notes),
         first=first,
     )

@@ -36,7 +36,7 @@ _DRAWN = {
 
 
 def overview(inspection: "Inspection") -> Figure:
-    """Channels over time: faults orange, the proposed sections blue, the best one darker."""
+    """Channels over time: faults orange, the proposed sections blue, the best one darker, stops of the rotor dashed."""
     record = inspection.record
     channels = inspection.shown(MOST_PANELS)
     figure = Figure(
@@ -53,6 +53,9 @@ def overview(inspection: "Inspection") -> Figure:
                 ax.axvspan(proposal.start, proposal.end, color=BAND, alpha=0.75 if rank == 0 else 0.35, lw=0)
                 for edge in (proposal.start, proposal.end):
                     ax.axvline(edge, color=BAND, lw=0.8)
+        for stop in inspection.stops:
+            for edge in (stop.start, stop.end):
+                ax.axvline(edge, color=REFERENCE, lw=0.8, ls="--")
         ax.fill_between(time, low, high, color=MEASURED, lw=0.6, edgecolor=MEASURED)
         said = _mark_faults(ax, inspection, channel, record.time, values)
         ax.set_title(channel.replace("_", " "), fontsize=8.5, loc="left", pad=2)

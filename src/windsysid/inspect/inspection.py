@@ -12,13 +12,16 @@ from windsysid.inspect.health import SEVERITIES, Finding
 from windsysid.inspect.plausibility import Rotor
 from windsysid.inspect.sections import Proposal
 from windsysid.inspect.spectra import Spectrogram, Spectrum
+from windsysid.inspect.stops import Stop
 from windsysid.record import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-__all__ = ["Inspection"]
+__all__ = ["STOPS_TITLE", "Inspection"]
+
+STOPS_TITLE = "Stops of the rotor: sections for structural damping"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,6 +50,8 @@ class Inspection:
         Of the one or two most telling channels.
     proposals
         Sections, best first.
+    stops
+        Stops of the rotor, after which vibration decays without the air of a turning rotor.
     notes
         What could not be done, and why.
     first
@@ -63,6 +68,7 @@ class Inspection:
     spectra: tuple[Spectrum, ...]
     spectrograms: tuple[Spectrogram, ...]
     proposals: tuple[Proposal, ...]
+    stops: tuple[Stop, ...]
     notes: tuple[str, ...]
     first: tuple[str, ...] = ()
 
@@ -117,6 +123,7 @@ class Inspection:
             ],
             "spectra": [spectrum.summary() for spectrum in self.spectra],
             "sections": [proposal.summary() for proposal in self.proposals],
+            "stops": [stop.summary() for stop in self.stops],
             "notes": list(self.notes),
         }
 
@@ -133,6 +140,10 @@ class Inspection:
     def sections_table(self) -> "Table":
         """The proposed sections as a Rich table."""
         return _rich(self.sections_title, ("section [s]", "verdict", "why"), self.section_rows())
+
+    def stops_table(self) -> "Table":
+        """Stops of the rotor as a Rich table."""
+        return _rich(STOPS_TITLE, ("section [s]", "why"), self.stop_rows())
 
     def peaks_table(self) -> "Table":
         """Spectral peaks of the most telling channels as a Rich table."""
@@ -191,6 +202,10 @@ class Inspection:
         """Section, verdict, reasons."""
         return [(f"{p.start:g}–{p.end:g}", "good" if p.good else "poor", str(p)) for p in self.proposals]
 
+    def stop_rows(self) -> list[tuple[str, str]]:
+        """Section after each stop, and how the rotor stopped."""
+        return [(f"{stop.start:g}–{stop.end:g}", str(stop)) for stop in self.stops]
+
     def peak_rows(self, most_channels: int = 1000) -> list[tuple[str, str, str, str]]:
         """Channel, frequency, rms, and what it may be, of every peak."""
         from windsysid.units import unit_text
@@ -226,6 +241,8 @@ class Inspection:
             parts += [self.table(), ""]
         if self.proposals:
             parts += [self.sections_table(), ""]
+        if self.stops:
+            parts += [self.stops_table(), ""]
         if any(spectrum.peaks for spectrum in self.spectra):
             parts.append(self.peaks_table())
         if self.modes:

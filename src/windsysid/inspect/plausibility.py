@@ -17,6 +17,9 @@ __all__ = ["Rotor", "implausible", "rotor_of"]
 Array = NDArray[np.float64]
 
 GRAVITY = 9.80665
+SLOWEST = 0.05
+"""Least rotor speed of a running machine [rad/s]."""
+
 _TURN = 2.0 * np.pi
 _RATIOS = (
     (60.0 / _TURN, "rpm marked as rad/s"),
@@ -42,7 +45,7 @@ class Rotor:
         self.speed, self.source = speed, source
         self.mean = float(np.mean(speed))
         self.variation = float(np.std(speed) / abs(self.mean)) if self.mean else 0.0
-        self.turns = abs(self.mean) > 0.05
+        self.turns = abs(self.mean) > SLOWEST
 
 
 def rotor_of(record: Record, usable: "set[str] | None" = None) -> Rotor | None:

@@ -4,6 +4,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from windsysid.inspect.inspection import STOPS_TITLE
 from windsysid.report import Section, Table, write_report
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["write_inspection"]
 
 LEGEND = (
-    "Faults are orange; blue are the proposed sections, numbered, the best one darker. Every spike is drawn: each pixel "
+    "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor stops and starts. Every spike is drawn: each pixel "
     "shows the least and the greatest value in it."
 )
 
@@ -36,6 +37,7 @@ def write_inspection(inspection: "Inspection", folder: Path) -> None:
                     for n, p in enumerate(i.proposals, 1)
                 ),
             ],
+            tables=[Table(("section [s]", "why"), i.stop_rows(), STOPS_TITLE, (0, 1))] if i.stops else [],
             figures=_with(pictures["overview"], _overview_caption(i)),
         ),
     ]

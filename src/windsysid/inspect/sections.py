@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from windsysid.inspect.channels import VIBRATION, Kind
 from windsysid.inspect.health import Finding, joined
-from windsysid.inspect.plausibility import Rotor
+from windsysid.inspect.plausibility import SLOWEST, Rotor
 from windsysid.record import Record
 
 __all__ = ["Proposal", "propose"]
@@ -107,13 +107,17 @@ def propose(
 
     if rotor is not None and rotor.turns:
         mean, std, drift = cut.moments(rotor.speed, record.time)
-        spread, drift = std / np.abs(mean), np.abs(drift) / np.abs(mean)
+        parked = np.abs(mean) < SLOWEST
+        turning = np.where(parked, np.inf, np.abs(mean))
+        spread, drift = std / turning, np.abs(drift) / turning
         rpm = np.abs(mean) * 30.0 / np.pi
         steady = [
-            f"rotor speed constant at {v:.3g} rpm"
+            "rotor parked"
+            if p
+            else f"rotor speed constant at {v:.3g} rpm"
             if s < 1e-6
             else f"rotor speed {v:.3g} rpm, steady within {_percent(s)}"
-            for v, s in zip(rpm, spread, strict=True)
+            for v, s, p in zip(rpm, spread, parked, strict=True)
         ]
         unsteady = [
             f"the rotor speed ({v:.3g} rpm) varies by {_percent(s)} and drifts by {_percent(d)}"

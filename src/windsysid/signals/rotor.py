@@ -59,8 +59,8 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
     Raises
     ------
     RecordError
-        If there is no azimuth, a unit is wrong, the azimuth does not run forward, or it contradicts the recorded or the
-        turbine's usual speed.
+        If there is no azimuth, a unit is wrong, the azimuth of a turning rotor does not run forward, or it contradicts the
+        recorded or the turbine's usual speed.
     """
     azimuth = record["rotor_azimuth"]
     for channel, unit in (("rotor_azimuth", "rad"), ("rotor_speed", "rad/s")):
@@ -79,6 +79,10 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
     offset = np.unwrap((azimuth - turned)[known])
     drift = float(np.polyfit(time[known], offset, 1)[0])
     mean_speed = float(speed.mean())
+    psi = turned + np.interp(time, time[known], offset)
+    slow = max(abs(mean_speed), abs(mean_speed + drift)) < rotor_speed / FAR
+    if "rotor_speed" in record and slow:  # parked or idling: the azimuth need not run forward
+        return np.column_stack([psi, speed, smooth_slope(speed, record.rate)])
     if not mean_speed + drift > 0.0:
         raise RecordError(
             f"channel 'rotor_azimuth': expected angles that increase with time, got {mean_speed + drift:.3g} rad/s on average: "
@@ -94,7 +98,6 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
             f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s, but the turbine's usual speed is {rotor_speed:.4g} rad/s: "
             "check the unit of the azimuth, or the turbine file"
         )
-    psi = turned + np.interp(time, time[known], offset)
     if "rotor_speed" not in record:
         speed = smooth_slope(psi, record.rate)
     return np.column_stack([psi, speed, smooth_slope(speed, record.rate)])
