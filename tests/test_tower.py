@@ -94,7 +94,7 @@ def test_what_is_faster_than_the_tower_is_left_out(found: Identification, record
 
 
 def test_a_record_slowed_down_keeps_its_damping(tower: Turbine):
-    # From 20 Hz to twelve samples per period: six records of ten minutes, errors over their own standard deviations. Without the load's second pole they average −3.
+    # From 20 Hz to twelve samples per period: six records of ten minutes, errors over their own standard deviations. Without the load's low-pass fore-aft damping averages −3.
     errors = []
     for seed in range(6):
         slowed = identify(simulate_record(tower, duration=600.0, rate=20.0, seed=seed), tower)

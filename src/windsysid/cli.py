@@ -128,7 +128,10 @@ def identify(
         tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
     ] = None,
     rate: Annotated[
-        float | None, typer.Option(help=r"Resample to this many samples per second first \[Hz], without aliasing.")
+        float | None,
+        typer.Option(
+            help=r"Readings per second to resample to \[Hz], without aliasing: leave out what is faster than the model."
+        ),
     ] = None,
     loads: Annotated[
         Literal["auto", "broadband", "second-order", "rotor-wind"],

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from windsysid.diagnostics import diagnose
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.filters import EKF
+from windsysid.filters import EKF, Info
 from windsysid.forcebalance import identify_by_force_balance
-from windsysid.formulation import Outcome, Prior
+from windsysid.formulation import Loads, Outcome, Prior
 from windsysid.joint import identify_jointly
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import Sensor
@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 
 TOWER_SAMPLES = 12.0
 """Samples per period of a tower: room for its blade-passing line, not for the blades' own modes and the tower's second."""
+
+STEP = 0.6
+"""Longest step of the equations, times the highest natural frequency [rad]."""
 
 Formulation = Literal["joint", "force-balance"]
 
@@ -70,8 +73,8 @@ def identify(
         Names of what to identify, masses and geometry included (joint formulation); the stiffness and damping
         coefficients of every free degree of freedom by default.
     rate
-        Samples per second [Hz] to resample to, without aliasing (joint formulation); the record's own by default, and for a
-        tower under a rigid rotor, which says nothing of what is faster, twelve per period.
+        Readings per second [Hz] to resample to, without aliasing (joint formulation): as many as hold what the model has and leave out what it has not. The record's own by
+        default, and for a tower under a rigid rotor twelve per period. The equations take shorter steps where they need them.
     loads
         What the loads are taken for (joint formulation): ``"broadband"``, ``"second-order"`` or ``"rotor-wind"``
         (`windsysid.loadmodels`); the record chooses by default.
@@ -84,11 +87,13 @@ def identify(
     part = record.section(*section) if section else record
     part = part.on_own_times() if formulation == "joint" else part.on_uniform_grid()
     if formulation == "joint":
-        part, resampled = _slowed(part, turbine, rate)
+        part, steps, resampled = _slowed(part, turbine, rate, sensors)
         _check_length(part, turbine)
         found = usable_sensors(part, turbine, sensors)
         outcome = identify_jointly(part, turbine, found, prior or Prior(), parameters, loads=loads)
-        return conclude(outcome._replace(notes=(*resampled, *outcome.notes)), part, formulation)
+        outcome = _every(outcome, steps)._replace(notes=(*resampled, *outcome.notes))
+        read = replace(part, time=part.time[::steps], values=part.values[::steps])
+        return conclude(outcome, read, formulation)
     if formulation == "force-balance":
         _check_length(part, turbine)
         if sensors is not None:
@@ -167,18 +172,50 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
     return found
 
 
-def _slowed(record: Record, turbine: Turbine, rate: float | None) -> tuple[Record, tuple[str, ...]]:
-    """The record at a lower rate, where one is asked for or the turbine's model has nothing to say of what is faster; a note of it."""
+def _slowed(
+    record: Record, turbine: Turbine, rate: float | None, sensors: Sequence[Sensor] | None
+) -> tuple[Record, int, tuple[str, ...]]:
+    """The record at a lower rate, where one is asked for or the turbine's model has nothing to say of what is faster; samples per reading, and a note.
+
+    Where the equations need shorter steps than a reading takes, sensors are missing between their readings and all else is as the fine grid has it.
+    """
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     if rate is None and isinstance(turbine.model, TowerModel):
-        fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
-        rate = min(TOWER_SAMPLES * fastest, record.rate)
+        rate = min(TOWER_SAMPLES * fastest / (2.0 * math.pi), record.rate)
     elif rate is not None and not 0.0 < rate <= 1.001 * record.rate:
         raise ConfigurationError(
             f"rate: expected more than 0 and at most the record's {record.rate:.4g} Hz, got {rate:g}"
         )
     if rate is None or rate > 0.95 * record.rate:
-        return record, ()
-    return resample(record, rate), (f"resampled from {record.rate:.4g} to {rate:.3g} Hz",)
+        return record, 1, ()
+    slow, steps = resample(record, rate), math.ceil(fastest / STEP / rate * (1.0 - 1e-9))
+    note = f"resampled from {record.rate:.4g} to {rate:.3g} Hz"
+    if steps <= 1:
+        return slow, 1, (note,)
+    if fastest > 0.8 * math.pi * rate:
+        note += f", which takes the mode near {fastest / (2.0 * math.pi):.3g} Hz out of the record and not out of the model: do not rely on what is said of it"
+    read = {sensor.channel for sensor in sensors or turbine.sensors}
+    others = [name for name in record.channels if name not in read]
+    length = steps * (slow.samples - 1) + 1
+    values = np.full((length, len(record.channels)), np.nan)
+    values[::steps] = slow.values
+    if others:
+        fine = resample(record.select(others), steps * rate)
+        values[:, [record.channels.index(name) for name in others]] = fine.values[:length]
+    time = slow.time[0] + np.arange(length) / (steps * rate)
+    return replace(slow, time=time, values=values), steps, (f"{note}, {steps} steps of the equations for each reading",)
+
+
+def _every(outcome: Outcome, steps: int) -> Outcome:
+    """What a formulation found at every reading, on a record that has `steps` samples for each."""
+    loads = outcome.loads
+    return outcome._replace(
+        history_mean=outcome.history_mean[::steps],
+        history_std=outcome.history_std[::steps],
+        final=Info._make(array[::steps] for array in outcome.final),
+        rotor=outcome.rotor[::steps],
+        loads=None if loads is None else Loads(loads.names, loads.mean[::steps], loads.std[::steps]),
+    )
 
 
 def _check_length(record: Record, turbine: Turbine) -> None:
@@ -189,9 +226,9 @@ def _check_length(record: Record, turbine: Turbine) -> None:
             f"got {record.duration:.3g} s: choose a longer record or section"
         )
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
-    if fastest / record.rate > 0.6:
+    if fastest / record.rate > STEP:
         raise RecordError(
-            f"{record.name}: expected at least {fastest / 0.6:.3g} samples per second for a mode at "
+            f"{record.name}: expected at least {fastest / STEP:.3g} samples per second for a mode at "
             f"{fastest / (2.0 * math.pi):.3g} Hz, got {record.rate:.3g}"
         )
 

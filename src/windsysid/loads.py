@@ -40,8 +40,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-BEYOND = 1.2
-"""Pole over the frequency of the low-pass: sampled at twice that, the spectrum is that of a process cut off there to within 8 % rms."""
+BEYOND = 1.08
+"""Cut-off of a second-order Butterworth filter over the frequency of the low-pass: samples at twice that have the spectrum of a process cut off there to within 5 % rms."""
 
 
 class LoadModel(Protocol):
@@ -80,8 +80,8 @@ class GaussMarkov:
     harmonic
         n; 0: the process itself.
     low_pass
-        [Hz]; where the record went through an anti-aliasing low-pass, what it knows of the process did too: a second pole at `BEYOND` times that frequency. Without it
-        the samples of the process hold power from above half the rate which those of the record do not, and a mode's damping pays for it.
+        [Hz]; where the record went through an anti-aliasing low-pass, what it knows of the process did too: a Butterworth filter at `BEYOND` times that frequency.
+        Without it the samples of the process hold power from above half the rate which those of the record do not, and a mode's damping pays for it.
     """
 
     load: str
@@ -102,14 +102,19 @@ class GaussMarkov:
         line = f"{self.load}_{self.harmonic}P"
         if self.harmonic:
             return (f"{line}_cosine", f"{line}_sine")
-        return (self.load,) if math.isinf(self.low_pass) else (self.load, f"{self.load}_rate")
+        return (
+            (self.load,)
+            if math.isinf(self.low_pass)
+            else tuple(f"{self.load}{end}" for end in ("", "_rate", "_acceleration"))
+        )
 
     @property
     def _passed(self) -> "Process | None":
         """The process behind the low-pass, where there is one."""
         if self.harmonic or math.isinf(self.low_pass):
             return None
-        return rational(self.rms, [-1.0 / self.time_constant, -2.0 * math.pi * BEYOND * self.low_pass])
+        pole = 2.0 * math.pi * BEYOND * self.low_pass * complex(-math.sqrt(0.5), math.sqrt(0.5))
+        return rational(self.rms, [-1.0 / self.time_constant, pole, pole.conjugate()])
 
     @property
     def cov(self) -> Array:

@@ -35,7 +35,6 @@ from windsysid.modal import Mode, modes_with_bands
 from windsysid.output import new_folder
 from windsysid.record import Record
 from windsysid.result import SIGMAS, Identification, Posterior, load_posterior
-from windsysid.signals import resample
 from windsysid.statespace import Parameter
 from windsysid.turbine import Turbine, load_turbine
 
@@ -64,8 +63,8 @@ NOISE = 1.0
 DECAY, TOWER, ROTOR = "nrel5mw", "tower", "nrel5mw_full"
 """Packaged turbines: for the free decay, and the two for wind."""
 
-READ, STEPS = 3.4, 7
-"""[Hz] How often the rotor's sensors are read under wind, and steps of its equations per reading: above 1.7 Hz there are modes that it has not, and its roll wants 21 Hz."""
+READ = 3.4
+"""[Hz] How often the rotor's sensors are read under wind: above 1.7 Hz there are modes that it has not."""
 
 WIDEST = 1.3
 """Bands over the bound that were asked for."""
@@ -296,20 +295,7 @@ def identified(case: Case, record: Record) -> Identification:
     prior = LogUniformPrior(seed=case.seed, air=AIR)
     if case.turbine == TOWER:
         return identify(record, turbine, section=case.section, prior=prior)
-    part = record if case.section is None else record.section(*case.section)
-    return identify(thinned(part, [s.channel for s in sensors]), turbine, sensors=sensors, prior=prior)
-
-
-def thinned(record: Record, channels: Sequence[str]) -> Record:
-    """Channels resampled to `READ` without aliasing, on a grid `STEPS` times as fine: missing between their samples, where the equations go on."""
-    slow = resample(record.select(channels), READ)
-    time = slow.time[0] + np.arange(STEPS * (slow.samples - 1) + 1) / (STEPS * READ)
-    values = np.full((len(time), len(channels)), np.nan)
-    values[::STEPS] = slow.values
-    azimuth = np.mod(np.interp(time, record.time, np.unwrap(record["rotor_azimuth"])), 2.0 * np.pi)
-    speed = np.interp(time, record.time, record["rotor_speed"])
-    names, units = ("rotor_azimuth", "rotor_speed", *channels), ("rad", "rad/s", *slow.units)
-    return Record(time, np.column_stack([azimuth, speed, values]), names, units, name=record.name)
+    return identify(record, turbine, section=case.section, prior=prior, rate=READ)
 
 
 class Result(NamedTuple):

@@ -30,7 +30,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.modal import modes
 from windsysid.record import Record
 from windsysid.result import Identification
-from windsysid.study.field import thinned
+from windsysid.study.field import READ
 from windsysid.turbine import Turbine, load_turbine
 
 if TYPE_CHECKING:
@@ -180,8 +180,9 @@ def identified(folder: Path, name: str, roll: Roll, *, flap: bool = True) -> Ide
     windy = load_turbine("nrel5mw_full")
     loads = tuple(load for load in windy.loads if load.load in turbine.model.loads)
     sensors = windy.sensors if flap else load_turbine("nrel5mw").sensors
-    part = thinned(record.section(*SECTION), channels)
-    return identify(part, replace(turbine, loads=loads), sensors=sensors, loads="rotor-wind")
+    return identify(
+        record, replace(turbine, loads=loads), sensors=sensors, section=SECTION, rate=READ, loads="rotor-wind"
+    )
 
 
 class Unexplained(NamedTuple):
