@@ -1,11 +1,12 @@
 # Two commands do everything: `make study` and `make test`. `make bench` compares with other libraries; `make bench SHORT=1` in minutes.
+# `make field DATA=FOLDER` takes on somebody else's records (docs/field.md): an hour and a half, interruptible; FOLDER holds openfast/ and bjorko/.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PEERS := .venv-peers
 STUDY ?= results/study
 
-.PHONY: study test test-all lint bench clean
+.PHONY: study test test-all lint bench field clean
 
 study: $(VENV)/.installed
 	$(BIN)/windsysid study --output $(STUDY) --overwrite
@@ -35,6 +36,18 @@ $(PEERS)/.installed: pyproject.toml constraints.txt benchmarks/peers.txt
 	test -d $(PEERS) || $(PYTHON) -m venv $(PEERS)
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . -r benchmarks/peers.txt
 	touch $@
+
+FIELD := results/field
+
+field: $(VENV)/.installed $(PEERS)/.installed
+	@test -d "$(DATA)/openfast" -a -d "$(DATA)/bjorko" || { echo "make field: expected DATA=FOLDER with openfast/ and bjorko/, got '$(DATA)'"; exit 2; }
+	mkdir -p $(FIELD)
+	$(BIN)/python -m windsysid.study.bjorko --data $(DATA)/bjorko/pull_release_10Hz.csv > $(FIELD)/bjorko.txt
+	$(BIN)/python -m windsysid.study.hammond > $(FIELD)/hammond.txt
+	$(BIN)/python -m windsysid.study.years > $(FIELD)/years.txt
+	$(BIN)/python -m windsysid.study.field --openfast $(DATA)/openfast --output $(FIELD) > $(FIELD)/openfast.txt
+	$(PEERS)/bin/python benchmarks/subspace.py --openfast $(DATA)/openfast --output $(FIELD) --rotor 270 > $(FIELD)/subspace.txt
+	@cat $(FIELD)/*.txt
 
 clean:
 	rm -rf $(VENV) $(PEERS) results .mypy_cache .ruff_cache .pytest_cache

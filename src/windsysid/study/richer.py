@@ -317,7 +317,7 @@ def _in_the_reading(folder: Path) -> "Table":
 
 
 CASES: Mapping[str, Sequence[tuple[Roll, bool]]] = {
-    "a2": (("locked", True), ("tied", True)),
+    "a2": (("tied", True),),
     "c2": (("tied", True), ("free", False), ("free", True)),
 }
 """What is identified from each record: roll, and whether the tips' sensors are told of flap."""
