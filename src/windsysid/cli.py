@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
 import typer
 
@@ -303,7 +303,7 @@ def plan(
 ) -> None:
     """Before measuring: how well will these sensors see each coefficient, and after how long?"""
     from windsysid.mechanics.sensors import read_sensors
-    from windsysid.output import check_output, new_folder
+    from windsysid.output import check_output
     from windsysid.planning import plan as plan_record
     from windsysid.turbine import load_turbine
 
@@ -319,13 +319,7 @@ def plan(
             machine, sensors=listed, duration=seconds, rate=rate, parameters=asked, within=within / 100.0, load_scale=load_scale,
             rotor_speed=turning, seed=seed, progress=progress,
         )  # fmt: skip
-        if output is not None:
-            with new_folder(output, overwrite=overwrite) as folder:
-                progress("writing the report")
-                found.save(folder)
-    print(found.to_json() if json else found, end="" if json else "\n")
-    if output is not None and not json:
-        print(f"report: {output / 'report.html'}")
+    _tell(found, output, json=json, overwrite=overwrite)
 
 
 @app.command()
@@ -375,18 +369,13 @@ def damping(
 ) -> None:
     """Structural against aerodynamic damping: what records in several states tell of each, or why they do not."""
     from windsysid.damping import separate_damping
-    from windsysid.output import check_output, new_folder
+    from windsysid.output import check_output
     from windsysid.result import load_posterior
 
     if output is not None:
         check_output(output, overwrite=overwrite)
     found = separate_damping([load_posterior(folder) for folder in results])
-    print(found.to_json().rstrip() if json else found)
-    if output is not None:
-        with new_folder(output, overwrite=overwrite) as folder:
-            found.save(folder)
-        if not json:
-            print(f"report: {output / 'report.html'}")
+    _tell(found, output, json=json, overwrite=overwrite)
 
 
 @app.command()
@@ -404,17 +393,12 @@ def monitor(
     """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
     from windsysid.blocks import read_blocks
     from windsysid.monitor import watch
-    from windsysid.output import check_output, new_folder
+    from windsysid.output import check_output
 
     if output is not None:
         check_output(output, overwrite=overwrite)
     found = watch(read_blocks(results, covariates), alarms_per_year=alarms_per_year)
-    print(found.to_json().rstrip() if json else found)
-    if output is not None:
-        with new_folder(output, overwrite=overwrite) as folder:
-            found.save(folder)
-        if not json:
-            print(f"report: {output / 'report.html'}")
+    _tell(found, output, json=json, overwrite=overwrite)
 
 
 @app.command()
@@ -443,7 +427,7 @@ def modes(
 ) -> None:
     """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
     from windsysid.campbell import find_modes
-    from windsysid.output import check_output, new_folder
+    from windsysid.output import check_output
     from windsysid.result import load_posterior
     from windsysid.turbine import load_turbine, packaged_turbines
 
@@ -461,13 +445,7 @@ def modes(
     diagram, working = _speeds("--speeds", speeds), _speeds("--operating", operating)
     with _progress("modes") as progress:
         found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
-        if output is not None:
-            with new_folder(output, overwrite=overwrite) as folder:
-                progress("writing the report")
-                found.save(folder)
-    print(found.to_json() if json else found, end="" if json else "\n")
-    if output is not None and not json:
-        print(f"report: {output / 'report.html'}")
+    _tell(found, output, json=json, overwrite=overwrite)
 
 
 @app.command()
@@ -510,6 +488,25 @@ def _quantity(option: str, text: str, unit: str) -> float:
         return parse_quantity(text, unit)
     except ConfigurationError as error:
         raise ConfigurationError(f"{option}: {error}; got '{text}'") from None
+
+
+class _Answer(Protocol):
+    def to_json(self) -> str: ...
+
+    def save(self, folder: Path) -> None: ...
+
+
+def _tell(found: _Answer, output: Path | None, *, json: bool, overwrite: bool) -> None:
+    """Print an answer, and save it with its report where asked."""
+    from windsysid.output import new_folder
+
+    print(found.to_json().rstrip() if json else found)
+    if output is not None:
+        with _progress("report") as progress, new_folder(output, overwrite=overwrite) as folder:
+            progress("writing the report")
+            found.save(folder)
+        if not json:
+            print(f"report: {output / 'report.html'}")
 
 
 def _speeds(option: str, given: tuple[str, str] | None) -> tuple[float, float] | None:
