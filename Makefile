@@ -46,7 +46,7 @@ field: $(VENV)/.installed $(PEERS)/.installed
 	$(BIN)/python -m windsysid.study.hammond > $(FIELD)/hammond.txt
 	$(BIN)/python -m windsysid.study.years > $(FIELD)/years.txt
 	$(BIN)/python -m windsysid.study.field --openfast $(DATA)/openfast --output $(FIELD) > $(FIELD)/openfast.txt
-	$(PEERS)/bin/python benchmarks/subspace.py --openfast $(DATA)/openfast --output $(FIELD) --rotor 270 > $(FIELD)/subspace.txt
+	$(PEERS)/bin/python benchmarks/subspace.py --openfast $(DATA)/openfast --output $(FIELD) > $(FIELD)/subspace.txt
 	@cat $(FIELD)/*.txt
 
 clean:
