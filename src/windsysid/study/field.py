@@ -293,9 +293,8 @@ def identified(case: Case, record: Record) -> Identification:
         record, added = add_noise(record, [sensor.channel for sensor in sensors], NOISE, case.seed)
         return identify(record, turbine, sensors=with_noise(sensors, added), prior=LogUniformPrior(seed=case.seed))
     prior = LogUniformPrior(seed=case.seed, air=AIR)
-    if case.turbine == TOWER:
-        return identify(record, turbine, section=case.section, prior=prior)
-    return identify(record, turbine, section=case.section, prior=prior, rate=READ)
+    rate = None if case.turbine == TOWER else READ
+    return identify(record, turbine, section=case.section, prior=prior, rate=rate)
 
 
 class Result(NamedTuple):
