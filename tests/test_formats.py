@@ -72,9 +72,11 @@ def test_netcdf_keeps_name_and_attributes(tmp_path, record):
     assert again.attributes == record.attributes
 
 
-def test_csv_units_come_from_brackets_then_suffixes_then_names(tmp_path):
-    header = "time_s,a [deg],b (kN-m),speed_rpm,wind_m_s,power_W,gauge_V_per_V,hub_g,rotor_azimuth,tower_lag_g [m]"
-    text = header + "\n" + "\n".join(f"{k},180,2,60,3,4,5,1,6,7" for k in range(2)) + "\n"
+def test_csv_units_come_from_brackets_then_from_endings(tmp_path):
+    header = (
+        "time_s,a [deg],b (kN-m),speed_rpm,wind_m_s,power_W,gauge_V_per_V,hub_g,rotor_azimuth_rad,tower_lag_g [m],mast"
+    )
+    text = header + "\n" + "\n".join(f"{k},180,2,60,3,4,5,1,6,7,8" for k in range(2)) + "\n"
     record = read_record(csv_file(tmp_path, text))
     assert record.channels == (
         "a",
@@ -86,9 +88,10 @@ def test_csv_units_come_from_brackets_then_suffixes_then_names(tmp_path):
         "hub",
         "rotor_azimuth",
         "tower_lag_g",
+        "mast",
     )
-    assert record.units == ("rad", "N*m", "rad/s", "m/s", "W", "1", "m/s^2", "rad", "m")
-    assert record.values[1] == pytest.approx([np.pi, 2000, 2 * np.pi, 3, 4, 5, 9.80665, 6, 7])
+    assert record.units == ("rad", "N*m", "rad/s", "m/s", "W", "1", "m/s^2", "rad", "m", "as written: unknown")
+    assert record.values[1] == pytest.approx([np.pi, 2000, 2 * np.pi, 3, 4, 5, 9.80665, 6, 7, 8])
     assert record.name == "x.csv"
 
 
@@ -302,6 +305,43 @@ def test_openfast_channels_come_under_our_names_signs_and_units(openfast):
         assert record[name][:2] == pytest.approx(values), name
 
 
+# OpenFAST's axes as its documentation names them, in x downwind, y left looking downwind, z up, and the rotor at rest with blade 1 up.
+# Blade 1 stands up (+z) and moves to the right as seen downwind (-y), because the rotor turns clockwise as seen downwind.
+DOWNWIND, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+BLADE_1_GOES = np.cross(DOWNWIND, [0.0, 0.0, 1.0])  # clockwise as seen downwind: about +x by the right-hand rule
+LAG = -BLADE_1_GOES  # y of the blade's axes: what OpenFAST calls positive in the rotor plane is against the rotation
+AXES = {
+    "TTDspSS": LEFT, "YawBrTVyp": LEFT, "YawBrTAyp": LEFT, "YawBrTAgyp": LEFT, "NcIMUTAgys": LEFT,
+    "TTDspFA": DOWNWIND, "YawBrTVxp": DOWNWIND, "YawBrTAxp": DOWNWIND, "YawBrTAgxp": DOWNWIND, "Wind1VelX": DOWNWIND,
+    "YawBrRDxt": DOWNWIND, "RootMxb1": DOWNWIND, "RootMxc1": DOWNWIND, "RotSpeed": DOWNWIND,  # vectors of a rotation
+    "TipALyb1": LAG, "TipALgyb1": LAG, "IPDefl1": LAG,
+}  # fmt: skip
+# Ours, seen upwind: x to the right, y up, z towards the viewer, so x is OpenFAST's y and z its x; turning is counted about z.
+OUR_X, OUR_Z = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+OUR_AXES = {"tower_x": OUR_X, "nacelle_x": OUR_X, "tower_z": OUR_Z, "wind_speed": OUR_Z, "tower_roll": OUR_Z, "rotor_speed": OUR_Z,
+            "blade_1_root": OUR_Z, "blade_1_tip": np.cross(OUR_Z, [0.0, 0.0, 1.0])}  # fmt: skip
+
+
+def test_every_openfast_channel_has_the_sign_of_the_documented_frames(tmp_path):
+    from windsysid.formats.openfast import CHANNELS
+
+    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
+    assert {name.replace("#", "1") for name in CHANNELS} == {*AXES, "Azimuth"}
+    names, ones = list(AXES), np.ones((3, len(AXES)))
+    record = read_record(csv_file(tmp_path, outb(ones, names, ["(1)"] * len(names)), "x.outb"))
+    for name, axis, channel in zip(names, AXES.values(), record.channels, strict=True):
+        ours = next(ours for start, ours in OUR_AXES.items() if channel.startswith(start))
+        assert record[channel][0] == axis @ ours, name
+
+
+def test_the_azimuth_of_a_blade_that_stands_up_is_a_quarter_turn_and_grows_with_openfasts(tmp_path):
+    """From x, to the right as seen upwind, counter-clockwise: up is a quarter turn on."""
+    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
+    rows = np.array([[0.0], [90.0], [180.0]])
+    azimuth = read_record(csv_file(tmp_path, outb(rows, ["Azimuth"], ["(deg)"]), "x.outb"))["rotor_azimuth"]
+    np.testing.assert_allclose(azimuth, [0.5 * np.pi, np.pi, 1.5 * np.pi], atol=1e-12)
+
+
 def test_the_azimuth_stays_wrapped_to_one_turn(tmp_path):
     pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     rows = np.array([[269.0], [270.0], [271.0], [360.0]])
@@ -383,6 +423,11 @@ def test_the_signs_of_a_real_openfast_file_are_those_of_the_rotor_plane_seen_upw
     # An accelerometer reads acceleration plus g upwards; 2e-4 is what int16 packing of ±3 m/s² leaves.
     gravity = record["tower_x_acceleration"] - record["tower_x_acceleration_kinematic"]
     np.testing.assert_allclose(gravity, g * np.sin(roll), atol=2e-4)
+    # The nacelle's accelerometer sits 2.233 m above the tower top and turns with it, counter-clockwise positive.
+    bending = np.gradient(np.gradient(roll, 0.01), 0.01)[2:-2]
+    above = (record["nacelle_x_acceleration"] - record["tower_x_acceleration"])[2:-2]
+    assert -(above @ bending) / (bending @ bending) == pytest.approx(2.233, rel=0.01)
+    assert np.corrcoef(record["nacelle_x_acceleration"], record["tower_x_acceleration"])[0, 1] > 0.99
     turned = np.unwrap(record["rotor_azimuth"])
     assert (turned[-1] - turned[0]) / record.duration == pytest.approx(record["rotor_speed"].mean(), rel=1e-5)
     for b in (1, 2, 3):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.record import Record, implied_unit
+from windsysid.quantities import implied_unit
+from windsysid.record import Record
 from windsysid.units import canonical, to_si
 
 
@@ -190,6 +191,15 @@ def test_xarray_and_back_gives_the_same_record():
     assert again.attributes == record.attributes
 
 
+def test_from_xarray_guesses_no_unit():
+    import xarray as xr
+
+    dataset = xr.Dataset({"rotor_speed": ("time", [12.0, 12.1]), "mast": ("time", [1.0, 2.0])}, {"time": [0.0, 1.0]})
+    with pytest.raises(RecordError, match=r"'rotor_speed' has no unit; its values \(12 … 12.1\) are plausible in rpm"):
+        Record.from_xarray(dataset)
+    assert Record.from_xarray(dataset.drop_vars("rotor_speed")).units == ("as written: unknown",)
+
+
 def test_from_xarray_converts_units_and_refuses_what_is_no_record():
     import xarray as xr
 
@@ -219,7 +229,7 @@ def test_the_short_description_says_what_is_inside():
         ("rotor_azimuth", "rad"),
         ("rotor_speed", "rad/s"),
         ("wind_speed", "m/s"),
-        ("something", "1"),
+        ("something", None),
     ],
 )
 def test_a_channels_name_implies_its_unit(channel, unit):

@@ -1,11 +1,13 @@
 """Units at the edge: one spelling, one factor, and no guesses."""
 
 import math
+from fractions import Fraction
 
 import pytest
 
 from windsysid.errors import ConfigurationError
-from windsysid.units import UNITS, canonical, is_same_quantity, si_unit, to_si, unit_text
+from windsysid.formats.columns import SUFFIXES
+from windsysid.units import UNITS, canonical, is_same_quantity, parameter_unit, si_unit, to_si, unit_text
 
 
 @pytest.mark.parametrize(
@@ -42,6 +44,67 @@ def test_an_unknown_unit_is_an_error_and_never_a_guess(unit: str):
 )  # fmt: skip
 def test_values_become_si(value: float, unit: str, expected: float):
     assert to_si(value, unit) == pytest.approx(expected, rel=1e-14)
+
+
+PI = Fraction(3141592653589793238462643383279502884197, 10**39)
+DEGREE = PI / 180  # SI brochure, 9th edition, table 8
+G = Fraction(980665, 100000)  # m/s², exact: 3rd CGPM (1901)
+
+# Written from the SI brochure (BIPM, 9th edition): prefixes of table 7, units of tables 4 and 8, and no factor of the package.
+BROCHURE: dict[str, tuple[str, Fraction | int]] = {
+    "1": ("1", 1), "-": ("1", 1), "": ("1", 1), "%": ("1", Fraction(1, 100)), "V/V": ("1", 1), "mV/V": ("1", Fraction(1, 1000)),
+    "strain": ("1", 1), "microstrain": ("1", Fraction(1, 10**6)), "ue": ("1", Fraction(1, 10**6)), "µε": ("1", Fraction(1, 10**6)),
+    "s": ("s", 1), "µs": ("s", Fraction(1, 10**6)), "ms": ("s", Fraction(1, 1000)), "min": ("s", 60), "h": ("s", 60 * 60),
+    "d": ("s", 24 * 60 * 60),
+    "m": ("m", 1), "mm": ("m", Fraction(1, 1000)), "cm": ("m", Fraction(1, 100)), "km": ("m", 1000),
+    "m/s": ("m/s", 1), "mm/s": ("m/s", Fraction(1, 1000)), "km/h": ("m/s", Fraction(1000, 3600)),
+    "m/s^2": ("m/s^2", 1), "mm/s^2": ("m/s^2", Fraction(1, 1000)), "g": ("m/s^2", G), "mg": ("m/s^2", G / 1000),
+    "rad": ("rad", 1), "deg": ("rad", DEGREE), "mrad": ("rad", Fraction(1, 1000)),
+    "rad/s": ("rad/s", 1), "deg/s": ("rad/s", DEGREE), "rpm": ("rad/s", 2 * PI / 60), "Hz": ("Hz", 1),
+    "rad/s^2": ("rad/s^2", 1), "deg/s^2": ("rad/s^2", DEGREE), "rad/m": ("rad/m", 1), "deg/m": ("rad/m", DEGREE),
+    "kg": ("kg", 1), "t": ("kg", 1000), "kg*m": ("kg*m", 1), "kg*m^2": ("kg*m^2", 1),
+    "N": ("N", 1), "kN": ("N", 1000), "MN": ("N", 10**6),
+    "N*m": ("N*m", 1), "kN*m": ("N*m", 1000), "MN*m": ("N*m", 10**6),
+    "N/m": ("N/m", 1), "kN/m": ("N/m", 1000), "MN/m": ("N/m", 10**6),
+    "N*s/m": ("N*s/m", 1), "kN*s/m": ("N*s/m", 1000),
+    "N*m/rad": ("N*m/rad", 1), "kN*m/rad": ("N*m/rad", 1000),
+    "N*m*s/rad": ("N*m*s/rad", 1), "kN*m*s/rad": ("N*m*s/rad", 1000),
+    "W": ("W", 1), "kW": ("W", 1000), "MW": ("W", 10**6), "degC": ("degC", 1),
+    "Pa": ("Pa", 1), "hPa": ("Pa", 100), "mbar": ("Pa", 100), "kPa": ("Pa", 1000), "MPa": ("Pa", 10**6), "bar": ("Pa", 10**5),
+    "V": ("V", 1), "mV": ("V", Fraction(1, 1000)), "A": ("A", 1), "mA": ("A", Fraction(1, 1000)),
+}  # fmt: skip
+
+
+def test_the_table_of_the_si_brochure_lists_every_unit():
+    assert set(BROCHURE) == set(UNITS)
+
+
+@pytest.mark.parametrize("unit", BROCHURE)
+def test_every_unit_has_the_factor_of_the_si_brochure(unit: str):
+    si, factor = BROCHURE[unit]
+    assert si_unit(unit) == si
+    assert to_si(1.0, unit) == pytest.approx(float(factor), rel=4e-16)
+
+
+@pytest.mark.parametrize(("ending", "unit"), SUFFIXES.items())
+def test_every_ending_of_a_name_is_the_unit_that_it_spells(ending: str, unit: str):
+    spelt = ending[1:].replace("_per_", "/").replace("Nm", "N*m")
+    for written, meant in (("m_s", "m/s"), ("km_h", "km/h"), ("rad_s", "rad/s"), ("deg_s", "deg/s")):
+        spelt = spelt.replace(written, meant)
+    assert canonical(spelt.replace("s2", "s^2")) == unit
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("k_x", "N/m"), ("k_y", "N/m"), ("k_side_side", "N/m"), ("k_fore_aft", "N/m"), ("k_beta_1", "N*m/rad"), ("k_roll", "N*m/rad"),
+        ("c_x", "N*s/m"), ("c_y", "N*s/m"), ("c_side_side", "N*s/m"), ("c_fore_aft", "N*s/m"), ("c_beta_2", "N*m*s/rad"),
+        ("mass_x", "kg"), ("hub_mass", "kg"), ("blade_mass", "kg"), ("blade_first_moment", "kg*m"), ("blade_inertia", "kg*m^2"),
+    ],
+)  # fmt: skip
+def test_a_parameter_has_the_unit_of_its_equation(name: str, unit: str):
+    """Force = k x + c v for a translation, moment = k θ + c ω for an angle."""
+    assert parameter_unit(name) == unit
 
 
 def test_every_unit_leads_to_an_si_unit_that_leads_to_itself():

@@ -20,12 +20,13 @@ import numpy.typing as npt
 
 from windsysid.checks import UNIFORM, Array, check_channels, check_rows, refuse_outside
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.quantities import implied_unit, missing_units
 from windsysid.units import UNITS, canonical, si_unit, to_si
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["AS_WRITTEN", "LOW_PASS", "Array", "Record", "implied_unit"]
+__all__ = ["AS_WRITTEN", "LOW_PASS", "Array", "Record"]
 
 AS_WRITTEN = "as written: "
 """Prefix of a unit that windsysid does not know: the values are as the file has them, not converted."""
@@ -292,14 +293,14 @@ class Record:
     def from_xarray(cls, dataset: xr.Dataset) -> Record:
         """A record from a dataset whose variables are (time,), with time [s] as numbers.
 
-        Units other than SI are converted; a variable without ``units`` gets the one its name implies
-        (see `implied_unit`).
+        Units other than SI are converted. A variable without ``units`` is refused where its name says a quantity, and kept
+        ``as written: unknown`` where it says none.
 
         Raises
         ------
         RecordError
             If there is no such time, a variable has other dimensions or is not a number, or a unit is
-            unknown.
+            missing or unknown.
         """
         if "time" not in dataset.variables or dataset["time"].dims != ("time",):
             raise RecordError(
@@ -315,14 +316,12 @@ class Record:
         time, unit = convert(_column(dataset["time"], "time"), str(dataset["time"].attrs.get("units", "s")), "time")
         if unit != "s":
             raise RecordError(f"time is in '{dataset['time'].attrs['units']}', expected seconds; convert it first")
-        columns = [
-            convert(
-                _column(dataset[name], name),
-                str(dataset[name].attrs.get("units", implied_unit(name))),
-                f"'{name}'",
-            )
-            for name in order
-        ]
+        given = {name: str(dataset[name].attrs.get("units", "")) or f"{AS_WRITTEN}unknown" for name in order}
+        unsaid = [name for name in order if given[name] == f"{AS_WRITTEN}unknown" and implied_unit(name)]
+        if unsaid:
+            table = [(name, _column(dataset[name], name)) for name in unsaid]
+            raise RecordError(missing_units(table, "give the variable its attribute units"))
+        columns = [convert(_column(dataset[name], name), given[name], f"'{name}'") for name in order]
         return cls(
             time,
             _table([values for values, _ in columns], time.size),
@@ -338,29 +337,6 @@ class Record:
         close = difflib.get_close_matches(channel, self.channels, n=3)
         hint = f"did you mean {_listed(close)}?" if close else f"it has {_listed(self.channels)}"
         raise RecordError(f"record '{self.name}' has no channel '{channel}': {hint}")
-
-
-def implied_unit(channel: str) -> str:
-    """The SI unit that a channel's name implies when nobody wrote one; ``"1"`` where it implies none.
-
-    Lag and roll are angles (``blade_1_lag_displacement`` [rad]); motion of a blade's tip is a length
-    (``blade_1_tip_lag_acceleration`` [m/s²]).
-    """
-    words = channel.lower().split("_")
-    turns = "tip" not in words and any(word in words for word in ("lag", "roll", "angular", "rotor"))
-    length = "rad" if turns else "m"
-    for words_of_quantity, unit in (
-        (("acceleration",), f"{length}/s^2"),
-        (("velocity", "speed"), f"{length}/s"),
-        (("displacement", "deflection"), length),
-        (("moment", "torque"), "N*m"),
-        (("force", "load"), "N"),
-        (("azimuth", "pitch", "roll", "yaw", "angle", "direction"), "rad"),
-        (("power",), "W"),
-    ):
-        if any(word in words for word in words_of_quantity):
-            return unit
-    return "1"
 
 
 def convert(values: Array, unit: str, what: str) -> tuple[Array, str]:

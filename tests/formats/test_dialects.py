@@ -84,7 +84,7 @@ TOA5 = (
 def test_a_campbell_file_is_read_with_its_four_header_lines(tmp_path):
     record = read_record(write(tmp_path, TOA5, "x.dat"))
     assert record.channels == ("RECORD", "acc_x", "T_air", "note")
-    assert record.units == ("1", "m/s^2", "degC", "1")
+    assert record.units == ("1", "m/s^2", "degC", "as written: unknown")
     np.testing.assert_array_equal(record.time, [0.0, 0.05, 0.1])
     np.testing.assert_array_equal(record["acc_x"], [0.5, np.nan, -0.5])
     np.testing.assert_array_equal(record["T_air"], [np.nan, 20.5, 20.6])

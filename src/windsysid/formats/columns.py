@@ -1,35 +1,38 @@
 """From a file's columns to a record's channels: names, units and signs.
 
 A header cell says a name and a unit in one of three ways: ``name [unit]`` or ``name (unit)``; an ending that is
-one of `SUFFIXES` (``pitch_deg`` is the channel ``pitch`` in degrees); or nothing, and then the unit is the SI unit
-that the name implies (`windsysid.record.implied_unit`). What a mapping file says about a column goes before.
+one of `SUFFIXES` (``pitch_deg`` is the channel ``pitch`` in degrees); or not at all. A column without a unit is
+refused where its name says a quantity (`windsysid.quantities`): ``rotor_speed`` could be in rpm as well as in rad/s.
+Where the name says none, the values stay ``as written: unknown``. What a mapping file says about a column goes before.
 """
 
 import difflib
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from windsysid.checks import Array, check_channels
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.formats.mapping import AS_IT_IS, ChannelRule, Mapping
-from windsysid.record import AS_WRITTEN, implied_unit
-from windsysid.units import si_unit, to_si
+from windsysid.quantities import implied_unit, missing_units
+from windsysid.record import AS_WRITTEN
+from windsysid.units import is_same_quantity, si_unit, to_si
 
 __all__ = ["SUFFIXES", "TIME_NAMES", "Cell", "Column", "find_time", "name_and_unit", "plan_columns", "split_unit"]
 
 SUFFIXES = {
-    "_V_per_V": "V/V",
-    "_m_s": "m/s",
-    "_rpm": "rpm",
-    "_deg": "deg",
-    "_kNm": "kN*m",
-    "_kN": "kN",
-    "_W": "W",
-    "_g": "g",
-    "_s": "s",
-}
-"""Units that may end a column's name when it has none in brackets; longer ones first, capitals matter."""
+    "_mV_per_V": "mV/V", "_V_per_V": "V/V", "_microstrain": "microstrain",
+    "_mm_s2": "mm/s^2", "_m_s2": "m/s^2", "_rad_s2": "rad/s^2", "_deg_s2": "deg/s^2",
+    "_mm_s": "mm/s", "_m_s": "m/s", "_km_h": "km/h", "_rad_s": "rad/s", "_deg_s": "deg/s", "_rpm": "rpm",
+    "_rad": "rad", "_deg": "deg", "_mm": "mm", "_cm": "cm", "_mg": "mg",
+    "_MNm": "MN*m", "_kNm": "kN*m", "_Nm": "N*m", "_MN": "MN", "_kN": "kN", "_MW": "MW", "_kW": "kW",
+    "_W": "W", "_N": "N", "_g": "g", "_m": "m", "_s": "s",
+}  # fmt: skip
+"""Units that may end a column's name when it has none in brackets; longer ones first, capitals matter.
+
+A single letter may mean something else (``tower_acceleration_W`` stands in the west): it counts only where it does not contradict the
+quantity that the name says; ``_N`` and ``_m`` count only where they are of that quantity.
+"""
 
 TIME_NAMES = ("time", "t", "timestamp", "datetime", "date time", "date/time", "zeit", "tid")
 """Names of a time column, in any case."""
@@ -73,8 +76,17 @@ def name_and_unit(written: str) -> Cell:
     if cell.unit is None:
         for suffix, unit in SUFFIXES.items():
             if written.endswith(suffix) and written != suffix:
-                return Cell(written, written.removesuffix(suffix), unit)
+                name = written.removesuffix(suffix)
+                return Cell(written, name, unit) if _is_meant(name, suffix, unit) else cell
     return cell
+
+
+def _is_meant(name: str, suffix: str, unit: str) -> bool:
+    """Whether the ending of a name is a unit, and not a letter that means something else."""
+    if len(suffix) > 2:
+        return True
+    quantity = implied_unit(name)
+    return suffix not in ("_N", "_m") if quantity is None else is_same_quantity(unit, quantity)
 
 
 def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
@@ -103,7 +115,9 @@ def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
     return 0
 
 
-def plan_columns(cells: Sequence[Cell], time: int | None, mapping: Mapping) -> tuple[Column, ...]:
+def plan_columns(
+    cells: Sequence[Cell], time: int | None, mapping: Mapping, some: Callable[[int], Array], how: str
+) -> tuple[Column, ...]:
     """Which columns become which channels.
 
     Parameters
@@ -112,25 +126,35 @@ def plan_columns(cells: Sequence[Cell], time: int | None, mapping: Mapping) -> t
     time : int or None
         Index of the time column, None if it is not among them.
     mapping : Mapping
+    some : callable
+        Some values (n,) of a column, by its index; asked for only where a unit is missing.
+    how : str
+        How a user writes a unit in this format; ``{}`` stands for the name and the unit.
 
     Raises
     ------
     ConfigurationError
         If the mapping lists a column that is not there.
     RecordError
-        If a unit is unknown, a name is none or occurs twice, or nothing is left.
+        If a unit is missing or unknown, a name is none or occurs twice, or nothing is left.
     """
     for key in mapping.channels:
         if not any(key in (cell.written, cell.name) for i, cell in enumerate(cells) if i != time):
             raise ConfigurationError(
                 f'{mapping.place}: channels."{key}": the record has no such column: {_hint(key, cells)}'
             )
-    columns = []
+    columns, unsaid = [], []
     for index, cell in enumerate(cells):
         rule = mapping.channels.get(cell.written) or mapping.channels.get(cell.name)
         if index == time or (rule is None and mapping.only_listed):
             continue
-        columns.append(_column(index, cell, rule or ChannelRule()))
+        column = _column(index, cell, rule or ChannelRule())
+        columns.append(column)
+        if not (cell.unit or (rule and rule.unit)) and implied_unit(column.name):
+            unsaid.append((column.name, index))
+    if unsaid:
+        advice = f"{how}, or name its unit in a mapping file"
+        raise RecordError(missing_units([(name, some(index)) for name, index in unsaid], advice))
     if not columns:
         raise RecordError("holds no channel but the time; expected at least one")
     check_channels(column.name for column in columns)
@@ -139,11 +163,9 @@ def plan_columns(cells: Sequence[Cell], time: int | None, mapping: Mapping) -> t
 
 def _column(index: int, cell: Cell, rule: ChannelRule) -> Column:
     name = rule.name or cell.name
-    unit = rule.unit if rule.unit is not None else cell.unit
+    unit = rule.unit or cell.unit or AS_IT_IS
     if unit == AS_IT_IS:
         return Column(index, name, AS_WRITTEN + (cell.unit or "unknown"), rule.scale)
-    if unit is None:
-        unit = implied_unit(name)
     if unit.startswith(AS_WRITTEN):
         return Column(index, name, unit, rule.scale)
     try:

@@ -33,7 +33,7 @@ from windsysid.formats.files import named_after
 from windsysid.formats.mapping import Mapping
 from windsysid.formats.source import Block, Progress, Source, gather
 from windsysid.formats.text import LineBlock, encoding_of, last_line, line_blocks
-from windsysid.record import Record
+from windsysid.record import Array, Record
 
 __all__ = ["open_csv", "read_csv", "write_csv"]
 
@@ -79,8 +79,8 @@ def open_csv(path: Path, mapping: Mapping) -> Source:
         raise RecordError("holds only blank lines; expected a header line and rows of numbers")
     layout = find_layout(head, mapping.csv)
     time = find_time(layout.cells, mapping)
-    columns = plan_columns(layout.cells, time, mapping)
     rows = [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
+    columns = plan_columns(layout.cells, time, mapping, lambda i: _numbers(rows, i, layout), "write '{}' in the header")
     attributes = dict(layout.attributes)
     keep = last is None or not last.strip() or _is_complete(last, rows, layout.delimiter)
     if not keep:
@@ -123,6 +123,13 @@ def _head(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
                 yield number, line
         if number > 1:
             return
+
+
+def _numbers(rows: list[tuple[int, list[str]]], index: int, layout: Layout) -> Array:
+    """The numbers in the first rows of a column."""
+    cells = [row[index] for _, row in rows if index < len(row)]
+    marked = [cell for cell in cells if cell not in layout.missing and is_number(cell, layout.decimal)]
+    return np.array([float(cell.replace(layout.decimal, ".")) for cell in marked])
 
 
 def _is_complete(last: str, rows: list[tuple[int, list[str]]], delimiter: str) -> bool:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from windsysid.errors import ConfigurationError, OutputError, RecordError
-from windsysid.formats.columns import Cell, plan_columns
+from windsysid.formats.columns import Cell, name_and_unit, plan_columns
 from windsysid.formats.files import named_after, read_start
 from windsysid.formats.mapping import Mapping
 from windsysid.formats.source import Block, Progress, Source, gather, indexed_source
@@ -32,6 +32,8 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _SEAL = b"windsysid crc32 "  # and eight digits, after the end of the HDF5 file, where nobody else looks
 _LARGE = 1 << 28  # bytes: a section of a larger file is not worth reading it all for its checksum
 _VALUES = 1 << 20  # read at once
+_SOME = 10_000  # values that show in which units they are plausible
+_HOW = "give the variable its attribute units"
 _FEW = 1 << 24  # values that fit into memory without thinking
 
 
@@ -78,9 +80,13 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
                 f"{', '.join(list(file.variables)[:12]) or 'none'}"
             )
         names = [name for name in _order(file) if name != time_name]
-        cells = [Cell(name, name, _unit(file[name])) for name in names]
-        columns = plan_columns(cells, None, mapping)
         (dimension,) = file[time_name].dimensions
+
+        def some(index: int) -> Array:
+            _check_variable(file[names[index]], names[index], dimension)
+            return _numbers(file[names[index]], slice(0, _SOME))
+
+        columns = plan_columns([_cell(name, file[name]) for name in names], None, mapping, some, _HOW)
         for column in columns:
             _check_variable(file[names[column.index]], names[column.index], dimension)
         time = _seconds(file[time_name], time_name, mapping)
@@ -191,9 +197,9 @@ def _order(file: "h5netcdf.File") -> list[str]:
     return order if sorted(order) == sorted(names) else names
 
 
-def _unit(variable: "h5netcdf.Variable") -> str | None:
-    unit = variable.attrs.get("units")
-    return None if unit is None else str(unit)
+def _cell(name: str, variable: "h5netcdf.Variable") -> Cell:
+    unit = str(variable.attrs.get("units", ""))
+    return Cell(name, name, unit) if unit else name_and_unit(name)
 
 
 def _numbers(variable: "h5netcdf.Variable", rows: slice) -> Array:

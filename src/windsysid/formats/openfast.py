@@ -117,7 +117,12 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
         raise ConfigurationError(f"{mapping.place}: time: the time of OpenFAST output is known; remove that table")
     if len(names) < 2:
         raise RecordError("holds no channel but the time; ask OpenFAST for some in OutList")
-    columns = plan_columns([_cell(*cell, mapping) for cell in zip(names, units, strict=True)], 0, mapping)
+
+    def some(index: int) -> Array:
+        return table[:, index] if table is not None else packed.rows(0, packed.samples)[:, index - 1]  # type: ignore[union-attr]
+
+    cells = [_cell(*cell, mapping) for cell in zip(names, units, strict=True)]
+    columns = plan_columns(cells, 0, mapping, some, "let OpenFAST write its unit")
     time = _without_rounding(packed.time(0, packed.samples) if packed else np.ascontiguousarray(table[:, 0]))
 
     def rows(low: int, high: int) -> Array:

@@ -24,6 +24,7 @@ __all__ = ["open_parquet", "read_parquet", "write_parquet"]
 
 _INSTALL = 'Parquet files need pyarrow; install it with: pip install "windsysid[parquet]"'
 _GROUP = 1 << 16  # rows
+_SOME = 10_000  # values that show in which units they are plausible
 _VALUES = 1 << 20  # read at once
 
 
@@ -63,7 +64,13 @@ def open_parquet(path: Path, mapping: Mapping) -> Source:
         cells = [_cell(schema.field(i)) for i in range(len(schema))]
         index = _pandas_index(notes, [cell.written for cell in cells])
         time = index if index is not None and mapping.time.column is None else find_time(cells, mapping)
-        columns = plan_columns(cells, time, mapping)
+
+        def some(index: int) -> Array:
+            _check_type(schema.field(index), dates=False)
+            batch = next(file.iter_batches(_SOME, columns=[schema.field(index).name]), None)
+            return np.empty(0) if batch is None else _numbers(batch.column(0))
+
+        columns = plan_columns(cells, time, mapping, some, "name the column '{}'")
         for i in [time, *(column.index for column in columns)]:
             _check_type(schema.field(i), dates=i == time)
         attributes = {str(k): str(v) for k, v in json.loads(notes.get("windsysid_attributes", "{}")).items()}
@@ -153,8 +160,8 @@ def _batches(file: Any, names: list[str]) -> Iterator[list[Any]]:
 
 
 def _cell(field: Any) -> Cell:
-    unit = (field.metadata or {}).get(b"units")
-    return name_and_unit(field.name) if unit is None else Cell(field.name, field.name, unit.decode())
+    unit = (field.metadata or {}).get(b"units", b"").decode()
+    return Cell(field.name, field.name, unit) if unit else name_and_unit(field.name)
 
 
 def _pandas_index(notes: dict[str, str], names: list[str]) -> int | None:
