@@ -22,6 +22,7 @@ from windsysid.diagnostics import Diagnosis, diagnose
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
+from windsysid.inspect.screening import noted, screen
 from windsysid.likelihood import Posterior, posterior_mode
 from windsysid.loads import LoadModel
 from windsysid.mechanics.compile import Model
@@ -162,6 +163,7 @@ def fit(
     plain = compose(model, values=known, **prior)
     inputs = _inputs(joint, part, channels or {})
     readings = _readings(part, sensors)
+    faults = noted(screen(record, None, [sensor.channel for sensor in sensors]))
     names = [f"noise_{sensor.channel}" for sensor in sensors] + [f"rms_{load.states[0]}" for load in loads]
     levels = len(names) if learn_levels else 0
 
@@ -206,7 +208,10 @@ def fit(
         innovation=mode.info.innovation,
         whitened=mode.info.whitened,
         log_likelihood=mode.log_likelihood,
-        notes=() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",),
+        notes=(
+            *faults,
+            *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
+        ),
         statistics=tuple(learned),
         diagnosis=_diagnosis(mode, joint, part.rate),
         states=plain.states,

@@ -19,7 +19,7 @@ from windsysid.statespace import Parameter, StateSpace
 from windsysid.statistics import Statistic
 from windsysid.turbine import Turbine
 
-__all__ = ["Loads", "Outcome", "Prior", "check_finite", "identifiable", "known_inputs", "known_loads"]
+__all__ = ["TURNING", "Loads", "Outcome", "Prior", "check_finite", "identifiable", "known_inputs", "known_loads"]
 
 Array = NDArray[np.float64]
 
@@ -160,13 +160,14 @@ def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[
     return list(dict.fromkeys(chosen))
 
 
-_TURNING = ("rotor_azimuth", "rotor_speed", "nacelle_yaw")
+TURNING = ("rotor_azimuth", "rotor_speed", "nacelle_yaw")
+"""Channels that say how rotor and nacelle turned."""
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:
     """The inputs that the turbine's model asks for (T, n_u), ψ and Ω first; between samples of a uniform grid where times are unequal."""
     if not record.is_uniform:
-        even = resample(record.select([c for c in record.channels if c in _TURNING]), record.rate)
+        even = resample(record.select([c for c in record.channels if c in TURNING]), record.rate)
         inputs = known_inputs(even, turbine, sensors)
         return np.column_stack([np.interp(record.time, even.time, column) for column in inputs.T])
     if isinstance(turbine.model, TowerModel):

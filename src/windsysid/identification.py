@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from windsysid.diagnostics import diagnose
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF, Info
-from windsysid.forcebalance import identify_by_force_balance
-from windsysid.formulation import Loads, Outcome, Prior
+from windsysid.forcebalance import identify_by_force_balance, measured_channels
+from windsysid.formulation import TURNING, Loads, Outcome, Prior
+from windsysid.inspect.health import Finding
+from windsysid.inspect.screening import noted, screen
 from windsysid.joint import identify_jointly
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import Sensor
@@ -24,7 +26,7 @@ from windsysid.signals import resample
 from windsysid.turbine import Turbine
 from windsysid.units import parameter_unit
 
-__all__ = ["Formulation", "Prior", "add_noise", "conclude", "identify", "usable_sensors", "with_noise"]
+__all__ = ["Formulation", "Prior", "add_noise", "conclude", "identify", "screened", "usable_sensors", "with_noise"]
 
 Array = NDArray[np.float64]
 
@@ -84,14 +86,15 @@ def identify(
     RecordError, ConfigurationError
         If the record does not hold what is needed, or an option is out of range.
     """
-    part = record.section(*section) if section else record
+    recorded = part = record.section(*section) if section else record
     part = part.on_own_times() if formulation == "joint" else part.on_uniform_grid()
     if formulation == "joint":
         part, steps, resampled = _slowed(part, turbine, rate, sensors)
         _check_length(part, turbine)
         found = usable_sensors(part, turbine, sensors)
+        faults = noted(screened(recorded, turbine, found))
         outcome = identify_jointly(part, turbine, found, prior or Prior(), parameters, loads=loads)
-        outcome = _every(outcome, steps)._replace(notes=(*resampled, *outcome.notes))
+        outcome = _every(outcome, steps)._replace(notes=(*resampled, *outcome.notes, *faults))
         read = replace(part, time=part.time[::steps], values=part.values[::steps])
         return conclude(outcome, read, formulation)
     if formulation == "force-balance":
@@ -107,8 +110,10 @@ def identify(
         if loads != "auto":
             raise ConfigurationError("the force balance has no model of the loads: leave `loads` out")
         whole = record.on_uniform_grid()
+        measured = measured_channels(part, turbine)
+        faults = noted(screen(recorded, turbine, measured, others=(*TURNING, *turbine.model.loads)))
         outcome = identify_by_force_balance(whole, part, turbine, prior or Prior(spread=1.0))
-        return conclude(outcome, part, formulation)
+        return conclude(outcome._replace(notes=(*outcome.notes, *faults)), part, formulation)
     raise ConfigurationError(f"formulation: expected joint or force-balance, got '{formulation}'")
 
 
@@ -169,7 +174,20 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
                 f"channel '{sensor.channel}' holds no numbers in this section: leave it out of the sensor list, "
                 "or choose another section"
             )
+    for name in turbine.model.loads:
+        expected = "N*m" if "beta" in name else "N"
+        if name in record and record.unit(name) != expected:
+            raise RecordError(f"channel '{name}': expected {expected}, got {record.unit(name)}: correct its unit")
     return found
+
+
+def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, refuse: bool = True) -> list[Finding]:
+    """What is wrong with the channels that the joint formulation reads (`windsysid.inspect.screening`); RecordError where it makes estimates wrong."""
+    return screen(
+        record, turbine, [sensor.channel for sensor in sensors],
+        others=(*TURNING, "wind_speed", *turbine.model.loads), offsets={sensor.channel: sensor.bias for sensor in sensors},
+        refuse=refuse,
+    )  # fmt: skip
 
 
 def _slowed(

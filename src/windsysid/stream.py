@@ -7,6 +7,7 @@ piece. The same call on the same record goes on from there, and ends where an un
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF
 from windsysid.formulation import Outcome, Prior, check_finite, known_inputs, known_loads
-from windsysid.identification import conclude, usable_sensors
+from windsysid.identification import conclude, screened, usable_sensors
+from windsysid.inspect.health import Finding
+from windsysid.inspect.screening import noted
 from windsysid.joint import first_estimate
 from windsysid.mechanics.sensors import Sensor
 from windsysid.online import History, Online, advance, begin, finish, restore, save
@@ -65,19 +68,26 @@ def identify_pieces(
     """
     started = time.perf_counter()
     run: _Run | None = None
+    faults: list[Finding] = []
     for piece in pieces:
         part = piece.on_uniform_grid()
         if run is None:
-            run = _Run(part, turbine, usable_sensors(part, turbine, sensors), prior or Prior(), parameters, checkpoint)
-        run.take(part)
+            found = usable_sensors(part, turbine, sensors)
+            faults += screened(piece, turbine, found)
+            run = _Run(part, turbine, found, prior or Prior(), parameters, checkpoint)
+            run.take(part)
+        else:
+            run.take(part)
+            faults += screened(piece, turbine, found, refuse=False)
         if progress:
             progress(float(part.time[-1]))
     if run is None:
         raise RecordError("no pieces: expected at least one, got an empty record")
-    found = run.conclude(time.perf_counter() - started)
+    result = run.conclude(time.perf_counter() - started)
+    result = replace(result, notes=(*result.notes, *noted(faults)))
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
-    return found
+    return result
 
 
 class _Run:

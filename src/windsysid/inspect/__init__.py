@@ -1,8 +1,8 @@
 """Look at a record before anything is identified from it: faults, spectra, and the part worth using.
 
 `inspect_record` is the one function; it reads nothing and writes nothing, so a notebook, the command line and a test
-use it alike. Its parts: `health` (faults of channels), `plausibility` (units and contradictions), `spectra` (what
-vibrates), `sections` (which part to use), `stops` (of the rotor), `figures` and `report`.
+use it alike. Its parts: `health` (faults of channels), `plausibility` (units and contradictions), `screening` (both, for
+identifications too), `spectra` (what vibrates), `sections` (which part to use), `stops` (of the rotor), `figures` and `report`.
 """
 
 from typing import TYPE_CHECKING
@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from windsysid.errors import ConfigurationError
-from windsysid.inspect.channels import kinds, most_telling
-from windsysid.inspect.health import SEVERITIES, Finding, channel_faults, clock_faults
+from windsysid.inspect.channels import most_telling
+from windsysid.inspect.health import Finding
 from windsysid.inspect.inspection import Inspection
-from windsysid.inspect.plausibility import SLOWEST, Rotor, implausible, rotor_of
+from windsysid.inspect.plausibility import Rotor
+from windsysid.inspect.screening import examine
 from windsysid.inspect.sections import Proposal, propose
 from windsysid.inspect.spectra import VARIES, Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram
 from windsysid.inspect.stops import Stop, find_stops
@@ -45,16 +46,7 @@ def inspect_record(record: Record, turbine: "Turbine | None" = None, section_len
     if not (np.isfinite(section_length) and section_length > 0.0):
         raise ConfigurationError(f"section_length: expected a positive time in seconds, got {section_length:g}")
     first = tuple(s.channel for s in turbine.sensors if s.channel in record) if turbine is not None else ()
-    known = kinds(record)
-    standing = "rotor_speed" in record and bool(np.nanmin(np.abs(record["rotor_speed"]), initial=np.inf) < SLOWEST)
-    findings = clock_faults(record)
-    for channel, kind in known.items():
-        findings += channel_faults(record, channel, kind, standing)
-    broken = {finding.channel for finding in findings if finding.severity == "unusable"}
-    usable = {channel: kind for channel, kind in known.items() if channel not in broken}
-    rotor = rotor_of(record, set(usable))
-    findings += implausible(record, usable, rotor, turbine)
-    findings.sort(key=lambda f: (SEVERITIES.index(f.severity), f.channel != ""))
+    findings, usable, rotor = examine(record, turbine)
 
     notes: list[str] = []
     blades = turbine.model.blades if turbine is not None else _blades(record, notes)

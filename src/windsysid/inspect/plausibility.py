@@ -30,6 +30,15 @@ _RATIOS = (
 """Ratio of what is written to what it should be, and the mistake that makes it."""
 
 
+_GRAVITIES = (
+    (1.0 / GRAVITY, "g marked as m/s²"),
+    (1e3 / GRAVITY, "mg marked as m/s²"),
+    (1e3, "mm/s² marked as m/s²"),
+    (GRAVITY, "m/s² marked as g"),
+)
+"""Gravity as a wrong unit shows it, over 9.81 m/s², and the mistake that makes it."""
+
+
 class Rotor:
     """How the rotor turned.
 
@@ -95,8 +104,9 @@ def implausible(
 
 def _acceleration(record: Record, channel: str, values: Array, x: Array, rotor: Rotor | None) -> list[Finding]:
     mean, rms = float(np.mean(x)), float(np.std(x))
-    if abs(abs(mean) - 1.0) < 0.03 and rms < 0.5:
-        return [_unit(channel, f"the mean is {mean:.3g} m/s² where gravity would be 9.81: g marked as m/s²?")]
+    for factor, mistake in _GRAVITIES:
+        if abs(abs(mean) / (GRAVITY * factor) - 1.0) < 0.03 and rms < 0.5 * GRAVITY * factor:
+            return [_unit(channel, f"the mean is {mean:.3g} m/s² where gravity would be 9.81: {mistake}?")]
     if abs(abs(mean) - GRAVITY) < 0.3:
         text = f"feels gravity (mean {mean:.4g} m/s²): remove it before integration"
         return [Finding(channel, "gravity", "note", text, x.size, np.empty((0, 2)))]
@@ -109,13 +119,10 @@ def _acceleration(record: Record, channel: str, values: Array, x: Array, rotor: 
         ]
     if channel.startswith("blade") and "kinematic" not in channel and rotor is not None and rotor.turns:
         amplitude = _once_per_turn(record, values, rotor)
-        if abs(amplitude - 1.0) < 0.05 and amplitude > 1.2 * rms:
-            return [
-                _unit(
-                    channel,
-                    f"swings by {amplitude:.3g} m/s² once per turn where gravity would give 9.81: g marked as m/s²?",
-                )
-            ]
+        for factor, mistake in _GRAVITIES:
+            if abs(amplitude / (GRAVITY * factor) - 1.0) < 0.05 and amplitude > 1.2 * rms:
+                text = f"swings by {amplitude:.3g} m/s² once per turn where gravity would give 9.81: {mistake}?"
+                return [_unit(channel, text)]
     return []
 
 
@@ -150,16 +157,14 @@ def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Finding]:
     if "rotor_azimuth" in record and _azimuth_speed(record) is not None:
         return []  # the azimuth tells more, see below
     if turbine is not None:
-        ratio = abs(usual) / turbine.rotor_speed
+        ratio = max(abs(usual) / turbine.rotor_speed, 1e-9)  # the logarithm of a parked rotor's
         for factor, mistake in _RATIOS[:3]:
             # the machine may run away from its usual speed, but hardly this far
             if abs(np.log(ratio / factor)) < 0.35 and abs(np.log(ratio)) > 1.0:
+                text = f"{usual:.4g} rad/s, where {turbine.name} turns at {turbine.rotor_speed:.4g}: {mistake}?"
                 return [
-                    _unit(
-                        "rotor_speed",
-                        f"{usual:.4g} rad/s, where {turbine.name} turns at {turbine.rotor_speed:.4g}: {mistake}?",
-                    )
-                ]
+                    _unit("rotor_speed", text, "warning" if factor > 1.0 else "note")
+                ]  # an idling rotor is slow too
         return []
     if abs(usual) > 30.0:
         return [
