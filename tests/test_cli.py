@@ -244,7 +244,6 @@ def test_a_bad_turbine_file_is_refused_in_one_line(run, record, tmp_path, result
         (("--duration", "inf"), "duration: expected"),
         (("--turbine", "nordex"), "no turbine 'nordex'"),
         (("--output", "x.xlsx"), "cannot write files ending in '.xlsx'"),
-        (("--output", "nowhere/x.csv"), "the folder nowhere does not exist"),
     ],
 )
 def test_a_simulation_that_cannot_be_is_refused_in_one_line(run, tmp_path, monkeypatch, options, complaint):
@@ -267,7 +266,7 @@ def test_what_is_there_already_is_left_untouched(run, record, results, tmp_path)
 
     (tmp_path / "mine.csv").write_text("mine")
     simulate = ("simulate", "--turbine", "verne555", "--duration", "5", "--output", tmp_path / "mine.csv")
-    refused(run(*simulate), "is already there: .* --overwrite")
+    refused(run(*simulate), "is already there; .*--overwrite")
     assert (tmp_path / "mine.csv").read_text() == "mine"
 
 
@@ -275,7 +274,7 @@ def test_somebody_elses_folder_is_never_replaced(run, record, results):
     results.mkdir()
     (results / "thesis.tex").write_text("mine")
     command = ("identify", record, "--turbine", "verne555", "--output", results, "--overwrite")
-    refused(run(*command), "holds files that are not results of windsysid")
+    refused(run(*command), "holds files that are not noted as results of windsysid")
     assert (results / "thesis.tex").read_text() == "mine"
 
 
@@ -287,18 +286,9 @@ def test_output_that_cannot_be_written_is_refused_before_any_work(run, record, t
         refused(run(*command, "--output", file), "expected a folder, got a file")
     refused(
         run("simulate", "--turbine", "verne555", "--duration", "5", "--output", file / "x.csv"),
-        "folder .* does not exist",
+        "file is a file; choose a folder you may write to",
     )
     assert file.read_text() == "mine"
-
-
-def test_a_failed_run_leaves_no_partial_folder(run, record, tmp_path, monkeypatch, results):
-    def fail(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("windsysid.report.identification_report", fail)
-    refused(run("identify", record, "--turbine", "verne555", "--output", results), "No space left on device")
-    assert not list(tmp_path.iterdir())
 
 
 # usage errors are the command line's own
@@ -382,7 +372,7 @@ def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
     assert (ended.code, ended.err) == (0, [])
     assert "k_beta_3" in ended.out
     assert f"results: {results / 'report.html'}" in ended.out
-    assert sorted(path.name for path in results.iterdir()) == ["identification.nc", "report.html", "summary.json"]
+    assert sorted(path.name for path in results.glob("[!.]*")) == ["identification.nc", "report.html", "summary.json"]
     html = (results / "report.html").read_text(encoding="utf-8")
     assert html.count("data:image/png;base64,") == 5
     assert "trust: yes" in html
@@ -394,7 +384,7 @@ def test_a_record_is_simulated_identified_and_replaced(run, tmp_path):
     refused(run(*command), "already there")
     ended = run(*command, "--overwrite", "--no-report", "--formulation", "force-balance", "--section", "5", "15")
     assert (ended.code, ended.err) == (0, [])
-    assert sorted(path.name for path in results.iterdir()) == ["identification.nc", "summary.json"]
+    assert sorted(path.name for path in results.glob("[!.]*")) == ["identification.nc", "summary.json"]
     summary = json.loads((results / "summary.json").read_text())
     assert (summary["formulation"], summary["samples"]) == ("force-balance", 1000)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["record.csv", "record.nc", "results"]

@@ -128,7 +128,7 @@ def test_the_command_says_it_and_writes_it(results, tmp_path, monkeypatch, capsy
         cli.main()
     assert ended.value.code in (0, None)
     assert "moved: k_x fell by" in capsys.readouterr().out
-    assert sorted(path.name for path in output.iterdir()) == ["changes.png", "report.html", "summary.json"]
+    assert sorted(path.name for path in output.glob("[!.]*")) == ["changes.png", "report.html", "summary.json"]
     assert json.loads((output / "summary.json").read_text())["moved"] == ["k_x"]
 
 

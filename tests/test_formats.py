@@ -153,7 +153,7 @@ def test_what_is_not_a_file_is_refused(tmp_path):
 def test_nothing_is_overwritten_silently(tmp_path, record):
     path = tmp_path / "x.csv"
     path.write_text("precious")
-    with pytest.raises(OutputError, match="already there; choose another name or overwrite"):
+    with pytest.raises(OutputError, match="already there; choose another name, or overwrite"):
         write_record(record, path)
     assert path.read_text() == "precious"
     write_record(record, path, overwrite=True)
@@ -161,8 +161,8 @@ def test_nothing_is_overwritten_silently(tmp_path, record):
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, record, monkeypatch):
-    def half(self, path, **_):
-        Path(path).write_text("half")
+    def half(self, file, **_):
+        file.write(b"half")
         raise OSError(28, "No space left on device")
 
     import pandas as pd
@@ -178,9 +178,14 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, record, m
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [("no/such/folder.csv", "does not exist"), ("x.outb", "cannot write"), ("", "cannot write")],
+    [
+        ("x.csv/folder.csv", "is a file; choose a folder you may write to"),
+        ("x.outb", "cannot write"),
+        ("", "cannot write"),
+    ],
 )
 def test_where_nothing_can_be_written_is_said(tmp_path, record, name, message):
+    (tmp_path / "x.csv").write_text("precious")
     with pytest.raises(OutputError, match=message):
         write_record(record, tmp_path / name)
     (tmp_path / "d.csv").mkdir()

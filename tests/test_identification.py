@@ -74,7 +74,7 @@ def test_the_summary_is_json_and_has_no_nan(found):
 
 def test_saved_results_read_back(found, tmp_path):
     found.save(tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["identification.nc", "summary.json"]
+    assert sorted(path.name for path in tmp_path.glob("[!.]*")) == ["identification.nc", "summary.json"]
     assert json.loads((tmp_path / "summary.json").read_text())["parameters"]["k_x"]["estimate"] == found["k_x"].estimate
     with xr.open_dataset(tmp_path / "identification.nc", engine="h5netcdf") as dataset:
         assert list(dataset["parameter"].values) == COEFFICIENTS

@@ -275,7 +275,11 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path):
         "report: ",
     ):
         assert words in out, words
-    assert sorted(path.name for path in (tmp_path / "plan").iterdir()) == ["plan.png", "report.html", "summary.json"]
+    assert sorted(path.name for path in (tmp_path / "plan").glob("[!.]*")) == [
+        "plan.png",
+        "report.html",
+        "summary.json",
+    ]
     summary = json.loads((tmp_path / "plan" / "summary.json").read_text(encoding="utf-8"))
     assert summary["rotor_speed_rad_s"] == pytest.approx(2.0 * math.pi)
     assert 15.0 < summary["parameters"]["c_x"]["two_sigma_percent"] < 35.0

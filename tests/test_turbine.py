@@ -348,8 +348,8 @@ def test_a_wrong_tower_file_is_one_clear_line(tmp_path: Path, change: tuple[str,
 @pytest.mark.parametrize("name", packaged_turbines())
 def test_a_turbine_that_is_written_comes_back(tmp_path: Path, name: str):
     turbine = load_turbine(name)
-    write_turbine(turbine, tmp_path / "again.toml")
-    again = load_turbine(tmp_path / "again.toml")
+    write_turbine(turbine, str(tmp_path / "new" / "again.toml"))
+    again = load_turbine(tmp_path / "new" / "again.toml")
     assert (again.model, again.loads, again.sensors, again.spread) == (
         turbine.model,
         turbine.loads,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from windsysid.comparison import without_prior
 from windsysid.errors import ConfigurationError
+from windsysid.output import result_file
 from windsysid.result import SIGMAS, Posterior, load_posterior
 
 __all__ = ["DAY", "FEWEST", "Blocks", "gather", "read_blocks"]
@@ -181,7 +182,7 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
 def _noise(folder: Path) -> dict[str, tuple[float, float]]:
     """Noise of sensors in a result's summary, each with its relative standard deviation."""
     try:
-        statistics = json.loads((folder / "summary.json").read_text(encoding="utf-8")).get("statistics", {})
+        statistics = json.loads(result_file(folder, "summary.json").read_text(encoding="utf-8")).get("statistics", {})
     except (OSError, ValueError):
         return {}
     return {

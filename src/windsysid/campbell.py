@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.modal import Spectrum, analyse, directions_of, obstacles
+from windsysid.output import Saveable
 from windsysid.result import SIGMAS, Identification, Posterior, finite
 from windsysid.stability import NEUTRAL, GroundResonance, Unstable, meeting_speed, unstable_ranges
 from windsysid.tracking import Curve, bends, link
@@ -85,7 +85,7 @@ class Margin(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Campbell:
+class Campbell(Saveable):
     """Modes of a turbine against rotor speed, and what follows.
 
     Attributes
@@ -301,11 +301,11 @@ class Campbell:
 
         return campbell_diagram(self)
 
-    def save(self, folder: Path) -> None:
-        """Write ``report.html``, ``campbell.png`` and ``summary.json`` into an existing folder."""
-        from windsysid.campbellreport import write_campbell
+    def files(self) -> dict[str, bytes]:
+        """What `save` writes: ``report.html``, ``campbell.png`` and ``summary.json``."""
+        from windsysid.campbellreport import campbell_files
 
-        write_campbell(self, folder)
+        return campbell_files(self)
 
     def __str__(self) -> str:
         from windsysid.console import render

@@ -1,7 +1,5 @@
 """A Campbell diagram as a figure and as one page."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,10 +7,10 @@ from numpy.typing import NDArray
 
 from windsysid.campbell import RPM, Campbell
 from windsysid.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
-from windsysid.report import Section, Table, write_report
+from windsysid.report import Section, Table, png, report_page
 from windsysid.result import SIGMAS
 
-__all__ = ["campbell_diagram", "write_campbell"]
+__all__ = ["campbell_diagram", "campbell_files"]
 
 Array = NDArray[np.float64]
 
@@ -92,9 +90,9 @@ def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
         )  # fmt: skip
 
 
-def write_campbell(found: Campbell, folder: Path) -> None:
-    """Write ``report.html``, ``campbell.png`` and ``summary.json`` into an existing folder."""
-    figure = campbell_diagram(found)
+def campbell_files(found: Campbell) -> dict[str, bytes]:
+    """``report.html``, ``campbell.png`` and ``summary.json``, by name."""
+    figure = png(campbell_diagram(found))
     bands = (
         f"; bands: ±{SIGMAS:g}σ of the posterior, those of frequencies often as thin as the lines"
         if found.banded
@@ -114,6 +112,8 @@ def write_campbell(found: Campbell, folder: Path) -> None:
         Section("How this was computed", text=found.notes),
     ]
     subtitle = f"{found.title} · {found.speeds[0] * RPM:.3g} … {found.speeds[-1] * RPM:.3g} rpm"
-    write_report(folder / "report.html", "Modes against rotor speed", subtitle, sections)
-    figure.savefig(folder / "campbell.png", dpi=110)
-    (folder / "summary.json").write_text(found.to_json(), encoding="utf-8")
+    return {
+        "report.html": report_page("Modes against rotor speed", subtitle, sections),
+        "campbell.png": figure,
+        "summary.json": found.to_json().encode(),
+    }

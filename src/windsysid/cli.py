@@ -1,6 +1,7 @@
 """The command line: reads options, calls the library, prints. Heavy modules are imported by the command that needs them."""
 
 import logging
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -37,6 +38,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results th
 
 def main() -> None:
     """Run the command line: bad input ends in one line on standard error and exit code 2."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: nothing half done is left
     try:
         app()
     except WindsysidError as error:
@@ -58,6 +60,7 @@ def _options(version: Annotated[bool, typer.Option("--version", help="Print the 
 
 @app.command()
 def study(
+    context: typer.Context,
     output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")] = Path(
         "results/study"
     ),
@@ -65,18 +68,19 @@ def study(
     overwrite: Overwrite = False,
 ) -> None:
     """Repeat the published study: ten coefficients at once by the paper's extended Kalman filter."""
-    from windsysid.output import new_folder
-    from windsysid.study.report import error_table, save_study
+    from windsysid.study.report import error_table, study_files
     from windsysid.study.run import run_study
 
-    with new_folder(output, overwrite=overwrite) as folder, _progress("study") as progress:
+    write = _claimed(context, output, overwrite=overwrite)
+    with _progress("study") as progress:
         found = run_study(seed, progress)
-        progress("writing the report")
-        save_study(found, folder)
     table = error_table(found)
     _print_table(table.headings, table.rows, table.caption)
     print(f"extended Kalman filter: {found.arm_a.elapsed:.3f} s for {found.arm_a.samples} samples (published: 30 s)")
     print(f"SIR particle filter: {found.particles.elapsed:.2f} s (published: 103 h)")
+    with _progress("study") as progress:
+        progress("writing the report")
+        write(study_files(found))
     print(f"report: {output / 'report.html'}")
 
 
@@ -96,24 +100,23 @@ def simulate(
     overwrite: Overwrite = False,
 ) -> None:
     """Simulate what a turbine's sensors record."""
-    from windsysid.formats import write_record
+    from windsysid.formats import claim_record
     from windsysid.simulate import simulate_record
     from windsysid.turbine import load_turbine
 
     machine = load_turbine(turbine)
-    if output.exists() and not overwrite:
-        raise ConfigurationError(f"{output} is already there: choose another name, or add --overwrite")
-    with _progress("simulate") as progress:
+    with claim_record(output, overwrite=overwrite) as write, _progress("simulate") as progress:
         progress(f"{duration:g} s of {machine.name} at {rate:g} Hz")
         record = simulate_record(machine, duration=duration, rate=rate, seed=seed, loads=loads)
         progress(f"writing {output}")
-        write_record(record, output, overwrite=overwrite)
+        write(record)
     print(record)
     print(f"record: {output}")
 
 
 @app.command()
 def identify(
+    context: typer.Context,
     record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
     turbine: TurbineOption,
     output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")],
@@ -159,10 +162,9 @@ def identify(
     from windsysid.formulation import Prior
     from windsysid.identification import identify as identify_record
     from windsysid.mechanics.sensors import read_sensors
-    from windsysid.output import check_output, new_folder
     from windsysid.turbine import load_turbine
 
-    check_output(output, overwrite=overwrite)
+    write = _claimed(context, output, record, overwrite=overwrite)
     machine = load_turbine(turbine)
     listed = read_sensors(sensors) if sensors is not None else None
     prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
@@ -185,14 +187,17 @@ def identify(
                 data, machine, sensors=listed, formulation=formulation, section=section, prior=prior, rate=rate, loads=loads
             )  # fmt: skip
             used = data.section(*section) if section else data
-        with new_folder(output, overwrite=overwrite) as folder:
-            found.save(folder)
-            if not no_report:
-                from windsysid.report import identification_report
-
-                progress("writing the report")
-                identification_report(folder / "report.html", found, used)
     print(found)
+    with _progress("identify") as progress:
+        files = found.files()
+        if not no_report:
+            from windsysid.report import identification_report
+
+            progress("writing the report")
+            files["report.html"] = identification_report(found, used)
+        write(files)
+    if in_pieces is not None:
+        _checkpoint(output).unlink(missing_ok=True)
     print(
         f"{found.samples} samples in {found.elapsed:.2f} s; results: {output / ('summary.json' if no_report else 'report.html')}"
     )
@@ -212,8 +217,7 @@ def _identified_in_pieces(
     from windsysid.formats import iterate_record
     from windsysid.stream import identify_pieces
 
-    checkpoint = output.with_name(f".{output.name}.checkpoint.npz")
-    output.absolute().parent.mkdir(parents=True, exist_ok=True)
+    checkpoint = _checkpoint(output)
     share, reached = 0.0, 0.0
     last: list[Record] = []
     if checkpoint.exists():
@@ -234,15 +238,24 @@ def _identified_in_pieces(
             yield piece
 
     try:
-        found = identify_pieces(pieces(), machine, sensors=listed, prior=prior, checkpoint=checkpoint, progress=taken)
+        found = identify_pieces(
+            pieces(), machine, sensors=listed, prior=prior, checkpoint=checkpoint, keep_checkpoint=True, progress=taken
+        )
     except KeyboardInterrupt:
         print(f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})", file=sys.stderr)
         raise typer.Exit(130) from None
     return found, last[0]
 
 
+def _checkpoint(output: Path) -> Path:
+    """Where what pieces have told so far is kept until the result is saved: beside the output folder."""
+    folder = output.resolve()
+    return folder.with_name(f".{folder.name}.checkpoint.npz")
+
+
 @app.command(name="inspect")
 def inspect_command(
+    context: typer.Context,
     record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
     turbine: Annotated[
         str | None, typer.Option(help="Mark the modes of this turbine: a packaged name or a TOML file.")
@@ -255,11 +268,9 @@ def inspect_command(
     """Look at a record: its health, its spectra, and the sections worth using."""
     from windsysid.formats import read_record
     from windsysid.inspect import inspect_record
-    from windsysid.output import check_output, new_folder
     from windsysid.turbine import load_turbine
 
-    if output is not None:
-        check_output(output, overwrite=overwrite)
+    write = _claimed(context, output, record, overwrite=overwrite)
     machine = load_turbine(turbine) if turbine is not None else None
     with _progress("inspect") as progress:
         data = read_record(
@@ -267,17 +278,12 @@ def inspect_command(
         )
         progress(f"{data.samples} samples")
         found = inspect_record(data, machine, section_length=section_length)
-        if output is not None:
-            with new_folder(output, overwrite=overwrite) as folder:
-                progress("writing the report")
-                found.save(folder)
-    print(found)
-    if output is not None:
-        print(f"report: {output / 'report.html'}")
+    _tell(found, output, write)
 
 
 @app.command()
 def plan(
+    context: typer.Context,
     turbine: Annotated[str, typer.Argument(help="A packaged turbine (windsysid turbines lists them) or a TOML file.")],
     sensors: Annotated[
         Path | None, typer.Option(help="TOML list of the planned sensors; the turbine's usual ones by default.")
@@ -303,12 +309,10 @@ def plan(
 ) -> None:
     """Before measuring: how well will these sensors see each coefficient, and after how long?"""
     from windsysid.mechanics.sensors import read_sensors
-    from windsysid.output import check_output
     from windsysid.planning import plan as plan_record
     from windsysid.turbine import load_turbine
 
-    if output is not None:
-        check_output(output, overwrite=overwrite)
+    write = _claimed(context, output, overwrite=overwrite)
     machine = load_turbine(turbine)
     listed = read_sensors(sensors) if sensors is not None else None
     asked = [name.strip() for name in parameters.split(",")] if parameters is not None else None
@@ -319,11 +323,12 @@ def plan(
             machine, sensors=listed, duration=seconds, rate=rate, parameters=asked, within=within / 100.0, load_scale=load_scale,
             rotor_speed=turning, seed=seed, progress=progress,
         )  # fmt: skip
-    _tell(found, output, json=json, overwrite=overwrite)
+    _tell(found, output, write, json=json)
 
 
 @app.command()
 def compare(
+    context: typer.Context,
     before: Annotated[Path, typer.Argument(help="Folder that windsysid identify wrote: the record to compare with.")],
     after: Annotated[list[Path], typer.Argument(help="One or more folders of later records.")],
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, changes.png and summary.json.")] = None,
@@ -334,29 +339,24 @@ def compare(
     from json import dumps
 
     from windsysid.comparison import compare as compare_results
-    from windsysid.output import check_output, new_folder
     from windsysid.result import load_posterior
 
-    if output is not None:
-        check_output(output, overwrite=overwrite)
-        if len(after) > 1:
-            raise ConfigurationError("--output goes with two folders: compare one later record at a time")
+    if output is not None and len(after) > 1:
+        raise ConfigurationError("--output goes with two folders: compare one later record at a time")
+    write = _claimed(context, output, before, *after, overwrite=overwrite)
     first = load_posterior(before)
     comparisons = [compare_results(first, load_posterior(later)) for later in after]
-    if json:
-        summaries = [found.summary() for found in comparisons]
-        print(dumps(summaries if len(after) > 1 else summaries[0], indent=2))
+    if len(after) == 1:
+        _tell(comparisons[0], output, write, json=json)
+    elif json:
+        print(dumps([found.summary() for found in comparisons], indent=2))
     else:
         print(*comparisons, sep="\n\n")
-    if output is not None:
-        with new_folder(output, overwrite=overwrite) as folder:
-            comparisons[0].save(folder)
-        if not json:
-            print(f"report: {output / 'report.html'}")
 
 
 @app.command()
 def damping(
+    context: typer.Context,
     results: Annotated[
         list[Path],
         typer.Argument(
@@ -369,17 +369,16 @@ def damping(
 ) -> None:
     """Structural against aerodynamic damping: what records in several states tell of each, or why they do not."""
     from windsysid.damping import separate_damping
-    from windsysid.output import check_output
     from windsysid.result import load_posterior
 
-    if output is not None:
-        check_output(output, overwrite=overwrite)
+    write = _claimed(context, output, *results, overwrite=overwrite)
     found = separate_damping([load_posterior(folder) for folder in results])
-    _tell(found, output, json=json, overwrite=overwrite)
+    _tell(found, output, write, json=json)
 
 
 @app.command()
 def monitor(
+    context: typer.Context,
     results: Annotated[list[Path], typer.Argument(help="Folders that windsysid identify wrote, in order of time.")],
     covariates: Annotated[
         Path | None,
@@ -393,16 +392,16 @@ def monitor(
     """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
     from windsysid.blocks import read_blocks
     from windsysid.monitor import watch
-    from windsysid.output import check_output
 
-    if output is not None:
-        check_output(output, overwrite=overwrite)
+    inputs = (*results, *([] if covariates is None else [covariates]))
+    write = _claimed(context, output, *inputs, overwrite=overwrite)
     found = watch(read_blocks(results, covariates), alarms_per_year=alarms_per_year)
-    _tell(found, output, json=json, overwrite=overwrite)
+    _tell(found, output, write, json=json)
 
 
 @app.command()
 def modes(
+    context: typer.Context,
     source: Annotated[
         str,
         typer.Argument(
@@ -427,12 +426,10 @@ def modes(
 ) -> None:
     """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
     from windsysid.campbell import find_modes
-    from windsysid.output import check_output
     from windsysid.result import load_posterior
     from windsysid.turbine import load_turbine, packaged_turbines
 
-    if output is not None:
-        check_output(output, overwrite=overwrite)
+    write = _claimed(context, output, source, overwrite=overwrite)
     if source in packaged_turbines() or source.endswith(".toml"):
         machine: Turbine | Posterior = load_turbine(source)
     elif Path(source).is_dir():
@@ -445,7 +442,7 @@ def modes(
     diagram, working = _speeds("--speeds", speeds), _speeds("--operating", operating)
     with _progress("modes") as progress:
         found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
-    _tell(found, output, json=json, overwrite=overwrite)
+    _tell(found, output, write, json=json)
 
 
 @app.command()
@@ -490,21 +487,31 @@ def _quantity(option: str, text: str, unit: str) -> float:
         raise ConfigurationError(f"{option}: {error}; got '{text}'") from None
 
 
+_Write = Callable[[dict[str, bytes]], None]
+
+
+def _claimed(context: typer.Context, output: Path | None, *inputs: str | Path, overwrite: bool) -> _Write:
+    """Take the output folder before any work, until the command ends; what writes a result there."""
+    from windsysid.output import claim
+
+    if output is None:
+        return lambda _: None
+    return context.with_resource(claim(output, overwrite=overwrite, inputs=inputs))
+
+
 class _Answer(Protocol):
     def to_json(self) -> str: ...
 
-    def save(self, folder: Path) -> None: ...
+    def files(self) -> dict[str, bytes]: ...
 
 
-def _tell(found: _Answer, output: Path | None, *, json: bool, overwrite: bool) -> None:
-    """Print an answer, and save it with its report where asked."""
-    from windsysid.output import new_folder
-
+def _tell(found: _Answer, output: Path | None, write: _Write, *, json: bool = False) -> None:
+    """Print an answer, then save it with its report where asked: what cannot be saved has been seen."""
     print(found.to_json().rstrip() if json else found)
     if output is not None:
-        with _progress("report") as progress, new_folder(output, overwrite=overwrite) as folder:
+        with _progress("report") as progress:
             progress("writing the report")
-            found.save(folder)
+            write(found.files())
         if not json:
             print(f"report: {output / 'report.html'}")
 

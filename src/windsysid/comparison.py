@@ -16,7 +16,6 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal import modes_with_bands
+from windsysid.output import Saveable
 from windsysid.result import SIGMAS, Posterior
 from windsysid.units import parameter_unit, unit_text
 
@@ -89,7 +89,7 @@ class Change(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Saveable):
     """What moved between record A and record B.
 
     Attributes
@@ -152,11 +152,11 @@ class Comparison:
             "doubts": list(self.doubts),
         }
 
-    def save(self, folder: Path) -> None:
-        """Write ``report.html``, ``changes.png`` and ``summary.json`` into an existing folder."""
-        from windsysid.comparisonreport import write_comparison
+    def files(self) -> dict[str, bytes]:
+        """What `save` writes: ``report.html``, ``changes.png`` and ``summary.json``."""
+        from windsysid.comparisonreport import comparison_files
 
-        write_comparison(self, folder)
+        return comparison_files(self)
 
     def to_json(self) -> str:
         """`summary` as text."""

@@ -1,15 +1,13 @@
 """A comparison of two records as a figure and as one page."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from windsysid.comparison import HEADINGS, MOVED, Change, Comparison
 from windsysid.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
-from windsysid.report import Section, Table, write_report
+from windsysid.report import Section, Table, png, report_page
 
-__all__ = ["changes_figure", "write_comparison"]
+__all__ = ["changes_figure", "comparison_files"]
 
 
 def changes_figure(comparison: Comparison) -> Figure:
@@ -36,18 +34,20 @@ def changes_figure(comparison: Comparison) -> Figure:
     return figure
 
 
-def write_comparison(comparison: Comparison, folder: Path) -> None:
-    """Write ``report.html``, ``changes.png`` and ``summary.json`` into an existing folder."""
-    figure = changes_figure(comparison)
+def comparison_files(comparison: Comparison) -> dict[str, bytes]:
+    """``report.html``, ``changes.png`` and ``summary.json``, by name."""
+    figure = png(changes_figure(comparison))
     before, after = comparison.records
     caption = f"From {before} (A) to {after} (B). Orange: moved, at odds of {MOVED:g} : 1 and more; grey: frequencies of modes."
     sections = [
         Section("What moved", text=[comparison.sentence, *comparison.doubts], figures=[(figure, caption)]),
         Section("In numbers", text=[READING], tables=[Table(HEADINGS, comparison.rows, words=(0, 1))]),
     ]
-    write_report(folder / "report.html", "What moved between two records", f"{before} (A) → {after} (B)", sections)
-    figure.savefig(folder / "changes.png", dpi=110)
-    (folder / "summary.json").write_text(comparison.to_json(), encoding="utf-8")
+    return {
+        "report.html": report_page("What moved between two records", f"{before} (A) → {after} (B)", sections),
+        "changes.png": figure,
+        "summary.json": comparison.to_json().encode(),
+    }
 
 
 READING = (

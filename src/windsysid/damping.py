@@ -18,7 +18,6 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 
 from windsysid.comparison import without_prior
 from windsysid.errors import ConfigurationError
+from windsysid.output import Saveable
 from windsysid.result import SIGMAS, Posterior, finite
 from windsysid.units import parameter_unit, unit_text
 
@@ -140,7 +140,7 @@ class Split:
 
 
 @dataclass(frozen=True)
-class Separation:
+class Separation(Saveable):
     """Structural and aerodynamic damping, as far as the records tell them apart.
 
     Attributes
@@ -221,11 +221,11 @@ class Separation:
             "doubts": list(self.doubts),
         }
 
-    def save(self, folder: Path) -> None:
-        """Write ``report.html``, ``damping.png`` and ``summary.json`` into an existing folder."""
-        from windsysid.dampingreport import write_separation
+    def files(self) -> dict[str, bytes]:
+        """What `save` writes: ``report.html``, ``damping.png`` and ``summary.json``."""
+        from windsysid.dampingreport import separation_files
 
-        write_separation(self, folder)
+        return separation_files(self)
 
     def to_json(self) -> str:
         """`summary` as text."""

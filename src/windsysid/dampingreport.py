@@ -1,16 +1,14 @@
 """Structural and aerodynamic damping as a figure and as one page."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.damping import HEADINGS, Separation, Split
 from windsysid.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
-from windsysid.report import Section, Table, write_report
+from windsysid.report import Section, Table, png, report_page
 
-__all__ = ["separation_figure", "write_separation"]
+__all__ = ["separation_figure", "separation_files"]
 
 COLUMNS = 3
 
@@ -61,9 +59,9 @@ def _panel(ax: Axes, split: Split, order: list[int], base: str) -> None:
     ax.axhline(0.0, color=REFERENCE, lw=0.6)
 
 
-def write_separation(separation: Separation, folder: Path) -> None:
-    """Write ``report.html``, ``damping.png`` and ``summary.json`` into an existing folder."""
-    figure = separation_figure(separation)
+def separation_files(separation: Separation) -> dict[str, bytes]:
+    """``report.html``, ``damping.png`` and ``summary.json``, by name."""
+    figure = png(separation_figure(separation))
     caption = (
         f"Light blue: {separation.base}, its band shaded; dark blue: what the air adds in that state, white what it takes away. "
         "Points: what each record says of the total by itself, its prior taken out."
@@ -80,6 +78,8 @@ def write_separation(separation: Separation, folder: Path) -> None:
         Section("In numbers", tables=[Table(HEADINGS, separation.rows, words=(0, 1, 2)), records]),
     ]  # fmt: skip
     subtitle = f"{len(separation.states)} records, {sum(state.parked for state in separation.states)} of them of a parked rotor"
-    write_report(folder / "report.html", "Structural and aerodynamic damping", subtitle, sections)
-    figure.savefig(folder / "damping.png", dpi=110)
-    (folder / "summary.json").write_text(separation.to_json(), encoding="utf-8")
+    return {
+        "report.html": report_page("Structural and aerodynamic damping", subtitle, sections),
+        "damping.png": figure,
+        "summary.json": separation.to_json().encode(),
+    }

@@ -16,7 +16,6 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from windsysid.blocks import DAY, FEWEST, Blocks
 from windsysid.errors import ConfigurationError
 from windsysid.glr import Belief, Rates, Track, learn_rates, threshold, track
+from windsysid.output import Saveable
 from windsysid.result import SIGMAS, finite
 from windsysid.units import parameter_unit, unit_text
 
@@ -141,7 +141,7 @@ class Series(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Watch:
+class Watch(Saveable):
     """What changed.
 
     Attributes
@@ -224,11 +224,11 @@ class Watch:
         """`summary` as text."""
         return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
-    def save(self, folder: Path) -> None:
-        """Write ``report.html``, ``monitor.png`` and ``summary.json`` into an existing folder."""
-        from windsysid.monitorreport import write_watch
+    def files(self) -> dict[str, bytes]:
+        """What `save` writes: ``report.html``, ``monitor.png`` and ``summary.json``."""
+        from windsysid.monitorreport import watch_files
 
-        write_watch(self, folder)
+        return watch_files(self)
 
     def __str__(self) -> str:
         """The answer, the table, the notes."""

@@ -1,17 +1,15 @@
 """A watch over many records as a figure and as one page."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from windsysid.blocks import DAY
 from windsysid.monitor import HEADINGS, Watch
 from windsysid.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
-from windsysid.report import Section, Table, write_report
+from windsysid.report import Section, Table, png, report_page
 from windsysid.units import unit_text
 
-__all__ = ["watch_figure", "write_watch"]
+__all__ = ["watch_figure", "watch_files"]
 
 POINTS = 3000
 """Blocks shown of a long series; alarms and levels are shown whole."""
@@ -47,9 +45,9 @@ def watch_figure(watch: Watch) -> Figure:
     return figure
 
 
-def write_watch(watch: Watch, folder: Path) -> None:
-    """Write ``report.html``, ``monitor.png`` and ``summary.json`` into an existing folder."""
-    figure = watch_figure(watch)
+def watch_files(watch: Watch) -> dict[str, bytes]:
+    """``report.html``, ``monitor.png`` and ``summary.json``, by name."""
+    figure = png(watch_figure(watch))
     caption = (
         "Left: records less the effect of their covariates (grey), the level as it was known after each (blue) with its ±2σ band. Right: the test for a jump of any size at "
         "any time, as a share of its threshold. Orange: jumps that set off an alarm, with the interval in which they happened."
@@ -74,9 +72,11 @@ def write_watch(watch: Watch, folder: Path) -> None:
         Section("In numbers", text=[READING], tables=tables),
     ]
     subtitle = f"{len(watch.blocks.time)} records, {watch.alarms_per_year:g} false alarms a year"
-    write_report(folder / "report.html", "What changed over many records", subtitle, sections)
-    figure.savefig(folder / "monitor.png", dpi=110)
-    (folder / "summary.json").write_text(watch.to_json(), encoding="utf-8")
+    return {
+        "report.html": report_page("What changed over many records", subtitle, sections),
+        "monitor.png": figure,
+        "summary.json": watch.to_json().encode(),
+    }
 
 
 READING = (

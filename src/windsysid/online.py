@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError
 from windsysid.filters.bank import Bank, bank_of
 from windsysid.likelihood import INCREMENT, SETTLED, THREADS, find_mode, look, neighbours, score
+from windsysid.output import claim_file
 from windsysid.statespace import StateSpace
 
 __all__ = ["History", "Online", "advance", "begin", "finish", "restore", "save"]
@@ -154,10 +155,8 @@ def save(online: Online, history: History, path: Path) -> None:
         bank = online.bank
         arrays |= {"bank_mean": bank.mean, "bank_cov": bank.cov, "bank_inputs": bank.inputs}
         arrays["bank_samples"] = np.asarray(bank.samples)
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
-    temporary.replace(path)
+    with claim_file(path, overwrite=True) as write:
+        write(lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
 
 
 def restore(build: Callable[[Array], StateSpace], path: Path) -> tuple[Online, History]:

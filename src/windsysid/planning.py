@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +29,7 @@ from windsysid.formulation import Prior, identifiable
 from windsysid.identifiability import describe_information, standard_deviations
 from windsysid.likelihood import THREADS, neighbours, score
 from windsysid.mechanics.sensors import Sensor
+from windsysid.output import Saveable
 from windsysid.result import SIGMAS, finite
 from windsysid.simulate import simulate_record
 from windsysid.stateonly import Problem, pose, seen_by
@@ -67,7 +67,7 @@ FOREVER = 10.0 * 365.25 * 86400.0
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Saveable):
     """What a planned record will tell.
 
     Attributes
@@ -235,11 +235,11 @@ class Plan:
 
         return bands_over_duration(self)
 
-    def save(self, folder: Path) -> None:
-        """Write ``report.html``, ``plan.png`` and ``summary.json`` into an existing folder."""
-        from windsysid.planreport import write_plan
+    def files(self) -> dict[str, bytes]:
+        """What `save` writes: ``report.html``, ``plan.png`` and ``summary.json``."""
+        from windsysid.planreport import plan_files
 
-        write_plan(self, folder)
+        return plan_files(self)
 
     def __str__(self) -> str:
         from windsysid.console import render

@@ -1,7 +1,6 @@
 """A plan as a figure and as one page."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,10 +10,10 @@ from numpy.typing import NDArray
 from windsysid.identifiability import standard_deviations
 from windsysid.planning import Plan, percent, spell
 from windsysid.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
-from windsysid.report import Section, Table, write_report
+from windsysid.report import Section, Table, png, report_page
 from windsysid.result import SIGMAS
 
-__all__ = ["bands_over_duration", "write_plan"]
+__all__ = ["bands_over_duration", "plan_files"]
 
 Array = NDArray[np.float64]
 
@@ -61,9 +60,9 @@ def bands_over_duration(plan: Plan) -> Figure:
     return figure
 
 
-def write_plan(plan: Plan, folder: Path) -> None:
-    """Write ``report.html``, ``plan.png`` and ``summary.json`` into an existing folder."""
-    figure = bands_over_duration(plan)
+def plan_files(plan: Plan) -> dict[str, bytes]:
+    """``report.html``, ``plan.png`` and ``summary.json``, by name."""
+    figure = png(bands_over_duration(plan))
     caption = "From the data alone, without a prior. Blue: stiffness, orange: damping."
     sections = [
         Section("Will these sensors see it?", text=[plan.sentence, *plan.answers], tables=[Table(plan.headings, plan.rows)]),
@@ -73,6 +72,8 @@ def write_plan(plan: Plan, folder: Path) -> None:
     ]  # fmt: skip
     speed = f"{plan.rotor_speed * 30.0 / math.pi:.3g} rpm"
     subtitle = f"{plan.turbine} at {speed} · {', '.join(plan.sensors)} · {spell(plan.duration)} at {plan.rate:g} Hz"
-    write_report(folder / "report.html", "Plan of a measurement", subtitle, sections)
-    figure.savefig(folder / "plan.png", dpi=110)
-    (folder / "summary.json").write_text(plan.to_json(), encoding="utf-8")
+    return {
+        "report.html": report_page("Plan of a measurement", subtitle, sections),
+        "plan.png": figure,
+        "summary.json": plan.to_json().encode(),
+    }

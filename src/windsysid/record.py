@@ -272,6 +272,14 @@ class Record:
         steps, which = np.unique(np.rint(np.diff(self.time) / grain).astype(np.int64), return_inverse=True)
         return np.asarray(grain * steps, dtype=np.float64), np.concatenate([[0], which.ravel()]).astype(np.int64)
 
+    @property
+    def marks(self) -> dict[str, str]:
+        """What a dataset says of a record beside its attributes: its name, and its channels in their order."""
+        return {
+            "windsysid_name": self.name,
+            "windsysid_channels": json.dumps(self.channels, ensure_ascii=False),
+        }
+
     def to_xarray(self) -> xr.Dataset:
         """As an `xarray.Dataset`: one variable (time,) with ``units`` per channel, and the attributes."""
         import xarray as xr
@@ -279,14 +287,10 @@ class Record:
         columns = {
             name: ("time", self.values[:, i].copy(), {"units": self.units[i]}) for i, name in enumerate(self.channels)
         }
-        marks = {
-            "windsysid_name": self.name,
-            "windsysid_channels": json.dumps(self.channels, ensure_ascii=False),
-        }
         return xr.Dataset(
             columns,
             coords={"time": ("time", self.time.copy(), {"units": "s"})},
-            attrs={**self.attributes, **marks},
+            attrs={**self.attributes, **self.marks},
         )
 
     @classmethod

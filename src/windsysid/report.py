@@ -5,7 +5,6 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from windsysid.record import Record
@@ -15,7 +14,7 @@ from windsysid.units import unit_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Section", "Table", "identification_report", "write_report"]
+__all__ = ["Section", "Table", "identification_report", "png", "report_page"]
 
 
 @dataclass(frozen=True)
@@ -30,16 +29,16 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with paragraphs, tables and figures, each figure with its caption."""
+    """A heading with paragraphs, tables and figures, each with its caption; a figure that is also a file of its own comes as PNG."""
 
     title: str
     text: Sequence[str] = ()
     tables: Sequence[Table] = ()
-    figures: "Sequence[tuple[Figure, str]]" = ()
+    figures: "Sequence[tuple[Figure | bytes, str]]" = ()
 
 
-def write_report(path: Path, title: str, subtitle: str, sections: Sequence[Section]) -> None:
-    """Write sections as one HTML file."""
+def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes:
+    """Sections as one HTML file."""
     from jinja2 import Environment
 
     template = (resources.files("windsysid") / "templates" / "report.html.j2").read_text(encoding="utf-8")
@@ -49,12 +48,19 @@ def write_report(path: Path, title: str, subtitle: str, sections: Sequence[Secti
             "title": section.title,
             "text": section.text,
             "tables": section.tables,
-            "figures": [{"data": _png(figure), "caption": caption} for figure, caption in section.figures],
+            "figures": [{"data": _embedded(figure), "caption": caption} for figure, caption in section.figures],
         }
         for section in sections
     ]
     html = environment.from_string(template).render(title=title, subtitle=subtitle, sections=shown)
-    path.write_text(html, encoding="utf-8")
+    return html.encode()
+
+
+def png(figure: "Figure") -> bytes:
+    """A figure as PNG: drawing is what takes the time, so what is shown twice is drawn once."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return buffer.getvalue()
 
 
 _HISTORIES = {
@@ -64,7 +70,7 @@ _HISTORIES = {
 }
 
 
-def identification_report(path: Path, identification: Identification, record: Record) -> None:
+def identification_report(identification: Identification, record: Record) -> bytes:
     """The report of one identification on the section of the record that it used."""
     from windsysid.plots import coefficient_histories, innovations, record_overview, whiteness
 
@@ -106,7 +112,7 @@ def identification_report(path: Path, identification: Identification, record: Re
         f"{i.turbine} · {i.record}, {i.section[0]:g}–{i.section[1]:g} s at {i.rate:g} Hz · {i.formulation} formulation, {i.method}, "
         f"{i.samples} samples in {i.elapsed:.2f} s"
     )
-    write_report(path, "Stiffness and damping", subtitle, sections)
+    return report_page("Stiffness and damping", subtitle, sections)
 
 
 def _load_section(identification: Identification) -> Section:
@@ -227,7 +233,5 @@ def diagnosis_tables(identification: Identification) -> list[Table]:
     return [*tables, Table(titles, against, "Prior against data (beyond ±4: a contradiction)")]
 
 
-def _png(figure: "Figure") -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+def _embedded(figure: "Figure | bytes") -> str:
+    return base64.b64encode(figure if isinstance(figure, bytes) else png(figure)).decode("ascii")

@@ -1,5 +1,6 @@
 """The result of an identification: estimates with their bands, how they came about, and what to think of them."""
 
+import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from windsysid.diagnostics import Diagnosis
 from windsysid.errors import ConfigurationError
 from windsysid.modal import Mode
+from windsysid.output import Saveable, result_file
 from windsysid.statespace import Parameter
 from windsysid.statistics import Statistic
 from windsysid.turbine import Turbine
@@ -118,7 +120,7 @@ class Posterior(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(Saveable):
     """What an identification found.
 
     Attributes
@@ -302,14 +304,14 @@ class Identification:
             **({} if self.machine is None else {"turbine_file": tomli_w.dumps(as_tables(self.machine))}),
         }
 
-    def save(self, folder: Path) -> None:
-        """Write ``summary.json`` and ``identification.nc``, which is `to_xarray` as netCDF-4, into an existing folder."""
+    def files(self) -> dict[str, bytes]:
+        """What `save` writes: ``summary.json``, and ``identification.nc``, which is `to_xarray` as netCDF-4."""
         import h5netcdf
         import h5py  # type: ignore[import-untyped,unused-ignore]
 
-        (folder / "summary.json").write_text(self.to_json(), encoding="utf-8")
         # xarray would write the same; to import it takes longer than to read, write and print.
-        with h5netcdf.File(folder / "identification.nc", "w") as file:
+        written = io.BytesIO()  # a disk that is full makes HDF5 end the interpreter: it gets none
+        with h5netcdf.File(written, "w") as file:
             for name, (axes, values, attributes) in self._variables().items():
                 file.dimensions.update(
                     {axis: n for axis, n in zip(axes, values.shape, strict=True) if axis not in file.dimensions}
@@ -320,6 +322,7 @@ class Identification:
                 )
                 variable.attrs.update(attributes)
             file.attrs.update(self._attributes())
+        return {"summary.json": self.to_json().encode(), "identification.nc": written.getvalue()}
 
     def table(self) -> "Table":
         """The estimates as a Rich table."""
@@ -399,7 +402,7 @@ def load_posterior(folder: str | Path) -> Posterior:
 
     from windsysid.turbinefile import parse_turbine
 
-    path = Path(folder) / "identification.nc"
+    path = result_file(folder, "identification.nc")
     try:
         with h5netcdf.File(path, decode_vlen_strings=True) as file:
             text, trusted = file.attrs["turbine_file"], file.attrs["trusted"]

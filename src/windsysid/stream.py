@@ -41,7 +41,8 @@ def identify_pieces(
     sensors: Sequence[Sensor] | None = None,
     prior: Prior | None = None,
     parameters: Sequence[str] | None = None,
-    checkpoint: Path | None = None,
+    checkpoint: str | Path | None = None,
+    keep_checkpoint: bool = False,
     progress: Progress | None = None,
 ) -> Identification:
     """Identify stiffness and damping from a record that comes in pieces, in bounded memory.
@@ -58,6 +59,8 @@ def identify_pieces(
         As for `windsysid.identify`; sensors are chosen on the first piece.
     checkpoint
         Where to write what is known after each piece, and to go on from if it is there; it is deleted at the end.
+    keep_checkpoint
+        Leave it there: who saves the result deletes it then, and nothing is lost if the disk is full or the process is killed before.
     progress
         Called with the time [s] reached after each piece.
 
@@ -67,6 +70,7 @@ def identify_pieces(
         If a piece does not hold what is needed, an option is out of range, or the checkpoint belongs to another call.
     """
     started = time.perf_counter()
+    checkpoint = None if checkpoint is None else Path(checkpoint)
     run: _Run | None = None
     faults: list[Finding] = []
     for piece in pieces:
@@ -85,7 +89,7 @@ def identify_pieces(
         raise RecordError("no pieces: expected at least one, got an empty record")
     result = run.conclude(time.perf_counter() - started)
     result = replace(result, notes=(*result.notes, *noted(faults)))
-    if checkpoint is not None:
+    if checkpoint is not None and not keep_checkpoint:
         checkpoint.unlink(missing_ok=True)
     return result
 

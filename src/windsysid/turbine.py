@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 
-from windsysid.errors import ConfigurationError, OutputError
+from windsysid.errors import ConfigurationError
 from windsysid.loads import GaussMarkov
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import TowerModel
+from windsysid.output import claim_file
 
 __all__ = ["Turbine", "load_turbine", "packaged_turbines", "write_turbine"]
 
@@ -103,7 +104,7 @@ class Turbine:
 
 
 def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False) -> None:
-    """Write a turbine as TOML, every value with its unit, so that `load_turbine` gives it back.
+    """Write a turbine as TOML, every value with its unit, so that `load_turbine` gives it back; a folder that is missing is made.
 
     Raises
     ------
@@ -114,13 +115,9 @@ def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False
 
     from windsysid.turbinefile import as_tables
 
-    path = Path(path)
-    if path.exists() and not overwrite:
-        raise OutputError(f"turbine file {path} is already there: choose another name, or overwrite it")
-    try:
-        path.write_text(tomli_w.dumps(as_tables(turbine)), encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"turbine file {path} cannot be written: {error.strerror}; choose another folder") from None
+    content = tomli_w.dumps(as_tables(turbine)).encode()
+    with claim_file(path, overwrite=overwrite) as write:
+        write(lambda file: file.write(content))
 
 
 def packaged_turbines() -> tuple[str, ...]:

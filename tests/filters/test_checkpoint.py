@@ -29,7 +29,10 @@ def test_a_checkpoint_takes_the_place_of_the_last_one_and_leaves_nothing_beside_
     model = chain_with()
     belief = EKF.init(model)
     save_belief(tmp_path / "state", model, belief)  # the name is kept as it is given
-    save_belief(tmp_path / "state", model, belief._replace(samples=7))
+    with pytest.raises(OutputError, match="is already there"):
+        save_belief(tmp_path / "state", model, belief._replace(samples=7))
+    assert load_belief(tmp_path / "state", model).samples == 0
+    save_belief(str(tmp_path / "state"), model, belief._replace(samples=7), overwrite=True)
     assert load_belief(tmp_path / "state", model).samples == 7
     assert [path.name for path in tmp_path.iterdir()] == ["state"]
 
@@ -89,8 +92,11 @@ def test_a_checkpoint_of_another_model_is_refused(tmp_path: Path):
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path):
     model = chain_with()
-    with pytest.raises(OutputError, match=r"cannot be written: .*; choose another place"):
-        save_belief(tmp_path / "nowhere" / "state.npz", model, EKF.init(model))
+    (tmp_path / "file").write_text("precious")
+    with pytest.raises(OutputError, match=r"cannot be written: .*file is a file; choose a folder"):
+        save_belief(tmp_path / "file" / "state.npz", model, EKF.init(model))
     (tmp_path / "folder").mkdir()
-    with pytest.raises(OutputError, match="cannot be written"):
-        save_belief(tmp_path / "folder", model, EKF.init(model))
+    with pytest.raises(OutputError, match="is a folder, expected the name of a file"):
+        save_belief(tmp_path / "folder", model, EKF.init(model), overwrite=True)
+    save_belief(tmp_path / "new" / "state.npz", model, EKF.init(model))
+    assert load_belief(tmp_path / "new" / "state.npz", model).samples == 0

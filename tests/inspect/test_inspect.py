@@ -286,7 +286,7 @@ def test_results_are_saved_whole(healthy, verne555, tmp_path):
     values[500] += 50.0
     inspection = inspect_record(changed(healthy, TOWER, values), verne555)
     inspection.save(tmp_path)
-    assert {p.name for p in tmp_path.iterdir()} == {
+    assert {p.name for p in tmp_path.glob("[!.]*")} == {
         "inspection.json", "report.html", "overview.png", "spectra.png", "spectrogram.png",
     }  # fmt: skip
     summary = json.loads((tmp_path / "inspection.json").read_text(encoding="utf-8"))

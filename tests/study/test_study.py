@@ -10,8 +10,9 @@ import pytest
 import xarray as xr
 
 from windsysid.forcebalance import analysis_band
+from windsysid.output import claim
 from windsysid.study import run
-from windsysid.study.report import error_table, save_study, withheld_table
+from windsysid.study.report import error_table, study_files, withheld_table
 from windsysid.study.run import PUBLISHED, Study, average_errors, run_study
 from windsysid.study.scenario import NOISE, RATE, SECTION, simulate_reference
 
@@ -36,7 +37,8 @@ def study(told: list[str]) -> Study:
 @pytest.fixture(scope="module")
 def saved(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
-    save_study(study, folder)
+    with claim(folder) as write:
+        write(study_files(study))
     return folder
 
 
@@ -171,7 +173,7 @@ def test_blade_velocity_noise_shrinks_c_beta_by_what_the_band_lets_in(study):
 
 
 def test_three_files_are_written(saved):
-    assert sorted(path.name for path in saved.iterdir()) == ["identification.nc", "report.html", "summary.json"]
+    assert sorted(path.name for path in saved.glob("[!.]*")) == ["identification.nc", "report.html", "summary.json"]
 
 
 def test_the_summary_has_both_arms_and_the_published_errors(saved, study):

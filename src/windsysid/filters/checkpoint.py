@@ -4,14 +4,14 @@ A NumPy archive (.npz) holds the four fields of the belief as they are in memory
 mark that says what it is. It is written beside its place and moved there whole, so that an interruption leaves the last one.
 """
 
-import tempfile
 import zipfile
 from pathlib import Path
 
 import numpy as np
 
-from windsysid.errors import ConfigurationError, OutputError
+from windsysid.errors import ConfigurationError
 from windsysid.filters.gaussian import Belief
+from windsysid.output import claim_file
 from windsysid.statespace import StateSpace
 
 __all__ = ["load_belief", "save_belief"]
@@ -21,24 +21,17 @@ MARK = "windsysid belief 1"
 _KIND = "expected a file written by save_belief, got one that is damaged or of another kind"
 
 
-def save_belief(path: str | Path, model: StateSpace, belief: Belief) -> None:
-    """Write what a filter of `model` believes to the file `path`, replacing one that is there.
+def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrite: bool = False) -> None:
+    """Write what a filter of `model` believes to the file `path`; a folder that is missing is made.
 
     Raises
     ------
     OutputError
-        If the file cannot be written.
+        If the file is there already and `overwrite` is off, or it cannot be written.
     """
-    path = Path(path)
-    try:
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.absolute().parent) as beside:
-            written = Path(beside) / "belief.npz"
-            np.savez(written, mark=np.array(MARK), states=np.array(model.states, dtype=np.str_), **belief._asdict())
-            written.replace(path)
-    except OSError as error:
-        raise OutputError(
-            f"checkpoint {path} cannot be written: {error.strerror or error}; choose another place"
-        ) from None
+    states = np.array(model.states, dtype=np.str_)
+    with claim_file(path, overwrite=overwrite) as write:
+        write(lambda file: np.savez(file, mark=np.array(MARK), states=states, **belief._asdict()))
 
 
 def load_belief(path: str | Path, model: StateSpace) -> Belief:

@@ -17,17 +17,19 @@ file becomes one line: a `RecordError` on reading, an `OutputError` on writing; 
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import BinaryIO, TypeVar
 
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.formats.csv import open_csv, read_csv, write_csv
-from windsysid.formats.files import check_input, named_after, write_beside
+from windsysid.formats.files import check_input, named_after
 from windsysid.formats.mapping import Mapping, load_mapping
 from windsysid.formats.netcdf import open_netcdf, read_netcdf, write_netcdf
 from windsysid.formats.openfast import open_openfast, read_openfast
 from windsysid.formats.parquet import open_parquet, read_parquet, write_parquet
 from windsysid.formats.source import Progress, Source, gather_section, pieces
+from windsysid.output import claim_file
 from windsysid.record import Record
 
 __all__ = [
@@ -50,7 +52,7 @@ _OPENERS: dict[str, Callable[[Path, Mapping], Source]] = {
     **dict.fromkeys(_PARQUET, open_parquet),
     **dict.fromkeys((".out", ".outb"), open_openfast),
 }
-_WRITERS: dict[str, Callable[[Record, Path], None]] = {
+_WRITERS: dict[str, Callable[[Record, BinaryIO], None]] = {
     **dict.fromkeys(_CSV, write_csv),
     **dict.fromkeys(_NETCDF, write_netcdf),
     **dict.fromkeys(_PARQUET, write_parquet),
@@ -158,7 +160,7 @@ def _of_ending(path: Path, table: dict[str, T]) -> T:
 def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -> None:
     """Write a record as CSV, netCDF or Parquet; the ending of the file name says which.
 
-    The file appears complete or not at all. CSV keeps every bit of times and values, but not
+    The file appears complete or not at all; a folder that is missing is made. CSV keeps every bit of times and values, but not
     `Record.attributes`; netCDF and Parquet keep everything.
 
     Parameters
@@ -172,9 +174,15 @@ def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -
     Raises
     ------
     OutputError
-        If the file is already there, its folder is missing or not writable, or the ending is not one of
-        those.
+        If the file is already there, it cannot be written, or the ending is not one of those.
     """
+    with claim_record(path, overwrite=overwrite) as write:
+        write(record)
+
+
+@contextmanager
+def claim_record(path: str | Path, *, overwrite: bool = False) -> Iterator[Callable[[Record], None]]:
+    """Take the name of a record's file before there is a record; yields what writes it. Raises as `write_record`."""
     path = Path(path)
     writer = _WRITERS.get(path.suffix.lower())
     if writer is None:
@@ -182,4 +190,5 @@ def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -
             f"{path}: cannot write files ending in '{path.suffix}', expected one of {', '.join(_WRITERS)}; "
             "choose another name"
         )
-    write_beside(path, lambda temporary: writer(record, temporary), overwrite=overwrite)
+    with claim_file(path, overwrite=overwrite) as write:
+        yield lambda record: write(lambda file: writer(record, file))

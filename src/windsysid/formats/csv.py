@@ -20,7 +20,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -102,7 +102,7 @@ def open_csv(path: Path, mapping: Mapping) -> Source:
     return Source(path.name, names, units, reader.blocks, {**attributes, **clock.attributes}, start)
 
 
-def write_csv(record: Record, path: Path) -> None:
+def write_csv(record: Record, file: BinaryIO) -> None:
     """Write the bare file; `windsysid.formats.write_record` is the safe way in."""
     import pandas as pd
 
@@ -112,7 +112,7 @@ def write_csv(record: Record, path: Path) -> None:
         "time [s]",
         *(f"{name} [{unit}]" for name, unit in zip(record.channels, record.units, strict=True)),
     ]
-    frame.to_csv(path, index=False, header=header, lineterminator="\n", encoding="utf-8")
+    frame.to_csv(file, mode="wb", index=False, header=header, lineterminator="\n", encoding="utf-8")
 
 
 def _head(path: Path, encoding: str) -> Iterator[tuple[int, str]]:

@@ -1,14 +1,13 @@
-"""What every format needs from a file: that it is there, and that writing leaves no half file behind."""
+"""What every format needs from a file: that it is there and can be read."""
 
 import contextlib
 import os
-import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
-from windsysid.errors import OutputError, RecordError
+from windsysid.errors import RecordError
 
-__all__ = ["check_input", "named_after", "read_start", "write_beside"]
+__all__ = ["check_input", "named_after", "read_start"]
 
 
 # os.path answers where Path would raise: a folder that may not be entered, a name that cannot be one.
@@ -59,32 +58,3 @@ def read_start(path: Path, size: int) -> bytes:
             return file.read(size)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
-
-
-def write_beside(path: Path, write: Callable[[Path], None], *, overwrite: bool) -> None:
-    """Let `write` fill a temporary file in the same folder, then rename it to `path`.
-
-    Raises
-    ------
-    OutputError
-        If `path` is there and `overwrite` is False, or the folder is missing or not writable.
-    """
-    if os.path.isdir(path):
-        raise OutputError(f"{path}: is a folder, expected the name of a file; add one")
-    if os.path.exists(path) and not overwrite:
-        raise OutputError(f"{path}: is already there; choose another name or overwrite it on purpose")
-    if not os.path.isdir(path.parent):
-        raise OutputError(f"{path}: the folder {path.parent} does not exist; create it or choose another")
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    try:
-        write(temporary)
-        os.replace(temporary, path)
-    except OutputError:
-        raise
-    except OSError as error:
-        raise OutputError(
-            f"{path}: cannot be written ({error.strerror or error}); choose a folder you may write to, with space left"
-        ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)

@@ -6,12 +6,13 @@ numbers carries a checksum, and a seal after the end of the file holds one of th
 if they are built the same way: a coordinate ``time`` [s] and numbers along it.
 """
 
+import io
 import json
 import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
@@ -129,7 +130,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     return replace(source, blocks=blocks)
 
 
-def write_netcdf(record: Record, path: Path) -> None:
+def write_netcdf(record: Record, file: BinaryIO) -> None:
     """Write the bare file; `windsysid.formats.write_record` is the safe way in.
 
     Raises
@@ -140,13 +141,20 @@ def write_netcdf(record: Record, path: Path) -> None:
     for name in (*record.channels, *record.attributes):
         if "/" in name:
             raise OutputError(f"'{name}' cannot be a name in netCDF because of the '/'; rename it or write CSV")
-    dataset = record.to_xarray()
-    # HDF5 gives its fill value, zero unless told, for blocks that a damaged file has lost sight of.
-    safe = {str(name): {"_FillValue": np.nan, "fletcher32": True} for name in dataset.variables}
-    dataset.to_netcdf(path, engine="h5netcdf", encoding=safe)
-    seal = _SEAL + b"%08x\n" % _checksum(path, path.stat().st_size)
-    with path.open("ab") as file:
-        file.write(seal)
+    import h5netcdf
+
+    written = io.BytesIO()  # a disk that is full makes HDF5 end the interpreter: it gets none
+    with h5netcdf.File(written, "w") as whole:
+        whole.dimensions["time"] = record.samples
+        columns = zip(("time", *record.channels), ("s", *record.units), (record.time, *record.values.T), strict=True)
+        for name, unit, values in columns:
+            # HDF5 gives its fill value, zero unless told, for blocks that a damaged file has lost sight of.
+            variable = whole.create_variable(name, ("time",), np.float64, values, fillvalue=np.nan, fletcher32=True)
+            variable.attrs["units"] = unit
+        whole.attrs.update({**record.attributes, **record.marks})
+    content = written.getbuffer()
+    file.write(content)
+    file.write(_SEAL + b"%08x\n" % zlib.crc32(content))
 
 
 def _check_seal(path: Path) -> None:

@@ -8,7 +8,7 @@ only its groups and a damaged page is found.
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -111,7 +111,7 @@ def open_parquet(path: Path, mapping: Mapping) -> Source:
     )
 
 
-def write_parquet(record: Record, path: Path) -> None:
+def write_parquet(record: Record, file: BinaryIO) -> None:
     """Write the bare file; `windsysid.formats.write_record` is the safe way in.
 
     Raises
@@ -130,7 +130,7 @@ def write_parquet(record: Record, path: Path) -> None:
     about = {"windsysid_name": record.name, "windsysid_attributes": json.dumps(dict(record.attributes))}
     columns = [record.time, *(record[name] for name in record.channels)]
     table = pa.table([pa.array(column) for column in columns], schema=pa.schema(fields, metadata=about))
-    pq.write_table(table, path, row_group_size=_GROUP, write_page_checksum=True, use_dictionary=False)
+    pq.write_table(table, file, row_group_size=_GROUP, write_page_checksum=True, use_dictionary=False)
 
 
 def _opened(path: Path) -> Any:

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from windsysid.inspect.plausibility import Rotor
 from windsysid.inspect.sections import Proposal
 from windsysid.inspect.spectra import Spectrogram, Spectrum
 from windsysid.inspect.stops import Stop
+from windsysid.output import Saveable
 from windsysid.record import Record
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ STOPS_TITLE = "Stops of the rotor: sections for structural damping"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Inspection:
+class Inspection(Saveable):
     """What an inspection found.
 
     Attributes
@@ -174,12 +174,11 @@ class Inspection:
 
         return spectrogram_figure(self)
 
-    def save(self, folder: Path) -> None:
-        """Write ``inspection.json``, ``report.html`` and the figures as PNG into an existing folder."""
-        from windsysid.inspect.report import write_inspection
+    def files(self) -> dict[str, bytes]:
+        """What `save` writes: ``inspection.json``, ``report.html`` and the figures as PNG."""
+        from windsysid.inspect.report import inspection_files
 
-        (folder / "inspection.json").write_text(self.to_json(), encoding="utf-8")
-        write_inspection(self, folder)
+        return inspection_files(self)
 
     def shown(self, most: int = 12) -> list[str]:
         """Channels that a figure shows: rotor and wind, those with warnings, then the most telling."""

@@ -1,18 +1,14 @@
 """The inspection as one page."""
 
-import io
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 from windsysid.inspect.inspection import STOPS_TITLE
-from windsysid.report import Section, Table, write_report
+from windsysid.report import Section, Table, png, report_page
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from windsysid.inspect.inspection import Inspection
 
-__all__ = ["write_inspection"]
+__all__ = ["inspection_files"]
 
 LEGEND = (
     "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor stops and starts. Every spike is drawn: each pixel "
@@ -20,11 +16,11 @@ LEGEND = (
 )
 
 
-def write_inspection(inspection: "Inspection", folder: Path) -> None:
-    """Write ``report.html`` and ``overview.png``, ``spectra.png``, ``spectrogram.png``."""
+def inspection_files(inspection: "Inspection") -> dict[str, bytes]:
+    """``report.html``, ``inspection.json`` and, where there are any, ``overview.png``, ``spectra.png``, ``spectrogram.png``, by name."""
     i = inspection
     figures = {"overview": i.overview(), "spectra": i.plot_spectra(), "spectrogram": i.plot_spectrograms()}
-    pictures = {name: None if figure is None else _Picture(figure) for name, figure in figures.items()}
+    pictures = {name: png(figure) for name, figure in figures.items() if figure is not None}
     good = sum(p.good for p in i.proposals)
     sections = [
         Section("What was found", text=[f"{i.verdict[0].upper()}{i.verdict[1:]}.", *_findings(i), *i.notes]),
@@ -38,7 +34,7 @@ def write_inspection(inspection: "Inspection", folder: Path) -> None:
                 ),
             ],
             tables=[Table(("section [s]", "why"), i.stop_rows(), STOPS_TITLE, (0, 1))] if i.stops else [],
-            figures=_with(pictures["overview"], _overview_caption(i)),
+            figures=_with(pictures.get("overview"), _overview_caption(i)),
         ),
     ]
     if i.spectra:
@@ -48,25 +44,14 @@ def write_inspection(inspection: "Inspection", folder: Path) -> None:
                 "What vibrates",
                 text=[_mode_text(i)] if i.modes else [],
                 tables=[Table(("channel", "frequency [Hz]", "rms", "what it may be"), peaks, "Spectral peaks", (0, 3))] if peaks else [],
-                figures=[*_with(pictures["spectra"], _spectra_caption(i)), *_with(pictures["spectrogram"], _spectrogram_caption(i))],
+                figures=[*_with(pictures.get("spectra"), _spectra_caption(i)), *_with(pictures.get("spectrogram"), _spectrogram_caption(i))],
             )
         )  # fmt: skip
-    write_report(folder / "report.html", "Inspection of a record", i.heading(), sections)
-    for name, picture in pictures.items():
-        if picture is not None:
-            (folder / f"{name}.png").write_bytes(picture.png)
-
-
-class _Picture:
-    """A figure that is drawn once, for the page and for its own file: drawing is what takes the time."""
-
-    def __init__(self, figure: "Figure"):
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=110)
-        self.png = buffer.getvalue()
-
-    def savefig(self, target: io.BytesIO, **_: Any) -> None:
-        target.write(self.png)
+    return {
+        "report.html": report_page("Inspection of a record", i.heading(), sections),
+        "inspection.json": i.to_json().encode(),
+        **{f"{name}.png": picture for name, picture in pictures.items()},
+    }
 
 
 def _findings(i: "Inspection") -> list[str]:
@@ -78,8 +63,8 @@ def _findings(i: "Inspection") -> list[str]:
     ]
 
 
-def _with(picture: _Picture | None, caption: str) -> "list[tuple[Figure, str]]":
-    return [] if picture is None else [(cast("Figure", picture), caption)]
+def _with(picture: bytes | None, caption: str) -> list[tuple[bytes, str]]:
+    return [] if picture is None else [(picture, caption)]
 
 
 def _overview_caption(i: "Inspection") -> str:

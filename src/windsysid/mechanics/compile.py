@@ -9,9 +9,7 @@ arithmetic is the same for numbers and for vectors (`windsysid.simd`), and what 
 
 import hashlib
 import importlib.util
-import os
 import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -21,6 +19,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from windsysid.jit import JACOBIAN, LANE_JACOBIAN, VALUE, cache_folder, compiled, logger
+from windsysid.output import replace_file
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -138,7 +137,8 @@ def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequenc
             _announce()
             from windsysid.mechanics.generate import generate_source
 
-            _write_atomically(path, generate_source(model, sensors, identified))
+            source = generate_source(model, sensors, identified).encode()
+            replace_file(path, lambda file: file.write(source))
         cached = _loaded[key] = CompiledModel(_import(path))
     return cached
 
@@ -159,14 +159,6 @@ def _version() -> str:
     for path in (*sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "simd.py"):
         digest.update(path.read_bytes())
     return f"{digest.hexdigest()} sympy {metadata.version('sympy')}"
-
-
-def _write_atomically(path: Path, text: str) -> None:
-    """Write so that a second process at the same moment sees the whole file or none."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
-    os.replace(temporary, path)
 
 
 def _import(path: Path) -> ModuleType:

@@ -32,7 +32,7 @@ from windsysid.formulation import Prior
 from windsysid.identification import add_noise, identify, with_noise
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal import Mode, modes_with_bands
-from windsysid.output import new_folder
+from windsysid.output import result_file
 from windsysid.record import Record
 from windsysid.result import SIGMAS, Identification, Posterior, load_posterior
 from windsysid.statespace import Parameter
@@ -313,12 +313,11 @@ def results(cases: Sequence[Case], folder: Path, kept: Path) -> dict[Case, Resul
     done = {}
     for i, case in enumerate(cases, start=1):
         where, begun = kept / case.name, time.perf_counter()
-        if not (where / "identification.nc").is_file():
+        if not result_file(where, "identification.nc").is_file():
             if case.record not in records:
                 records[case.record] = read_record(folder / FILES[case.record])
             result = identified(case, records[case.record])
-            with new_folder(where, overwrite=True) as new:
-                result.save(new)
+            result.save(where, overwrite=True)
         done[case] = _read(where)
         print(f"[{i}/{len(cases)}] {case.name}: {time.perf_counter() - begun:.0f} s", file=sys.stderr, flush=True)
     return done
@@ -326,7 +325,7 @@ def results(cases: Sequence[Case], folder: Path, kept: Path) -> dict[Case, Resul
 
 def _read(folder: Path) -> Result:
     posterior = load_posterior(folder)
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    summary = json.loads(result_file(folder, "summary.json").read_text(encoding="utf-8"))
     prior = np.diag([q.prior[1] ** 2 for q in posterior.parameters])
     modes = [_modes(posterior, cov) for cov in (posterior.cov, prior)]
     return Result(posterior, modes[0], modes[1], summary["elapsed_s"], _loads(summary["notes"]))

@@ -1,7 +1,6 @@
 """The study's report: our errors beside the published ones, and figures equivalent to the paper's Figs 3–12."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +14,7 @@ from windsysid.plots import (
     response_comparison,
     start_indifference,
 )
-from windsysid.report import Section, Table, coefficient_table, mode_tables, write_report
+from windsysid.report import Section, Table, coefficient_table, mode_tables, report_page
 from windsysid.signals import band_pass
 from windsysid.study.methods import method_table
 from windsysid.study.particles import PUBLISHED_HOURS, SIR
@@ -26,18 +25,17 @@ from windsysid.units import unit_text
 
 Array = NDArray[np.float64]
 
-__all__ = ["error_table", "save_study", "study_report", "withheld_table"]
+__all__ = ["error_table", "study_files", "study_report", "withheld_table"]
 
 
-def save_study(study: Study, folder: Path) -> None:
-    """Write ``summary.json``, ``identification.nc`` and ``report.html`` into an existing folder."""
-    study.arm_a.save(folder)
-    (folder / "summary.json").write_text(json.dumps(study.summary(), indent=2) + "\n", encoding="utf-8")
-    study_report(folder / "report.html", study)
+def study_files(study: Study) -> dict[str, bytes]:
+    """``summary.json``, ``identification.nc`` and ``report.html`` of the study, by name."""
+    summary = (json.dumps(study.summary(), indent=2) + "\n").encode()
+    return {**study.arm_a.files(), "summary.json": summary, "report.html": study_report(study)}
 
 
-def study_report(path: Path, study: Study) -> None:
-    """Write the study's ``report.html``."""
+def study_report(study: Study) -> bytes:
+    """The study's ``report.html``."""
     turbine, arm_a = study.turbine, study.arm_a
     low, high = analysis_band(turbine)
     shown = list(PUBLISHED)
@@ -137,7 +135,7 @@ def study_report(path: Path, study: Study) -> None:
         ),
     )
     subtitle = f"Extended Kalman filter identification of a three-blade turbine · {turbine.name}, {study.reference.record.name}"
-    write_report(path, "The published study, repeated", subtitle, sections)
+    return report_page("The published study, repeated", subtitle, sections)
 
 
 ERRORS_IN_VARIABLES = (
