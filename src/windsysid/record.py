@@ -21,6 +21,7 @@ import numpy.typing as npt
 from windsysid.checks import UNIFORM, Array, check_channels, check_rows, refuse_outside
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.quantities import implied_unit, missing_units
+from windsysid.moments import split_start, tidy
 from windsysid.units import UNITS, canonical, si_unit, to_si
 
 if TYPE_CHECKING:
@@ -60,6 +61,9 @@ class Record:
         What it is, the file name for instance.
     attributes : mapping of str to str
         Free text about the record, kept in netCDF.
+    start : str, optional
+        The moment of time 0 in ISO 8601, with its zone: ``2021-07-07T12:00:00Z``. Without a zone it is local time of which nobody said
+        the zone; None where the moment is not known.
 
     Raises
     ------
@@ -78,6 +82,7 @@ class Record:
     units: tuple[str, ...]
     name: str = "record"
     attributes: Mapping[str, str] = field(default_factory=dict)
+    start: str | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -99,6 +104,11 @@ class Record:
         set_field(self, "channels", channels)
         set_field(self, "units", tuple(map(_checked_unit, units, channels)))
         set_field(self, "attributes", {str(key): str(text) for key, text in self.attributes.items()})
+        if self.start is not None:
+            try:
+                set_field(self, "start", tidy(self.start))
+            except ValueError as error:
+                raise RecordError(f"start: {error}") from error
 
     @property
     def samples(self) -> int:
@@ -274,8 +284,9 @@ class Record:
 
     @property
     def marks(self) -> dict[str, str]:
-        """What a dataset says of a record beside its attributes: its name, and its channels in their order."""
+        """What a dataset says of a record beside its attributes: its start, its name, and its channels in their order."""
         return {
+            **({} if self.start is None else {"start_time": self.start}),
             "windsysid_name": self.name,
             "windsysid_channels": json.dumps(self.channels, ensure_ascii=False),
         }
@@ -326,13 +337,16 @@ class Record:
             table = [(name, _column(dataset[name], name)) for name in unsaid]
             raise RecordError(missing_units(table, "give the variable its attribute units"))
         columns = [convert(_column(dataset[name], name), given[name], f"'{name}'") for name in order]
+        texts = {str(k): str(v) for k, v in dataset.attrs.items() if not str(k).startswith("windsysid_")}
+        start, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
         return cls(
             time,
             _table([values for values, _ in columns], time.size),
             tuple(order),
             tuple(unit for _, unit in columns),
             name=str(dataset.attrs.get("windsysid_name", "record")),
-            attributes={str(k): str(v) for k, v in dataset.attrs.items() if not str(k).startswith("windsysid_")},
+            attributes=attributes,
+            start=start,
         )
 
     def _column(self, channel: str) -> int:

@@ -45,8 +45,7 @@ def test_a_frame_that_pandas_wrote_is_read(tmp_path, unit, zone):
         assert record.channels == ("a", "speed")
         assert record["a"].tolist() == [0.0, 1e-3, 2e-3, 3e-3, 4e-3]
         assert np.isnan(record["speed"][2])
-        start = {"start_time": "2021-07-07T10:00:00Z"} if zone else {"start_time_local": "2021-07-07T12:00:00"}
-        assert record.attributes == start
+        assert record.start == ("2021-07-07T12:00:00+02:00" if zone else "2021-07-07T12:00:00")
 
 
 def test_a_time_as_numbers_or_text_is_read_or_refused(tmp_path):

@@ -160,8 +160,8 @@ def _of_ending(path: Path, table: dict[str, T]) -> T:
 def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -> None:
     """Write a record as CSV, netCDF or Parquet; the ending of the file name says which.
 
-    The file appears complete or not at all; a folder that is missing is made. CSV keeps every bit of times and values, but not
-    `Record.attributes`; netCDF and Parquet keep everything.
+    The file appears complete or not at all; a folder that is missing is made. CSV keeps every bit of times and values and the
+    start, but not `Record.attributes`; netCDF and Parquet keep everything.
 
     Parameters
     ----------

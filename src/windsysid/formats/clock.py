@@ -2,9 +2,9 @@
 
 A time is *elapsed*, a number in some unit of which only differences mean something, or *absolute*, a moment of the
 calendar: ISO text, text in a pattern that the mapping gives, or a number since a known day. Elapsed seconds stay as
-they are in the file; elapsed days and absolute times become seconds from the first sample. The moment of the first
-sample is kept in the attribute ``start_time`` (ISO, UTC), or in ``start_time_local`` where nobody said which zone
-the clock was in.
+they are in the file; elapsed days and absolute times become seconds from the first sample. The moment of time 0 is
+kept as ISO text: with the zone as it was given, or without one where nobody said which zone the clock was in.
+An elapsed time may say its zero in its unit, as in the CF conventions: ``s since 2021-07-07T12:00:00Z``.
 
 A number could be seconds or days. Its unit says; if it has none, days are taken only where seconds are out of the
 question (a step below 20 µs), and refused where both could be meant.
@@ -12,7 +12,7 @@ question (a step below 20 µs), and refused where both could be meant.
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,11 @@ import numpy.typing as npt
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.formats.mapping import TimeRule
+from windsysid.moments import SINCE, has_zone, tidy
 from windsysid.record import Array
 from windsysid.units import si_unit, to_si
 
-__all__ = ["Clock", "is_stamp", "make_clock", "moments_clock"]
+__all__ = ["Clock", "exact_seconds", "is_stamp", "make_clock", "moments_clock", "split_since", "start_of"]
 
 Moments = npt.NDArray[np.int64]
 
@@ -70,8 +71,8 @@ class Clock:
         Zone of the others; empty for none.
     origin : int
         Moment of the first sample, ns since 1970.
-    attributes : dict
-        ``start_time`` or ``start_time_local``.
+    start : str or None
+        The moment of time 0, as `windsysid.record.Record.start`.
     """
 
     textual: bool = False
@@ -83,7 +84,7 @@ class Clock:
     zoned: bool = False
     zone: str = ""
     origin: int = 0
-    attributes: dict[str, str] = field(default_factory=dict)
+    start: str | None = None
 
     def seconds(self, raw: Any, place: Callable[[int], str]) -> Array:
         """Time [s] (n,) from the column's numbers (n,) or texts (n,).
@@ -176,10 +177,47 @@ def make_clock(
     return _absolute(Clock(textual=True, zoned=zoned, zone=zone), stamps[:1], place)
 
 
-def moments_clock(first: int, zoned: bool, rule: TimeRule) -> Clock:
-    """The clock of a column that holds moments already, as int64 nanoseconds since 1970 (in UTC if `zoned`)."""
-    clock = Clock(count=1, zone="" if zoned else rule.zone or "", zoned=zoned)
-    return _absolute(clock, np.array([first]), "sample {}".format)
+def moments_clock(first: int, zone: str | None, rule: TimeRule) -> Clock:
+    """The clock of a column that holds moments already, as int64 nanoseconds since 1970; in UTC if they have a `zone`."""
+    clock = Clock(count=1, zone="" if zone else rule.zone or "", zoned=bool(zone))
+    return _absolute(clock, np.array([first]), "sample {}".format, zone or "")
+
+
+def split_since(unit: str | None) -> tuple[str | None, str | None]:
+    """``s since 2021-07-07T12:00:00Z`` as the unit and the moment of its zero; RecordError if that is none."""
+    found = SINCE.fullmatch(unit.strip()) if unit is not None else None
+    if found is None:
+        return unit, None
+    text = found[2].removesuffix("UTC").strip() + ("Z" if found[2].endswith("UTC") else "")
+    if re.fullmatch(r"\d{4}-\d{2}-\d{2}", text):
+        text += "T00:00:00"
+    try:
+        return found[1], tidy(text)
+    except ValueError as error:
+        raise RecordError(f"the unit of the time is '{unit}': {error}; correct it") from error
+
+
+def start_of(rule: TimeRule, given: str | None) -> str | None:
+    """The moment of time 0 from the mapping's `rule` and from what the file says, in the mapping's zone where it has none.
+
+    Raises
+    ------
+    ConfigurationError
+        If both say it.
+    RecordError
+        If it occurs twice or not at all in that zone.
+    """
+    if rule.start is not None:
+        if given is not None:
+            raise ConfigurationError(
+                f"time.start: the file itself says that it starts at {given}; remove the key from the mapping file"
+            )
+        given = str(rule.start)
+    if given is None or not rule.zone or has_zone(given):
+        return given
+    local = int(np.datetime64(given, "ns").astype(np.int64))
+    origin = int(_to_utc(np.array([local]), rule.zone, "time 0 (row {})".format)[0])
+    return _text(origin, _offset(origin, rule.zone))
 
 
 def exact_seconds(clock: Clock, moments: Moments, place: Callable[[int], str]) -> Array:
@@ -197,6 +235,7 @@ def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
         clock = Clock(count=count, epoch=days * _DAY, zone=rule.zone or "")
         zoned = rule.format in ("unix", "labview")  # these count in UTC by definition
         return _absolute(Clock(count=count, epoch=days * _DAY, zoned=True) if zoned else clock, numbers[:1], str)
+    unit, since = split_since(unit)
     unit = rule.unit if rule.unit is not None else unit
     first, steps = float(numbers[0]), np.diff(numbers)
     if unit is None:
@@ -210,8 +249,8 @@ def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
             f"the time is in '{unit}', not in a unit of time; expected 'time [s]', or its unit in the mapping file: "
             "[time] unit"
         ) from None
-    if factor != 86_400.0:
-        return Clock(factor=factor)
+    if factor != 86_400.0 or since is not None:
+        return Clock(factor=factor, start=since)
     for name, (low, high) in (("excel", _EXCEL), ("matlab", _MATLAB)):
         if low <= first < high:
             return _absolute(Clock(count=_DAY, epoch=_EPOCHS[name][1] * _DAY, zone=rule.zone or ""), numbers[:1], str)
@@ -232,14 +271,44 @@ def _unit_of(first: float, step: float) -> str:
     return "s"
 
 
-def _absolute(clock: Clock, first: Any, place: Callable[[int], str]) -> Clock:
-    """The clock with its origin at the first sample."""
+def _absolute(clock: Clock, first: Any, place: Callable[[int], str], zone: str = "") -> Clock:
+    """The clock with its origin at the first sample, whose moment is told in `zone` where the moments are in UTC already."""
     origin = int(clock._moments(first, place)[0])
-    unit = next(unit for unit, ns in (("s", _SECOND), ("ms", 1_000_000), ("us", 1000), ("ns", 1)) if origin % ns == 0)
-    text = str(np.datetime_as_string(np.datetime64(origin, "ns"), unit=unit))  # type: ignore[call-overload]
-    known = clock.zoned or bool(clock.zone) or "%z" in clock.pattern
-    attributes = {"start_time": text + "Z"} if known else {"start_time_local": text}
-    return Clock(**{**clock.__dict__, "origin": origin, "attributes": attributes})
+    offset: int | None = None
+    if clock.zone or zone:
+        offset = _offset(origin, clock.zone or zone)
+    elif clock.zoned and clock.textual:
+        offset = _written_offset(first[0])
+    elif clock.zoned or "%z" in clock.pattern:
+        offset = 0
+    return replace(clock, origin=origin, start=_text(origin, offset))
+
+
+def _text(origin: int, offset: int | None) -> str:
+    """A moment [ns since 1970, UTC] at `offset` [s] from UTC; of a local clock where that is None."""
+    local = origin + (offset or 0) * _SECOND
+    unit = next(unit for unit, ns in (("s", _SECOND), ("ms", 1_000_000), ("us", 1000), ("ns", 1)) if local % ns == 0)
+    text = str(np.datetime_as_string(np.datetime64(local, "ns"), unit=unit))  # type: ignore[call-overload]
+    if not offset:
+        return text if offset is None else text + "Z"
+    minutes = abs(offset) // 60
+    return f"{text}{'-' if offset < 0 else '+'}{minutes // 60:02d}:{minutes % 60:02d}"
+
+
+def _offset(origin: int, zone: str) -> int:
+    """How far a zone is ahead of UTC [s] at a moment [ns since 1970]."""
+    import pandas as pd
+
+    ahead = pd.Timestamp(origin, unit="ns", tz="UTC").tz_convert(zone).utcoffset()
+    return 0 if ahead is None else int(ahead.total_seconds())
+
+
+def _written_offset(cell: str) -> int:
+    """The zone at the end of an ISO time [s ahead of UTC]."""
+    found = re.search(r"([+-])(\d{2}):?(\d{2})?$", cell)
+    if found is None:
+        return 0
+    return (-60 if found[1] == "-" else 60) * (60 * int(found[2]) + int(found[3] or 0))
 
 
 def _parsed(cells: list[str], pattern: str, zoned: bool, place: Callable[[int], str]) -> Moments:

@@ -9,7 +9,8 @@ counts; here rows become numbers. A row that is not exactly as wide as the heade
 shift; an empty cell or NaN means missing. A last line that nothing ends may be cut in the middle of a number: it
 is left out, and the attribute ``cut_off`` says so, unless its last number is as long as those above.
 
-Written files use ``name [unit]`` and the shortest digits that give back the same float64.
+Written files use ``name [unit]`` and the shortest digits that give back the same float64; the time says its zero,
+``time [s since 2021-07-07T12:00:00Z]``, where that is known.
 """
 
 import codecs
@@ -26,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from windsysid.errors import RecordError
-from windsysid.formats.clock import Clock, make_clock
+from windsysid.formats.clock import Clock, make_clock, start_of
 from windsysid.formats.columns import Column, find_time, plan_columns
 from windsysid.formats.dialect import Layout, find_layout, is_number, split
 from windsysid.formats.files import named_after
@@ -99,7 +100,7 @@ def open_csv(path: Path, mapping: Mapping) -> Source:
     reader = _Reader(path, encoding, layout, time, columns, clock, keep)
     names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
     start = reader.first_time(first[0][1])
-    return Source(path.name, names, units, reader.blocks, {**attributes, **clock.attributes}, start)
+    return Source(path.name, names, units, reader.blocks, attributes, start, start_of(mapping.time, clock.start))
 
 
 def write_csv(record: Record, file: BinaryIO) -> None:
@@ -109,7 +110,7 @@ def write_csv(record: Record, file: BinaryIO) -> None:
     frame = pd.DataFrame(record.values)
     frame.insert(0, "time", record.time)
     header = [
-        "time [s]",
+        "time [s]" if record.start is None else f"time [s since {record.start}]",
         *(f"{name} [{unit}]" for name, unit in zip(record.channels, record.units, strict=True)),
     ]
     frame.to_csv(file, mode="wb", index=False, header=header, lineterminator="\n", encoding="utf-8")

@@ -23,10 +23,12 @@ tells every key.
 import math
 import tomllib
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
 from windsysid.errors import ConfigurationError
+from windsysid.moments import tidy
 from windsysid.units import canonical, si_unit
 
 __all__ = ["AS_IT_IS", "NAMED_FORMATS", "ChannelRule", "CsvRule", "Mapping", "TimeRule", "load_mapping"]
@@ -56,12 +58,15 @@ class TimeRule(_Strict):
         ``iso``, ``excel``, ``matlab``, ``unix``, ``labview``, or a strptime pattern.
     zone
         Zone of times that carry none, as in ``Europe/Stockholm``.
+    start
+        The moment of time 0 in ISO 8601, for a file that does not say it.
     """
 
     column: str | None = None
     unit: str | None = None
     format: str | None = None
     zone: str | None = None
+    start: str | datetime | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None and si_unit(self.unit) != "s":
@@ -71,6 +76,12 @@ class TimeRule(_Strict):
                 f"format '{self.format}' is neither a pattern such as '%d.%m.%Y %H:%M:%S' nor one of "
                 f"{', '.join(NAMED_FORMATS)}"
             )
+        if self.start is not None:
+            text = self.start if isinstance(self.start, str) else self.start.isoformat()
+            try:
+                object.__setattr__(self, "start", tidy(text))
+            except ValueError as error:
+                raise ValueError(f"start: {error}") from None
         if self.zone is not None:
             import zoneinfo
 

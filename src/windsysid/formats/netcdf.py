@@ -17,17 +17,19 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from windsysid.errors import ConfigurationError, OutputError, RecordError
+from windsysid.formats.clock import split_since, start_of
 from windsysid.formats.columns import Cell, name_and_unit, plan_columns
 from windsysid.formats.files import named_after, read_start
 from windsysid.formats.mapping import Mapping
 from windsysid.formats.source import Block, Progress, Source, gather, indexed_source
+from windsysid.moments import has_zone, split_start
 from windsysid.record import Array, Record
 from windsysid.units import si_unit, to_si
 
 if TYPE_CHECKING:
     import h5netcdf
 
-__all__ = ["open_netcdf", "read_netcdf", "write_netcdf"]
+__all__ = ["check_seal", "open_netcdf", "read_netcdf", "sealed", "write_netcdf"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _SEAL = b"windsysid crc32 "  # and eight digits, after the end of the HDF5 file, where nobody else looks
@@ -71,7 +73,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     if start != _HDF5:
         raise RecordError("is not netCDF-4; give the file the ending of what it is, or export it again")
     if whole or path.stat().st_size < _LARGE:
-        _check_seal(path)
+        check_seal(path)
     file = _opened(path)
     try:
         time_name = mapping.time.column or "time"
@@ -91,7 +93,9 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         for column in columns:
             _check_variable(file[names[column.index]], names[column.index], dimension)
         time = _seconds(file[time_name], time_name, mapping)
-        attributes = {k: str(v) for k, v in file.attrs.items() if not k.startswith("windsysid_")}
+        texts = {k: str(v) for k, v in file.attrs.items() if not k.startswith("windsysid_")}
+        said, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
+        start = start_of(mapping.time, _since(file[time_name]) or said)
         name = str(file.attrs.get("windsysid_name", path.name))
     except (RecordError, ConfigurationError):
         raise
@@ -118,6 +122,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         rows,
         attributes,
         rows_at_once=max(1, _VALUES // len(columns)) if many else None,
+        start=start,
     )
 
     def blocks(start: float, end: float) -> Iterator[Block]:
@@ -152,19 +157,32 @@ def write_netcdf(record: Record, file: BinaryIO) -> None:
             variable = whole.create_variable(name, ("time",), np.float64, values, fillvalue=np.nan, fletcher32=True)
             variable.attrs["units"] = unit
         whole.attrs.update({**record.attributes, **record.marks})
-    content = written.getbuffer()
-    file.write(content)
-    file.write(_SEAL + b"%08x\n" % zlib.crc32(content))
+    file.write(sealed(written.getvalue()))
 
 
-def _check_seal(path: Path) -> None:
-    """Refuse a file that was changed after windsysid wrote it; one without a seal is somebody else's."""
+def sealed(content: bytes) -> bytes:
+    """The content of a file with a checksum of the whole after its end."""
+    return content + _SEAL + b"%08x\n" % zlib.crc32(content)
+
+
+
+def check_seal(path: Path) -> bool:
+    """Refuse a file that was changed after windsysid sealed it; False for one without a seal, which is somebody else's.
+
+    Raises
+    ------
+    RecordError
+        If the checksum is not that of the file.
+    """
     body = path.stat().st_size - len(_SEAL) - 9
     with path.open("rb") as file:
         file.seek(max(body, 0))
-        seal = file.read()
-    if seal.startswith(_SEAL) and seal != _SEAL + b"%08x\n" % _checksum(path, body):
+        found = file.read()
+    if not found.startswith(_SEAL):
+        return False
+    if found != _SEAL + b"%08x\n" % _checksum(path, body):
         raise RecordError("is damaged: its checksum does not agree with its content; copy or export it again")
+    return True
 
 
 def _checksum(path: Path, size: int) -> int:
@@ -205,9 +223,19 @@ def _order(file: "h5netcdf.File") -> list[str]:
     return order if sorted(order) == sorted(names) else names
 
 
+def _unit(variable: "h5netcdf.Variable") -> str:
+    return str(variable.attrs.get("units", ""))
+
+
 def _cell(name: str, variable: "h5netcdf.Variable") -> Cell:
-    unit = str(variable.attrs.get("units", ""))
+    unit = _unit(variable)
     return Cell(name, name, unit) if unit else name_and_unit(name)
+
+
+def _since(time: "h5netcdf.Variable") -> str | None:
+    """The moment that ``seconds since …`` names: UTC where it has no zone (CF conventions 1.11, section 4.4)."""
+    said = split_since(_unit(time))[1]
+    return said if said is None or has_zone(said) else said + "Z"
 
 
 def _numbers(variable: "h5netcdf.Variable", rows: slice) -> Array:
@@ -225,7 +253,7 @@ def _numbers(variable: "h5netcdf.Variable", rows: slice) -> Array:
 
 def _seconds(variable: "h5netcdf.Variable", name: str, mapping: Mapping) -> Array:
     _check_variable(variable, name, *variable.dimensions)
-    unit = mapping.time.unit or str(variable.attrs.get("units", "s"))
+    unit = mapping.time.unit or str(split_since(_unit(variable) or "s")[0])
     try:
         factor = to_si(1.0, unit) if si_unit(unit) == "s" else None
     except ConfigurationError as error:

@@ -23,15 +23,20 @@ exerts on its root about the downwind axis. It is positive with the rotation alr
 (lag > 0) shows a positive moment.
 
 A channel that `CHANNELS` does not list keeps OpenFAST's own name and sign, in SI.
+
+The date in the header says when the simulation was run, not when the wind blew: it stays in the description, and the record has no start but
+the one that a mapping gives it.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.formats.clock import start_of
 from windsysid.formats.columns import Cell, Column, plan_columns
 from windsysid.formats.dialect import is_number
 from windsysid.formats.files import named_after
@@ -113,8 +118,10 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
         names, units, description = info["attribute_names"], info["attribute_units"], str(info["description"])
     if not names or names[0].lower() != "time" or len(names) != len(units) or (table is not None and table.ndim != 2):
         raise RecordError("is not OpenFAST output, expected a first channel 'Time'; export it again")
-    if mapping.time != TimeRule():
-        raise ConfigurationError(f"{mapping.place}: time: the time of OpenFAST output is known; remove that table")
+    if replace(mapping.time, start=None, zone=None) != TimeRule():
+        raise ConfigurationError(
+            f"{mapping.place}: time: the time of OpenFAST output is known; leave only start and zone"
+        )
     if len(names) < 2:
         raise RecordError("holds no channel but the time; ask OpenFAST for some in OutList")
 
@@ -139,6 +146,7 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
         {"source": "OpenFAST", "description": description},
         place=place,
         rows_at_once=None if table is not None else max(1, (1 << 20) // len(columns)),
+        start=start_of(mapping.time, None),
     )
 
 

@@ -13,11 +13,12 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from windsysid.errors import OutputError, RecordError
-from windsysid.formats.clock import Clock, exact_seconds, make_clock, moments_clock
+from windsysid.formats.clock import Clock, exact_seconds, make_clock, moments_clock, start_of
 from windsysid.formats.columns import Cell, find_time, name_and_unit, plan_columns
 from windsysid.formats.files import named_after, read_start
 from windsysid.formats.mapping import Mapping
 from windsysid.formats.source import Block, Progress, Source, gather, shifted
+from windsysid.moments import split_start
 from windsysid.record import Array, Record
 
 __all__ = ["open_parquet", "read_parquet", "write_parquet"]
@@ -79,6 +80,7 @@ def open_parquet(path: Path, mapping: Mapping) -> Source:
             raise RecordError("expected at least 2 samples, got 0; give a longer record")
         clock = _clock(first.column(0), cells[time].unit, mapping)
         start = float(_seconds(clock, first.column(0))[0])
+        said, attributes = split_start(attributes, start)
     except RecordError:
         raise
     except (ValueError, OSError, AttributeError, KeyError, TypeError) as error:
@@ -106,8 +108,9 @@ def open_parquet(path: Path, mapping: Mapping) -> Source:
         tuple(column.name for column in columns),
         tuple(column.unit for column in columns),
         blocks,
-        {**attributes, **clock.attributes},
+        attributes,
         start,
+        start_of(mapping.time, clock.start or said),
     )
 
 
@@ -127,7 +130,8 @@ def write_parquet(record: Record, file: BinaryIO) -> None:
     fields = [pa.field("time", pa.float64(), metadata={"units": "s"})]
     for name, unit in zip(record.channels, record.units, strict=True):
         fields.append(pa.field(name, pa.float64(), metadata={"units": unit}))
-    about = {"windsysid_name": record.name, "windsysid_attributes": json.dumps(dict(record.attributes))}
+    attributes = {**record.attributes, **({} if record.start is None else {"start_time": record.start})}
+    about = {"windsysid_name": record.name, "windsysid_attributes": json.dumps(attributes)}
     columns = [record.time, *(record[name] for name in record.channels)]
     table = pa.table([pa.array(column) for column in columns], schema=pa.schema(fields, metadata=about))
     pq.write_table(table, file, row_group_size=_GROUP, write_page_checksum=True, use_dictionary=False)
@@ -186,7 +190,7 @@ def _clock(column: Any, unit: str | None, mapping: Mapping) -> Clock:
     import pyarrow as pa  # type: ignore[import-untyped,unused-ignore]
 
     if pa.types.is_timestamp(column.type):
-        return moments_clock(int(_moments(column)[0]), column.type.tz is not None, mapping.time)
+        return moments_clock(int(_moments(column)[0]), column.type.tz, mapping.time)
     return make_clock([repr(v) for v in _numbers(column).tolist()], unit, mapping.time, "sample {}".format, ".")
 
 

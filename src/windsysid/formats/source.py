@@ -58,6 +58,8 @@ class Source:
     attributes : mapping of str to str
     first : float
         Time of the first sample [s], NaN if only reading tells.
+    start : str or None
+        The moment of time 0, as `Record.start`.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Source:
     blocks: Callable[[float, float], Iterator[Block]]
     attributes: Mapping[str, str] = field(default_factory=dict)
     first: float = np.nan
+    start: str | None = None
 
 
 def gather(source: Source, progress: Progress | None = None) -> Record:
@@ -148,6 +151,7 @@ def indexed_source(
     *,
     place: Callable[[int], str] = "sample {}".format,
     rows_at_once: int | None = None,
+    start: str | None = None,
 ) -> Source:
     """A source whose times (T,) are known and whose ``rows(low, high)`` can be read anywhere, in SI (high − low, m)."""
 
@@ -161,7 +165,7 @@ def indexed_source(
             last = min(first + size, high)
             yield Block(time[first:last], rows(first, last), shifted(place, first), last / time.size)
 
-    return Source(name, channels, units, blocks, attributes, float(time[0]) if time.size else np.nan)
+    return Source(name, channels, units, blocks, attributes, float(time[0]) if time.size else np.nan, start)
 
 
 def shifted(place: Callable[[int], str], first: int) -> Callable[[int], str]:
@@ -196,4 +200,5 @@ def _record(source: Source, time: list[Array], values: list[Array]) -> Record:
         source.units,
         name=source.name,
         attributes=source.attributes,
+        start=source.start,
     )

@@ -118,6 +118,7 @@ def align(
         tuple(unit for _, unit in columns.values()),
         name=first.name,
         attributes=attributes,
+        start=first.start,
     )
     return Aligned(whole, tuple(offsets))
 

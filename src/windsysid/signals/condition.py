@@ -115,6 +115,7 @@ def resample(
         record.units,
         name=record.name,
         attributes={**record.attributes, "resampled": f"from {record.rate:g} to {rate:g} Hz", **passed},
+        start=record.start,
     )
 
 

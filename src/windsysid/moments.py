@@ -1,0 +1,74 @@
+"""Moments of the calendar as ISO 8601 text: with a zone, or as local time of which nobody said the zone.
+
+``2021-07-07T12:00:00Z`` and ``2021-07-07T14:00:00+02:00`` have a zone and are the same moment. ``2021-07-07T12:00:00`` has none: it can be
+compared with other local times, and not with the two above.
+"""
+
+import re
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+
+__all__ = ["SINCE", "has_zone", "in_words", "moment", "moved", "split_start", "tidy"]
+
+_MOMENT = re.compile(r"\d{4}-\d{2}-\d{2}[ T]\d{2}:\d{2}(:\d{2}([.,]\d{1,9})?)? ?(Z|[+-]\d{2}(:?\d{2})?)?")
+
+SINCE = re.compile(r"(\S+)\s+since\s+(\S.*)", re.IGNORECASE)
+"""A unit of time with the moment of its zero, as in the CF conventions (1.11, section 4.4): ``s since 2021-07-07T12:00:00Z``."""
+
+
+def moment(text: str) -> datetime:
+    """The moment that ISO 8601 text names, to a microsecond; without `tzinfo` where the text has no zone.
+
+    Raises
+    ------
+    ValueError
+        If it is no date with a time of day, such as ``2021-07-07T12:00:00+02:00``.
+    """
+    if not _MOMENT.fullmatch(text):
+        raise ValueError(f"expected a date and time such as 2021-07-07T12:00:00+02:00, got '{text[:40]}'")
+    return datetime.fromisoformat(_plain(text))
+
+
+def tidy(text: str) -> str:
+    """The same moment with a ``T`` between date and time and a decimal point; ValueError as `moment`."""
+    moment(text)
+    return _plain(text)
+
+
+def has_zone(text: str) -> bool:
+    """Whether the moment is known everywhere, and not only on a local clock."""
+    return moment(text).tzinfo is not None
+
+
+def moved(text: str, seconds: float) -> str:
+    """The moment `seconds` later, in the same zone."""
+    later = (moment(text) + timedelta(seconds=seconds)).isoformat()
+    return later.removesuffix("+00:00") + "Z" if later.endswith("+00:00") else later
+
+
+def in_words(text: str | None) -> str:
+    """A start for a reader, who must see where the zone is missing."""
+    if text is None:
+        return "not known"
+    return text if has_zone(text) else f"{text}, local time, zone not given"
+
+
+def split_start(attributes: Mapping[str, str], first: float) -> tuple[str | None, dict[str, str]]:
+    """The moment of time 0 that a file's attributes give, and the attributes without it.
+
+    Ours is ``start_time`` (``start_time_local`` in files of version 0.1.0). ``time_coverage_start`` (ACDD 1.3) is the moment of the first
+    sample, at `first` [s].
+    """
+    for key, seconds in (("start_time", 0.0), ("start_time_local", 0.0), ("time_coverage_start", first)):
+        try:
+            text = tidy(attributes[key])
+        except (KeyError, ValueError):
+            continue
+        ours = key.startswith("start_time")
+        rest = {k: v for k, v in attributes.items() if k != key or not ours}
+        return (text if seconds == 0.0 else moved(text, -seconds)), rest
+    return None, dict(attributes)
+
+
+def _plain(text: str) -> str:
+    return text.replace(" ", "T", 1).replace(" ", "").replace(",", ".")
