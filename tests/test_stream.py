@@ -1,6 +1,7 @@
 """A record in pieces: the same answer as on line at once, in bounded memory, interrupted or not."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -8,8 +9,11 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.formulation import Prior
 from windsysid.identification import identify
+from windsysid.provenance import record_hash
 from windsysid.record import Record
+from windsysid.result import Identification
 from windsysid.simulate import simulate_record
 from windsysid.stream import identify_pieces
 from windsysid.turbine import Turbine
@@ -64,15 +68,70 @@ def test_an_interrupted_run_goes_on_where_it_stopped(verne555: Turbine, whole: R
     np.testing.assert_array_equal(resumed.time, straight.time)
 
 
+@pytest.fixture(scope="module")
+def stopped(verne555: Turbine, whole: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a run left that was interrupted after two pieces."""
+    checkpoint = tmp_path_factory.mktemp("stopped") / "checkpoint.npz"
+    with pytest.raises(KeyboardInterrupt):
+        identify_pieces(_stopping(pieces(whole, 8.0), 2), verne555, checkpoint=checkpoint)
+    return checkpoint
+
+
+def _changed(record: Record, sample: int) -> Record:
+    values = record.values.copy()
+    values[sample, record.channels.index("tower_x_acceleration")] += 1e-9
+    return replace(record, values=values)
+
+
+Call = Callable[[Record, Turbine, Path], Identification]
+
+
+@pytest.mark.parametrize(
+    ("call", "differs"),
+    [
+        (lambda r, t, c: identify_pieces(pieces(_changed(r, 3), 8.0), t, checkpoint=c), "record"),
+        (lambda r, t, c: identify_pieces(pieces(_changed(r, 790), 8.0), t, checkpoint=c), "record"),
+        (lambda r, t, c: identify_pieces(pieces(r.section(0.0, 12.0), 8.0), t, checkpoint=c), "record"),
+        (lambda r, t, c: identify_pieces(pieces(r.section(0.0, 8.0), 8.0), t, checkpoint=c), "record"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t, checkpoint=c, prior=Prior(1.1, 1.1)), "prior"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t, checkpoint=c, parameters=["k_x"]), "parameters"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t, checkpoint=c, sensors=t.sensors[:-1]), "sensors"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t, checkpoint=c, options={"mapping": {"a": 1}}), "mapping"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t.with_values({"k_y": 9000.0}), checkpoint=c), "turbine"),
+    ],
+)  # fmt: skip
+def test_a_checkpoint_is_not_taken_up_by_another_call(
+    verne555: Turbine, whole: Record, stopped: Path, tmp_path: Path, call: Call, differs: str
+):
+    checkpoint = tmp_path / "checkpoint.npz"
+    checkpoint.write_bytes(stopped.read_bytes())
+    with pytest.raises(ConfigurationError, match=rf"another call, which differs in {differs}: .* delete") as caught:
+        call(whole, verne555, checkpoint)
+    assert "\n" not in str(caught.value)
+    assert checkpoint.read_bytes() == stopped.read_bytes()
+
+
+def test_a_record_that_has_grown_since_is_the_same_record(
+    verne555: Turbine, whole: Record, stopped: Path, tmp_path: Path
+):
+    checkpoint = tmp_path / "checkpoint.npz"
+    with pytest.raises(KeyboardInterrupt):  # the record ended at 16 s when the run was interrupted
+        identify_pieces(_stopping([*pieces(whole.section(0.0, 16.0), 8.0)] * 2, 2), verne555, checkpoint=checkpoint)
+    grown = identify_pieces(pieces(whole, 8.0), verne555, checkpoint=checkpoint)
+    assert grown.samples == whole.samples
+    assert grown.provenance is not None
+    assert grown.provenance.record_hash == record_hash(whole)
+
+
 def test_other_pieces_than_those_of_the_interrupted_run_are_refused(verne555: Turbine, whole: Record, tmp_path: Path):
     checkpoint = tmp_path / "checkpoint.npz"
     with pytest.raises(KeyboardInterrupt):
         identify_pieces(_stopping(pieces(whole, 8.0), 2), verne555, checkpoint=checkpoint)
-    with pytest.raises(ConfigurationError, match="expected pieces as long as those of the run that was interrupted"):
+    with pytest.raises(ConfigurationError, match=r"another call, which differs in length of pieces\b"):
         identify_pieces(pieces(whole, 6.0), verne555, checkpoint=checkpoint)
 
 
-def _stopping(records: Iterator[Record], after: int) -> Iterator[Record]:
+def _stopping(records: Iterable[Record], after: int) -> Iterator[Record]:
     for count, record in enumerate(records):
         if count == after:
             raise KeyboardInterrupt

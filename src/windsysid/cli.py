@@ -14,6 +14,7 @@ from windsysid import __version__
 from windsysid.errors import ConfigurationError, WindsysidError
 
 if TYPE_CHECKING:
+    from windsysid.formats.mapping import Mapping as FileMapping
     from windsysid.formulation import Prior
     from windsysid.mechanics.sensors import Sensor
     from windsysid.record import Record
@@ -158,14 +159,18 @@ def identify(
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
 ) -> None:
     """Identify stiffness and damping of a turbine from a record."""
-    from windsysid.formats import read_record
+    from dataclasses import replace
+
+    from windsysid.formats import load_mapping, read_record
     from windsysid.formulation import Prior
     from windsysid.identification import identify as identify_record
     from windsysid.mechanics.sensors import read_sensors
+    from windsysid.provenance import mapping_tables, record_hash
     from windsysid.turbine import load_turbine
 
     write = _claimed(context, output, record, overwrite=overwrite)
     machine = load_turbine(turbine)
+    rules = load_mapping(mapping) if mapping is not None else None
     listed = read_sensors(sensors) if sensors is not None else None
     prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
     with _progress("identify") as progress:
@@ -175,10 +180,10 @@ def identify(
                     "--in-pieces goes with the joint formulation on a whole record: leave --section, --rate, --loads and --add-noise out"
                 )
             length = _quantity("--in-pieces", in_pieces, "s")
-            found, used = _identified_in_pieces(record, machine, listed, prior, mapping, length, output, progress)
+            found, used = _identified_in_pieces(record, machine, listed, prior, rules, length, output, progress)
         else:
-            data = read_record(
-                record, mapping=mapping, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
+            recorded = data = read_record(
+                record, mapping=rules, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
             )
             if add_noise != 0.0:
                 data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
@@ -187,6 +192,12 @@ def identify(
                 data, machine, sensors=listed, formulation=formulation, section=section, prior=prior, rate=rate, loads=loads
             )  # fmt: skip
             used = data.section(*section) if section else data
+            if found.provenance is not None:
+                traced = found.provenance.with_options(file=str(record), mapping=mapping_tables(rules))
+                if add_noise != 0.0:
+                    traced = traced.with_options(add_noise_percent=add_noise, seed=seed)
+                    traced = replace(traced, record_hash=record_hash(recorded))
+                found = replace(found, provenance=traced)
     print(found)
     with _progress("identify") as progress:
         files = found.files()
@@ -208,13 +219,14 @@ def _identified_in_pieces(
     machine: "Turbine",
     listed: Sequence["Sensor"] | None,
     prior: "Prior",
-    mapping: Path | None,
+    mapping: "FileMapping | None",
     length: float,
     output: Path,
     progress: Callable[[str], None],
 ) -> tuple["Identification", "Record"]:
     """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
     from windsysid.formats import iterate_record
+    from windsysid.provenance import mapping_tables
     from windsysid.stream import identify_pieces
 
     checkpoint = _checkpoint(output)
@@ -238,8 +250,16 @@ def _identified_in_pieces(
             yield piece
 
     try:
+        told = {"file": str(record), "in_pieces_s": length, "mapping": mapping_tables(mapping)}
         found = identify_pieces(
-            pieces(), machine, sensors=listed, prior=prior, checkpoint=checkpoint, keep_checkpoint=True, progress=taken
+            pieces(),
+            machine,
+            sensors=listed,
+            prior=prior,
+            checkpoint=checkpoint,
+            keep_checkpoint=True,
+            progress=taken,
+            options=told,
         )
     except KeyboardInterrupt:
         print(f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})", file=sys.stderr)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import TowerModel
 from windsysid.modal import modes_with_bands
+from windsysid.provenance import Provenance, record_hash, trace
 from windsysid.record import Record
 from windsysid.result import SIGMAS, Conditions, Estimate, Identification, coefficient_errors
 from windsysid.signals import resample
@@ -86,6 +87,14 @@ def identify(
     RecordError, ConfigurationError
         If the record does not hold what is needed, or an option is out of range.
     """
+    options = {
+        "formulation": formulation,
+        "section": None if section is None else list(section),
+        "prior": None if prior is None else asdict(prior),
+        "parameters": None if parameters is None else list(parameters),
+        "rate": rate,
+        "loads": loads,
+    }
     recorded = part = record.section(*section) if section else record
     part = part.on_own_times() if formulation == "joint" else part.on_uniform_grid()
     if formulation == "joint":
@@ -96,7 +105,9 @@ def identify(
         outcome = identify_jointly(part, turbine, found, prior or Prior(), parameters, loads=loads)
         outcome = _every(outcome, steps)._replace(notes=(*resampled, *outcome.notes, *faults))
         read = replace(part, time=part.time[::steps], values=part.values[::steps])
-        return conclude(outcome, read, formulation)
+        return conclude(
+            outcome, read, formulation, provenance=trace(record, record_hash(record), turbine, found, options)
+        )
     if formulation == "force-balance":
         _check_length(part, turbine)
         if sensors is not None:
@@ -113,7 +124,8 @@ def identify(
         measured = measured_channels(part, turbine)
         faults = noted(screen(recorded, turbine, measured, others=(*TURNING, *turbine.model.loads)))
         outcome = identify_by_force_balance(whole, part, turbine, prior or Prior(spread=1.0))
-        return conclude(outcome._replace(notes=(*outcome.notes, *faults)), part, formulation)
+        outcome = outcome._replace(notes=(*outcome.notes, *faults))
+        return conclude(outcome, part, formulation, provenance=trace(record, record_hash(record), turbine, (), options))
     raise ConfigurationError(f"formulation: expected joint or force-balance, got '{formulation}'")
 
 
@@ -259,6 +271,7 @@ def conclude(
     section: tuple[float, float] | None = None,
     samples: int | None = None,
     history_time: Array | None = None,
+    provenance: Provenance | None = None,
 ) -> Identification:
     """Put what a formulation found on `record` into physical units, with bands, modes and errors.
 
@@ -335,6 +348,7 @@ def conclude(
         machine=replace(turbine, rotor_speed=speed) if speed > 0.0 else turbine,
         loads=outcome.loads,
         conditions=_conditions(record, speed),
+        provenance=provenance,
     )
 
 

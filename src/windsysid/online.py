@@ -13,11 +13,13 @@ them have come; whenever their number has doubled the mode of the posterior is f
 from there. Blocks grow with the record: a step then never moves θ by much.
 """
 
+import json
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +30,7 @@ from windsysid.likelihood import INCREMENT, SETTLED, THREADS, find_mode, look, n
 from windsysid.output import claim_file
 from windsysid.statespace import StateSpace
 
-__all__ = ["History", "Online", "advance", "begin", "finish", "restore", "save"]
+__all__ = ["History", "Online", "advance", "another_call", "begin", "check_call", "finish", "restore", "save"]
 
 Array = NDArray[np.float64]
 Start = Callable[[Array, Array], tuple[Array, Array]]
@@ -147,45 +149,86 @@ def finish(build: Callable[[Array], StateSpace], online: Online, start: Start | 
     return online, _history([(online.samples, online.theta, online.cov)], len(online.theta))
 
 
-def save(online: Online, history: History, path: Path) -> None:
-    """Write to a NumPy archive all that is needed to go on, and the estimates so far, whole or not at all."""
+def save(
+    online: Online, history: History, path: Path, *, call: Mapping[str, Any] | None = None, taken: str = ""
+) -> None:
+    """Write to a NumPy archive all that is needed to go on, and the estimates so far, whole or not at all.
+
+    Parameters
+    ----------
+    call
+        What must be the same for the file to be taken up, see `check_call`: names and plain values.
+    taken
+        The `windsysid.provenance.RecordHash` of all samples that were taken in.
+    """
     arrays = {name: np.asarray(value) for name, value in online._asdict().items() if name != "bank"}
     arrays |= {f"history_{name}": values for name, values in history._asdict().items()}
     if online.bank is not None:
         bank = online.bank
         arrays |= {"bank_mean": bank.mean, "bank_cov": bank.cov, "bank_inputs": bank.inputs}
         arrays["bank_samples"] = np.asarray(bank.samples)
+    arrays |= {"call": np.asarray(json.dumps(dict(call or {}))), "taken": np.asarray(taken)}
     with claim_file(path, overwrite=True) as write:
         write(lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
 
 
-def restore(build: Callable[[Array], StateSpace], path: Path) -> tuple[Online, History]:
-    """What `save` wrote: going on from it gives what going on without a stop would have given, bit for bit.
+def check_call(path: Path, call: Mapping[str, Any]) -> None:
+    """Refuse a checkpoint that `save` wrote for another `call`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file is not one of ours, or belongs to another call; the line names what differs.
+    """
+    with _checkpoint(path) as archive:
+        before, now = json.loads(str(archive["call"])), json.loads(json.dumps(call))
+    differ = [name for name in now if before.get(name) != now[name]]
+    if differ:
+        raise another_call(path, differ)
+
+
+def another_call(path: Path, differ: Sequence[str]) -> ConfigurationError:
+    """The refusal of a checkpoint that belongs to another call."""
+    return ConfigurationError(
+        f"{path}: was left by another call, which differs in {', '.join(differ)}: repeat that call, choose another output, or delete "
+        "the checkpoint to begin anew"
+    )
+
+
+def restore(build: Callable[[Array], StateSpace], path: Path) -> tuple[Online, History, str]:
+    """What `save` wrote, and the hash `taken`: going on from it gives what going on without a stop would have given, bit for bit.
 
     Raises
     ------
     ConfigurationError
         If the file is not one of ours, or belongs to another problem.
     """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = dict(archive)
+    with _checkpoint(path) as archive:
+        arrays = dict(archive)
         fields = {name: arrays[name] for name in Online._fields if name != "bank"}
         online = Online(**fields, bank=None)._replace(first=int(arrays["first"]), samples=int(arrays["samples"]))
         history = History(*(arrays[f"history_{name}"] for name in History._fields))
+        taken = str(arrays["taken"])
         if "bank_mean" not in arrays:
-            return online, history
+            return online, history, taken
         bank = bank_of([build(theta) for theta in neighbours(online.theta, online.widths, central=True)])
         if bank.mean.shape != arrays["bank_mean"].shape:
             raise ValueError("another model")
         mean, cov, inputs = arrays["bank_mean"], arrays["bank_cov"], arrays["bank_inputs"]
+        bank = bank._replace(mean=mean, cov=cov, inputs=inputs, samples=int(arrays["bank_samples"]))
+    return online._replace(bank=bank), history, taken
+
+
+@contextmanager
+def _checkpoint(path: Path) -> Iterator[Any]:
+    """The arrays of a checkpoint; ConfigurationError if they are none."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            yield archive
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise ConfigurationError(
-            f"{path}: expected where an earlier run with the same turbine, sensors and options stopped, got something else ({error}): "
-            "delete it to begin anew"
+            f"{path}: expected where an earlier run of this version stopped, got something else ({error}): delete it to begin anew"
         ) from None
-    bank = bank._replace(mean=mean, cov=cov, inputs=inputs, samples=int(arrays["bank_samples"]))
-    return online._replace(bank=bank), history
 
 
 def _history(rows: list[tuple[int, Array, Array]], n: int) -> History:

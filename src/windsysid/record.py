@@ -20,8 +20,8 @@ import numpy.typing as npt
 
 from windsysid.checks import UNIFORM, Array, check_channels, check_rows, refuse_outside
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.quantities import implied_unit, missing_units
 from windsysid.moments import split_start, tidy
+from windsysid.quantities import implied_unit, missing_units
 from windsysid.units import UNITS, canonical, si_unit, to_si
 
 if TYPE_CHECKING:

@@ -2,11 +2,13 @@
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING
 
+from windsysid.moments import in_words, moved
+from windsysid.provenance import Provenance
 from windsysid.record import Record
 from windsysid.result import Identification
 from windsysid.units import unit_text
@@ -29,12 +31,17 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with paragraphs, tables and figures, each with its caption; a figure that is also a file of its own comes as PNG."""
+    """A heading with paragraphs, tables, figures, each with its caption, and text as a file has it; `folded` until it is clicked at.
+
+    A figure that is also a file of its own comes as PNG.
+    """
 
     title: str
     text: Sequence[str] = ()
     tables: Sequence[Table] = ()
     figures: "Sequence[tuple[Figure | bytes, str]]" = ()
+    file: str = ""
+    folded: bool = False
 
 
 def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes:
@@ -48,6 +55,8 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
             "title": section.title,
             "text": section.text,
             "tables": section.tables,
+            "file": section.file,
+            "folded": section.folded,
             "figures": [{"data": _embedded(figure), "caption": caption} for figure, caption in section.figures],
         }
         for section in sections
@@ -107,6 +116,7 @@ def identification_report(identification: Identification, record: Record) -> byt
         ),
         *([_load_section(i)] if i.loads is not None and i.loads.names else []),
         Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")]),
+        *([_provenance_section(i, i.provenance)] if i.provenance is not None else []),
     ]
     subtitle = (
         f"{i.turbine} · {i.record}, {i.section[0]:g}–{i.section[1]:g} s at {i.rate:g} Hz · {i.formulation} formulation, {i.method}, "
@@ -121,6 +131,40 @@ def _load_section(identification: Identification) -> Section:
 
     caption = "The loads that moved the structure, as the filter knew them at the result: over the record, and a stretch of it with ±2σ."
     return Section("The loads", figures=[(plot_loads(identification), caption)])
+
+
+def _provenance_section(identification: Identification, provenance: Provenance) -> Section:
+    """Where the result comes from: what is needed to find the record again and to repeat the identification."""
+    import tomli_w
+
+    from windsysid.turbinefile import as_tables
+
+    start, (begin, end) = provenance.start, identification.section
+    used = f"{begin:g} … {end:g} s"
+    if start is not None:
+        used += f", {moved(start, begin)} … {moved(start, end)}"
+    rows = [
+        ("record", identification.record),
+        ("start of the record", in_words(start)),
+        ("section used", used),
+        ("record, hash of all values", provenance.record_hash),
+        ("turbine, hash of its file", provenance.turbine_hash),
+        ("windsysid", provenance.windsysid),
+        ("identified", provenance.identified),
+        *((f"option {name}", _plain(value)) for name, value in provenance.options.items()),
+        *((f"sensor {i}", _plain(sensor)) for i, sensor in enumerate(provenance.sensors, 1)),
+    ]
+    machine = identification.machine
+    file = "" if machine is None else tomli_w.dumps(as_tables(machine))
+    text = "What is needed to find the record again and to repeat the identification. Below: the turbine as it was identified."
+    return Section("Provenance", text=[text], tables=[Table(("", ""), rows, words=(0, 1))], file=file, folded=True)
+
+
+def _plain(value: object) -> str:
+    """An option in words."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}: {_plain(item)}" for key, item in value.items() if item is not None)
+    return "default" if value is None else str(value)
 
 
 WHITENESS = (

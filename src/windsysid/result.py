@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid.diagnostics import Diagnosis
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, RecordError
 from windsysid.modal import Mode
 from windsysid.output import Saveable, result_file
+from windsysid.provenance import Provenance
 from windsysid.statespace import Parameter
 from windsysid.statistics import Statistic
 from windsysid.turbine import Turbine
@@ -92,6 +93,9 @@ NOT_RECORDED = Conditions()
 PRIORS = {"prior_centre": "centre", "prior_spread": "spread", "logarithmic": "logarithmic", "coordinate_scale": "scale"}
 """What ``identification.nc`` holds of a `Parameter`, and under which names."""
 
+LEARNED = ("given", "estimate", "low", "high", "spread")
+"""What it holds of a `Statistic`."""
+
 
 class Posterior(NamedTuple):
     """What a result says about a turbine: all that a question after it needs.
@@ -108,6 +112,14 @@ class Posterior(NamedTuple):
         Whether nothing spoke against the result.
     conditions
         How the turbine ran.
+    start
+        The moment of the record's time 0, as `windsysid.record.Record.start`; None where it is not known.
+    record_hash
+        `windsysid.provenance.record_hash` of the whole record; None where it is not known.
+    section
+        Start and end of what was used [s], on the record's clock; None where it is not known.
+    statistics
+        What was learned of loads and noise.
     """
 
     turbine: Turbine
@@ -117,6 +129,10 @@ class Posterior(NamedTuple):
     record: str
     trusted: bool
     conditions: Conditions = NOT_RECORDED
+    start: str | None = None
+    record_hash: str | None = None
+    section: tuple[float, float] | None = None
+    statistics: tuple[Statistic, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -162,6 +178,8 @@ class Identification(Saveable):
         equations of one's own.
     conditions
         How the turbine ran.
+    provenance
+        Which record, turbine, sensors, options and version it comes from; None where nobody said it.
     """
 
     method: str
@@ -189,6 +207,7 @@ class Identification(Saveable):
     loads: "Loads | None" = None
     machine: Turbine | None = None
     conditions: Conditions = NOT_RECORDED
+    provenance: Provenance | None = None
     diagnosis: Diagnosis = field(kw_only=True)
 
     def __getitem__(self, name: str) -> Estimate:
@@ -220,7 +239,12 @@ class Identification(Saveable):
         theta = np.array([q.coordinate(values[q.name]) for q in self.parameters])
         turbine = self.machine.with_values(values)
         name = _section_name(self.record, *self.section)
-        return Posterior(turbine, self.parameters, theta, self.cov, name, self.diagnosis.trusted, self.conditions)
+        known = self.provenance
+        return Posterior(
+            turbine, self.parameters, theta, self.cov, name, self.diagnosis.trusted, self.conditions,
+            start=None if known is None else known.start, record_hash=None if known is None else known.record_hash,
+            section=self.section, statistics=self.statistics,
+        )  # fmt: skip
 
     def history(self, name: str) -> tuple[Array, Array, Array]:
         """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
@@ -235,6 +259,7 @@ class Identification(Saveable):
             "method": self.method,
             "formulation": self.formulation,
             "record": self.record,
+            "start": None if self.provenance is None else self.provenance.start,
             "turbine": self.turbine,
             "sensors": list(self.sensors),
             "section": list(self.section),
@@ -249,6 +274,7 @@ class Identification(Saveable):
             "statistics": {s.name: asdict(s) for s in self.statistics},
             "diagnosis": self.diagnosis.summary(),
             "notes": list(self.notes),
+            "provenance": None if self.provenance is None else self.provenance.summary(),
         }
 
     def to_json(self) -> str:
@@ -285,6 +311,13 @@ class Identification(Saveable):
             variables["load"] = (axis, "load_name"), self.loads.mean, {}
             variables["load_std"] = (axis, "load_name"), self.loads.std, {}
             variables["load_name"] = ("load_name",), np.array(self.loads.names, dtype=object), {}
+        if self.statistics:
+            variables["statistic"] = ("statistic",), np.array([s.name for s in self.statistics], dtype=object), {}
+            units = np.array([s.unit for s in self.statistics], dtype=object)
+            variables["statistic_unit"] = ("statistic",), units, {}
+            for what in LEARNED:
+                numbers = np.array([getattr(s, what) for s in self.statistics], dtype=np.float64)
+                variables[f"statistic_{what}"] = ("statistic",), numbers, {}
         if axis != "time":
             variables[axis] = (axis,), self.innovation_time, {"units": "s"}
         return variables
@@ -293,9 +326,18 @@ class Identification(Saveable):
         """What ``identification.nc`` says of the whole."""
         import tomli_w
 
+        from windsysid import __version__
         from windsysid.turbinefile import as_tables
 
+        known = self.provenance
+        traced: dict[str, Any] = {}
+        if known is not None:
+            traced = {"record_hash": known.record_hash, "provenance": json.dumps(finite(known.summary()))}
+            if known.start is not None:
+                traced["record_start"] = known.start
         return {
+            "windsysid_version": __version__,
+            **traced,
             **{"method": self.method, "formulation": self.formulation, "record": self.record},
             **{"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)},
             **{"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)},
@@ -308,6 +350,8 @@ class Identification(Saveable):
         """What `save` writes: ``summary.json``, and ``identification.nc``, which is `to_xarray` as netCDF-4."""
         import h5netcdf
         import h5py  # type: ignore[import-untyped,unused-ignore]
+
+        from windsysid.formats.netcdf import sealed
 
         # xarray would write the same; to import it takes longer than to read, write and print.
         written = io.BytesIO()  # a disk that is full makes HDF5 end the interpreter: it gets none
@@ -322,7 +366,7 @@ class Identification(Saveable):
                 )
                 variable.attrs.update(attributes)
             file.attrs.update(self._attributes())
-        return {"summary.json": self.to_json().encode(), "identification.nc": written.getvalue()}
+        return {"summary.json": self.to_json().encode(), "identification.nc": sealed(written.getvalue())}
 
     def table(self) -> "Table":
         """The estimates as a Rich table."""
@@ -396,22 +440,36 @@ def load_posterior(folder: str | Path) -> Posterior:
     Raises
     ------
     ConfigurationError
-        If there is none, or it was written by a version that did not keep the turbine.
+        If there is none, it was changed after windsysid wrote it, or it was written by a version that did not keep the turbine.
     """
     import h5netcdf
 
+    from windsysid.formats.netcdf import check_seal
     from windsysid.turbinefile import parse_turbine
 
     path = result_file(folder, "identification.nc")
+    changed = ConfigurationError(
+        f"result {folder}: identification.nc was damaged or changed after windsysid wrote it: copy it again, or identify the record again"
+    )
     try:
+        sealed = check_seal(path)  # first: HDF5 may hang in a damaged file
         with h5netcdf.File(path, decode_vlen_strings=True) as file:
             text, trusted = file.attrs["turbine_file"], file.attrs["trusted"]
-            record = _section_name(*(file.attrs[key] for key in ("record", "section_start_s", "section_end_s")))
+            if not sealed and "windsysid_version" in file.attrs:  # version 0.1.0 wrote neither
+                raise changed
+            begun, ended = (float(file.attrs[key]) for key in ("section_start_s", "section_end_s"))
+            record = _section_name(file.attrs["record"], begun, ended)
+            start, found = (file.attrs.get(key) for key in ("record_start", "record_hash"))
+            learned = _read_statistics(file)
             means = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
             conditions = Conditions(*(None if mean is None else float(mean) for mean in means))
             names = file["parameter"][...].tolist()
             estimate, *columns = (file[key][...].tolist() for key in ("final_estimate", *PRIORS))
             cov = file["cov"][...]
+    except ConfigurationError:
+        raise
+    except RecordError:
+        raise changed from None
     except (OSError, ValueError) as error:
         raise ConfigurationError(
             f"result {folder}: expected a folder that windsysid identify wrote, got no identification.nc that can be read "
@@ -431,7 +489,23 @@ def load_posterior(folder: str | Path) -> Posterior:
     )
     theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
     identified = turbine.with_values(dict(zip(names, estimate, strict=True)))
-    return Posterior(identified, parameters, theta, cov, str(record), bool(trusted), conditions)
+    return Posterior(
+        identified, parameters, theta, cov, record, bool(trusted), conditions,
+        start, found, section=(begun, ended), statistics=learned,
+    )  # fmt: skip
+
+
+def _read_statistics(file: Any) -> tuple[Statistic, ...]:
+    """What an open ``identification.nc`` says of loads and noise; nothing in one of version 0.1.0."""
+    if "statistic" not in file.variables:
+        return ()
+    names, units, *numbers = (
+        file[key][...].tolist() for key in ("statistic", "statistic_unit", *(f"statistic_{what}" for what in LEARNED))
+    )
+    return tuple(
+        Statistic(name, unit, **dict(zip(LEARNED, row, strict=True)))
+        for name, unit, *row in zip(names, units, *numbers, strict=True)
+    )
 
 
 def _section_name(record: str, start: float, end: float) -> str:

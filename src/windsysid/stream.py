@@ -1,19 +1,23 @@
 """Records too long for memory, piece by piece: the joint formulation on line, interruptible and resumable.
 
 Each piece goes through `windsysid.online.advance`, whose memory does not grow; what it knows is written beside the output after every
-piece. The same call on the same record goes on from there, and ends where an uninterrupted one would have ended, bit for bit.
+piece. The same call on the same record goes on from there, and ends where an uninterrupted one would have ended, bit for bit. The checkpoint
+says which call it belongs to, and the hash of all samples that were taken in: another call does not take it up. A record that has grown
+since is the same record, if what was taken in is still there.
 """
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid.errors import ConfigurationError, RecordError
+from windsysid import __version__
+from windsysid.errors import RecordError
 from windsysid.filters import EKF
 from windsysid.formulation import Outcome, Prior, check_finite, known_inputs, known_loads
 from windsysid.identification import conclude, screened, usable_sensors
@@ -21,7 +25,8 @@ from windsysid.inspect.health import Finding
 from windsysid.inspect.screening import noted
 from windsysid.joint import first_estimate
 from windsysid.mechanics.sensors import Sensor
-from windsysid.online import History, Online, advance, begin, finish, restore, save
+from windsysid.online import History, Online, advance, another_call, begin, check_call, finish, restore, save
+from windsysid.provenance import RecordHash, record_hash, sensor_tables, trace, turbine_hash
 from windsysid.record import Record
 from windsysid.result import Identification
 from windsysid.stateonly import Problem, pose
@@ -32,6 +37,9 @@ __all__ = ["identify_pieces"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
+
+_BEGINNING = 1000
+"""Samples by which another record is told at once; that all others are the same is seen where the checkpoint is reached."""
 
 
 def identify_pieces(
@@ -44,6 +52,7 @@ def identify_pieces(
     checkpoint: str | Path | None = None,
     keep_checkpoint: bool = False,
     progress: Progress | None = None,
+    options: Mapping[str, Any] | None = None,
 ) -> Identification:
     """Identify stiffness and damping from a record that comes in pieces, in bounded memory.
 
@@ -63,6 +72,8 @@ def identify_pieces(
         Leave it there: who saves the result deletes it then, and nothing is lost if the disk is full or the process is killed before.
     progress
         Called with the time [s] reached after each piece.
+    options
+        Plain values that tell more of the call: kept with the result, and with the checkpoint, which another call does not take up.
 
     Raises
     ------
@@ -78,10 +89,10 @@ def identify_pieces(
         if run is None:
             found = usable_sensors(part, turbine, sensors)
             faults += screened(piece, turbine, found)
-            run = _Run(part, turbine, found, prior or Prior(), parameters, checkpoint)
-            run.take(part)
+            run = _Run(piece, part, turbine, found, prior or Prior(), parameters, checkpoint, options or {})
+            run.take(piece, part)
         else:
-            run.take(part)
+            run.take(piece, part)
             faults += screened(piece, turbine, found, refuse=False)
         if progress:
             progress(float(part.time[-1]))
@@ -98,9 +109,24 @@ class _Run:
     """One pass over the pieces."""
 
     def __init__(
-        self, first: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
-        checkpoint: Path | None,
+        self, piece: Record, first: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
+        checkpoint: Path | None, options: Mapping[str, Any],
     ) -> None:  # fmt: skip
+        listed = None if chosen is None else list(chosen)
+        beginning = replace(piece, time=piece.time[:_BEGINNING], values=piece.values[:_BEGINNING])
+        self.call = {
+            "version": __version__,
+            "turbine": turbine_hash(turbine),
+            "sensors": sensor_tables(sensors),
+            "prior": asdict(prior),
+            "parameters": listed,
+            "mapping": options.get("mapping"),
+            "length of pieces": first.samples,
+            "record": record_hash(beginning),
+        }
+        resumed = checkpoint is not None and checkpoint.exists()
+        if checkpoint is not None and resumed:
+            check_call(checkpoint, self.call)
         self.problem: Problem = pose(first, turbine, sensors, prior, chosen)
         self.rate, self.checkpoint = first.rate, checkpoint
         self.begun = float(first.time[0])
@@ -108,29 +134,32 @@ class _Run:
         self.taken: int = 0
         self.histories: list[History] = []
         self.last: tuple[Record, Array, Array] | None = None
+        self.hash, self.expected = RecordHash(), ""
+        self.given: tuple[Record, Turbine, Sequence[Sensor]] = piece, turbine, sensors
+        self.options = {"formulation": "joint", "prior": asdict(prior), "parameters": listed, **options}
         columns = self.problem.inputs.shape[1], self.problem.readings.shape[1]
         self.online: Online = begin(*self.problem.prior, first_estimate(self.problem.turbine, self.rate), columns)
-        if checkpoint is not None and checkpoint.exists():
-            self.online, earlier = restore(self.problem.build, checkpoint)
+        if checkpoint is not None and resumed:
+            self.online, earlier, self.expected = restore(self.problem.build, checkpoint)
             self.histories.append(earlier)
             self.known = self.online.reached
 
-    def take(self, piece: Record) -> None:
-        """The next piece, and the samples missing before it."""
+    def take(self, whole: Record, piece: Record) -> None:
+        """The next piece as it was recorded and on a uniform grid, and the samples missing before it."""
+        self.hash.take(whole)
         inputs, readings = self._arrays(piece)
         self.last = piece, inputs, readings
         self.taken += len(readings)
-        if self.taken <= self.known:
-            return
         if self.taken - len(readings) < self.known:
-            raise ConfigurationError(
-                f"checkpoint {self.checkpoint}: expected pieces as long as those of the run that was interrupted: "
-                "choose the same length, or delete the checkpoint to begin anew"
-            )
+            if self.checkpoint is not None and (
+                self.taken > self.known or (self.taken == self.known and str(self.hash) != self.expected)
+            ):
+                raise another_call(self.checkpoint, ["record"])
+            return
         self.online, history = advance(self.problem.build, self.online, inputs, readings, self.problem.start)
         self.histories.append(history)
         if self.checkpoint is not None:
-            save(self.online, _joined(self.histories), self.checkpoint)
+            save(self.online, _joined(self.histories), self.checkpoint, call=self.call, taken=str(self.hash))
 
     def _arrays(self, piece: Record) -> tuple[Array, Array]:
         """Inputs and readings, continued from the piece before."""
@@ -161,12 +190,15 @@ class _Run:
     def conclude(self, elapsed: float) -> Identification:
         """The result, judged on the last piece."""
         problem = self.problem
+        if self.checkpoint is not None and self.taken < self.known:
+            raise another_call(self.checkpoint, ["record"])
         self.online, rest = finish(problem.build, self.online, problem.start)
         check_finite(self.online.theta, self.online.precision)
         history = _joined([*self.histories, rest])
         if self.last is None:
             raise RecordError("no pieces: expected at least one, got an empty record")
         piece, inputs, readings = self.last
+        first, turbine, sensors = self.given
         n = len(problem.parameters)
         final = problem.build(self.online.theta)
         info = EKF.run(final, EKF.init(final), inputs, readings)[1]
@@ -190,6 +222,7 @@ class _Run:
         return conclude(
             outcome, piece, "joint", section=(self.begun, float(piece.time[-1])), samples=self.taken,
             history_time=self.begun + (history.samples - 1) / self.rate,
+            provenance=trace(first, str(self.hash), turbine, sensors, self.options),
         )  # fmt: skip
 
 

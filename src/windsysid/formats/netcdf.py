@@ -165,7 +165,6 @@ def sealed(content: bytes) -> bytes:
     return content + _SEAL + b"%08x\n" % zlib.crc32(content)
 
 
-
 def check_seal(path: Path) -> bool:
     """Refuse a file that was changed after windsysid sealed it; False for one without a seal, which is somebody else's.
 
