@@ -144,3 +144,46 @@ def test_a_tolerated_jump_is_no_alarm_however_sure():
     limit, rates = threshold(1e-6), Rates(0.0, 1.0)
     assert track(y, r, x, vague(1), rates, limit=limit, first=500).stopped > 1000
     assert track(y, r, x, vague(1), rates, limit=limit, first=500, tolerated=0.5).stopped == -1
+
+
+def brute_force(y: np.ndarray, r: np.ndarray, x: np.ndarray, n: int, window: int) -> tuple[float, int]:
+    """The highest drop of the sum of squares, by least squares (NumPy), of one more column: a jump in the last 1 … `window` of n blocks."""
+    weight = 1.0 / np.sqrt(r[:n])
+    b = y[:n] * weight
+
+    def squares(*columns: np.ndarray) -> float:
+        A = np.column_stack([np.ones(n), x[:n], *columns]) * weight[:, None]
+        return float(np.sum((b - A @ np.linalg.lstsq(A, b)[0]) ** 2))
+
+    starts = range(max(1, n - window), n)
+    drops = [squares() - squares((np.arange(n) >= k).astype(float)) for k in starts]
+    return max(drops), starts[int(np.argmax(drops))]
+
+
+@pytest.mark.parametrize("window", [1, 2, 25])
+def test_a_jump_is_looked_for_in_windows_of_every_length_up_to_the_longest(
+    monkeypatch: pytest.MonkeyPatch, window: int
+):
+    unclipped(monkeypatch)
+    monkeypatch.setattr(glr, "SPACING", 0.0)
+    monkeypatch.setattr(glr, "WINDOW", window)
+    y, r, x = series(70, slopes=(0.5,), seed=7)
+    y[30:] += 3.0
+    done = track(y, r, x, vague(2, 1e8), Rates(0.0, 1.0))
+    for n in (20, 30, 31, 32, 30 + window, 31 + window, 70):
+        highest, k = brute_force(y, r, x, n, window)
+        assert done.statistic[n - 1] == pytest.approx(highest, rel=1e-4), n
+        assert done.since[n - 1] == k
+
+
+def test_a_jump_is_looked_for_ninety_days_back_and_no_longer():
+    ninety_days = 90 * 24 * 6  # records of 10 minutes
+    assert ninety_days == glr.WINDOW
+    jump, count = 40, ninety_days + 2000
+    y = np.random.default_rng(8).standard_normal(count) + 8.0 * (np.arange(count) >= jump)
+    done = track(y, np.ones(count), np.empty((count, 0)), vague(1, 1e8), Rates(0.0, 1.0))
+    age = np.arange(1, count + 1) - done.since
+    assert age[jump:].max() <= ninety_days
+    # The blocks k that are kept lie a tenth of their age apart, so that one near the jump is the likeliest until it is too old.
+    assert abs(done.since[jump + ninety_days - ninety_days // 5] - jump) < 0.1 * ninety_days
+    assert done.since[-1] >= count - ninety_days > jump

@@ -282,7 +282,7 @@ def _run(
         for c in range(kept):
             age = t - begun[c] + 1
             crowded = last >= 0 and 0 < c < kept - 1 and begun[c + 1] - begun[last] <= spacing * age
-            if age > window or crowded:
+            if age >= window or crowded:  # one older by the next block
                 continue
             last += 1
             if last != c:
