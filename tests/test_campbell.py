@@ -16,7 +16,7 @@ from windsysid.campbell import Campbell, Margin, find_modes
 from windsysid.errors import ConfigurationError
 from windsysid.identification import identify
 from windsysid.mechanics import RotorModel, compile_model
-from windsysid.modal import analyse
+from windsysid.modal import analyse, directions_of, modes_with_bands, unlocked
 from windsysid.result import Posterior, load_posterior
 from windsysid.simulate import simulate_record
 from windsysid.stability import meeting_speed, unstable_ranges
@@ -175,12 +175,78 @@ def test_a_saved_result_gives_the_bands_of_the_one_in_memory(tmp_path: Path, ver
     np.testing.assert_array_equal(loaded.cov, kept.cov)
     found = find_modes(loaded, speeds=(7.1, 7.4), operating=(7.2, 7.3))
     assert len(found.curves) == len(result.modes)
-    for curve, mode in zip(found.curves, result.modes, strict=True):  # there, gravity and imbalance are averaged away
-        # (seed 2 has tower x within a hair of 1.5P, where Floquet's theory holds it: the diagram steps aside)
-        (f, low, high), _ = curve.at(found.usual)
+    for curve, mode in zip(found.curves, result.modes, strict=True):
+        # (seed 2 has tower x within a hair of 1.5P, where Floquet's theory holds it: both step aside)
         assert curve.name == mode.name
-        assert f == pytest.approx(mode.frequency_hz[0], rel=1e-3)
-        assert high - low == pytest.approx(mode.frequency_hz[2] - mode.frequency_hz[1], rel=0.03)
+        for ours, theirs in zip(curve.at(found.usual), (mode.frequency_hz, mode.damping_ratio), strict=True):
+            assert ours == pytest.approx(theirs, rel=1e-6)
+
+
+@pytest.mark.parametrize(("name", "values"), [("verne555", {}), ("nrel5mw", {}), ("nrel5mw", {"k_beta_2": 1.01})])
+def test_an_identification_and_the_diagram_give_one_answer_however_narrow_the_bands(
+    name: str, values: dict[str, float]
+):
+    # Posteriors as narrow as a free decay's: stiffness to 1e-5, damping to 1e-3. At every speed the diagram has Floquet's theory,
+    # which test_modal.py holds against SciPy's integrator.
+    turbine = load_turbine(name)
+    turbine = turbine.with_values({key: factor * turbine.values[key] for key, factor in values.items()})
+    names = [n for n in turbine.model.coefficients if turbine.values[n] != 0.0]
+    posterior = uncertain(turbine, **{n: 1e-5 if n.startswith("k_") else 1e-3 for n in names})
+    model, cov = compile_model(turbine.model), posterior.cov
+    p = np.array([turbine.values[n] for n in model.parameters])
+    known = (turbine.rotor_speed, posterior.parameters, posterior.theta, cov, p)
+    printed = modes_with_bands(turbine.model, model, p, *known)
+    along = directions_of(model, posterior.parameters, posterior.theta)
+    floquet = analyse(turbine.model, model, p, turbine.rotor_speed, along, method="Floquet")
+    assert floquet.names == tuple(mode.name for mode in printed)
+    values_of = (floquet.frequency, floquet.damping)
+    for which, slopes in enumerate(floquet.frequency_and_damping_slopes()):
+        sigma = np.sqrt(np.einsum("mi,ij,mj->m", slopes, cov, slopes))
+        assert np.all(sigma < 2e-3 * values_of[which])
+        ours = np.array([(mode.frequency_hz, mode.damping_ratio)[which] for mode in printed])
+        np.testing.assert_allclose((ours[:, 0] - values_of[which]) / sigma, 0.0, atol=0.1)
+        np.testing.assert_allclose((ours[:, 2] - ours[:, 1]) / (4.0 * sigma), 1.0, atol=0.01)
+
+
+def test_a_turn_too_slow_for_floquet_still_has_modes_in_an_identification(verne555: Turbine):
+    # An idling rotor, 0.001 rpm: the diagram leaves it out at once, and the average over a turn is a standing rotor's but for gravity.
+    posterior = uncertain(verne555, k_x=1e-2)
+    model = compile_model(verne555.model)
+    p = np.array([verne555.values[n] for n in model.parameters])
+    known = (posterior.parameters, posterior.theta, posterior.cov, p)
+    idling, standing = (modes_with_bands(verne555.model, model, p, speed, *known) for speed in (1e-3 / RPM, 0.0))
+    assert [mode.name for mode in idling if mode.name.startswith("tower")] == ["tower y", "tower x"]
+    assert idling[0].frequency_hz == pytest.approx(standing[0].frequency_hz, rel=1e-4)
+    with pytest.raises(ConfigurationError, match="too slow a turn for Floquet's theory"):
+        analyse(verne555.model, model, p, 1e-3 / RPM)
+
+
+def test_stepping_aside_from_a_lock_does_not_move_the_other_modes():
+    # One mode of verne555 is put on 1.5P by its spring, where it is held. A whirl goes with the speed, so that stepping to one
+    # side by 1e-3 would move it by 1e-3 Ω; the others hardly know of the mode that is held.
+    turbine = load_turbine("verne555").with_values({"c_x": 0.01})
+    model = compile_model(turbine.model)
+
+    def at(k_x: float) -> np.ndarray:
+        values = dict(turbine.values) | {"k_x": k_x}
+        return np.array([values[n] for n in model.parameters])
+
+    speed = turbine.rotor_speed
+
+    def off(k_x: float) -> float:
+        found = analyse(turbine.model, model, at(k_x), speed, method="Coleman")
+        return float(found.exponents[found.names.index("tower x")].imag) / speed - 1.5
+
+    k = brentq(off, 0.9 * turbine.values["k_x"], 1.2 * turbine.values["k_x"])
+    candidates = k * (1.0 + np.linspace(-2e-5, 2e-5, 41))
+    held = next((value for value in candidates if analyse(turbine.model, model, at(value), speed).locked), None)
+    assert held is not None
+    beside = unlocked(turbine.model, model, at(held), speed)
+    softer, stiffer = (analyse(turbine.model, model, at(held * factor), speed) for factor in (0.998, 1.002))
+    assert not any(s.locked for s in (beside, softer, stiffer))
+    for name in ("lag backward", "lag collective", "lag forward"):
+        a, low, high = (float(s.frequency[s.names.index(name)]) for s in (beside, softer, stiffer))
+        assert a == pytest.approx(0.5 * (low + high), rel=1e-5), name
 
 
 def test_speeds_too_slow_for_a_mode_are_left_out_and_said():

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.rotor import RotorModel
-from windsysid.modal import Spectrum, analyse, directions_of, obstacles
+from windsysid.modal import Spectrum, analyse, directions_of, obstacles, unlocked
 from windsysid.output import Saveable
 from windsysid.result import SIGMAS, Identification, Posterior, finite
 from windsysid.stability import NEUTRAL, GroundResonance, Unstable, meeting_speed, unstable_ranges
@@ -44,9 +44,6 @@ ROUNDS = 5
 
 AROUND = 0.1
 """The operating range by default: the usual speed and this share of it to either side."""
-
-ASIDE = (1e-3, -1e-3, 3e-3, -3e-3)
-"""Shares of the rotor speed by which to step aside from a narrow lock."""
 
 RPM = 30.0 / math.pi
 
@@ -397,13 +394,7 @@ class _Machine:
 
     def spectrum(self, speed: float) -> Spectrum:
         """The modes at a speed, or a hair beside it where one is locked to the rotor and so narrowly that its band would vanish."""
-        found = analyse(self.turbine.model, self.model, self.p, speed, self.directions)
-        if found.locked:
-            for share in ASIDE:
-                beside = analyse(self.turbine.model, self.model, self.p, (1.0 + share) * speed, self.directions)
-                if not beside.locked:
-                    return beside._replace(growth=found.growth)
-        return found
+        return unlocked(self.turbine.model, self.model, self.p, speed, self.directions)
 
     def growth(self, speed: float) -> float:
         return analyse(self.turbine.model, self.model, self.p, speed).growth

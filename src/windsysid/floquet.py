@@ -31,6 +31,9 @@ STAGES = 6
 LEAST_STEPS = 24
 """In a period, however slow the system."""
 
+MOST_STEPS = 4000
+"""In a period: a turn that takes longer is too slow."""
+
 REACH = 1.0
 """Step times the largest eigenvalue of A: the error of a step is then about 2e-13."""
 
@@ -87,7 +90,7 @@ def floquet(system: Callable[[Array], Array], period: float, steps: int | None =
     Raises
     ------
     ConfigurationError
-        If a mode dies out within a period, so that nothing of it is left to see.
+        If a mode dies out within a period, so that nothing of it is left to see, or a period holds more than `MOST_STEPS` steps.
     """
     time, fundamental = _fundamental(system, period, steps or steps_needed(system, period))
     multipliers, vectors = np.linalg.eig(fundamental[-1])
@@ -101,9 +104,20 @@ def floquet(system: Callable[[Array], Array], period: float, steps: int | None =
 
 
 def steps_needed(system: Callable[[Array], Array], period: float) -> int:
-    """Steps for an error of about 1e-12 in a period."""
+    """Steps for an error of about 1e-12 in a period.
+
+    Raises
+    ------
+    ConfigurationError
+        If they are more than `MOST_STEPS`.
+    """
     samples = system(np.arange(8.0) * (period / 8.0))
     fastest = max(float(np.abs(np.linalg.eigvals(A)).max()) for A in samples)
+    if fastest * period > MOST_STEPS * REACH:
+        raise ConfigurationError(
+            f"a turn of {period:.3g} s holds {fastest * period / (2.0 * math.pi):.3g} vibrations, too slow a turn for Floquet's theory: "
+            "choose a higher rotor speed"
+        )
     return max(LEAST_STEPS, math.ceil(fastest * period / REACH))
 
 
