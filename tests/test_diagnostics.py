@@ -218,13 +218,84 @@ def test_the_shift_is_measured_in_what_was_to_be_expected():
     assert np.std(shifts) == pytest.approx(1.0, abs=0.06)
 
 
-def test_what_the_prior_decided_and_negative_damping_are_remarked():
+def test_what_the_prior_decided_is_remarked():
     c = Parameter("c_x", 2.0, 1.0, False, 10.0)
-    found = diagnosed(white(), parameters=(c,), theta=np.array([-0.1]), cov=np.array([[0.03**2]]))
-    assert any("c_x is negative" in remark for remark in found.remarks)
     found = diagnosed(white(), parameters=(c,), theta=np.array([0.2]), cov=np.array([[0.09**2]]))
     assert found.remarks == ("c_x: 19 % from the data, its band is mostly the prior's",)
     assert found.trusted
+
+
+def test_negative_damping_is_a_reason_not_to_trust():
+    c = Parameter("c_x", 2.0, 1.0, False, 10.0)
+    (reason,) = diagnosed(white(), parameters=(c,), theta=np.array([-0.1]), cov=np.array([[0.03**2]])).reasons
+    assert reason.startswith("damping is not positive: c_x is -1 (negative over its whole band); left alone")
+    (reason,) = diagnosed(white(), parameters=(c,), theta=np.array([-0.01]), cov=np.array([[0.03**2]])).reasons
+    assert reason.startswith("damping is not positive: c_x is -0.1; left alone")
+    (reason,) = diagnosed(
+        white(), damping=[("tower x", (0.01, 0.008, 0.012)), ("lag forward", (-0.002, -0.005, 0.001))]
+    ).reasons
+    assert reason.startswith("damping is not positive: lag forward has -0.2 %; left alone")
+
+
+def test_damping_that_may_be_negative_within_its_band_is_remarked():
+    c = Parameter("c_x", 2.0, 1.0, False, 10.0)
+    found = diagnosed(
+        white(),
+        parameters=(c,),
+        theta=np.array([0.05]),
+        cov=np.array([[0.03**2]]),
+        damping=[("tower x", (0.01, -0.002, 0.022))],
+    )
+    assert found.trusted
+    assert found.remarks == ("damping may be zero or negative within its band: c_x, tower x; a longer record tells",)
+
+
+def test_what_cannot_be_negative_or_may_be_is_not_called_negative_damping():
+    # A damper whose logarithm is identified is positive, below its prior's median or not; a coupling is centred on zero.
+    logarithmic, coupling = Parameter("c_1", 0.25, 0.5), Parameter("c_hub_blade", 0.0, 1.0, False, 10.0)
+    found = diagnosed(
+        white(), parameters=(logarithmic, coupling), theta=np.array([-0.2, -0.05]), cov=np.diag([0.02**2, 0.01**2])
+    )
+    assert float(logarithmic.physical(-0.2)) == pytest.approx(0.2047, rel=1e-3)
+    assert found.trusted
+    assert not any("negative" in remark for remark in found.remarks)
+
+
+def test_a_channel_that_is_read_rarely_is_judged_on_its_own_samples():
+    # 50 Hz, and one channel read every 25th sample: 2 Hz. Its line at 0.5 Hz has mirror images at 1.5, 2.5 Hz …, where natural frequencies are.
+    z = white(20_000)
+    slow = np.full(20_000, np.nan)
+    slow[7::25] = z[7::25, 1] + 1.5 * np.sin(2 * math.pi * 0.5 * np.arange(20_000) / RATE)[7::25]
+    slow /= np.nanstd(slow)
+    both, alone = (
+        examined(np.column_stack([z[:, 0], slow])),
+        examine(slow[7::25, None], names=["channel_1"], rate=RATE / 25, frequencies=NATURAL),
+    )
+    c = both.channels[1]
+    assert c == alone.channels[0]
+    assert c.peak_hz == pytest.approx(0.5, abs=0.02)
+    assert c.missing == 0.0
+    assert c.used == 800
+    assert np.isnan(both.spectrum[both.frequency > 1.0, 1]).all()
+    lag = np.searchsorted(both.lags, 0.5 - 1e-9)  # one sample of its own
+    x = slow[7::25] - slow[7::25].mean()
+    assert both.autocorrelation[lag, 1] == pytest.approx(np.mean(x[1:] * x[:-1]) / np.mean(x**2), rel=1e-6)
+    assert both.channels[0] == examined(z[:, :1]).channels[0]
+    reason = diagnosed(np.column_stack([z[:, 0], slow])).reasons[0]
+    assert "does not explain channel_1 around 0.5 Hz" in reason
+
+
+@pytest.mark.parametrize("gaps", [(2, 3), (3, 5, 4)])
+def test_no_frequency_above_half_the_rate_at_which_a_channel_is_read_is_named(gaps: tuple[int, ...]):
+    # On no coarser grid, and yet never often enough for what is higher.
+    at = np.cumsum(np.tile(gaps, 2000))
+    z = np.full((20_000, 1), np.nan)
+    at = at[at < 20_000]
+    z[at, 0] = white(len(at), 1)[:, 0] + np.sin(2 * math.pi * 2.0 * at / RATE)
+    c = examined(z).channels[0]
+    highest = 0.5 * RATE / np.median(gaps)
+    assert c.peak_hz == pytest.approx(2.0, abs=0.05)
+    assert c.far_hz < highest
 
 
 def test_doubts_condemn_and_what_is_not_white_is_not_asked_to_be():
@@ -279,7 +350,9 @@ def test_a_result_under_loads_that_no_model_holds_is_not_trusted(verne555):
 
 def test_a_balance_without_its_loads_is_not_trusted(verne555, record):
     found = identify(record, verne555, formulation="force-balance")
-    assert found.diagnosis.reasons == ("the balance lacks loads that act, and so loses the damping",)
+    lacking, lost = found.diagnosis.reasons
+    assert lacking == "the balance lacks loads that act, and so loses the damping"
+    assert lost.startswith("damping is not positive: ")
 
 
 def test_records_of_the_reference_scenario_raise_no_false_alarm(verne555):

@@ -34,6 +34,8 @@ from windsysid.statespace import Parameter
 __all__ = ["ChannelCheck", "CoefficientCheck", "Diagnosis", "Whiteness", "diagnose", "examine"]
 
 Array = NDArray[np.float64]
+Band = tuple[float, float, float]
+"""Value, and ±2σ around it: low, high."""
 
 CHANCE = 1e-3
 """A departure that noise alone would show in one record out of so many is no reason: for each kind of test, all channels and
@@ -236,6 +238,7 @@ def diagnose(
     blades: int = 0,
     white: bool = True,
     doubts: Sequence[str] = (),
+    damping: Sequence[tuple[str, Band]] = (),
 ) -> Diagnosis:
     """Judge a result by its innovations and its priors.
 
@@ -257,6 +260,8 @@ def diagnose(
         Whether the innovations are expected to be white; those of the force balance, which is band-passed, are not.
     doubts
         Why whoever made the result would not trust it.
+    damping
+        Of each mode, its name and its damping ratio with the ±2σ band.
     """
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = tuple(
@@ -278,9 +283,9 @@ def diagnose(
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
     remarks += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
-    for q, t, v in zip(parameters, theta, np.diag(cov), strict=True):
-        if q.name.startswith("c_") and t + 2.0 * math.sqrt(v) < 0.0:
-            remarks.append(f"{q.name} is negative: what moves there is fed by more than the damping takes")
+    verdict = _judge_damping(_dampers(parameters, theta, cov), damping)
+    reasons += verdict.reasons
+    remarks += verdict.remarks
     return Diagnosis(tuple(reasons), tuple(remarks), whiteness, checks, rotor_hz, blades, _reach(frequencies))
 
 
@@ -305,9 +310,69 @@ def examine(
     gated
         Where a reading was left out as an outlier (T, m).
     """
+    gated = np.zeros(whitened.shape, dtype=np.bool_) if gated is None else gated
+    rows = [_own_samples(seen) for seen in (np.isfinite(whitened) | gated).T]
+    parts = {}
+    for own in dict.fromkeys(rows):
+        columns = [c for c, other in enumerate(rows) if other == own]
+        first, step = own
+        parts[tuple(columns)] = _examine_alike(
+            whitened[first::step, columns],
+            gated[first::step, columns],
+            rate / step,
+            [names[c] for c in columns],
+            frequencies,
+        )
+    return _together(parts, len(rows))
+
+
+def _own_samples(seen: NDArray[np.bool_]) -> tuple[int, int]:
+    """First and step of the coarsest grid that holds all samples seen of a channel (T,)."""
+    at = np.flatnonzero(seen)
+    step = max(int(np.gcd.reduce(np.diff(at))), 1) if len(at) > 1 else 1
+    return (int(at[0]) % step if len(at) else 0), step
+
+
+def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
+    """The innovations of all channels, from those of channels read at the same times, by their columns."""
+    if len(parts) == 1:
+        return next(iter(parts.values()))
+    finest = max(parts.values(), key=lambda w: len(w.frequency))
+    lags = np.unique(np.concatenate([w.lags for w in parts.values()]).round(9))
+    correlation, spectrum = np.full((len(lags), m), np.nan), np.full((len(finest.frequency), m), np.nan)
+    channels: list[ChannelCheck | None] = [None] * m
+    for columns, w in parts.items():
+        where = np.ix_(np.searchsorted(lags, w.lags.round(9)), columns)
+        correlation[where] = w.autocorrelation
+        inside = finest.frequency <= w.frequency[-1:].max(initial=0.0) * (1.0 + 1e-9)
+        for own, column in enumerate(columns):
+            channels[column] = w.channels[own]
+            if len(w.frequency):
+                spectrum[inside, column] = np.interp(finest.frequency[inside], w.frequency, w.spectrum[:, own])
+    total = sum(w.used for w in parts.values())
+    low, high = _chi_square_interval(total)
+    return Whiteness(
+        used=total,
+        nis=sum(w.nis * w.used for w in parts.values()) / max(total, 1),
+        nis_low=low,
+        nis_high=high,
+        channels=tuple(c for c in channels if c is not None),
+        lags=lags,
+        autocorrelation=correlation,
+        autocorrelation_bound=max(w.autocorrelation_bound for w in parts.values()),
+        frequency=finest.frequency,
+        spectrum=spectrum,
+        spectrum_bound=max(w.spectrum_bound for w in parts.values()),
+        colour_bound=max(w.colour_bound for w in parts.values()),
+    )
+
+
+def _examine_alike(
+    whitened: Array, gated: NDArray[np.bool_], rate: float, names: Sequence[str], frequencies: Sequence[float]
+) -> Whiteness:
+    """`examine` for channels that are read at the same times."""
     samples, m = whitened.shape
     reach = _reach(frequencies)
-    gated = np.zeros((samples, m), dtype=np.bool_) if gated is None else gated
     used = np.isfinite(whitened)
     number = used.sum(axis=0)
     z = np.where(used, whitened, 0.0)
@@ -327,6 +392,7 @@ def examine(
     checks = []
     for c, name in enumerate(names):
         low, high = _chi_square_interval(int(number[c]))
+        own = frequency <= _highest(used[:, c] | gated[:, c], rate)
         checks.append(
             ChannelCheck(
                 name=name,
@@ -341,9 +407,9 @@ def examine(
                 outlying=float(np.square(scaled[beyond[:, c], c]).sum() / max(number[c], 1)),
                 missing=float(1.0 - (used[:, c] | gated[:, c]).mean()),
                 gated=float(gated[:, c].mean()),
-                **dict(zip(("peak_hz", "peak"), _peak(frequency, spectrum[:, c], reached), strict=True)),
-                **dict(zip(("far_hz", "far"), _peak(frequency, spectrum[:, c], ~reached), strict=True)),
-                **dict(zip(("near_hz", "near"), _near(frequency, spectrum[:, c], frequencies), strict=True)),
+                **dict(zip(("peak_hz", "peak"), _peak(frequency, spectrum[:, c], reached & own), strict=True)),
+                **dict(zip(("far_hz", "far"), _peak(frequency, spectrum[:, c], ~reached & own), strict=True)),
+                **dict(zip(("near_hz", "near"), _near(frequency[own], spectrum[own, c], frequencies), strict=True)),
             )
         )
     total = int(number.sum())
@@ -363,6 +429,12 @@ def examine(
         spectrum_bound=_exceeded(CHANCE / max(spectrum.size, 1), freedom) / freedom,
         colour_bound=(_exceeded(CHANCE / m, lags) - lags) / fewest,
     )
+
+
+def _highest(seen: NDArray[np.bool_], rate: float) -> float:
+    """Half the rate at which a channel (T,) is mostly read [Hz]: what its spectrum has above is a mirror image."""
+    gaps = np.diff(np.flatnonzero(seen))
+    return 0.5 * rate / float(np.median(gaps)) if len(gaps) else 0.5 * rate
 
 
 def _autocorrelation(z: Array, used: NDArray[np.bool_], lags: int) -> Array:
@@ -443,6 +515,16 @@ def _against_prior(q: Parameter, theta: float, variance: float) -> CoefficientCh
     return CoefficientCheck(q.name, informed, (theta - mean) / (std * math.sqrt(informed)) if informed > 0.0 else 0.0)
 
 
+def _dampers(parameters: Sequence[Parameter], theta: Array, cov: Array) -> list[tuple[str, Band]]:
+    """Name and band of each damping coefficient that may be negative: linear, and expected above zero."""
+    found = []
+    for q, t, v in zip(parameters, theta, np.diag(cov), strict=True):
+        if (q.name == "c" or q.name.startswith("c_")) and not q.logarithmic and q.centre > 0.0:
+            value, low, high = (float(q.physical(t + k * math.sqrt(v))) for k in (0.0, -2.0, 2.0))
+            found.append((q.name, (value, low, high)))
+    return found
+
+
 class _Verdict(NamedTuple):
     reasons: list[str]
     remarks: list[str]
@@ -476,6 +558,25 @@ def _beyond(nis: float, used: int, factor: float) -> bool:
     if used < 1 or 1.0 / factor < nis < factor:
         return False
     return not _exceeded(1.0 - 0.5 * CHANCE, used) < nis * used < _exceeded(0.5 * CHANCE, used)
+
+
+def _judge_damping(dampers: Sequence[tuple[str, Band]], modes: Sequence[tuple[str, Band]]) -> _Verdict:
+    verdict = _Verdict([], [])
+    lost = [f"{name} is {value:.2g}{_surely(high)}" for name, (value, _, high) in dampers if value <= 0.0]
+    lost += [f"{name} has {100.0 * value:.2g} %{_surely(high)}" for name, (value, _, high) in modes if value <= 0.0]
+    if lost:
+        verdict.reasons.append(
+            f"damping is not positive: {', '.join(lost)}; left alone such a motion grows. If it did grow (a stalled blade can), the turbine is at risk and "
+            "needs a look; if it did not, loads were taken for motion: try a longer or calmer section, or another load model"
+        )
+    doubtful = ", ".join(name for name, (value, low, _) in (*dampers, *modes) if low <= 0.0 < value)
+    if doubtful:
+        verdict.remarks.append(f"damping may be zero or negative within its band: {doubtful}; a longer record tells")
+    return verdict
+
+
+def _surely(high: float) -> str:
+    return " (negative over its whole band)" if high < 0.0 else ""
 
 
 def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:

@@ -320,6 +320,7 @@ def conclude(
         blades=turbine.model.blades,
         white=formulation == "joint",
         doubts=outcome.doubts,
+        damping=[(mode.name, mode.damping_ratio) for mode in modes],
     )
     return Identification(
         method=EKF.name if formulation == "force-balance" else f"posterior mode, {EKF.name}",

@@ -322,11 +322,11 @@ def whiteness(identification: Identification) -> Figure | None:
         left.axhspan(-w.autocorrelation_bound, w.autocorrelation_bound, color=BAND, lw=0)
         left.vlines(w.lags, 0.0, w.autocorrelation[:, row], color=ESTIMATE, lw=1.0)
         left.axhline(0.0, color=REFERENCE, lw=0.6)
-        reached = float(np.abs(w.autocorrelation[:, row]).max())
+        reached = float(np.nanmax(np.abs(w.autocorrelation[:, row]), initial=0.0))
         left.set_ylim(*(np.array([-1.2, 1.2]) * max(reached, 2.0 * w.autocorrelation_bound)))
         _name(left, check.name)
         tidy(left)
-        if len(w.frequency):
+        if np.isfinite(w.spectrum[:, row]).any():
             _spectrum(right, identification, row)
     axes[-1, 0].set_xlabel("lag [s]; blue: 95 % of white noise")
     axes[-1, 1].set_xlabel("frequency [Hz]; dotted: modes, dashed: as it should be")
@@ -366,7 +366,7 @@ def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
                 ha="center",
                 va="bottom",
             )
-    ax.set_ylim(min(0.1, max(0.01, 0.8 * level.min())), max(10.0, 2.0 * bound, 1.5 * level.max()))
+    ax.set_ylim(min(0.1, max(0.01, 0.8 * np.nanmin(level))), max(10.0, 2.0 * bound, 1.5 * np.nanmax(level)))
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.minorticks_off()
