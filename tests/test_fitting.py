@@ -1,6 +1,7 @@
 """The front door for one's own equations: equal to SciPy's least squares, noise and loads learned, bad input refused in one line."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ import scipy.signal
 import sympy as sp
 
 from windsysid import ConfigurationError, Equations, Fit, GaussMarkov, Parameter, Reading, Record, RecordError, fit
+from windsysid.loads import load_on, second_order
 from windsysid.mechanics.compile import compile_model
+from windsysid.signals import resample
 from windsysid.simulate import gauss_markov_loads, integrate
 
 RATE = 100.0
@@ -138,9 +141,75 @@ def test_inputs_are_found_by_name_or_where_they_are_said_to_be(record: Record):
     renamed = Record(record.time, record.values, ("load_cell", *NOISE), record.units)
     found = fitted(renamed, channels={"force": "load_cell"})
     assert found["k"].estimate == fitted(record)["k"].estimate
-    unforced = fitted(renamed)  # a load without channel and model is zero, and the record says that it was not
+    unforced = fitted(
+        renamed, values={"m": TRUTH["m"], "force": 0.0}
+    )  # said to be zero; the record says that it was not
     assert unforced.diagnosis is not None
     assert not unforced.diagnosis.trusted
+
+
+def test_a_load_of_which_nothing_is_said_is_refused_and_not_taken_for_zero(record: Record):
+    mistyped = Record(record.time, record.values, ("Force", *NOISE), record.units)
+    with pytest.raises(
+        ConfigurationError, match=r"load 'force': nothing says what it was.*the record has Force, position, "
+    ):
+        fitted(mistyped)
+
+
+def test_a_constant_load_is_a_record_of_that_value(record: Record):
+    steady = shaken(force=np.full(1500, 3.0))
+    told = fitted(steady.select(list(NOISE)), values={"m": TRUTH["m"], "force": 3.0})
+    assert told["k"].estimate == fitted(steady)["k"].estimate
+
+
+def test_a_record_that_went_through_a_low_pass_has_loads_that_did(record: Record):
+    # As if the user had said so of the load, which `identify` does by itself.
+    drawn = gauss_markov_loads([GaussMarkov("force", 3.0, 0.5)], ("force",), 3000, RATE, np.random.default_rng(7))
+    slow = resample(shaken(3000, 7, drawn[:, 0]).select(list(NOISE)), 25.0)
+    by_itself = fitted(slow, loads=[GaussMarkov("force", 3.0, 0.5)])
+    plain = replace(slow, attributes={})
+    told = fitted(plain, loads=[GaussMarkov("force", 3.0, 0.5, low_pass=12.5)])
+    assert by_itself["c"].estimate == told["c"].estimate
+    assert by_itself.statistics[-1].given == pytest.approx(3.0)
+    assert by_itself.states == ("q", "v", "force", "force_rate", "force_acceleration")
+    other = fitted(slow, loads=[load_on("force", second_order(3.0, 0.2, 0.7))])
+    assert any("does not know it: damping may come out too low" in note for note in other.notes)
+
+
+@pytest.mark.slow
+def test_damping_is_right_from_records_resampled_to_five_hertz():
+    # A tower at 0.35 Hz, damped by 0.25 %, under a broadband load: six records of half an hour, simulated exactly by SciPy's matrix
+    # exponential. Without the low-pass in the load's model, as `fit` had it once, damping comes out lower.
+    omega, ratio, tau, fine, samples = 2.0 * np.pi * 0.35, 0.0025, 1.0, 50.0, 90_000
+    A = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * ratio * omega, 1.0], [0.0, 0.0, -1.0 / tau]])
+    step = scipy.linalg.expm(A / fine)
+    stationary = scipy.linalg.solve_continuous_lyapunov(A, -np.diag([0.0, 0.0, 2.0 / tau]))
+    sizes, vectors = np.linalg.eigh(stationary - step @ stationary @ step.T)
+    root, noise = vectors * np.sqrt(sizes.clip(0.0)), 0.05 * np.sqrt(A[1] @ stationary @ A[1])
+    equations = Equations("tower", (q, v), (), (c, k), (force,), (v, force - c * v - k * q))
+    found = []
+    for seed in range(100, 106):
+        rng = np.random.default_rng(seed)
+        z, pushes = np.linalg.cholesky(stationary) @ rng.standard_normal(3), rng.standard_normal((samples, 3)) @ root.T
+        readings = noise * rng.standard_normal(samples)
+        for i, push in enumerate(pushes):
+            readings[i] += A[1] @ z
+            z = step @ z + push
+        record = Record(np.arange(samples) / fine, readings[:, None], ("acceleration",), ("m/s^2",), name=str(seed))
+        slow = resample(record, 5.0)
+        parameters = (Parameter("c", 0.01 * omega, 0.02, False, omega), Parameter("k", omega**2, 0.3))
+        sensors = (Reading("acceleration", force - c * v - k * q, noise),)
+        options = {"cov": stationary[:2, :2] * np.eye(2), "loads": [GaussMarkov("force", 1.0, tau)]}
+        both = [
+            fit(equations, r, parameters=parameters, sensors=sensors, **options)["c"]
+            for r in (slow, replace(slow, attributes={}))
+        ]  # type: ignore[arg-type]
+        found.append([(e.estimate / (2.0 * omega), e.std / (2.0 * omega)) for e in both])
+    values, sigma = np.moveaxis(np.array(found), 2, 0)
+    print("damping ratio [%], with the low-pass and without:", 100.0 * values.mean(axis=0), "truth 0.25")
+    assert abs(values[:, 0].mean() - ratio) < 2.5 * np.sqrt(np.mean(sigma[:, 0] ** 2) / len(values))
+    assert np.all(np.abs(values[:, 0] - ratio) < 3.5 * sigma[:, 0])
+    assert values[:, 1].mean() < 0.9 * values[:, 0].mean()
 
 
 def test_what_was_known_on_line_ends_at_the_result(record: Record):

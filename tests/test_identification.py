@@ -16,6 +16,7 @@ from windsysid.mechanics import Sensor
 from windsysid.record import Record
 from windsysid.result import Identification, coefficient_errors
 from windsysid.simulate import simulate_record
+from windsysid.stream import identify_pieces
 from windsysid.turbine import Turbine, load_turbine
 
 DECAY = Path(__file__).parents[2] / "shared" / "data" / "openfast" / "a2_rot12_decay_min.outb"
@@ -214,6 +215,28 @@ def test_less_than_a_revolution_is_too_short(verne555, record):
 def test_a_section_must_leave_something_to_the_force_balance(verne555, record):
     with pytest.raises(RecordError, match=r"force balance: no sample is left: .* a section further inside"):
         identify(record, verne555, formulation="force-balance", section=(0.0, 1.5))
+
+
+@pytest.mark.parametrize(("rate", "left"), [(0.1, 4), (1e-6, 1), (4.0, 160)])
+def test_a_rate_that_leaves_no_motion_is_refused_at_once(verne555, record, rate, left, monkeypatch):
+    # verne555's slowest mode stands at 1.67 Hz: 40 s hold 67 periods of it, and 2.5 samples a period are 4.2 Hz.
+    monkeypatch.setattr("windsysid.identification.identify_jointly", lambda *_, **__: pytest.fail("went on"))
+    slowest = verne555.natural_frequency("y") / (2.0 * np.pi)
+    with pytest.raises(ConfigurationError, match=rf"rate: {rate:g} Hz would leave {left} samples of 6\d") as error:
+        identify(record, verne555, rate=rate)
+    assert float(str(error.value).split()[-2]) == pytest.approx(2.5 * slowest, rel=5e-3)
+    assert len(str(error.value)) <= 160
+    with pytest.raises(
+        ConfigurationError, match=r"would leave 9 samples of 3\.\d+ periods"
+    ):  # fewer than twenty readings
+        identify(record, verne555, section=(0.0, 1.8), rate=5.0)
+
+
+def test_no_parameters_are_refused(verne555, record):
+    with pytest.raises(ConfigurationError, match="parameters: expected at least one name"):
+        identify(record, verne555, parameters=[])
+    with pytest.raises(ConfigurationError, match="parameters: expected at least one name"):
+        identify_pieces([record], verne555, parameters=[])
 
 
 def test_a_sampling_rate_that_is_too_low_is_refused(verne555, record):

@@ -24,10 +24,10 @@ from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.inspect.screening import noted, screen
 from windsysid.likelihood import Posterior, posterior_mode
-from windsysid.loads import LoadModel
+from windsysid.loads import GaussMarkov, LoadModel
 from windsysid.mechanics.compile import Model
 from windsysid.online import advance, begin, finish
-from windsysid.record import Record
+from windsysid.record import LOW_PASS, Record
 from windsysid.result import SIGMAS, Estimate, Identification
 from windsysid.statespace import Parameter, StateSpace, compose
 from windsysid.statistics import Statistic
@@ -135,9 +135,10 @@ def fit(
     cov, mean
         Prior of the model's states at the first sample, (n_x, n_x) and (n_x,); mean zero by default.
     values
-        The parameters that are not identified.
+        The parameters that are not identified, and loads that are constant: 0 for one that does not act.
     loads
-        Models of loads that were not measured. Loads that have neither model nor channel are zero.
+        Models of loads that were not measured. Where the record went through an anti-aliasing low-pass (`windsysid.signals.resample`), first-order loads are taken to have gone
+        through it too.
     channels
         The channel of an input or a measured load, where it is not called what the model calls it.
     learn_levels
@@ -149,19 +150,20 @@ def fit(
     RecordError
         If the record lacks a channel, an input has gaps, or a sensor's channel holds no number.
     ConfigurationError
-        If model, priors and sensors do not fit each other (`compose`).
+        If model, priors and sensors do not fit each other (`compose`), or a load of the model has neither channel nor model nor value.
     WindsysidError
         If every run of the filter diverges.
     """
     if not parameters:
         raise ConfigurationError("parameters: expected at least one to identify, got none")
     part = record.on_uniform_grid()
+    loads, notes = _passed(loads, part)
     known = dict(values or {})
     prior: dict[str, Any] = {"rate": part.rate, "loads": loads, "sensors": sensors, "mean": mean, "cov": cov}
     joint = compose(model, values=known, parameters=parameters, **prior)
     known |= {q.name: q.centre for q in parameters}
     plain = compose(model, values=known, **prior)
-    inputs = _inputs(joint, part, channels or {})
+    inputs = _inputs(joint, part, channels or {}, _constant(joint, part, channels or {}, loads, known))
     readings = _readings(part, sensors)
     faults = noted(screen(record, None, [sensor.channel for sensor in sensors]))
     names = [f"noise_{sensor.channel}" for sensor in sensors] + [f"rms_{load.states[0]}" for load in loads]
@@ -209,6 +211,7 @@ def fit(
         whitened=mode.info.whitened,
         log_likelihood=mode.log_likelihood,
         notes=(
+            *notes,
             *faults,
             *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
         ),
@@ -329,8 +332,44 @@ def _state_only(
     return replace(plain, blocks=blocks, cov=cov)
 
 
-def _inputs(model: StateSpace, record: Record, channels: Mapping[str, str]) -> Array:
-    """Known inputs and measured loads (T, n_u + n_w)."""
+def _passed(loads: Sequence[LoadModel], record: Record) -> tuple[tuple[LoadModel, ...], tuple[str, ...]]:
+    """The load models as far as the record's low-pass lets them through, and what to say of those that do not know how."""
+    if LOW_PASS not in record.attributes:
+        return tuple(loads), ()
+    low_pass = float(record.attributes[LOW_PASS])
+    passed = tuple(
+        replace(load, low_pass=min(load.low_pass, low_pass)) if isinstance(load, GaussMarkov) else load
+        for load in loads
+    )
+    others = ", ".join(load.states[0] for load in loads if not isinstance(load, GaussMarkov))
+    note = f"the record went through a low-pass at {low_pass:.3g} Hz, and the model of {others} does not know it: damping may come out too low"
+    return passed, (note,) if others else ()
+
+
+def _constant(
+    model: StateSpace,
+    record: Record,
+    channels: Mapping[str, str],
+    loads: Sequence[LoadModel],
+    values: Mapping[str, float],
+) -> dict[str, float]:
+    """The constant value of each load that was not measured: what `values` says, and zero beside a model."""
+    driven = {name for load in loads for name in load.outputs}
+    constant = {}
+    for name in model.compiled.loads:
+        if name in channels or name in record:
+            continue
+        if name not in values and name not in driven:
+            raise ConfigurationError(
+                f"load '{name}': nothing says what it was: expected a channel of that name, or one named in `channels` (the record has "
+                f"{', '.join(record.channels)}), a model in `loads`, or in `values` a constant, 0 where it does not act"
+            )
+        constant[name] = float(values.get(name, 0.0))
+    return constant
+
+
+def _inputs(model: StateSpace, record: Record, channels: Mapping[str, str], constant: Mapping[str, float]) -> Array:
+    """Known inputs and loads (T, n_u + n_w), measured or constant."""
     names = (*model.compiled.inputs, *model.compiled.loads)
     for name in channels:
         if name not in names:
@@ -339,9 +378,10 @@ def _inputs(model: StateSpace, record: Record, channels: Mapping[str, str]) -> A
             )
     columns = np.zeros((record.samples, len(names)))
     for column, name in enumerate(names):
-        channel = channels.get(name, name)
-        if name in model.compiled.loads and name not in channels and channel not in record:
+        if name in constant:
+            columns[:, column] = constant[name]
             continue
+        channel = channels.get(name, name)
         columns[:, column] = record[channel]
         missing = int(np.isnan(columns[:, column]).sum())
         if missing:

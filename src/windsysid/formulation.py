@@ -141,11 +141,16 @@ def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[
     Raises
     ------
     ConfigurationError
-        If a chosen parameter is not one of the turbine's, belongs to a locked degree of freedom, or has no reference to
+        If none is chosen, or a chosen parameter is not one of the turbine's, belongs to a locked degree of freedom, or has no reference to
         start from.
     """
     if chosen is None:
-        return [name for name in turbine.model.coefficients if turbine.values[name] != 0.0]
+        known = [name for name in turbine.model.coefficients if turbine.values[name] != 0.0]
+        if not known:
+            raise ConfigurationError(f"turbine '{turbine.name}': expected stiffness or damping to identify, got zeros")
+        return known
+    if not chosen:
+        raise ConfigurationError("parameters: expected at least one name; leave them out for all coefficients")
     for name in chosen:
         locked = name.startswith(("k_", "c_")) and name not in turbine.model.coefficients
         if turbine.values.get(name, 0.0) == 0.0 or locked:

@@ -34,6 +34,9 @@ Array = NDArray[np.float64]
 TOWER_SAMPLES = 12.0
 """Samples per period of a tower: room for its blade-passing line, not for the blades' own modes and the tower's second."""
 
+FEWEST_PER_PERIOD, FEWEST = 2.5, 20
+"""Samples per period of the slowest mode below which nothing of it is left in a resampled record, and fewest samples of such a record."""
+
 STEP = 0.6
 """Longest step of the equations, times the highest natural frequency [rad]."""
 
@@ -218,6 +221,7 @@ def _slowed(
         )
     if rate is None or rate > 0.95 * record.rate:
         return record, 1, ()
+    _check_rate(record, turbine, rate)
     slow, steps = resample(record, rate), math.ceil(fastest / STEP / rate * (1.0 - 1e-9))
     note = f"resampled from {record.rate:.4g} to {rate:.3g} Hz"
     if steps <= 1:
@@ -234,6 +238,17 @@ def _slowed(
         values[:, [record.channels.index(name) for name in others]] = fine.values[:length]
     time = slow.time[0] + np.arange(length) / (steps * rate)
     return replace(slow, time=time, values=values), steps, (f"{note}, {steps} steps of the equations for each reading",)
+
+
+def _check_rate(record: Record, turbine: Turbine, rate: float) -> None:
+    """Refuse a rate whose low-pass, flat to 0.4 of it, takes every mode out of the record, or that leaves next to no readings."""
+    slowest = min(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
+    least = max(FEWEST_PER_PERIOD * slowest, FEWEST / record.duration)
+    if rate < least:
+        left, periods = math.floor(record.duration * rate) + 1, record.duration * slowest
+        raise ConfigurationError(
+            f"rate: {rate:g} Hz would leave {left} samples of {periods:.3g} periods of the slowest mode ({slowest:.3g} Hz): expected at least {1.001 * least:.3g} Hz"
+        )
 
 
 def _every(outcome: Outcome, steps: int) -> Outcome:

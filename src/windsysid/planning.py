@@ -290,8 +290,6 @@ def plan(
     turbine = _as_planned(turbine, sensors, duration, rate, within, load_scale, rotor_speed)
     known = identifiable(turbine)
     asked = identifiable(turbine, parameters) if parameters is not None else known
-    if not asked:
-        raise ConfigurationError("parameters: expected at least one name; leave them out for all coefficients")
     notes: list[str] = []
     seen = seen_by(turbine, turbine.sensors, notes)
     unknown = [name for name in dict.fromkeys([*known, *asked]) if _moves(seen, name)]
