@@ -15,12 +15,14 @@ from windsysid.forcebalance import (
     balance_forces,
     balance_statespace,
     filter_balance,
+    identify_by_force_balance,
     measured_motion,
 )
 from windsysid.formulation import Outcome, Prior, identifiable
 from windsysid.mechanics import RotorModel
 from windsysid.record import Record
 from windsysid.signals import band_pass
+from windsysid.simulate import simulate_record
 from windsysid.study.scenario import RATE, Reference, simulate_reference
 from windsysid.turbine import Turbine
 
@@ -258,6 +260,36 @@ def test_a_missing_acceleration_is_named(verne555, reference):
     fewer = record.select([name for name in record.channels if name != "blade_3_lag_acceleration"])
     with pytest.raises(RecordError, match="no channel 'blade_3_lag_acceleration'"):
         measured_motion(fewer, verne555, cutoff=0.4)
+
+
+def test_a_balance_that_lacks_loads_says_so_and_one_that_has_them_does_not(verne555):
+    # A record of all loads that act, made one by one: the balance is complete only with the last.
+    record = simulate_record(verne555, duration=20.0, rate=50.0, seed=1)
+    units = {name: "N*m" if name.startswith("load_beta") else "N" for name in verne555.model.loads}
+    silent = {name: (np.zeros(record.samples), unit) for name, unit in units.items()}
+    complete = record.with_channels(silent)
+    lacking = record.with_channels({name: silent[name] for name in list(silent)[1:]})
+    outcomes = [identify_by_force_balance(r, r, verne555, Prior(spread=1.0)) for r in (complete, lacking)]
+    assert [outcome.doubts for outcome in outcomes] == [
+        (),
+        ("the balance lacks loads that act, and so loses the damping",),
+    ]
+    first = next(iter(silent))
+    assert [any(note.startswith(f"loads withheld: {first}. ") for note in o.notes) for o in outcomes] == [False, True]
+
+
+def test_the_ends_where_the_filters_know_one_side_only_are_left_out(verne555, reference, motion):
+    # Two periods of the band's lower edge: 2 s and 100 Hz at 1 Hz are 200 samples at either end, and not one more.
+    filtered = balance_of(verne555, motion, reference, slice(3000, 4000), loads=True, band=(1.0, 5.0))
+    left_out = np.isnan(filtered.force)
+    assert left_out[:200].all()
+    assert left_out[-200:].all()
+    assert not left_out[200:-200].any()
+    # what rings there: the same motion with other neighbours differs at the ends, and hardly inside
+    longer = balance_of(verne555, motion, reference, slice(2000, 5000), loads=True, band=(1.0, 5.0))
+    assert np.isfinite(longer.force[1000:2000]).all()
+    inside = filtered.force[200:-200]
+    np.testing.assert_allclose(longer.force[1200:1800], inside, atol=0.05 * np.abs(inside).max())
 
 
 def test_arrays_that_do_not_fit_are_refused(verne555, reference, motion):

@@ -9,7 +9,7 @@ import pytest
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
 from windsysid.errors import ConfigurationError
 from windsysid.loads import GaussMarkov, LoadBlock
-from windsysid.statespace import Parameter, StateSpace, compose
+from windsysid.statespace import Parameter, StateSpace, compose, parameters_given
 from windsysid.turbine import Turbine
 
 LOADS = (GaussMarkov("load_3", 2.0, 1.5), GaussMarkov("load_1", 5.0, 0.5))
@@ -61,6 +61,23 @@ def test_parameters_given_take_the_place_of_values():
     with_values, without = composed(), composed(values=values)
     np.testing.assert_array_equal(with_values.blocks.p, without.blocks.p)
     assert with_values.blocks.p[with_values.compiled.parameters.index("k_2")] == 330.0
+
+
+def test_the_model_at_given_parameters_is_the_one_composed_without_them():
+    # Loads three times as loud and half as slow, other noise, θ off the prior's centre; 36 and 225 are (3 · 2)² and (3 · 5)².
+    joint, theta, noise = composed(), np.array([0.1, 0.03]), np.array([0.1, 0.2, 0.3])
+    loads = [GaussMarkov(load.load, 3.0 * load.rms, 0.5 * load.time_constant) for load in LOADS]
+    values = CHAIN_VALUES | {"k_2": 330.0 * np.exp(0.1), "c_1": 50.0 * 0.03}
+    sensors = [replace(s, noise=n) for s, n in zip(chain_sensors(bias=0.3), noise.tolist(), strict=True)]
+    expected = composed(parameters=(), values=values, loads=loads, sensors=sensors)
+    given = parameters_given(joint, expected.compiled, theta, loads, noise)
+    np.testing.assert_allclose(np.diag(given.cov), [1.0] * 6 + [36.0, 225.0, 0.09])
+    for name in ("states", "parameters", "readings"):
+        assert getattr(given, name) == getattr(expected, name)
+    np.testing.assert_array_equal(given.mean, expected.mean)
+    np.testing.assert_allclose(given.cov, expected.cov)
+    for name, ours, theirs in zip(given.blocks._fields, given.blocks, expected.blocks, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, err_msg=name)
 
 
 def test_an_unrelated_value_does_no_harm():

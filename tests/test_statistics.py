@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from windsysid.formulation import Prior
 from windsysid.loads import GaussMarkov
+from windsysid.simulate import simulate_record
+from windsysid.stateonly import pose
 from windsysid.statistics import (
     coordinates_of,
     learned_statistics,
@@ -29,6 +32,21 @@ def test_hub_and_blades_have_an_rms_each_and_each_kind_of_sensor_its_noise(stati
         ("noise_tower_acceleration", "m/s^2", 0.05),
         ("noise_blade_acceleration", "rad/s^2", 0.1),
     ]
+
+
+def test_levels_may_be_wrong_by_a_factor_of_four_or_five_and_a_time_constant_by_two(statistics, verne555: Turbine):
+    # exp 1.5 = 4.5 and exp 0.7 = 2.0 at one standard deviation: what the problem of a record takes for its prior.
+    factors = {"load_rms_support": 4.5, "load_rms_blades": 4.5, "load_time_constant": 2.0, "noise_tower_acceleration": 4.5,
+               "noise_blade_acceleration": 4.5}  # fmt: skip
+    assert {s.name: np.exp(s.spread) for s in statistics} == pytest.approx(factors, rel=0.01)
+    record = simulate_record(verne555, duration=2.0, rate=50.0, seed=0)
+    problem = pose(record, verne555, verne555.sensors, Prior())
+    n = len(problem.parameters)
+    mean, cov = problem.prior
+    np.testing.assert_array_equal(mean[n:], 0.0)
+    np.testing.assert_allclose(np.exp(np.sqrt(np.diag(cov)[n:])), list(factors.values()), rtol=0.01)
+    harmonic = load_groups([GaussMarkov("load_x", 4.0, 8.0, harmonic=3)])
+    assert [np.exp(s.spread) for s in harmonic] == pytest.approx([4.5, 2.0], rel=0.01)
 
 
 def test_the_level_of_the_spectrum_is_a_coordinate_of_its_own(statistics):

@@ -3,10 +3,16 @@
 import numpy as np
 import pytest
 import scipy.stats
+import sympy as sp
 
 from tests.filters.test_protocol import every_filter
 from tests.filters.textbook import composed, dense, kalman, rauch_tung_striebel, simulated
 from windsysid.filters import EKF, IEKF, Filter, smooth
+from windsysid.filters.bank import bank_of, run_bank
+from windsysid.fitting import Reading
+from windsysid.loads import GaussMarkov
+from windsysid.mechanics.equations import Equations
+from windsysid.statespace import StateSpace, compose
 
 
 @every_filter
@@ -84,3 +90,51 @@ def test_iterating_a_linear_reading_changes_nothing():
     np.testing.assert_allclose(iterated.mean / once.std, once.mean / once.std, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(iterated.std, once.std, rtol=1e-12)
     np.testing.assert_allclose(iterated.log_likelihood, once.log_likelihood, rtol=1e-12, atol=1e-12)
+
+
+# A reading whose offset wanders: a first-order load w, an offset b that is a random walk, and white noise.
+
+OFFSET, DRIFT, NOISE, RMS, TAU, STEP, SAMPLES = 0.3, 0.8, 0.2, 1.5, 0.4, 0.05, 60
+
+
+def wandering() -> StateSpace:
+    w = sp.Symbol("w", real=True)
+    cell = Equations("cell", (), (), (), (w,), ())
+    reading = Reading("cell", w, NOISE, bias=OFFSET, drift=DRIFT)
+    return compose(cell, rate=1.0 / STEP, values={}, loads=[GaussMarkov("w", RMS, TAU)], sensors=[reading])
+
+
+def wandering_by_hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Covariances (T, T) of w, b and the readings, and nothing of a filter: e^{−|t|/τ}, the lesser of two times, and white noise."""
+    time = STEP * np.arange(SAMPLES)
+    w = RMS**2 * np.exp(-np.abs(time[:, None] - time) / TAU)
+    b = OFFSET**2 + DRIFT**2 * np.minimum(time[:, None], time)
+    return w, b, w + b + NOISE**2 * np.eye(SAMPLES)
+
+
+def wandering_readings() -> np.ndarray:
+    readings = np.random.default_rng(37).multivariate_normal(np.zeros(SAMPLES), wandering_by_hand()[2])
+    readings[20:27] = np.nan
+    return np.asarray(readings[:, None])
+
+
+@every_filter
+def test_a_wandering_offset_is_smoothed_as_a_gaussian_process(filter_: Filter):
+    model, readings, (w, b, y) = wandering(), wandering_readings(), wandering_by_hand()
+    seen = ~np.isnan(readings[:, 0])
+    smoothed = smooth(model, np.zeros((SAMPLES, 1)), readings, filter_)
+    for name, own in (("w", w), ("bias_cell", b)):
+        gain = np.linalg.solve(y[np.ix_(seen, seen)], own[seen]).T
+        std = np.sqrt(np.diag(own - gain @ own[seen]))
+        i = model.states.index(name)
+        np.testing.assert_allclose((smoothed.mean[:, i] - gain @ readings[seen, 0]) / std, 0.0, atol=1e-8)
+        np.testing.assert_allclose(smoothed.std[:, i], std, rtol=1e-8)
+
+
+def test_a_bank_knows_a_wandering_offset():
+    model, readings, (_, _, y) = wandering(), wandering_readings(), wandering_by_hand()
+    seen = ~np.isnan(readings[:, 0])
+    exact = scipy.stats.multivariate_normal.logpdf(readings[seen, 0], cov=y[np.ix_(seen, seen)])
+    _, scores = run_bank(bank_of([model]), np.zeros((SAMPLES, 1)), readings)
+    found = -(scores.log_std + 0.5 * scores.whitened**2).sum() - 0.5 * seen.sum() * np.log(2.0 * np.pi)
+    assert found == pytest.approx(exact, rel=1e-9)
