@@ -7,34 +7,31 @@ model.
 """
 
 import hashlib
-import logging
-import os
-import tempfile
+import pickle
+import re
+import sys
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import llvmlite
 import numba
 from numba import types
-from platformdirs import user_cache_path
 
+from windsysid.cache import cache_folder, keep, kept, logger
 from windsysid.simd import LANE_MATRIX, LANE_VECTOR
 
 __all__ = [
     "JACOBIAN",
     "LANE_JACOBIAN",
     "VALUE",
-    "cache_folder",
     "called",
     "compiled",
     "inlined",
-    "logger",
     "pasted",
     "uncounted",
 ]
-
-logger = logging.getLogger("windsysid")
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz", "arcp"}, "nogil": True}
 
@@ -59,33 +56,74 @@ LANE_JACOBIAN = types.void(
 """The same for `LANES` models at once, on vectors (`windsysid.simd`); u is the same for all."""
 
 
-@lru_cache(maxsize=1)
-def cache_folder() -> Path:
-    """The user's cache folder, or one for this process alone where that cannot be written."""
-    folder = Path(os.environ["WINDSYSID_CACHE"]) if "WINDSYSID_CACHE" in os.environ else user_cache_path("windsysid")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError as error:
-        logger.warning("cannot keep compiled models in %s (%s): they are compiled anew in every process", folder, error)
-        return Path(tempfile.mkdtemp(prefix="windsysid-"))
+@lru_cache(maxsize=256)
+def _source(path: Path) -> tuple[bytes, tuple[str, ...]]:
+    """A digest of one source file, and the modules of windsysid that it imports, wherever in it."""
+    text = path.read_bytes()
+    found = {name.decode() for name in _IMPORT.findall(text)}
+    return hashlib.sha256(text).digest(), tuple(sorted(found))
 
 
-@lru_cache(maxsize=1)
-def _kernels() -> Path:
-    """Where compiled kernels are kept: a folder for each state of the sources, since a kernel holds the helpers it inlines."""
-    package = Path(__file__).parent
-    digest = hashlib.sha256()
-    for path in (
-        *sorted(package.glob("filters/*.py")),
-        package / "transition.py",
-        package / "rows.py",
-        package / "simd.py",
-        Path(__file__),
-    ):
-        digest.update(path.read_bytes())
-    return cache_folder() / f"kernels_{digest.hexdigest()[:20]}"
+_IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+windsysid\.([\w.]+)", re.MULTILINE)
+_PACKAGE = Path(__file__).parent
+
+
+def _sources(path: Path) -> dict[str, bytes]:
+    """Digests of a source file, of this one, and of all modules of windsysid that they import, directly or not.
+
+    A kernel holds the helpers and constants that it uses, and whatever it can use is among these.
+    """
+    digests: dict[str, bytes] = {}
+    waiting = {"": path, "jit": Path(__file__)}
+    while waiting:
+        name, file = waiting.popitem()
+        digests[name], imported = _source(file)
+        for other in imported:
+            place = _PACKAGE.joinpath(*other.split("."))
+            place = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+            if other not in digests and place.is_file():
+                waiting[other] = place
+    return digests
+
+
+class _Cache:
+    """What Numba asks of a dispatcher's cache, with one file for each kernel (`windsysid.cache`).
+
+    Numba's own cache has an index and numbered files, which two processes can mix up, and trusts whatever is in them.
+    """
+
+    def __init__(self, function: Callable[..., Any], stem: str) -> None:
+        self.cache_path = str(cache_folder() / "kernels")
+        self._name = re.sub(r"\W", "_", f"{function.__module__}.{function.__qualname__}")[:100]
+        self._stem = stem
+
+    def _path(self, signature: object, codegen: Any) -> Path:
+        text = f"{self._stem} {signature} {codegen.magic_tuple()}"
+        return Path(self.cache_path) / f"{self._name}_{hashlib.sha256(text.encode()).hexdigest()[:20]}.kernel"
+
+    def load_overload(self, signature: object, target: Any) -> Any:
+        """The compiled function, or None where it has to be compiled."""
+        from numba.core.compiler import CompileResult
+
+        target.refresh()
+        payload = kept(self._path(signature, target.codegen()))
+        if payload is None:
+            return None
+        try:
+            return CompileResult._rebuild(target, *pickle.loads(payload))
+        except Exception:  # whole, and yet not to be used: from another build of Numba or Python
+            logger.debug("kernel %s is compiled again", self._name, exc_info=True)
+            return None
+
+    def save_overload(self, signature: object, result: Any) -> None:
+        """Keep a compiled function, unless it holds addresses of this process."""
+        from numba.core.serialize import dumps
+
+        if not result.lifted and not result.library.has_dynamic_globals:
+            keep(self._path(signature, result.codegen), dumps(result._reduce()))
+
+    def flush(self) -> None:
+        """Forget nothing: what is out of date has another name."""
 
 
 def compiled(function: Callable[..., Any], signature: object, *, borrows: bool = False) -> Any:
@@ -93,13 +131,15 @@ def compiled(function: Callable[..., Any], signature: object, *, borrows: bool =
 
     A function that `borrows` its arrays counts no references to them, and can make none.
     """
-    usual = numba.config.CACHE_DIR
-    if function.__module__.startswith("windsysid."):  # a model's module is in the cache itself, under a name of its own
-        numba.config.CACHE_DIR = str(_kernels())
-    try:
-        return numba.njit(signature, cache=True, _nrt=not borrows, **_OPTIONS)(function)
-    finally:
-        numba.config.CACHE_DIR = usual
+    dispatcher = numba.njit(_nrt=not borrows, **_OPTIONS)(function)
+    path = Path(sys.modules[function.__module__].__file__ or "")
+    if path.is_file() and function.__closure__ is None:
+        versions = (numba.__version__, llvmlite.__version__, sys.version)
+        sources = sorted(_sources(path).items())
+        dispatcher._cache = _Cache(function, f"{versions} {sources} {function.__qualname__} {borrows}")
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    return dispatcher
 
 
 def inlined(function: _F) -> _F:

@@ -16,8 +16,7 @@ import sympy as sp
 from tests.mechanics.models import CHAIN_VALUES, Reads, bouc_wen, chain, chain_sensors, duffing, symbols
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import CompiledModel, RotorModel, Sensor, compile_model
-from windsysid.mechanics.equations import Equations
-from windsysid.mechanics.generate import generate_source
+from windsysid.mechanics.equations import Equations, lagrange
 from windsysid.simd import LANES, vectors
 from windsysid.simulate import integrate
 from windsysid.turbine import Turbine, load_turbine, packaged_turbines
@@ -348,9 +347,46 @@ def test_a_derivative_that_is_no_function_is_refused_in_one_line():
 @pytest.mark.parametrize("name", ["class", "two words", "pi", "sin", "_hidden", "k-1", "1st"])
 def test_a_name_that_is_no_python_variable_is_refused(name: str):
     x, k = symbols("x")[0], sp.Symbol(name, real=True)
-    model = Equations("odd", (x,), (), (k,), (), (-k * x,))
     with pytest.raises(ConfigurationError, match="expected names fit for Python variables, got"):
-        generate_source(model, (), ())
+        Equations("odd", (x,), (), (k,), (), (-k * x,))
+    with pytest.raises(ConfigurationError, match="expected names fit for Python variables, got"):
+        Equations("odd", (x,), (), (), (), (k,), (k,), sp.eye(1), sp.ones(1, 1))
+
+
+def test_text_is_never_executed_as_an_expression(tmp_path: Path):
+    x, v, a = symbols("x v a")
+    trap = tmp_path / "sprung"
+    code = f"__import__('pathlib').Path({str(trap)!r}).touch()"
+    attempts = (
+        lambda: Equations("text", (x,), (), (), (), (code,)),
+        lambda: Equations("text", (code,), (), (), (), (x,)),
+        lambda: Equations("text", (x,), (), (), (), (sp.Symbol(code),)),
+        lambda: Equations("text", (x,), (), (), (), (sp.Function(code)(x),)),
+        lambda: Equations("text", (x,), (), (), (), (a,), (a,), code, sp.ones(1, 1)),
+        lambda: lagrange("text", lagrangian=code, dissipation=v**2, coordinates=[(x, v, a)], loads=[0], inputs={}, parameters=()),
+        lambda: lagrange("text", lagrangian=v**2, dissipation=code, coordinates=[(x, v, a)], loads=[0], inputs={}, parameters=()),
+        lambda: compile_model(Equations("text", (x,), (), (), (), (-x,)), (Reads("reads", code),)),
+        lambda: compile_model(Equations("text", (x,), (), (), (), (-x,)), (Reads("reads", sp.Symbol(code)),)),
+        lambda: Equations(f'"""\n{code}\n"""', (x,), (), (), (), (x,)),
+    )  # fmt: skip
+    for attempt in attempts:
+        with pytest.raises(ConfigurationError) as refusal:
+            attempt()
+        assert "\n" not in str(refusal.value)
+        assert not trap.exists()
+    compile_model(Equations(f'""" {code}; """', (x,), (), (), (), (-x,)))  # a name may hold anything that prints
+    assert not trap.exists()
+
+
+def test_symbols_that_only_look_alike_are_refused():
+    # SymPy takes them for two: derivatives to the declared one would silently be zero
+    x = symbols("x")[0]
+    with pytest.raises(ConfigurationError, match="use the same SymPy symbol"):
+        Equations("alike", (x,), (), (), (), (-sp.Symbol("x"),))
+    with pytest.raises(ConfigurationError, match="'k' in an expression is no state"):
+        Equations("undeclared", (x,), (), (), (), (-sp.Symbol("k", real=True) * x,))
+    with pytest.raises(ConfigurationError, match="got 'x' twice"):
+        Equations("twice", (x,), (), (x,), (), (-x,))
 
 
 def test_an_unknown_or_repeated_parameter_to_identify_is_refused():

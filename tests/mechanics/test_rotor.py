@@ -152,6 +152,48 @@ def test_newton_and_euler_give_the_same_for_a_roll_that_leans_and_a_varying_spee
         np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-11)
 
 
+@pytest.mark.parametrize("rolling", ["locked", "tied", "free"])
+def test_air_that_falls_with_a_sections_velocity_couples_hub_and_blades_by_its_virtual_work(
+    rolling: Literal["locked", "tied", "free"],
+):
+    # The force −c_a v t on each blade, c_a = c/R, acts at R = I/S from the link of the blade; t is the tangent there and v the velocity
+    # along it. Its work on a displacement of q is −c_a v t·∂r/∂q, with v = Σ t·∂r/∂q q̇. The position r is written here and differentiated
+    # numerically, without the model's velocities. The model has the part between hub and blades; the rest is in c_x … c_β.
+    model = RotorModel(3, roll=rolling, air_couples=True)
+    equations, names = model.equations(), model.coordinates
+    rng = np.random.default_rng(5)
+    symbols_of = (*equations.states, *equations.inputs, *equations.parameters, *equations.loads)
+    values = {symbol.name: float(rng.uniform(0.5, 1.5)) for symbol in symbols_of}
+    values |= {"kappa": -0.4, "c_hub_blade": 0.7, **{f"beta_{i}": 0.0 for i in (1, 2, 3)}}
+    force = sp.lambdify([symbols_of], list(equations.force), "numpy")
+    with_air, without = (
+        np.array(force([(values | {"c_hub_blade": c})[symbol.name] for symbol in symbols_of])) for c in (0.7, 0.0)
+    )
+
+    def place(i: int, q: dict[str, float]) -> np.ndarray:
+        lever = values[f"blade_inertia_{i}"] / values[f"blade_first_moment_{i}"]
+        roll = q.get("roll", 0.0) + (0.0 if rolling == "locked" else values["kappa"] * q["x"])
+        link = values["rotor_azimuth"] + 2.0 * math.pi * (i - 1) / 3.0 + roll
+        along, leading = (np.array([math.cos(a), math.sin(a)]) for a in (link, link + q[f"beta_{i}"]))
+        return np.array([q["x"], q["y"]]) + values["hinge_offset"] * along + lever * leading
+
+    q = {name: values[name] for name in names}
+    expected = np.zeros(len(names))
+    for i in (1, 2, 3):
+        turned = place(i, q) - [q["x"], q["y"]]
+        tangent = np.array([-turned[1], turned[0]]) / np.linalg.norm(turned)
+        slopes = np.array(
+            [tangent @ (place(i, q | {n: q[n] + 1e-5}) - place(i, q | {n: q[n] - 1e-5})) / 2e-5 for n in names]
+        )
+        rates = np.array([values[f"{n}_rate"] for n in names])
+        blade = np.array([n == f"beta_{i}" for n in names])
+        c_a = 0.7 * values[f"blade_first_moment_{i}"] / values[f"blade_inertia_{i}"]
+        hub_feels, blade_feels = c_a * (slopes[blade] @ rates[blade]), c_a * (slopes[~blade] @ rates[~blade])
+        expected -= np.where(blade, slopes * blade_feels, slopes * hub_feels)
+    np.testing.assert_allclose(with_air - without, expected, rtol=1e-8, atol=1e-9)
+    assert np.abs(expected).min() > 0.01
+
+
 def with_shaft_as_coordinate(model: RotorModel) -> tuple[Equations, sp.Expr]:
     """The rotor with ψ and Ω as states and the work done on it as one more, and its energy T + V.
 

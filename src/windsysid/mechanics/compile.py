@@ -8,7 +8,7 @@ arithmetic is the same for numbers and for vectors (`windsysid.simd`), and what 
 """
 
 import hashlib
-import importlib.util
+import marshal
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
-from windsysid.jit import JACOBIAN, LANE_JACOBIAN, VALUE, cache_folder, compiled, logger
-from windsysid.output import replace_file
+from windsysid.cache import cache_folder, keep, kept, logger, write_whole
+from windsysid.jit import JACOBIAN, LANE_JACOBIAN, VALUE, compiled
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -133,13 +133,14 @@ def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequenc
     cached = _loaded.get(key)
     if cached is None:
         path = cache_folder() / f"model_{key}.py"
-        if not path.exists():
+        source = _kept_source(path)
+        if source is None:
             _announce()
             from windsysid.mechanics.generate import generate_source
 
-            source = generate_source(model, sensors, identified).encode()
-            replace_file(path, lambda file: file.write(source))
-        cached = _loaded[key] = CompiledModel(_import(path))
+            source = generate_source(model, sensors, identified)
+            write_whole(path, f"{source}{_checksum(source)}\n".encode())
+        cached = _loaded[key] = CompiledModel(_import(path, source))
     return cached
 
 
@@ -161,11 +162,34 @@ def _version() -> str:
     return f"{digest.hexdigest()} sympy {metadata.version('sympy')}"
 
 
-def _import(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"windsysid_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"cannot import the generated model {path}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # Numba finds a cached function's globals by its module's name
-    spec.loader.exec_module(module)
+def _checksum(source: str) -> str:
+    """The last line of a model's file: it tells whether the file is whole and as it was written."""
+    return f"# sha256 {hashlib.sha256(source.encode()).hexdigest()}"
+
+
+def _kept_source(path: Path) -> str | None:
+    """The source of a model in the cache; None where it is not there, cut, damaged or not readable."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+    body, newline, _ = text.removesuffix("\n").rpartition("\n")
+    source = body + newline
+    return source if text == f"{source}{_checksum(source)}\n" else None
+
+
+def _import(path: Path, source: str) -> ModuleType:
+    """The module that `source` says; its byte code is kept beside the file, with the source it was made from."""
+    digest = hashlib.sha256(source.encode()).digest()
+    beside = path.with_suffix(f".{sys.implementation.cache_tag}-{sys.hexversion:x}.code")
+    payload = kept(beside)
+    if payload is not None and payload.startswith(digest):
+        code = marshal.loads(payload[len(digest) :])
+    else:
+        code = compile(source, path, "exec")
+        keep(beside, digest + marshal.dumps(code))
+    module = ModuleType(f"windsysid_{path.stem}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # Numba finds a cached function's globals by its module's name
+    exec(code, module.__dict__)
     return module

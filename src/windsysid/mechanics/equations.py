@@ -12,10 +12,22 @@ one way to write M, F and f; `lagrange` is that way.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from keyword import iskeyword
+from typing import Any
 
 import sympy as sp
+from sympy.core.function import AppliedUndef
 
-__all__ = ["Equations", "lagrange", "total_derivative"]
+from windsysid.errors import ConfigurationError
+
+__all__ = ["MATH", "Equations", "lagrange", "total_derivative"]
+
+MATH = (
+    "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "nan", "pi", "sin", "sinh", "sqrt", "tan", "tanh",
+)  # fmt: skip
+"""What generated source imports from `math`."""
+
+_TAKEN = frozenset((*MATH, "abs", "max", "min", "where"))
 
 
 @dataclass(frozen=True)
@@ -32,6 +44,12 @@ class Equations:
         The right-hand sides f of ẋ = f(x, a, u, p, w), one per state.
     accelerations, mass, force
         The symbols a with M (n × n, symmetric positive definite) and F (n) of M a = F. Empty for plain equations.
+
+    Raises
+    ------
+    ConfigurationError
+        If the sizes do not fit; if something is no SymPy symbol or expression (text is refused, since SymPy would execute it); if a
+        name is not fit for a Python variable or is there twice; or if an expression holds what is none of the symbols.
     """
 
     name: str
@@ -45,17 +63,67 @@ class Equations:
     force: sp.Matrix = field(default_factory=lambda: sp.zeros(0, 1))
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and self.name.isprintable()):
+            raise ConfigurationError(f"name of a model: expected a word, got {self.name!r:.60}")
+        for what in ("states", "inputs", "parameters", "loads", "accelerations"):
+            object.__setattr__(self, what, tuple(getattr(self, what)))
+        self._check_names()
+        rates = tuple(_expression(rate, f"model '{self.name}': rates") for rate in self.rates)
+        object.__setattr__(self, "rates", rates)
+        for what in ("mass", "force"):
+            if not isinstance(getattr(self, what), sp.MatrixBase):
+                raise ConfigurationError(
+                    f"model '{self.name}': {what}: expected a SymPy matrix, got {getattr(self, what)!r:.60}"
+                )
         if len(self.rates) != len(self.states):
-            raise ValueError(
+            raise ConfigurationError(
                 f"model '{self.name}': expected one rate per state, got {len(self.rates)} rates "
                 f"for {len(self.states)} states"
             )
         n = len(self.accelerations)
         if self.mass.shape != (n, n) or self.force.shape != (n, 1):
-            raise ValueError(
+            raise ConfigurationError(
                 f"model '{self.name}': expected M {n} × {n} and F {n} × 1 for {n} accelerations, "
                 f"got {self.mass.shape} and {self.force.shape}"
             )
+        self.check_expressions((*self.rates, *self.mass, *self.force))
+
+    def _check_names(self) -> None:
+        """Names go into source code as they are."""
+        seen: set[str] = set()
+        for symbol in (*self.states, *self.inputs, *self.parameters, *self.loads, *self.accelerations):
+            if not isinstance(symbol, sp.Symbol):
+                raise ConfigurationError(f"model '{self.name}': expected SymPy symbols, got {symbol!r:.60}")
+            name = symbol.name
+            if not name.isidentifier() or iskeyword(name) or name in _TAKEN or name.startswith("_"):
+                raise ConfigurationError(
+                    f"model '{self.name}': expected names fit for Python variables, got '{name:.60}': rename it"
+                )
+            if name in seen:
+                raise ConfigurationError(
+                    f"model '{self.name}': expected each name once, got '{name}' twice: rename one"
+                )
+            seen.add(name)
+
+    def check_expressions(self, expressions: Iterable[sp.Expr]) -> None:
+        """Refuse expressions that hold anything else than this model's symbols and functions that SymPy knows.
+
+        Raises
+        ------
+        ConfigurationError
+            With the name of what is not known.
+        """
+        known = {*self.states, *self.inputs, *self.parameters, *self.loads, *self.accelerations}
+        for expression in expressions:
+            unknown = (expression.free_symbols - known) | expression.atoms(AppliedUndef)
+            if unknown:
+                name = min(map(str, unknown))
+                same = name in {symbol.name for symbol in known}
+                raise ConfigurationError(
+                    f"model '{self.name}': '{name:.60}' in an expression is "
+                    + ("not declared as it is among the model's symbols: use the same SymPy symbol, such as real=True" if same
+                       else "no state, input, parameter, load or acceleration of the model: declare it")
+                )  # fmt: skip
 
     @cached_property
     def signature(self) -> str:
@@ -69,7 +137,22 @@ class Equations:
 
     def readings(self, sensors: Sequence[object]) -> list[sp.Expr]:
         """The expressions that the sensors read; here each sensor brings its own in ``expression``."""
-        return [sp.sympify(getattr(sensor, "expression")) for sensor in sensors]  # noqa: B009
+        return [
+            _expression(getattr(sensor, "expression", None), f"sensor of model '{self.name}'") for sensor in sensors
+        ]
+
+
+def _expression(value: Any, what: str) -> sp.Expr:
+    """A SymPy expression or a number, as SymPy has it; never text, which SymPy would execute."""
+    try:
+        found = sp.sympify(value, strict=True)
+    except sp.SympifyError:
+        found = None
+    if not isinstance(found, sp.Expr):
+        raise ConfigurationError(
+            f"{what}: expected SymPy expressions, got {value!r:.60}: write it with SymPy's symbols"
+        )
+    return found
 
 
 def total_derivative(expression: sp.Expr, rates: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
@@ -101,13 +184,22 @@ def lagrange(
         One generalised load per degree of freedom.
     inputs
         The known inputs with the rate of each; an input that L depends on must have its rate among the inputs.
+
+    Raises
+    ------
+    ConfigurationError
+        As `Equations` does.
     """
+    lagrangian = _expression(lagrangian, f"Lagrangian of model '{name}'")
+    dissipation = _expression(dissipation, f"dissipation of model '{name}'")
+    inputs = {symbol: _expression(rate, f"inputs of model '{name}'") for symbol, rate in inputs.items()}
+    loads = [_expression(load, f"loads of model '{name}'") for load in loads]
     q = [c[0] for c in coordinates]
     v = [c[1] for c in coordinates]
     a = [c[2] for c in coordinates]
     momentum = [sp.diff(lagrangian, rate) for rate in v]
     mass = sp.Matrix(len(q), len(q), lambda i, j: sp.diff(momentum[i], v[j]))
-    known_rates: dict[sp.Symbol, sp.Expr] = dict(zip(q, v, strict=True)) | dict(inputs)
+    known_rates: dict[sp.Symbol, sp.Expr] = dict(zip(q, v, strict=True)) | inputs
     force = sp.Matrix(
         len(q),
         1,

@@ -9,22 +9,17 @@ nonzero pattern. Derivatives follow from the residual R(a, ·) = F − M a at th
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from keyword import iskeyword
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import sympy as sp
 
 from windsysid.errors import ConfigurationError
-from windsysid.mechanics.equations import Equations
+from windsysid.mechanics.equations import MATH, Equations
 
 if TYPE_CHECKING:
     from windsysid.mechanics.compile import Model
 
 __all__ = ["generate_source"]
-
-_MATH = (
-    "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "nan", "pi", "sin", "sinh", "sqrt", "tan", "tanh",
-)  # fmt: skip
 
 SMALLEST = 1e-30
 """Least magnitude: |z| is kept that far off zero, so that |z|ⁿ has derivatives to z and n where z = 0, and not 0/0 or 0 · log 0."""
@@ -33,16 +28,6 @@ SMALLEST = 1e-30
 def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence[str]) -> str:
     """The Python module that holds a model's four kernels: rates and reading, each without and with Jacobians."""
     equations = model.equations()
-    for symbol in (*equations.states, *equations.inputs, *equations.parameters, *equations.loads):
-        if (
-            not symbol.name.isidentifier()
-            or iskeyword(symbol.name)
-            or symbol.name in (*_MATH, "where")
-            or symbol.name[0] == "_"
-        ):
-            raise ConfigurationError(
-                f"model '{equations.name}': expected names fit for Python variables, got '{symbol.name}': rename it"
-            )
     names = [symbol.name for symbol in equations.parameters]
     for name in identified:
         if name not in names:
@@ -51,10 +36,11 @@ def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence
         raise ConfigurationError(f"a parameter is listed twice among those to identify: {', '.join(identified)}")
     chosen = [equations.parameters[names.index(name)] for name in identified]
     readings = model.readings(sensors)
+    equations.check_expressions(readings)
     lines = [
-        f'"""{equations.name}: kernels written by windsysid. Do not edit: delete the file and it is made again."""',
+        '"""Kernels written by windsysid. Do not edit: a file that was changed is made again."""',
         "",
-        f"from math import {', '.join(_MATH)}",
+        f"from math import {', '.join(MATH)}",
         "",
         "from windsysid.simd import where",
         "",
