@@ -10,12 +10,12 @@ import logging
 import os
 import shutil
 import tempfile
-import uuid
-from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
 from platformdirs import user_cache_path
+
+from windsysid.output import replace_file
 
 __all__ = ["cache_folder", "keep", "kept", "write_whole"]
 
@@ -57,14 +57,10 @@ def keep(path: Path, payload: bytes) -> None:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write so that a second process at the same moment sees the whole file or none; permissions as the umask says."""
-    temporary = path.with_name(f"{path.name[:80]}.{uuid.uuid4().hex}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
+        replace_file(path, lambda file: file.write(content))
     except OSError as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
         _announce_unwritable(path.parent, str(error))
 
 

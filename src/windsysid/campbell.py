@@ -150,6 +150,8 @@ class Campbell(Saveable):
         return [self._harmonics(), self._stability(), *(self._ground_resonance(g) for g in self.ground_resonance)]
 
     def _harmonics(self) -> str:
+        if not self.orders:
+            return "The rotor is parked: it has no harmonics that a mode could meet."
         low, high = (value * RPM for value in self.operating)
         over = f"from {low:.3g} to {high:.3g} rpm" if low < high else f"at {low:.3g} rpm"
         crossed = [m for m in self.margins if m.crosses]
@@ -206,7 +208,7 @@ class Campbell(Saveable):
         for curve in self.curves:
             f, z = curve.at(self.usual)
             seen = math.isfinite(f[0])
-            if not seen and (curve.name, self.orders[0]) not in margins:
+            if not seen and not any((curve.name, n) in margins for n in self.orders):
                 continue  # it oscillates at other speeds only
             rows.append(
                 (
@@ -223,7 +225,8 @@ class Campbell(Saveable):
         from rich.table import Table
 
         low, high = (value * RPM for value in self.operating)
-        table = Table(title=f"{self.title}: distance from nP over {low:.3g} … {high:.3g} rpm", title_justify="left")
+        over = f"distance from nP over {low:.3g} … {high:.3g} rpm" if self.orders else "parked"
+        table = Table(title=f"{self.title}: {over}", title_justify="left")
         for heading in self.headings:
             table.add_column(heading, justify="left" if heading == "mode" else "right")
         for row in self.rows:
@@ -340,10 +343,12 @@ def find_modes(
         posterior = Posterior(posterior, (), np.zeros(0), np.zeros((0, 0)), "", True)
     machine = _Machine(posterior)
     usual = machine.turbine.rotor_speed
-    chosen = _checked("speeds", speeds or (0.1 * usual, 1.3 * usual))
-    working = _checked("operating range", operating or ((1.0 - AROUND) * usual, (1.0 + AROUND) * usual))
-    if working[1] <= 0.0:
-        raise ConfigurationError("operating range: expected a rotor that turns, got 0 rpm")
+    parked = usual == 0.0 and operating is None
+    usually = (0.1 * usual, 1.3 * usual) if usual > 0.0 else (0.0, 0.5 * machine.turbine.slowest_frequency)
+    chosen = _checked("speeds", speeds or usually)
+    working = (0.0, 0.0)
+    if not parked:
+        working = _checked("operating range", operating or ((1.0 - AROUND) * usual, (1.0 + AROUND) * usual))
     chosen = (min(chosen[0], working[0]), max(chosen[1], working[1]))
     reference = usual if chosen[0] <= usual <= chosen[1] else 0.5 * (working[0] + working[1])
     known: dict[float, Spectrum] = {}
@@ -377,8 +382,9 @@ def find_modes(
     )]  # fmt: skip
     N = machine.turbine.model.blades
     return Campbell(
-        machine.turbine.name, posterior.record or None, bool(posterior.parameters), grid, at, working, tuple(sorted({1, N, 2 * N})),
-        curves, tuple(unstable), tuple(machine.ground_resonance(working)), found[at].method, tuple(notes),
+        machine.turbine.name, posterior.record or None, bool(posterior.parameters), grid, at, working,
+        () if parked else tuple(sorted({1, N, 2 * N})),
+        curves, tuple(unstable), () if parked else tuple(machine.ground_resonance(working)), found[at].method, tuple(notes),
     )  # fmt: skip
 
 

@@ -61,7 +61,7 @@ def campbell_diagram(found: Campbell) -> Figure:
         _label_ends(ax, [end[1:] for end in ends if end[0] is ax])
     if least < 0.0:
         below.axhline(0.0, color=REFERENCE, lw=0.8)
-    words = "operating range" + ("; orange: unstable" if found.unstable else "")
+    words = ("operating range" if found.orders else "parked") + ("; orange: unstable" if found.unstable else "")
     above.text(0.5 * (low + high), 1.012, words, transform=above.get_xaxis_transform(), ha="center", fontsize=8.5)
     return figure
 
@@ -103,9 +103,8 @@ def campbell_files(found: Campbell) -> dict[str, bytes]:
         f"{'the record' if found.record else 'the usual speed'}."
     )
     low, high = (value * RPM for value in found.operating)
-    distances = f"Distance f / nP − 1 where it is least from {low:.3g} to {high:.3g} rpm" + (
-        f", ±{SIGMAS:g}σ" if found.banded else ""
-    )
+    where = f"Distance f / nP − 1 where it is least from {low:.3g} to {high:.3g} rpm" if found.orders else "Parked"
+    distances = where + (f", ±{SIGMAS:g}σ" if found.banded else "")
     sections = [
         Section("Resonance and stability", text=found.sentences, tables=[Table(found.headings, found.rows, distances)]),
         Section("Campbell diagram", figures=[(figure, caption)]),

@@ -264,11 +264,10 @@ def _every(outcome: Outcome, steps: int) -> Outcome:
 
 
 def _check_length(record: Record, turbine: Turbine) -> None:
-    turn = 2.0 * math.pi / turbine.rotor_speed
-    if record.duration < turn:
+    least, why = turbine.least_duration
+    if record.duration < least:
         raise RecordError(
-            f"{record.name}: expected at least one revolution ({turn:.3g} s at {turbine.rotor_speed * 30.0 / math.pi:.3g} rpm), "
-            f"got {record.duration:.3g} s: choose a longer record or section"
+            f"{record.name}: expected at least {why}, got {record.duration:.3g} s: choose a longer record or section"
         )
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     if fastest / record.rate > STEP:
@@ -361,7 +360,7 @@ def conclude(
         notes=outcome.notes,
         statistics=outcome.statistics,
         diagnosis=diagnosis,
-        machine=replace(turbine, rotor_speed=speed) if speed > 0.0 else turbine,
+        machine=replace(turbine, rotor_speed=max(speed, 0.0)),
         loads=outcome.loads,
         conditions=_conditions(record, speed),
         provenance=provenance,

@@ -112,7 +112,8 @@ def candidates(turbine: Turbine, loads: Sequence[GaussMarkov]) -> tuple[str, ...
     """The models to choose from for a turbine, the cheapest first: where there is a rotor, wind on it is what the others would have to imitate."""
     if not loads:
         return ("broadband",)
-    return ("broadband", "rotor-wind" if isinstance(turbine.model, RotorModel) else "second-order")
+    turning = isinstance(turbine.model, RotorModel) and turbine.rotor_speed > 0.0
+    return ("broadband", "rotor-wind" if turning else "second-order")
 
 
 def _broadband(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis:
@@ -149,6 +150,10 @@ def _rotor_wind(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesi
     """Wind on a turning rotor."""
     rotor, v = turbine.model, turbine.values
     names = tuple(dict.fromkeys(load.load for load in loads))
+    if turbine.rotor_speed == 0.0:
+        raise ConfigurationError(
+            "load model rotor-wind: expected a rotor that turns, got a parked one: choose broadband"
+        )
     if not isinstance(rotor, RotorModel) or not loads:
         raise ConfigurationError(
             "load model rotor-wind: expected a rotor with blades of its own and loads that are not all measured; choose broadband"

@@ -337,10 +337,13 @@ def _as_planned(
 ) -> Turbine:  # fmt: skip
     """The turbine with the planned sensors, loads and rotor speed, all options checked."""
     for what, value, most in (
-        ("within", within, 10.0), ("load scale", load_scale, 1e6), ("rate", rate, 1e5), ("rotor speed", turbine.rotor_speed if rotor_speed is None else rotor_speed, 1e3),
+        ("within", within, 10.0), ("load scale", load_scale, 1e6), ("rate", rate, 1e5),
     ):  # fmt: skip
         if not (math.isfinite(value) and 0.0 < value <= most):
             raise ConfigurationError(f"{what}: expected a positive number of at most {most:g}, got {value:g}")
+    turning = turbine.rotor_speed if rotor_speed is None else rotor_speed
+    if not (math.isfinite(turning) and 0.0 <= turning <= 1e3):
+        raise ConfigurationError(f"rotor speed: expected a number from 0 (parked) to 1000 rad/s, got {turning:g}")
     chosen = turbine.sensors if sensors is None else tuple(sensors)
     if not chosen:
         raise ConfigurationError(
@@ -349,14 +352,12 @@ def _as_planned(
     turbine = replace(
         turbine,
         sensors=chosen,
-        rotor_speed=rotor_speed or turbine.rotor_speed,
+        rotor_speed=turning,
         loads=tuple(replace(load, rms=load.rms * load_scale) for load in turbine.loads),
     )
-    turn = 2.0 * math.pi / turbine.rotor_speed
-    if not (math.isfinite(duration) and turn <= duration <= FOREVER):
-        raise ConfigurationError(
-            f"duration: expected one revolution ({turn:.3g} s) to ten years, got {duration:g} s: plan another record"
-        )
+    least, why = turbine.least_duration
+    if not (math.isfinite(duration) and least <= duration <= FOREVER):
+        raise ConfigurationError(f"duration: expected {why} to ten years, got {duration:g} s: plan another record")
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     if fastest / rate > 0.6:
         raise ConfigurationError(

@@ -480,7 +480,7 @@ def load_posterior(folder: str | Path) -> Posterior:
             f"result {folder}: expected the turbine in identification.nc, got a file of an older version: identify the record again"
         ) from None
     turbine = parse_turbine(text, str(path))
-    if "c_hub_blade" in names:
+    if "c_hub_blade" in names and "c_hub_blade" not in turbine.values:  # a file of version 0.1
         turbine = turbine.with_model(replace(turbine.rotor, air_couples=True))
         turbine = replace(turbine, values={**turbine.values, "c_hub_blade": 0.0})
     parameters = tuple(

@@ -19,6 +19,9 @@ from windsysid.output import claim_file
 
 __all__ = ["Turbine", "load_turbine", "packaged_turbines", "write_turbine"]
 
+PARKED_PERIODS = 3
+"""Of the slowest mode: the least that a record of a parked machine must hold."""
+
 
 @dataclass(frozen=True)
 class Turbine:
@@ -35,7 +38,7 @@ class Turbine:
     values
         Every parameter of the model: masses [kg], first moments [kg·m], inertias [kg·m²], stiffness, damping, geometry.
     rotor_speed
-        Usual rotor speed [rad/s].
+        Usual rotor speed [rad/s]; 0: parked.
     spread
         Relative prior standard deviation of stiffness and of damping.
     loads
@@ -90,6 +93,21 @@ class Turbine:
             i = coordinate.removeprefix("beta_")
             stiffness += self.values[f"blade_first_moment_{i}"] * self.values["hinge_offset"] * self.rotor_speed**2
         return math.sqrt(stiffness / self.inertia(coordinate))
+
+    @property
+    def slowest_frequency(self) -> float:
+        """The least natural frequency ω [rad/s] of a degree of freedom on its own spring, of those that have one."""
+        frequencies = (self.natural_frequency(name) for name in self.model.coordinates)
+        return min((w for w in frequencies if w > 0.0), default=1.0)
+
+    @property
+    def least_duration(self) -> tuple[float, str]:
+        """The shortest record [s] that is worth judging, and why: one revolution, or, parked, periods of the slowest mode."""
+        if self.rotor_speed > 0.0:
+            turn = 2.0 * math.pi / self.rotor_speed
+            return turn, f"one revolution ({turn:.3g} s at {self.rotor_speed * 30.0 / math.pi:.3g} rpm)"
+        shortest = PARKED_PERIODS * 2.0 * math.pi / self.slowest_frequency
+        return shortest, f"{PARKED_PERIODS} periods of the slowest mode ({shortest:.3g} s; the rotor is parked)"
 
     def with_values(self, values: Mapping[str, float]) -> "Turbine":
         """The same turbine with other values, such as identified coefficients."""

@@ -97,7 +97,7 @@ class _Model(_Table):
 
 
 class _Rotor(_Table):
-    speed: Annotated[float, _quantity("rad/s"), Positive]
+    speed: Annotated[float, _quantity("rad/s"), NotNegative]
     hinge_offset: Length
     gravity: Annotated[float, _quantity("m/s^2"), NotNegative] = 9.80665
     eccentricity: Length = 0.0
@@ -116,6 +116,7 @@ class _Support(_Table):
     k_roll: AngularStiffness = 0.0
     c_roll: AngularDamping = 0.0
     kappa: Annotated[float, _quantity("rad/m")] = 0.0
+    c_hub_blade: Annotated[float, _quantity("N*s")] | None = None
 
 
 class _Blade(_Table):
@@ -185,13 +186,14 @@ class _RotorFile(_File):
     loads: _Loads
 
     def turbine(self, sensors: tuple[Sensor, ...]) -> Turbine:
-        model = RotorModel(**self.model.model_dump(exclude={"kind"}))
+        air = self.support.c_hub_blade is not None
+        model = RotorModel(**self.model.model_dump(exclude={"kind"}), air_couples=air)
         blades = self.blade * model.blades if len(self.blade) == 1 else self.blade
         if len(blades) != model.blades:
             raise ConfigurationError(
                 f"turbine '{self.name}': expected one [blade] table or {model.blades} [[blade]] tables, got {len(blades)}"
             )
-        values = self.support.model_dump() | {
+        values = self.support.model_dump(exclude_none=True) | {
             key: getattr(self.rotor, key) for key in ("hinge_offset", "gravity", "eccentricity", "eccentricity_angle")
         }
         for i, blade in enumerate(blades, start=1):
@@ -234,7 +236,7 @@ class _TowerModel(_Table):
 
 
 class _TowerRotor(_Table):
-    speed: Annotated[float, _quantity("rad/s"), Positive]
+    speed: Annotated[float, _quantity("rad/s"), NotNegative]
 
 
 class _Direction(_Table):
@@ -336,7 +338,7 @@ def _rotor_tables(turbine: Turbine) -> dict[str, Any]:
         }
         for i in model.blade_numbers
     ]
-    units = {name: unit for unit, names in _SUPPORT_UNITS.items() for name in names}
+    units = {name: unit for unit, names in _SUPPORT_UNITS.items() for name in names if name in v}
     return {
         "model": {"blades": model.blades, "x": model.x, "y": model.y, "roll": model.roll, "lag": model.lag},
         "rotor": {
@@ -365,4 +367,5 @@ _SUPPORT_UNITS = {
     "N*m/rad": ("k_roll",),
     "N*m*s/rad": ("c_roll",),
     "rad/m": ("kappa",),
+    "N*s": ("c_hub_blade",),
 }

@@ -40,7 +40,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "N": ("N", 1.0), "kN": ("N", 1e3), "MN": ("N", 1e6),
     "N*m": ("N*m", 1.0), "kN*m": ("N*m", 1e3), "MN*m": ("N*m", 1e6),
     "N/m": ("N/m", 1.0), "kN/m": ("N/m", 1e3), "MN/m": ("N/m", 1e6),
-    "N*s/m": ("N*s/m", 1.0), "kN*s/m": ("N*s/m", 1e3),
+    "N*s": ("N*s", 1.0), "N*s/m": ("N*s/m", 1.0), "kN*s/m": ("N*s/m", 1e3),
     "N*m/rad": ("N*m/rad", 1.0), "kN*m/rad": ("N*m/rad", 1e3),
     "N*m*s/rad": ("N*m*s/rad", 1.0), "kN*m*s/rad": ("N*m*s/rad", 1e3),
     "W": ("W", 1.0), "kW": ("W", 1e3), "MW": ("W", 1e6), "degC": ("degC", 1.0),

@@ -156,8 +156,8 @@ def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Finding]:
     usual = float(np.nanmedian(values))
     if "rotor_azimuth" in record and _azimuth_speed(record) is not None:
         return []  # the azimuth tells more, see below
-    if turbine is not None:
-        ratio = max(abs(usual) / turbine.rotor_speed, 1e-9)  # the logarithm of a parked rotor's
+    if turbine is not None and turbine.rotor_speed > 0.0 and usual != 0.0:
+        ratio = abs(usual) / turbine.rotor_speed
         for factor, mistake in _RATIOS[:3]:
             # the machine may run away from its usual speed, but hardly this far
             if abs(np.log(ratio / factor)) < 0.35 and abs(np.log(ratio)) > 1.0:

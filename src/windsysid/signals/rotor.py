@@ -19,6 +19,9 @@ __all__ = ["RotorMotion", "rotor_from_encoder", "rotor_from_pulses", "rotor_inpu
 
 Array = NDArray[np.float64]
 
+STILL = 0.05
+"""Mean speed [rad/s] below which the rotor of a parked machine counts as standing: half a revolution per minute."""
+
 FAR = 20.0
 """Factor from the turbine's usual rotor speed beyond which an azimuth must be in another unit (degrees are 57 times off)."""
 
@@ -80,8 +83,11 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
     drift = float(np.polyfit(time[known], offset, 1)[0])
     mean_speed = float(speed.mean())
     psi = turned + np.interp(time, time[known], offset)
-    slow = max(abs(mean_speed), abs(mean_speed + drift)) < rotor_speed / FAR
-    if "rotor_speed" in record and slow:  # parked or idling: the azimuth need not run forward
+    parked = rotor_speed == 0.0  # then the turbine says nothing of how fast it turns
+    slow = max(abs(mean_speed), abs(mean_speed + drift)) < (STILL if parked else rotor_speed / FAR)
+    if slow and parked and "rotor_speed" not in record:
+        speed = smooth_slope(psi, record.rate)
+    if slow and (parked or "rotor_speed" in record):  # parked or idling: the azimuth need not run forward
         return np.column_stack([psi, speed, smooth_slope(speed, record.rate)])
     if not mean_speed + drift > 0.0:
         raise RecordError(
@@ -93,7 +99,7 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
             f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s but rotor_speed says {mean_speed:.4g} rad/s: "
             "check the unit of both channels"
         )
-    if not 1.0 / FAR < (mean_speed + drift) / rotor_speed < FAR:
+    if not (parked or 1.0 / FAR < (mean_speed + drift) / rotor_speed < FAR):
         raise RecordError(
             f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s, but the turbine's usual speed is {rotor_speed:.4g} rad/s: "
             "check the unit of the azimuth, or the turbine file"
