@@ -1,0 +1,252 @@
+"""Which deliberate faults the tests notice.
+
+    python -m validation.mutation [--only MODULE] [--list] [--sample N] [--jobs N] [--full]
+
+Every mutant of `validation.mutants` is put into a copy of the sources, and the tests most likely to notice it run on that copy until the first one fails.
+With --full those that survive meet the whole default suite. What was found is kept in results/mutation/results.jsonl under a hash of the mutant, the
+sources and the tests that ran, so that an interrupted run goes on, and only what changed runs again; the test that noticed a mutant last time goes first.
+
+Each job has a folder for its copy, which stays, and a cache of kernels compiled there without a fault: Numba finds kernels by where their sources lie.
+Mutants of sources that kernels hold come last, for they compile anew.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+from validation.mutants import MUTANTS, TESTS, Mutant
+
+__all__ = ["NotFoundOnceError", "locate", "main"]
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "results" / "mutation"
+
+PATIENCE = 1200.0
+"""Seconds after which tests that still run have noticed something."""
+
+COMPILED = ("filters/", "mechanics/", "transition.py", "rows.py", "simd.py", "jit.py")
+"""Where sources lie whose change compiles kernels anew."""
+
+
+class NotFoundOnceError(Exception):
+    """A mutant's text does not stand exactly once in the sources: they have moved on."""
+
+
+def locate(mutant: Mutant, root: Path = ROOT) -> Path:
+    """The one source file, relative to `root`, that holds the mutant's text.
+
+    Raises
+    ------
+    NotFoundOnceError
+        If there is none, or the text stands in several places.
+    """
+    found = []
+    for path in sorted((root / "src" / "windsysid").rglob(mutant.module)):
+        found += [path] * path.read_text(encoding="utf-8").count(mutant.old)
+    if len(found) != 1:
+        raise NotFoundOnceError(
+            f"'{mutant.name}': expected its text once in {mutant.module}, found it {len(found)} times"
+        )
+    return found[0].relative_to(root)
+
+
+class Results:
+    """What is known of mutants, in a file of one JSON object a line; the last line on a mutant counts."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+        self.known: dict[str, dict[str, Any]] = {}
+        for line in lines:
+            if line.endswith("}"):  # not cut off
+                row = json.loads(line)
+                self.known[row["mutant"]] = row
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Keep a result."""
+        self.known[row["mutant"]] = row
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+
+
+class Bench:
+    """A copy of the sources and tests on which mutants are tried."""
+
+    def __init__(self, folder: Path) -> None:
+        self.copy, self.warm, self.cache = (folder / name for name in ("copy", "warm", "cache"))
+        shutil.rmtree(self.copy, ignore_errors=True)
+        hidden = shutil.ignore_patterns(".*", "results", "__pycache__", "*.egg-info")
+        shutil.copytree(ROOT, self.copy, ignore=hidden)  # with the files' times, by which Numba knows them
+        self.warm.mkdir(parents=True, exist_ok=True)
+        self.passing: set[str] = set()
+
+    def ready(self, tests: Sequence[str]) -> None:
+        """See tests pass, and compile their kernels, without a fault."""
+        new = [test for test in tests if test not in self.passing]
+        if new:
+            code, killer, said = self._pytest(new, self.warm)
+            if code != 0:
+                raise SystemExit(f"without any fault, {killer or said[-2000:]} fails: mend that first")
+            self.passing.update(new)
+
+    def try_(self, mutant: Mutant, tests: Sequence[str], killer: str) -> tuple[str, str]:
+        """Put a fault in and run tests: ``killed``, ``survived`` or ``error``, and the test that failed or what went wrong."""
+        path = self.copy / locate(mutant, self.copy)
+        text, times = path.read_text(encoding="utf-8"), (path.stat().st_atime_ns, path.stat().st_mtime_ns)
+        shutil.rmtree(self.cache, ignore_errors=True)
+        shutil.copytree(
+            self.warm, self.cache, copy_function=os.link
+        )  # caches are replaced file by file, never written to
+        path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
+        try:
+            if killer.partition("::")[0] in tests:
+                code, found, _ = self._pytest([killer], self.cache)
+                if code == 1:
+                    return "killed", found
+            code, found, said = self._pytest(tests, self.cache)
+        finally:
+            path.write_text(text, encoding="utf-8")
+            os.utime(path, ns=times)
+        return {0: ("survived", ""), 1: ("killed", found)}.get(code, ("error", said[-500:]))
+
+    def _pytest(self, tests: Sequence[str], cache: Path) -> tuple[int, str, str]:
+        environment = os.environ | {"PYTHONPATH": str(self.copy / "src"), "WINDSYSID_CACHE": str(cache)}
+        environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-rfE", "--tb=no", "-p", "no:cacheprovider", *tests]
+        try:
+            ran = subprocess.run(
+                command, cwd=self.copy, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+            )
+        except subprocess.TimeoutExpired:
+            return 1, "out of time", ""
+        failed = re.search(r"^(?:FAILED|ERROR) ([^\s\[]+)", ran.stdout, re.MULTILINE)
+        return ran.returncode, failed[1] if failed else "", ran.stdout + ran.stderr
+
+
+def files_of_tests(mutant: Mutant, *, full: bool) -> list[str]:
+    """The test files for a mutant, relative to the root, the likeliest first."""
+    every = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py"))
+    if full:
+        return every
+    return [path for name in TESTS[mutant.module] for path in every if path.rpartition("/")[2] == name]
+
+
+def hash_of(mutant: Mutant, tests: Sequence[str]) -> str:
+    """What a result belongs to: the mutant, all sources, and the tests with their helpers."""
+    digest = hashlib.sha256("\0".join(mutant).encode())
+    helpers = [path for path in (ROOT / "tests").rglob("*.py") if not path.name.startswith("test_")]
+    for path in (*sorted((ROOT / "src").rglob("*.py")), *sorted(helpers), *(ROOT / test for test in tests)):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:20]
+
+
+def judge(mutants: Sequence[Mutant], results: Results, jobs: int, *, full: bool) -> Iterator[dict[str, Any]]:
+    """Try every mutant that is not known yet; their results as they come."""
+    waiting = []
+    for mutant in mutants:
+        try:
+            path = locate(mutant).as_posix()
+        except NotFoundOnceError as error:
+            yield {"mutant": mutant.name, "status": "not found", "killer": str(error)}
+            continue
+        tests = files_of_tests(mutant, full=full)
+        row, key = results.known.get(mutant.name, {}), hash_of(mutant, tests)
+        if row.get("key") == key or (full and row.get("status") == "killed"
+                                                       and row["key"] == hash_of(mutant, files_of_tests(mutant, full=False))):  # fmt: skip
+            yield row
+        else:
+            waiting.append((any(part in path for part in COMPILED), mutant, key, tests, row.get("killer", "")))
+    waiting.sort(key=lambda item: item[0])
+    benches: SimpleQueue[Bench] = SimpleQueue()
+    for i in range(min(jobs, len(waiting))):
+        benches.put(Bench(FOLDER / f"job{i}"))
+
+    def try_one(mutant: Mutant, key: str, tests: Sequence[str], killer: str) -> dict[str, Any]:
+        bench, begun = benches.get(), time.monotonic()
+        try:
+            bench.ready(tests)
+            started = time.monotonic()
+            status, by = bench.try_(mutant, tests, killer)
+        finally:
+            benches.put(bench)
+        spent = {"seconds": round(time.monotonic() - started, 1), "warming": round(started - begun, 1)}
+        return {"mutant": mutant.name, "key": key, "status": status, "killer": by, **spent}
+
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        for row in pool.map(lambda item: try_one(*item[1:]), waiting):
+            results.add(row)
+            yield row
+
+
+def table(mutants: Sequence[Mutant], found: dict[str, dict[str, Any]]) -> str:
+    """Module, mutants, killed, survivors by name, score."""
+    lines = [f"{'module':<20} mutants  killed  score  not killed"]
+    total, killed = 0, 0
+    for module in dict.fromkeys(mutant.module for mutant in mutants):
+        rows = [found[mutant.name] for mutant in mutants if mutant.module == module]
+        there = [row for row in rows if row["status"] != "not found"]
+        dead = sum(row["status"] == "killed" for row in there)
+        others = [
+            row["mutant"] + ("" if row["status"] == "survived" else f" ({row['status']})")
+            for row in rows
+            if row["status"] != "killed"
+        ]
+        score = f"{100 * dead / len(there):.0f} %" if there else "–"
+        lines.append(f"{module:<20} {len(rows):7d} {dead:7d} {score:>6}  {'; '.join(others)}".rstrip())
+        total, killed = total + len(there), killed + dead
+    lines.append(f"{'all':<20} {len(mutants):7d} {killed:7d} {100 * killed / max(total, 1):4.1f} %")
+    if total < len(mutants):
+        lines.append(
+            f"{len(mutants) - total} not found: the sources have moved on, and validation/mutants.py has to follow"
+        )
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m validation.mutation", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--only", metavar="MODULE", action="append", help="mutants of this module, such as bank.py, or of this name"
+    )
+    parser.add_argument("--list", action="store_true", help="say what the mutants mean and try none")
+    parser.add_argument("--sample", metavar="N", type=int, help="so many of them, drawn at random")
+    parser.add_argument("--jobs", metavar="N", type=int, default=1, help="at a time")
+    parser.add_argument("--full", action="store_true", help="the whole default suite on what survives")
+    asked = parser.parse_args()
+    mutants = [
+        m for m in MUTANTS if not asked.only or {m.module, m.module.removesuffix(".py"), m.name} & set(asked.only)
+    ]
+    if asked.sample is not None:
+        chosen = random.sample(mutants, min(asked.sample, len(mutants)))
+        mutants = [mutant for mutant in mutants if mutant in chosen]
+    if asked.list:
+        for mutant in mutants:
+            print(f"{mutant.module}: {mutant.name}: {mutant.meaning}")
+        return
+    results = Results(FOLDER / "results.jsonl")
+    found: dict[str, dict[str, Any]] = {}
+    for full in (False, True) if asked.full else (False,):
+        left = [m for m in mutants if not full or found[m.name]["status"] == "survived"]
+        for row in judge(left, results, asked.jobs, full=full):
+            found[row["mutant"]] = row
+            print(f"{row['status']:<9} {row['mutant']}: {row['killer']} ({row.get('seconds', 0)} s)", flush=True)
+    print(f"\n{table(mutants, found)}")
+
+
+if __name__ == "__main__":
+    main()
