@@ -79,6 +79,30 @@ def test_hub_forces_are_the_blades_moments_over_the_lever(verne555: Turbine):
         np.testing.assert_allclose(cov[:2, :2], to_hub @ cov[2:, 2:] @ to_hub.T, atol=1e-6 * np.abs(cov).max())
 
 
+@pytest.mark.parametrize(("rise", "levers"), [
+    (0.5, {1: 1.28, 2: 1.371429, 4: 1.454545, 5: 1.476923, 7: 1.505882}), (3.0, {1: 0.64, 2: 0.8, 4: 1.0, 5: 1.066667, 7: 1.163636}),
+])  # fmt: skip
+def test_the_smaller_the_eddies_the_further_out_they_push(verne555: Turbine, rise: float, levers: dict[int, float]):
+    # ℓ (m+1)/(m+1+ρ) for ℓ = 1.6 m, worked out by hand; single eddies push where the last term does.
+    model = hypothesis("rotor-wind", verne555, verne555.loads)
+    blocks = {block.states[0]: block for block in given(model, load_lever=1.6, load_lever_rise=rise)}
+    for psi in (0.3, 1.9):
+        theta = psi + 2.0 * np.pi * np.arange(3) / 3.0
+        tangents = np.array([-np.sin(theta), np.cos(theta)])
+        for m, lever in levers.items():
+            value = blocks.get(f"wind_{m}P", blocks.get(f"wind_{m}P_0")).process.value  # type: ignore[union-attr]
+            forces = np.array([np.cos(m * theta), np.sin(m * theta)]) / lever
+            for block, c in ((blocks.get(f"wind_{m}P", blocks.get(f"wind_{m}P_0")), value), (blocks[f"hub_{m}P"], 1.0)):
+                assert block is not None
+                hub = np.array([output(block, name, psi) for name in ("load_x", "load_y")])
+                np.testing.assert_allclose(hub, np.kron(tangents @ forces.T, c), atol=1e-6)
+        for i in (1, 2, 3):
+            block = blocks[f"eddies_{i}_0"]
+            moment = output(block, f"load_beta_{i}", psi)
+            hub = np.array([output(block, name, psi) for name in ("load_x", "load_y")])
+            np.testing.assert_allclose(hub, np.outer(tangents[:, i - 1], moment) / levers[7], rtol=1e-6)
+
+
 def ring_spectrum(m: int, radius: float, frequency: Array, wind: WindConditions) -> Array:
     """Spectrum of the m-th term in azimuth of the wind on a ring: the Fourier coefficient of its coherence, by quadrature."""
     angle = (np.arange(4096) + 0.5) * np.pi / 4096

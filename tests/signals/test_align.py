@@ -48,6 +48,17 @@ def test_two_loggers_become_one_record():
     )
 
 
+@pytest.mark.parametrize("drift", [1e-3, -1e-3])
+def test_a_clock_that_drifts_is_put_right_from_end_to_end(drift: float):
+    # 0.15 s off at either end; the wrong sign would double that.
+    one, other = logger(20.0, 0.0, 0.0, "a"), logger(20.0, 3.2, drift, "b", seed=1)
+    whole, (found,) = align([one, other])
+    true = other.time + 3.2 + drift * (other.time - 150.0)
+    np.testing.assert_allclose(found.corrected(other.time), true, atol=0.02)
+    inside = slice(40, -40)
+    np.testing.assert_allclose(whole["b"][inside], whole["a"][inside], atol=2 * np.pi * 0.4 * 0.02)
+
+
 def test_an_azimuth_at_constant_speed_leaves_whole_turns_open_and_says_so():
     def turning(offset: float) -> Record:
         t = np.arange(6000) / 50.0
