@@ -28,17 +28,24 @@ TESTS: dict[str, tuple[str, ...]] = {
     "gaussian.py": ("test_linear.py", "test_gate.py", "test_protocol.py"),
     "ekf.py": ("test_linear.py", "test_ekf.py", "test_protocol.py"),
     "iekf.py": ("test_iekf.py",),
-    "ukf.py": ("test_ukf.py", "test_linear.py", "test_protocol.py"),
-    "bank.py": ("test_bank.py",),
-    "smoother.py": ("test_smoother.py", "test_linear.py"),
+    "ukf.py": ("test_linear.py", "test_drift.py", "test_ukf.py", "test_protocol.py"),
+    "bank.py": ("test_bank.py", "test_drift.py"),
+    "smoother.py": ("test_drift.py", "test_smoother.py", "test_linear.py"),
     "particle.py": ("test_particles.py",),
     "particlekernels.py": ("test_particles.py",),
     "raoblackwell.py": ("test_particles.py",),
-    "likelihood.py": ("test_bank.py", "test_fitting.py", "test_profiling.py", "test_planning.py"),
-    "online.py": ("test_online.py", "test_stream.py", "test_joint.py"),
-    "stateonly.py": ("test_joint.py",),
-    "statespace.py": ("test_statespace.py", "test_protocol.py", "test_bank.py", "test_fitting.py", "test_joint.py"),
-    "transition.py": ("test_ekf.py", "test_linear.py", "test_protocol.py"),
+    "likelihood.py": ("test_quadratic.py", "test_bank.py", "test_fitting.py", "test_profiling.py", "test_planning.py"),
+    "online.py": ("test_quadratic.py", "test_online.py", "test_stream.py", "test_joint.py"),
+    "stateonly.py": ("test_stateonly.py", "test_joint.py"),
+    "statespace.py": (
+        "test_statespace.py",
+        "test_drift.py",
+        "test_protocol.py",
+        "test_bank.py",
+        "test_fitting.py",
+        "test_joint.py",
+    ),
+    "transition.py": ("test_linear.py", "test_drift.py", "test_ekf.py", "test_bank.py", "test_protocol.py"),
     "loads.py": ("test_loads.py", "test_statespace.py", "test_simulate.py", "test_loadmodels.py"),
     "loadmodels.py": ("test_loadmodels.py",),
     "statistics.py": ("test_statistics.py", "test_joint.py"),
@@ -782,5 +789,5 @@ _MODES = (
     ),
 )  # fmt: skip
 
-MUTANTS: tuple[Mutant, ...] = (*_MECHANICS, *_FILTERS, *_LIKELIHOOD, *_LOADS, *_CHANGES, *_EDGES, *_MODES)
+MUTANTS: tuple[Mutant, ...] = (*_EDGES, *_LOADS, *_CHANGES, *_MODES, *_MECHANICS, *_LIKELIHOOD, *_FILTERS)
 """All of them, by subject."""

@@ -6,8 +6,8 @@ Every mutant of `validation.mutants` is put into a copy of the sources, and the 
 With --full those that survive meet the whole default suite. What was found is kept in results/mutation/results.jsonl under a hash of the mutant, the
 sources and the tests that ran, so that an interrupted run goes on, and only what changed runs again; the test that noticed a mutant last time goes first.
 
-Each job has a folder for its copy, which stays, and a cache of kernels compiled there without a fault: Numba finds kernels by where their sources lie.
-Mutants of sources that kernels hold come last, for they compile anew.
+In the end all tests that noticed something run without any fault. Each job has a folder for its copy, which stays, and a cache of kernels: Numba finds kernels by where their
+sources lie. Mutants of sources that kernels hold come last, for they compile anew.
 """
 
 import argparse
@@ -36,8 +36,13 @@ FOLDER = ROOT / "results" / "mutation"
 PATIENCE = 1200.0
 """Seconds after which tests that still run have noticed something."""
 
-COMPILED = ("filters/", "mechanics/", "transition.py", "rows.py", "simd.py", "jit.py")
-"""Where sources lie whose change compiles kernels anew."""
+COMPILED = (
+    "bank.py", "ekf.py", "gaussian.py", "iekf.py", "particle.py", "particlekernels.py", "raoblackwell.py", "smoother.py", "transition.py", "ukf.py",
+)  # fmt: skip
+"""Sources whose change compiles all kernels of filters anew."""
+
+
+_FAILED = re.compile(r"^(?:FAILED|ERROR) ([^\s\[]+)", re.MULTILINE)
 
 
 class NotFoundOnceError(Exception):
@@ -83,57 +88,60 @@ class Results:
 
 
 class Bench:
-    """A copy of the sources and tests on which mutants are tried."""
+    """A copy of the sources and tests on which mutants are tried, with a cache of kernels that outlives them."""
 
     def __init__(self, folder: Path) -> None:
-        self.copy, self.warm, self.cache = (folder / name for name in ("copy", "warm", "cache"))
+        self.copy, self.cache = folder / "copy", folder / "cache"
         shutil.rmtree(self.copy, ignore_errors=True)
         hidden = shutil.ignore_patterns(".*", "results", "__pycache__", "*.egg-info")
         shutil.copytree(ROOT, self.copy, ignore=hidden)  # with the files' times, by which Numba knows them
-        self.warm.mkdir(parents=True, exist_ok=True)
-        self.passing: set[str] = set()
-
-    def ready(self, tests: Sequence[str]) -> None:
-        """See tests pass, and compile their kernels, without a fault."""
-        new = [test for test in tests if test not in self.passing]
-        if new:
-            code, killer, said = self._pytest(new, self.warm)
-            if code != 0:
-                raise SystemExit(f"without any fault, {killer or said[-2000:]} fails: mend that first")
-            self.passing.update(new)
 
     def try_(self, mutant: Mutant, tests: Sequence[str], killer: str) -> tuple[str, str]:
         """Put a fault in and run tests: ``killed``, ``survived`` or ``error``, and the test that failed or what went wrong."""
         path = self.copy / locate(mutant, self.copy)
         text, times = path.read_text(encoding="utf-8"), (path.stat().st_atime_ns, path.stat().st_mtime_ns)
-        shutil.rmtree(self.cache, ignore_errors=True)
-        shutil.copytree(
-            self.warm, self.cache, copy_function=os.link
-        )  # caches are replaced file by file, never written to
+        kernels = set(self.cache.glob("kernels_*"))
         path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
         try:
-            if killer.partition("::")[0] in tests:
-                code, found, _ = self._pytest([killer], self.cache)
-                if code == 1:
-                    return "killed", found
-            code, found, said = self._pytest(tests, self.cache)
+            code, found, said = self._pytest([killer]) if killer.partition("::")[0] in tests else (0, "", "")
+            if code != 1:
+                code, found, said = self._pytest(tests)
         finally:
             path.write_text(text, encoding="utf-8")
             os.utime(path, ns=times)
+        if kernels and mutant.module in COMPILED:
+            for folder in set(self.cache.glob("kernels_*")) - kernels:  # a fault's own
+                shutil.rmtree(folder)
         return {0: ("survived", ""), 1: ("killed", found)}.get(code, ("error", said[-500:]))
 
-    def _pytest(self, tests: Sequence[str], cache: Path) -> tuple[int, str, str]:
-        environment = os.environ | {"PYTHONPATH": str(self.copy / "src"), "WINDSYSID_CACHE": str(cache)}
+    def failing(self, tests: Sequence[str]) -> set[str]:
+        """Those of some tests that fail without a fault."""
+        return set(_FAILED.findall(self._pytest(tests, "--maxfail=0")[2])) if tests else set()
+
+    def _pytest(self, tests: Sequence[str], *options: str) -> tuple[int, str, str]:
+        environment = os.environ | {"PYTHONPATH": str(self.copy / "src"), "WINDSYSID_CACHE": str(self.cache)}
         environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-rfE", "--tb=no", "-p", "no:cacheprovider", *tests]
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-x",
+            "-rfE",
+            "--tb=no",
+            "-p",
+            "no:cacheprovider",
+            *options,
+            *tests,
+        ]
         try:
             ran = subprocess.run(
                 command, cwd=self.copy, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
             )
         except subprocess.TimeoutExpired:
             return 1, "out of time", ""
-        failed = re.search(r"^(?:FAILED|ERROR) ([^\s\[]+)", ran.stdout, re.MULTILINE)
-        return ran.returncode, failed[1] if failed else "", ran.stdout + ran.stderr
+        failed = _FAILED.findall(ran.stdout)
+        return ran.returncode, failed[0] if failed else "", ran.stdout + ran.stderr
 
 
 def files_of_tests(mutant: Mutant, *, full: bool) -> list[str]:
@@ -158,7 +166,7 @@ def judge(mutants: Sequence[Mutant], results: Results, jobs: int, *, full: bool)
     waiting = []
     for mutant in mutants:
         try:
-            path = locate(mutant).as_posix()
+            locate(mutant)
         except NotFoundOnceError as error:
             yield {"mutant": mutant.name, "status": "not found", "killer": str(error)}
             continue
@@ -168,7 +176,7 @@ def judge(mutants: Sequence[Mutant], results: Results, jobs: int, *, full: bool)
                                                        and row["key"] == hash_of(mutant, files_of_tests(mutant, full=False))):  # fmt: skip
             yield row
         else:
-            waiting.append((any(part in path for part in COMPILED), mutant, key, tests, row.get("killer", "")))
+            waiting.append((mutant.module in COMPILED, mutant, key, tests, row.get("killer", "")))
     waiting.sort(key=lambda item: item[0])
     benches: SimpleQueue[Bench] = SimpleQueue()
     for i in range(min(jobs, len(waiting))):
@@ -177,18 +185,24 @@ def judge(mutants: Sequence[Mutant], results: Results, jobs: int, *, full: bool)
     def try_one(mutant: Mutant, key: str, tests: Sequence[str], killer: str) -> dict[str, Any]:
         bench, begun = benches.get(), time.monotonic()
         try:
-            bench.ready(tests)
-            started = time.monotonic()
             status, by = bench.try_(mutant, tests, killer)
         finally:
             benches.put(bench)
-        spent = {"seconds": round(time.monotonic() - started, 1), "warming": round(started - begun, 1)}
-        return {"mutant": mutant.name, "key": key, "status": status, "killer": by, **spent}
+        seconds = round(time.monotonic() - begun, 1)
+        return {"mutant": mutant.name, "key": key, "status": status, "killer": by, "seconds": seconds}
 
     with ThreadPoolExecutor(max(1, jobs)) as pool:
         for row in pool.map(lambda item: try_one(*item[1:]), waiting):
             results.add(row)
             yield row
+    if waiting:
+        killers = {row.get("killer", "") for row in map(results.known.get, (m.name for m in mutants)) if row}
+        failing = benches.get().failing(sorted(killer for killer in killers if "::" in killer))
+        for mutant in mutants:
+            row = results.known.get(mutant.name, {})
+            if row.get("status") == "killed" and row["killer"] in failing:
+                results.add(row | {"status": "error", "key": "", "killer": f"{row['killer']} fails without any fault"})
+                yield results.known[mutant.name]
 
 
 def table(mutants: Sequence[Mutant], found: dict[str, dict[str, Any]]) -> str:
