@@ -1,6 +1,7 @@
 """Many records of one turbine: a season is no alarm, damage is one, a failing sensor is not taken for a failing tower."""
 
 import json
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,9 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from windsysid import ConfigurationError, cli
 from windsysid.blocks import DAY, Blocks, gather, read_blocks
+from windsysid.glr import threshold
 from windsysid.identification import identify
 from windsysid.monitor import NOISE, SENSOR, STRUCTURE, watch
 from windsysid.planning import plan
@@ -91,6 +94,30 @@ def test_the_same_moves_in_a_failing_tower_and_with_a_failing_sensor():
     change = watch(doubted).changes[0]
     assert change.cause == SENSOR
     assert "does not explain" in change.told
+
+
+def test_false_alarms_of_a_year_are_shared_out_among_the_series():
+    for names in (("k_x",), ("k_x", "k_y", "c_x")):
+        found = watch(quiet(names, 300), alarms_per_year=0.2)
+        each = 0.2 * 600.0 / (365.25 * DAY) / len(names)
+        assert [s.limit for s in found.series] == pytest.approx([threshold(each)] * len(names))
+
+
+def test_the_smallest_jump_passes_the_test_nine_times_in_ten():
+    # The filter and the trace of a unit jump, settled by repetition; the statistic's root is then normal about √energy times the jump.
+    found = watch(quiet(("k_x",), 300))
+    (series,) = found.series
+    within, sigma = 144, 0.004 * series.scatter
+    q = (series.wander / 100.0) ** 2 / within  # [%] of the level, in a day
+    spread = 1.0
+    for _ in range(5000):
+        spread = q + spread * sigma**2 / (spread + sigma**2)
+    left, energy = 1.0, 0.0
+    for _ in range(within):
+        energy += left**2 / (spread + sigma**2)
+        left *= sigma**2 / (spread + sigma**2)
+    jump = 0.005 + (math.sqrt(series.limit) + norm.ppf(0.9)) / math.sqrt(energy)
+    assert math.log1p(series.smallest / 100.0) == pytest.approx(jump, rel=2e-3)
 
 
 def test_two_jumps_are_two_alarms():

@@ -171,6 +171,13 @@ def test_the_scale_model_is_known_after_100_s_as_well_as_calibration_finds(verne
         assert 100.0 * with_prior == pytest.approx(11.8, rel=0.25)
 
 
+def test_a_thinned_record_has_noise_of_the_same_spectral_density():
+    # σ²/rate per hertz: a quarter of the samples, each with half the noise.
+    turbine = one_mode()
+    problem = planning._simulated(turbine, ["k_x", "c_x"], 25.0, 4, 20.0, 5.0, 0)
+    assert [s.noise**2 / 25.0 for s in problem.sensors] == pytest.approx([s.noise**2 / 100.0 for s in turbine.sensors])
+
+
 @pytest.mark.slow
 def test_identified_values_scatter_as_planned(verne555):
     # 20 records × 10 coefficients, priors too wide to matter. The scatter of 20 values is known to 16 %, pooled over ten nearly

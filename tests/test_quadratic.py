@@ -1,10 +1,13 @@
 """A likelihood that is exactly quadratic: whatever is learned of it, at once or on line, is generalised least squares."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.mechanics.models import Reads, symbols
-from windsysid.likelihood import posterior_mode
+from windsysid.filters import EKF
+from windsysid.likelihood import information, posterior_mode
 from windsysid.loads import GaussMarkov
 from windsysid.mechanics.equations import Equations
 from windsysid.online import advance, begin, finish
@@ -66,3 +69,19 @@ def test_every_estimate_on_line_is_that_of_generalised_least_squares_so_far(reco
         mean, cov = least_squares(*(part[:count] for part in record))
         np.testing.assert_allclose((theta - mean) / np.sqrt(np.diag(cov)), 0.0, atol=1e-5, err_msg=f"{count}")
         np.testing.assert_allclose(spread, cov, rtol=1e-5, err_msg=f"{count}")
+
+
+def test_a_reading_is_worth_a_half_in_the_square_of_a_scale_and_two_in_its_logarithm(
+    record: tuple[np.ndarray, np.ndarray],
+):
+    # Load and noise e^θ times as large: innovations stay, log s moves by θ. Every reading has log s + z²/2, z ∝ e^−θ: slope z² − 1, information 2.
+    def louder(theta: np.ndarray) -> StateSpace:
+        model, factor = build(np.array([1.7, -1.1])), float(np.exp(2.0 * theta[0]))
+        blocks = model.blocks._replace(noise=model.blocks.noise * factor, load_noise=model.blocks.load_noise * factor)
+        return replace(model, blocks=blocks, cov=model.cov * factor)
+
+    model = louder(np.zeros(1))
+    z = EKF.run(model, EKF.init(model), *record)[1].whitened
+    gradient, fisher = information(louder, *record, np.zeros(1), np.array([1e-3]))
+    assert fisher[0, 0] == pytest.approx(2.0 * np.isfinite(z).sum(), rel=1e-5)
+    assert gradient[0] == pytest.approx(np.nansum(z**2 - 1.0), rel=1e-4)
