@@ -135,9 +135,9 @@ def gather(
     theta = np.full((count, len(names) + len(sensors)), np.nan)
     std = theta.copy()
     for row, posterior in enumerate(posteriors):
-        known = [name for name in names if name in [q.name for q in posterior.parameters]]
-        at = [names.index(name) for name in known]
-        theta[row, at], cov = without_prior(posterior, known, frame)
+        known = [q for q in frame.parameters if q.name in [own.name for own in posterior.parameters]]
+        at = [names.index(q.name) for q in known]
+        theta[row, at], cov = without_prior(posterior, known)
         std[row, at] = np.sqrt(np.diag(cov))
     for row, found in enumerate(noise):
         for name, (value, relative) in found.items():

@@ -426,9 +426,9 @@ def _said(results: Sequence[Posterior], name: str) -> tuple[Array, Array]:
     scale = next(q.reference for q in frame.parameters if q.name == name)
     found = []
     for result in results:
-        names = [q.name for q in result.parameters if _identified(frame, q.name)]
-        mean, cov = without_prior(result, names, frame)
-        i = names.index(name)
+        known = [q for q in frame.parameters if _identified(result, q.name)]
+        mean, cov = without_prior(result, known)
+        i = [q.name for q in known].index(name)
         found.append((scale * mean[i], scale * math.sqrt(cov[i, i])))
     value, std = np.array(found).T
     return value, std

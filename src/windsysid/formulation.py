@@ -117,6 +117,8 @@ class Outcome(NamedTuple):
         Why the formulation itself would not trust its result, in sentences.
     loads
         The loads that were states, as the filter knew them at the result; None where none were.
+    joint_cov
+        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where no statistics were learned.
     """
 
     turbine: Turbine
@@ -133,6 +135,7 @@ class Outcome(NamedTuple):
     statistics: tuple[Statistic, ...] = ()
     doubts: tuple[str, ...] = ()
     loads: Loads | None = None
+    joint_cov: Array | None = None
 
 
 def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[str]:

@@ -364,6 +364,7 @@ def conclude(
         loads=outcome.loads,
         conditions=_conditions(record, speed),
         provenance=provenance,
+        joint_cov=outcome.joint_cov,
     )
 
 

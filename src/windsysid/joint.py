@@ -103,6 +103,7 @@ def identify_jointly(
         statistics=learned_statistics(problem.statistics, mode.mean[n:], mode.cov[n:, n:]),
         doubts=_doubts(mode, turbine, problem.turbine),
         loads=acted,
+        joint_cov=mode.cov,
     )
 
 

@@ -120,6 +120,8 @@ class Posterior(NamedTuple):
         Start and end of what was used [s], on the record's clock; None where it is not known.
     statistics
         What was learned of loads and noise.
+    joint_cov
+        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where it was not kept.
     """
 
     turbine: Turbine
@@ -133,6 +135,7 @@ class Posterior(NamedTuple):
     record_hash: str | None = None
     section: tuple[float, float] | None = None
     statistics: tuple[Statistic, ...] = ()
+    joint_cov: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -180,6 +183,8 @@ class Identification(Saveable):
         How the turbine ran.
     provenance
         Which record, turbine, sensors, options and version it comes from; None where nobody said it.
+    joint_cov
+        Covariance of the coefficients and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where no statistics were learned.
     """
 
     method: str
@@ -208,6 +213,7 @@ class Identification(Saveable):
     machine: Turbine | None = None
     conditions: Conditions = NOT_RECORDED
     provenance: Provenance | None = None
+    joint_cov: Array | None = None
     diagnosis: Diagnosis = field(kw_only=True)
 
     def __getitem__(self, name: str) -> Estimate:
@@ -243,7 +249,7 @@ class Identification(Saveable):
         return Posterior(
             turbine, self.parameters, theta, self.cov, name, self.diagnosis.trusted, self.conditions,
             start=None if known is None else known.start, record_hash=None if known is None else known.record_hash,
-            section=self.section, statistics=self.statistics,
+            section=self.section, statistics=self.statistics, joint_cov=self.joint_cov,
         )  # fmt: skip
 
     def history(self, name: str) -> tuple[Array, Array, Array]:
@@ -303,6 +309,9 @@ class Identification(Saveable):
         variables["cov"] = ("parameter", "parameter_2"), self.cov, {"note": note}
         for key, what in PRIORS.items():
             variables[key] = ("parameter",), np.array([getattr(q, what) for q in self.parameters], dtype=np.float64), {}
+        if self.joint_cov is not None:
+            note = "of the parameters and then of the statistics' coordinates (windsysid.statistics)"
+            variables["joint_cov"] = ("unknown", "unknown_2"), self.joint_cov, {"note": note}
         axis = "time" if len(self.innovation) == len(self.time) else "innovation_time"
         variables["innovation"] = (axis, "reading"), self.innovation, {}
         variables["whitened"] = (axis, "reading"), self.whitened, {}
@@ -466,6 +475,7 @@ def load_posterior(folder: str | Path) -> Posterior:
             names = file["parameter"][...].tolist()
             estimate, *columns = (file[key][...].tolist() for key in ("final_estimate", *PRIORS))
             cov = file["cov"][...]
+            joint_cov = file["joint_cov"][...] if "joint_cov" in file else None
     except ConfigurationError:
         raise
     except RecordError:
@@ -491,7 +501,7 @@ def load_posterior(folder: str | Path) -> Posterior:
     identified = turbine.with_values(dict(zip(names, estimate, strict=True)))
     return Posterior(
         identified, parameters, theta, cov, record, bool(trusted), conditions,
-        start, found, section=(begun, ended), statistics=learned,
+        start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov,
     )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ __all__ = [
     "moved_loads",
     "moved_sensors",
     "noise_groups",
+    "to_logarithms",
     "values_of",
 ]
 
@@ -84,14 +85,14 @@ def noise_groups(sensors: Sequence[Sensor]) -> tuple[Statistic, ...]:
 
 def values_of(statistics: Sequence[Statistic], eta: Array) -> dict[str, float]:
     """Value of each statistic by name, from its coordinates η (n,)."""
-    logarithms = _logarithms(statistics) @ eta
+    logarithms = to_logarithms(statistics) @ eta
     return {s.name: s.given * math.exp(float(value)) for s, value in zip(statistics, logarithms, strict=True)}
 
 
 def coordinates_of(statistics: Sequence[Statistic], values: Mapping[str, float]) -> Array:
     """η (n,) of values by name; those not named stay as given."""
     logarithms = np.array([math.log(values.get(s.name, s.given) / s.given) for s in statistics])
-    return np.asarray(np.linalg.solve(_logarithms(statistics), logarithms))
+    return np.asarray(np.linalg.solve(to_logarithms(statistics), logarithms))
 
 
 def moved_loads(
@@ -121,9 +122,9 @@ def moved_sensors(
 
 def learned_statistics(statistics: Sequence[Statistic], eta: Array, cov: Array) -> tuple[Statistic, ...]:
     """The statistics with estimates and ±2σ bands, from η (n,) and its covariance (n, n)."""
-    to_logarithms = _logarithms(statistics)
-    middle = to_logarithms @ eta
-    std = np.sqrt(np.diag(to_logarithms @ cov @ to_logarithms.T))
+    matrix = to_logarithms(statistics)
+    middle = matrix @ eta
+    std = np.sqrt(np.diag(matrix @ cov @ matrix.T))
     learned = []
     for s, value, e in zip(statistics, middle, std, strict=True):
         low, estimate, high = (s.given * math.exp(float(value + k * e)) for k in (-2.0, 0.0, 2.0))
@@ -131,7 +132,7 @@ def learned_statistics(statistics: Sequence[Statistic], eta: Array, cov: Array) 
     return tuple(learned)
 
 
-def _logarithms(statistics: Sequence[Statistic]) -> Array:
+def to_logarithms(statistics: Sequence[Statistic]) -> Array:
     """The matrix that turns η into logarithms of factors: ln rms = η_level + η_τ / 2, the others as they are."""
     names = [s.name for s in statistics]
     matrix: Array = np.eye(len(names))

@@ -218,6 +218,7 @@ class _Run:
                 "taken in piece by piece: the estimate is the on-line one, the innovations are the last piece's",
             ),
             statistics=learned_statistics(problem.statistics, self.online.theta[n:], self.online.cov[n:, n:]),
+            joint_cov=self.online.cov,
         )
         return conclude(
             outcome, piece, "joint", section=(self.begun, float(piece.time[-1])), samples=self.taken,
