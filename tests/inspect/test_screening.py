@@ -128,13 +128,15 @@ def test_faults_that_make_a_result_worse_are_noted(verne555, healthy):
     assert any(note.startswith("record: 1 gap") for note in notes)
 
 
-def test_the_notes_stand_in_result_terminal_and_report(verne555, healthy, tmp_path):
+def test_the_notes_stand_in_result_terminal_and_report(tmp_path):
     from windsysid.report import identification_report
 
-    spiked = healthy[TOWER]
-    spiked[[500, 1500]] += 30.0 * spiked.std()
-    record = changed(healthy, TOWER, spiked)
-    found = ws.identify(record, verne555)
+    tower = ws.load_turbine("tower")
+    record = simulate_record(tower, duration=40.0, rate=10.0, seed=1)
+    spiked = record[TOWER]
+    spiked[[100, 300]] += 30.0 * spiked.std()
+    record = changed(record, TOWER, spiked)
+    found = ws.identify(record, tower, loads="broadband")
     assert any(f"{TOWER}: 2 spikes" in note for note in found.notes)
     assert "2 spikes" in str(found)
     assert any("2 spikes" in note for note in found.summary()["notes"])
