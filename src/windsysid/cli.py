@@ -399,10 +399,17 @@ def damping(
 @app.command()
 def monitor(
     context: typer.Context,
-    results: Annotated[list[Path], typer.Argument(help="Folders that windsysid identify wrote, in order of time.")],
+    results: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folders that windsysid identify wrote; records that say when they began are put in order."
+        ),
+    ],
     covariates: Annotated[
         Path | None,
-        typer.Option(help="CSV with a line for each folder: time, and what else moved, such as temperature and wind."),
+        typer.Option(
+            help="CSV with a line for each folder: time or folder, and what else moved, such as temperature and wind."
+        ),
     ] = None,
     alarms_per_year: Annotated[float, typer.Option(help="False alarms that are accepted in a year of records.")] = 0.1,
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, monitor.png and summary.json.")] = None,

@@ -300,6 +300,7 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
         jumps += [(i, jump) for jump in one.jumps]
     jumps.sort(key=lambda found: found[1].found)
     changes = tuple(_change(blocks, i, jump, jumps) for i, jump in jumps)
+    notes = [*blocks.notes, *notes]
     notes.insert(0, f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from")
     return Watch(blocks, tuple(series), changes, alarms_per_year, begins, tuple(notes))
 

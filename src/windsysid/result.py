@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -92,9 +93,6 @@ NOT_RECORDED = Conditions()
 
 PRIORS = {"prior_centre": "centre", "prior_spread": "spread", "logarithmic": "logarithmic", "coordinate_scale": "scale"}
 """What ``identification.nc`` holds of a `Parameter`, and under which names."""
-
-LEARNED = ("given", "estimate", "low", "high", "spread")
-"""What it holds of a `Statistic`."""
 
 
 class Posterior(NamedTuple):
@@ -320,13 +318,6 @@ class Identification(Saveable):
             variables["load"] = (axis, "load_name"), self.loads.mean, {}
             variables["load_std"] = (axis, "load_name"), self.loads.std, {}
             variables["load_name"] = ("load_name",), np.array(self.loads.names, dtype=object), {}
-        if self.statistics:
-            variables["statistic"] = ("statistic",), np.array([s.name for s in self.statistics], dtype=object), {}
-            units = np.array([s.unit for s in self.statistics], dtype=object)
-            variables["statistic_unit"] = ("statistic",), units, {}
-            for what in LEARNED:
-                numbers = np.array([getattr(s, what) for s in self.statistics], dtype=np.float64)
-                variables[f"statistic_{what}"] = ("statistic",), numbers, {}
         if axis != "time":
             variables[axis] = (axis,), self.innovation_time, {"units": "s"}
         return variables
@@ -347,6 +338,7 @@ class Identification(Saveable):
         return {
             "windsysid_version": __version__,
             **traced,
+            "statistics": json.dumps(finite([asdict(s) for s in self.statistics])),
             **{"method": self.method, "formulation": self.formulation, "record": self.record},
             **{"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)},
             **{"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)},
@@ -469,7 +461,7 @@ def load_posterior(folder: str | Path) -> Posterior:
             begun, ended = (float(file.attrs[key]) for key in ("section_start_s", "section_end_s"))
             record = _section_name(file.attrs["record"], begun, ended)
             start, found = (file.attrs.get(key) for key in ("record_start", "record_hash"))
-            learned = _read_statistics(file)
+            learned = _read_statistics(file.attrs.get("statistics", "[]"))  # version 0.1.0 wrote none
             means = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
             conditions = Conditions(*(None if mean is None else float(mean) for mean in means))
             names = file["parameter"][...].tolist()
@@ -505,17 +497,10 @@ def load_posterior(folder: str | Path) -> Posterior:
     )  # fmt: skip
 
 
-def _read_statistics(file: Any) -> tuple[Statistic, ...]:
-    """What an open ``identification.nc`` says of loads and noise; nothing in one of version 0.1.0."""
-    if "statistic" not in file.variables:
-        return ()
-    names, units, *numbers = (
-        file[key][...].tolist() for key in ("statistic", "statistic_unit", *(f"statistic_{what}" for what in LEARNED))
-    )
-    return tuple(
-        Statistic(name, unit, **dict(zip(LEARNED, row, strict=True)))
-        for name, unit, *row in zip(names, units, *numbers, strict=True)
-    )
+def _read_statistics(text: str) -> tuple[Statistic, ...]:
+    """What the attribute ``statistics`` says of loads and noise."""
+    rows: list[dict[str, Any]] = json.loads(text)
+    return tuple(Statistic(**{k: math.nan if value is None else value for k, value in row.items()}) for row in rows)
 
 
 def _section_name(record: str, start: float, end: float) -> str:

@@ -95,7 +95,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         time = _seconds(file[time_name], time_name, mapping)
         texts = {k: str(v) for k, v in file.attrs.items() if not k.startswith("windsysid_")}
         said, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
-        start = start_of(mapping.time, _since(file[time_name]) or said)
+        began = start_of(mapping.time, _since(file[time_name]) or said)
         name = str(file.attrs.get("windsysid_name", path.name))
     except (RecordError, ConfigurationError):
         raise
@@ -122,7 +122,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         rows,
         attributes,
         rows_at_once=max(1, _VALUES // len(columns)) if many else None,
-        start=start,
+        start=began,
     )
 
     def blocks(start: float, end: float) -> Iterator[Block]:
