@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from itertools import islice
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 from windsysid import ConfigurationError, __version__, cli, formats
+from windsysid import blocks as blocks_module
 from windsysid.blocks import FEWEST, read_blocks
 from windsysid.formats import iterate_record, read_record, write_record
 from windsysid.formats.netcdf import seal
@@ -118,6 +120,19 @@ def test_a_number_changed_by_hand_is_refused_by_every_command(
     assert "identification.nc was damaged or changed after windsysid wrote it" in line
 
 
+def test_a_result_of_version_010_which_has_no_checksum_is_read(saved: bytes, tmp_path: Path):
+    path = tmp_path / "identification.nc"
+    path.write_bytes(saved[:-25])  # without the seal
+    with h5py.File(path, "r+") as file:
+        for name in ("windsysid_version", "provenance", "record_hash", "record_start", "statistics"):
+            del file.attrs[name]
+    posterior = load_posterior(tmp_path)
+    assert (posterior.start, posterior.record_hash, posterior.statistics) == (None, None, ())
+    assert posterior.section == (2.0, 19.98)
+    blocks = read_blocks([tmp_path] * FEWEST)
+    assert blocks.notes[0].startswith("12 results of an older version do not hold the noise of their sensors")
+
+
 Make = Callable[..., list[Path]]
 
 
@@ -206,7 +221,8 @@ def covariates(folder: Path, lines: list[str]) -> Path:
     return path
 
 
-def test_lines_of_covariates_go_with_their_records(make: Make, tmp_path: Path):
+def test_lines_of_covariates_go_with_their_records(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(blocks_module, "load_posterior", cache(load_posterior))
     folders = make(hourly())
     given = sorted(folders, key=str)
     wind = np.arange(1.0, FEWEST + 1.0)

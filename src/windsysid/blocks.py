@@ -140,7 +140,7 @@ def gather(
     notes: list[str] = []
     spans = _spans(posteriors) if time is None else None
     if spans is not None:
-        order = [spans.index(span) for span in sorted(spans, key=lambda span: span.begin)]
+        order = sorted(range(count), key=[span.begin for span in spans].__getitem__)
         posteriors, spans = [posteriors[i] for i in order], [spans[i] for i in order]
         noise = [noise[i] for i in order] if noise else ()
         columns = {name: values[order] for name, values in columns.items()}
@@ -341,12 +341,15 @@ def _lines_of(table: _Table, folders: Sequence[Path], spans: Sequence[_Span] | N
     order = list(range(count)) if spans is None else sorted(range(count), key=lambda i: spans[i].begin)
     hint = "add a column 'folder' with the names of the folders"
     if table.folders:
+        lines: dict[str, list[int]] = {}
+        for line, name in enumerate(table.folders):
+            lines.setdefault(name, []).append(line)
         for folder in folders:
-            if table.folders.count(folder.name) != 1:
+            if len(lines.get(folder.name, [])) != 1:
                 raise ConfigurationError(
-                    f"covariates {table.path}: expected one line of folder '{folder.name}', got {table.folders.count(folder.name)}"
+                    f"covariates {table.path}: expected one line of folder '{folder.name}', got {len(lines.get(folder.name, []))}"
                 )
-        return [table.folders.index(folder.name) for folder in folders]
+        return [lines[folder.name][0] for folder in folders]
     if spans is not None and table.dates and (table.dates[0].tzinfo is None) == (spans[0].begin.tzinfo is None):
         rows = [0] * count
         for i, line in zip(order, sorted(range(count), key=lambda k: table.dates[k]), strict=True):

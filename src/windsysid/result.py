@@ -499,8 +499,11 @@ def load_posterior(folder: str | Path) -> Posterior:
 
 def _read_statistics(text: str) -> tuple[Statistic, ...]:
     """What the attribute ``statistics`` says of loads and noise."""
-    rows: list[dict[str, Any]] = json.loads(text)
-    return tuple(Statistic(**{k: math.nan if value is None else value for k, value in row.items()}) for row in rows)
+    found = []
+    for row in json.loads(text):
+        known: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
+        found.append(Statistic(**known))
+    return tuple(found)
 
 
 def _section_name(record: str, start: float, end: float) -> str:
