@@ -176,6 +176,28 @@ def test_a_record_that_went_through_a_low_pass_has_loads_that_did(record: Record
     assert any("does not know it: damping may come out too low" in note for note in other.notes)
 
 
+@pytest.mark.parametrize(("rate", "trusted"), [(8.0, False), (40.0, True)])
+def test_steps_too_long_for_a_vibration_are_a_reason_not_to_trust(rate: float, trusted: bool):
+    # RK4 damps a motion at ω by (ωh)⁵/144 of the critical: at 1 Hz and 8 samples a period by 0.2 %, nearly all of 0.25 %. A free decay in closed form.
+    omega, ratio = 2.0 * np.pi, 0.0025
+    time = np.arange(0.0, 60.0, 1.0 / rate)
+    exact = np.exp(-ratio * omega * time) * np.cos(omega * time)
+    noisy = exact + 0.001 * np.random.default_rng(8).standard_normal(len(time))
+    found = fit(
+        Equations("decay", (q, v), (), (c, k), (), (v, -c * v - k * q)),
+        Record(time, noisy[:, None], ("position",), ("m",), name="decay"),
+        parameters=(Parameter("c", 0.01 * omega, 0.02, False, omega), Parameter("k", omega**2, 0.3)),
+        sensors=(Reading("position", q, 0.001),), cov=np.eye(2), mean=[1.0, 0.0],
+    )  # fmt: skip
+    lacking = 0.0 if trusted else (omega / rate) ** 5 / 144.0
+    assert found["c"].estimate / (2.0 * omega) == pytest.approx(ratio - lacking, abs=2e-4)
+    assert found.diagnosis is not None
+    told = [reason for reason in found.diagnosis.reasons if reason.startswith("steps are too long")]
+    assert bool(told) != trusted
+    if told:
+        assert "for the vibration at 1 Hz, 8 of them to a period: the integration damps it by 0.19 %" in told[0]
+
+
 @pytest.mark.slow
 def test_damping_is_right_from_records_resampled_to_five_hertz():
     # A tower at 0.35 Hz, damped by 0.25 %, under a broadband load: six records of half an hour, simulated exactly by SciPy's matrix

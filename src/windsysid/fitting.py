@@ -55,6 +55,10 @@ CLIMBS = 2
 """How often the way to the mode is begun, where it was not reached."""
 
 
+STEPPED = 0.1
+"""Share of a vibration's damping that may be the integration's."""
+
+
 @dataclass(frozen=True)
 class Reading:
     """What one channel reads of a model of one's own.
@@ -216,7 +220,7 @@ def fit(
             *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
         ),
         statistics=tuple(learned),
-        diagnosis=_diagnosis(mode, joint, part.rate),
+        diagnosis=_diagnosis(mode, joint, part.rate, _damped_by_the_step(build(mode.mean), mode.info, inputs)),
         states=plain.states,
         state_mean=mode.info.mean,
         state_std=mode.info.std,
@@ -414,14 +418,41 @@ def _estimate(q: Parameter, theta: float, std: float) -> Estimate:
     )  # fmt: skip
 
 
-def _diagnosis(mode: Posterior, model: StateSpace, rate: float) -> Diagnosis:
+def _damped_by_the_step(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:
+    """A doubt where the Runge–Kutta method itself makes more than `STEPPED` of the damping of a vibration about the last state."""
+    compiled, h = model.compiled, float(model.blocks.step[0])
+    n, nu = len(compiled.states), len(compiled.inputs)
+    if not (n and len(inputs)):
+        return ()
+    value, A = np.empty(n), np.zeros((n, n))
+    B, G = np.zeros((n, len(compiled.identified))), np.zeros((n, len(compiled.loads)))
+    at = np.ascontiguousarray(info.mean[-1, :n])
+    compiled.rates_jacobian(at, inputs[-1, :nu], model.blocks.p, inputs[-1, nu:].copy(), value, A, B, G)
+    if not np.isfinite(A).all():
+        return ()
+    exponents = np.linalg.eigvals(A)
+    step = h * exponents[exponents.imag > 1e-6 * np.abs(exponents)]
+    stepped = np.log(1.0 + step * (1.0 + step / 2.0 * (1.0 + step / 3.0 * (1.0 + step / 4.0))))
+    ratio, own = -stepped.real / np.abs(stepped), -step.real / np.abs(step)
+    worse = np.abs(ratio - own) - STEPPED * np.abs(ratio)
+    if not worse.max(initial=-1.0) > 0.0:
+        return ()
+    i = int(np.argmax(worse))
+    size = float(np.abs(step[i]))
+    enough = size / h / (72.0 * STEPPED * max(abs(float(ratio[i])), 1e-4)) ** 0.2
+    return (
+        f"steps are too long for the vibration at {size / h / (2.0 * np.pi):.3g} Hz, {2.0 * np.pi / size:.2g} of them to a period: the integration damps it by "
+        f"{100.0 * (ratio[i] - own[i]):.2g} %, which the damping found lacks; give the record at {enough:.3g} Hz or more, missing samples in between",
+    )
+
+
+def _diagnosis(mode: Posterior, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
     """What to think of the result."""
     n = len(model.parameters)
-    doubts = (
-        ()
-        if mode.settled
-        else ("the likelihood still rose when the search ended: identify fewer parameters, or give narrower priors",)
-    )
+    if not mode.settled:
+        doubts += (
+            "the likelihood still rose when the search ended: identify fewer parameters, or give narrower priors",
+        )
     return diagnose(
         mode.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
         theta=mode.mean[:n], cov=mode.cov[:n, :n], doubts=doubts,
