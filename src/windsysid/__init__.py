@@ -83,3 +83,8 @@ def __getattr__(name: str) -> Any:
     value = getattr(import_module(f"windsysid.{_MODULE_OF[name]}"), name)
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    """Public names, imported or not yet: what a prompt completes."""
+    return sorted({*globals(), *__all__})

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.coercion import PosteriorLike, TurbineLike, as_posterior, as_turbine
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.modal import Spectrum, analyse, directions_of, obstacles, unlocked
 from windsysid.output import Saveable
-from windsysid.result import SIGMAS, Identification, Posterior, finite
+from windsysid.result import SIGMAS, Posterior, finite
 from windsysid.stability import NEUTRAL, GroundResonance, Unstable, meeting_speed, unstable_ranges
 from windsysid.tracking import Curve, bends, link
 from windsysid.turbine import Turbine
@@ -307,6 +308,9 @@ class Campbell(Saveable):
 
         return campbell_files(self)
 
+    def __repr__(self) -> str:
+        return f"<Campbell of {self.title}: {len(self.curves)} modes, {self.speeds[0] * RPM:.3g} to {self.speeds[-1] * RPM:.3g} rpm; print it for the table>"
+
     def __str__(self) -> str:
         from windsysid.console import render
 
@@ -314,7 +318,7 @@ class Campbell(Saveable):
 
 
 def find_modes(
-    source: Turbine | Identification | Posterior,
+    source: "TurbineLike | PosteriorLike",
     *,
     speeds: tuple[float, float] | None = None,
     operating: tuple[float, float] | None = None,
@@ -325,7 +329,7 @@ def find_modes(
     Parameters
     ----------
     source
-        A turbine, or what was identified (`windsysid.result.load_posterior` reads it from a folder).
+        A turbine, its packaged name or TOML file; or what was identified, or the folder it was saved in.
     speeds
         Least and greatest rotor speed of the diagram [rad/s]; 0.1 and 1.3 times the usual one by default.
     operating
@@ -338,9 +342,12 @@ def find_modes(
     ConfigurationError
         If a range of speeds is none, or no mode can be found in it.
     """
-    posterior = source.posterior if isinstance(source, Identification) else source
-    if isinstance(posterior, Turbine):
-        posterior = Posterior(posterior, (), np.zeros(0), np.zeros((0, 0)), "", True)
+    if isinstance(source, str | Path) and not Path(source).is_dir():
+        source = as_turbine(source)
+    if isinstance(source, Turbine):
+        posterior = Posterior(source, (), np.zeros(0), np.zeros((0, 0)), "", True)
+    else:
+        posterior = as_posterior(source)
     machine = _Machine(posterior)
     usual = machine.turbine.rotor_speed
     parked = usual == 0.0 and operating is None

@@ -1,16 +1,18 @@
 """The command line: reads options, calls the library, prints. Heavy modules are imported by the command that needs them."""
 
 import logging
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, Protocol
 
 import typer
 
 from windsysid import __version__
+from windsysid.console import show_what_can_be_shown
 from windsysid.errors import ConfigurationError, WindsysidError
 
 if TYPE_CHECKING:
@@ -40,11 +42,28 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results th
 def main() -> None:
     """Run the command line: bad input ends in one line on standard error and exit code 2."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: nothing half done is left
+    show_what_can_be_shown()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
     except WindsysidError as error:
-        print(f"windsysid: {error}", file=sys.stderr)
-        sys.exit(2)
+        _refuse(str(error))
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        _refuse(f"{where}{error.strerror or error}: check the path, its permissions and the space left")
+    except MemoryError as error:
+        _refuse(f"out of memory ({error}): take a shorter record, --section, a lower --rate, or --in-pieces")
+
+
+def _refuse(message: str) -> NoReturn:
+    """Say in one line what was wrong."""
+    print(f"windsysid: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(2)
 
 
 @app.callback(invoke_without_command=True)
@@ -552,10 +571,12 @@ def _speeds(option: str, given: tuple[str, str] | None) -> tuple[float, float] |
 def _progress(title: str) -> Iterator[Any]:
     """Say on standard error what is being done: a spinner on a terminal, nothing in a pipe."""
     from rich.console import Console
+    from rich.text import Text
 
     console = Console(stderr=True)
-    with console.status(title) as status:
-        yield lambda text: status.update(f"{title}: {text}")
+    spinner = "dots" if console.encoding.startswith("utf") else "line"
+    with console.status(Text(title), spinner=spinner) as status:  # a Text, since Rich takes a str for markup
+        yield lambda text: status.update(Text(f"{title}: {text}"))
 
 
 def _print_table(headings: Any, rows: Any, title: str) -> None:

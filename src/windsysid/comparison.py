@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.coercion import PosteriorLike, as_posterior
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal import analyse, directions_of
@@ -222,6 +223,9 @@ class Comparison(Saveable):
         """`summary` as text."""
         return json.dumps(self.summary(), indent=2) + "\n"
 
+    def __repr__(self) -> str:
+        return f"<Comparison of {self.records[0]} and {self.records[1]}: {self.sentence}>"
+
     def __str__(self) -> str:
         """The answer, the table, the doubts."""
         from rich.table import Table
@@ -239,14 +243,17 @@ class Comparison(Saveable):
 HEADINGS = ("", "unit", "A", "B", "change", "±2σ band", "odds that it moved", "by chance")
 
 
-def compare(before: Posterior, after: Posterior) -> Comparison:
+def compare(before: PosteriorLike, after: PosteriorLike) -> Comparison:
     """What moved from one record of a turbine to another; the other way round it is the same change backwards.
+
+    Both are posteriors, results, or the folders that results were saved in.
 
     Raises
     ------
     ConfigurationError
         If the two have no coefficient in common.
     """
+    before, after = as_posterior(before), as_posterior(after)
     frame = _frame(before, after)
     if not frame:
         raise ConfigurationError(

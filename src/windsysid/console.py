@@ -1,16 +1,105 @@
-"""Text for a terminal or a notebook: the one place that knows Rich's console."""
+"""Text for a terminal, a pipe or a notebook: the one place that knows how wide they are and what they can show."""
 
-from typing import Any
+import codecs
+import shutil
+import sys
+import textwrap
+import unicodedata
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["render"]
-
-
-def render(*parts: Any, width: int = 120) -> str:
-    """Rich tables and plain lines as text."""
+if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
-    console = Console(width=width, color_system=None, highlight=False, markup=False, soft_wrap=True)
+__all__ = ["plain", "render", "show_what_can_be_shown"]
+
+WIDTH = 120
+"""Columns where there is no terminal: a pipe, a file or a notebook gets the same text everywhere."""
+
+_PLAIN = {
+    "±": "+/-", "…": "...", "–": "-", "—": "-", "−": "-", "·": "*", "×": "x", "÷": "/", "→": "->", "≤": "<=", "≥": ">=", "≈": "~", "≠": "!=",
+    "°": "deg", "²": "^2", "³": "^3", "µ": "u", "√": "sqrt ", "∞": "inf", "∂": "d", "“": '"', "”": '"', "„": '"', "’": "'", "‘": "'", "•": "*",
+    "─": "-", "━": "-", "│": "|", "┃": "|", "═": "=", "║": "|",
+}  # fmt: skip
+
+
+def plain(text: str, encoding: str = "ascii") -> str:
+    """`text` as an encoding can show it: σ becomes sigma, ± becomes +/-, é becomes e; what has no such name becomes ?."""
+    try:
+        text.encode(encoding)
+        return text
+    except UnicodeEncodeError:
+        return "".join(_one(character, encoding) for character in text)
+
+
+def _one(character: str, encoding: str) -> str:
+    try:
+        character.encode(encoding)
+        return character
+    except UnicodeEncodeError:
+        pass
+    if character in _PLAIN:
+        return plain(_PLAIN[character])
+    name = unicodedata.name(character, "")
+    if name.startswith("GREEK ") and " LETTER " in name:
+        spelt = name.split(" LETTER ")[1].split()[0].lower()
+        return spelt.capitalize() if "CAPITAL" in name else spelt
+    if name.startswith("BOX DRAWINGS"):
+        return "+"
+    return unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode() or "?"
+
+
+def _spelt(error: UnicodeError) -> tuple[str, int]:
+    """What Python calls for characters that a stream cannot encode."""
+    assert isinstance(error, UnicodeEncodeError)
+    return plain(error.object[error.start : error.end]), error.end
+
+
+def show_what_can_be_shown() -> None:
+    """Let standard output and error spell out what their encoding lacks, instead of failing."""
+    codecs.register_error("windsysid", _spelt)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="windsysid")
+
+
+def render(*parts: Any) -> str:
+    """Rich tables and plain lines as text: tables as wide as the terminal at most, wrapped and never cut off."""
+    from rich.console import Console
+    from rich.table import Table
+
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    width = max(shutil.get_terminal_size((WIDTH, 24)).columns, 20)
+    console = Console(width=width, color_system=None, highlight=False, markup=False, emoji=False, soft_wrap=True)
     with console.capture() as capture:
         for part in parts:
-            console.print(part)
-    return capture.get().rstrip("\n")
+            if isinstance(part, Table):
+                _fit(part, console, encoding)
+            console.print(part if isinstance(part, Table) else _wrapped(str(part), width))
+    return "\n".join(line.rstrip() for line in capture.get().split("\n")).rstrip("\n")
+
+
+def _fit(table: "Table", console: "Console", encoding: str) -> None:
+    """Spell what cannot be shown, and fold cells instead of cutting them; no frame where it would not fit."""
+    from rich import box
+    from rich.measure import Measurement
+
+    for column in table.columns:
+        column.overflow, column.no_wrap = "fold", False
+        column.header = plain(str(column.header), encoding)
+        column._cells = [plain(str(cell), encoding) for cell in column._cells]
+    if Measurement.get(console, console.options.update(max_width=10_000), table).maximum > console.width:
+        table.box, table.show_edge, table.pad_edge, table.padding = box.SIMPLE_HEAD, False, False, (0, 1, 0, 0)
+
+
+def _wrapped(text: str, width: int) -> str:
+    """On a terminal, lines broken between words; in a pipe, lines as they are."""
+    if not sys.stdout.isatty():
+        return text
+    lines: list[str] = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        lines += textwrap.wrap(
+            line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        ) or [""]
+    return "\n".join(lines)

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.coercion import PosteriorLike, as_posterior
 from windsysid.comparison import without_prior
 from windsysid.errors import ConfigurationError
 from windsysid.output import Saveable
@@ -231,6 +232,9 @@ class Separation(Saveable):
         """`summary` as text."""
         return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
+    def __repr__(self) -> str:
+        return f"<Separation: {self.sentence}>"
+
     def __str__(self) -> str:
         """The answer, the table, what is lacking."""
         from rich.table import Table
@@ -249,19 +253,20 @@ class Separation(Saveable):
 HEADINGS = ("", "unit", "of", "c", "±2σ band", "of critical", "±2σ band")
 
 
-def separate_damping(results: Sequence[Posterior]) -> Separation:
+def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     """Structural and aerodynamic damping from results of one turbine in several states.
 
     Parameters
     ----------
     results
-        Posteriors with the rotor speed, and best the wind speed, of their records (`Posterior.conditions`).
+        Posteriors, results, or the folders they were saved in, with the rotor speed, and best the wind speed, of their records (`Posterior.conditions`).
 
     Raises
     ------
     ConfigurationError
         If no result says at which rotor speed its record was taken, or they have no damping in common.
     """
+    results = [as_posterior(result) for result in results]
     known = [result for result in results if result.conditions.rotor_speed is not None]
     if not known:
         raise ConfigurationError(

@@ -91,7 +91,7 @@ class Reading:
         return str(srepr(self.expression))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fit(Identification):
     """An `Identification` of one's own equations; `turbine` is their name.
 

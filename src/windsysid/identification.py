@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.coercion import RecordLike, TurbineLike, as_record, as_turbine
 from windsysid.diagnostics import diagnose
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF, Info
@@ -44,8 +45,8 @@ Formulation = Literal["joint", "force-balance"]
 
 
 def identify(
-    record: Record,
-    turbine: Turbine,
+    record: RecordLike,
+    turbine: TurbineLike,
     *,
     sensors: Sequence[Sensor] | None = None,
     formulation: Formulation = "joint",
@@ -61,9 +62,9 @@ def identify(
     ----------
     record
         Channels in SI, with ``rotor_azimuth`` [rad]; ``rotor_speed`` [rad/s] and known loads ``load_x`` … [N, N·m]
-        where measured.
+        where measured. A `Record`, a path, a pandas DataFrame or an xarray Dataset with units (`windsysid.coercion`).
     turbine
-        Masses, geometry, and the references that priors are centred on.
+        Masses, geometry, and the references that priors are centred on. A `Turbine`, a packaged name or a TOML file.
     sensors
         Instruments on the record's channels; the turbine's usual ones, as far as they are recorded, by default. The
         force balance reads displacement, velocity and acceleration of every degree of freedom by name and integrates
@@ -90,6 +91,7 @@ def identify(
     RecordError, ConfigurationError
         If the record does not hold what is needed, or an option is out of range.
     """
+    record, turbine = as_record(record), as_turbine(turbine)
     options = {
         "formulation": formulation,
         "section": None if section is None else list(section),
@@ -264,6 +266,17 @@ def _every(outcome: Outcome, steps: int) -> Outcome:
 
 
 def _check_length(record: Record, turbine: Turbine) -> None:
+    for name in turbine.model.coordinates:
+        if turbine.natural_frequency(name) == 0.0:
+            raise ConfigurationError(
+                f"turbine '{turbine.name}': expected a positive k_{name}, got 0: correct the turbine file, or lock {name}"
+            )
+    period = 2.0 * math.pi / turbine.slowest_frequency
+    if record.duration < period:
+        raise RecordError(
+            f"{record.name}: expected at least one period of the turbine's slowest mode ({period:.3g} s), got {record.duration:.3g} s: "
+            "choose a longer record, or correct the stiffness in the turbine file"
+        )
     least, why = turbine.least_duration
     if record.duration < least:
         raise RecordError(

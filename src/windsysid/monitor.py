@@ -230,6 +230,9 @@ class Watch(Saveable):
 
         return watch_files(self)
 
+    def __repr__(self) -> str:
+        return f"<Watch over {len(self.blocks.time)} records: {self.sentence}>"
+
     def __str__(self) -> str:
         """The answer, the table, the notes."""
         from rich.table import Table

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.coercion import TurbineLike, as_turbine
 from windsysid.errors import ConfigurationError
 from windsysid.filters.bank import bank_of
 from windsysid.formulation import Prior, identifiable
@@ -241,6 +242,9 @@ class Plan(Saveable):
 
         return plan_files(self)
 
+    def __repr__(self) -> str:
+        return f"<Plan of {self.turbine}: {self.sentence}; print it for the table>"
+
     def __str__(self) -> str:
         from windsysid.console import render
 
@@ -248,7 +252,7 @@ class Plan(Saveable):
 
 
 def plan(
-    turbine: Turbine,
+    turbine: TurbineLike,
     *,
     sensors: Sequence[Sensor] | None = None,
     duration: float = 600.0,
@@ -287,7 +291,7 @@ def plan(
     ConfigurationError
         If a name is unknown, a number out of range, or the sensor list empty.
     """
-    turbine = _as_planned(turbine, sensors, duration, rate, within, load_scale, rotor_speed)
+    turbine = _as_planned(as_turbine(turbine), sensors, duration, rate, within, load_scale, rotor_speed)
     known = identifiable(turbine)
     asked = identifiable(turbine, parameters) if parameters is not None else known
     notes: list[str] = []

@@ -15,16 +15,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid.coercion import RecordLike, TurbineLike, as_record, as_turbine
 from windsysid.errors import ConfigurationError
 from windsysid.formulation import Prior
 from windsysid.identification import identify, usable_sensors
 from windsysid.likelihood import Posterior, posterior_mode
 from windsysid.mechanics.sensors import Sensor
-from windsysid.record import Record
 from windsysid.result import SIGMAS, Identification
 from windsysid.stateonly import Problem, pose
 from windsysid.statespace import Parameter
-from windsysid.turbine import Turbine
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:
@@ -100,6 +99,9 @@ class Profile:
         tidy(ax)
         return figure  # fmt: skip
 
+    def __repr__(self) -> str:
+        return f"<Profile: {str(self).splitlines()[0]}>"
+
     def __str__(self) -> str:
         unit = unit_text(self.unit)
         return (
@@ -109,8 +111,8 @@ class Profile:
 
 
 def profile_likelihood(
-    record: Record,
-    turbine: Turbine,
+    record: RecordLike,
+    turbine: TurbineLike,
     name: str,
     *,
     sensors: Sequence[Sensor] | None = None,
@@ -135,6 +137,7 @@ def profile_likelihood(
     RecordError, ConfigurationError
         As `windsysid.identify` raises them, and if `name` is not identified.
     """
+    record, turbine = as_record(record), as_turbine(turbine)
     progress("identifying")
     found = identify(record, turbine, sensors=sensors, section=section, prior=prior, parameters=parameters)
     names = [q.name for q in found.parameters]

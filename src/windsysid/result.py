@@ -135,6 +135,9 @@ class Posterior(NamedTuple):
     statistics: tuple[Statistic, ...] = ()
     joint_cov: Array | None = None
 
+    def __repr__(self) -> str:
+        return f"<Posterior of {self.turbine.name} from {self.record}: {len(self.parameters)} parameters, {'' if self.trusted else 'not '}trusted>"
+
 
 @dataclass(frozen=True)
 class Identification(Saveable):
@@ -213,6 +216,16 @@ class Identification(Saveable):
     provenance: Provenance | None = None
     joint_cov: Array | None = None
     diagnosis: Diagnosis = field(kw_only=True)
+
+    def __repr__(self) -> str:
+        trusted = "trusted" if self.diagnosis.trusted else "not trusted"
+        listed = ", ".join(f"{e.name} {e.estimate:.4g}" for e in self.estimates[:4]) + (
+            ", …" if len(self.estimates) > 4 else ""
+        )
+        return (
+            f"<{type(self).__name__} of {self.turbine} from {self.record}: {len(self.estimates)} parameters ({listed}), {trusted}; "
+            "print it for the table>"
+        )
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of one coefficient."""

@@ -12,13 +12,13 @@ import numpy as np
 from numba import types
 from numpy.typing import ArrayLike, NDArray
 
+from windsysid.coercion import TurbineLike, as_turbine
 from windsysid.errors import ConfigurationError
 from windsysid.jit import VALUE, compiled
 from windsysid.loads import GaussMarkov
 from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.mechanics.tower import TowerModel
 from windsysid.record import Record
-from windsysid.turbine import Turbine
 
 __all__ = ["Response", "constant_speed_inputs", "gauss_markov_loads", "integrate", "simulate_record"]
 
@@ -82,7 +82,7 @@ def integrate(
 
 
 def simulate_record(
-    turbine: Turbine, *, duration: float, rate: float, seed: int = 0, loads: LoadSource = "random"
+    turbine: TurbineLike, *, duration: float, rate: float, seed: int = 0, loads: LoadSource = "random"
 ) -> Record:
     """What the turbine's sensors record at its usual rotor speed; SI, reproducible for a seed.
 
@@ -101,6 +101,7 @@ def simulate_record(
     ConfigurationError
         If duration or rate are out of range, the turbine has no packaged wind, or the motion grows without bound.
     """
+    turbine = as_turbine(turbine)
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * np.pi)
     if not (np.isfinite(rate) and 4.0 * fastest <= rate <= 1e5):
         raise ConfigurationError(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid import __version__
+from windsysid.coercion import TurbineLike, as_turbine
 from windsysid.errors import RecordError
 from windsysid.filters import EKF
 from windsysid.formulation import Outcome, Prior, check_finite, known_inputs, known_loads
@@ -44,7 +45,7 @@ _BEGINNING = 1000
 
 def identify_pieces(
     pieces: Iterable[Record],
-    turbine: Turbine,
+    turbine: TurbineLike,
     *,
     sensors: Sequence[Sensor] | None = None,
     prior: Prior | None = None,
@@ -82,6 +83,7 @@ def identify_pieces(
     """
     started = time.perf_counter()
     checkpoint = None if checkpoint is None else Path(checkpoint)
+    turbine = as_turbine(turbine)
     run: _Run | None = None
     faults: list[Finding] = []
     for piece in pieces:

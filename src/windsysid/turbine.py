@@ -61,6 +61,10 @@ class Turbine:
     sensors: tuple[Sensor, ...]
     tip_lever: float = 0.0
 
+    def __repr__(self) -> str:
+        free = ", ".join(self.model.coordinates)
+        return f"<Turbine {self.name}: {free} free, {self.rotor_speed * 30.0 / math.pi:.4g} rpm, {len(self.sensors)} sensors>"
+
     @property
     def coefficients(self) -> dict[str, float]:
         """Reference value of every coefficient of the free degrees of freedom, SI."""

@@ -4,7 +4,6 @@ Two kinds: a ``rotor`` of hinged blades on its support (docs/nrel5mw.md), and a 
 """
 
 import math
-import tomllib
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
@@ -14,6 +13,7 @@ from windsysid.loads import GaussMarkov
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor, first_problem, parse_sensors
 from windsysid.mechanics.tower import DIRECTIONS, TowerModel
+from windsysid.tomltext import parse_toml
 from windsysid.turbine import Turbine
 from windsysid.units import parse_quantity
 
@@ -29,8 +29,8 @@ def parse_turbine(text: str, source: str) -> Turbine:
         In one line that begins with `source`: what was wrong, what was expected, what was got.
     """
     try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        content = parse_toml(text)
+    except ValueError as error:
         raise ConfigurationError(f"turbine file {source}: expected TOML, got: {error}") from None
     sensors = content.pop("sensor", [])
     model = content.get("model")
@@ -41,7 +41,19 @@ def parse_turbine(text: str, source: str) -> Turbine:
         file = (_TowerFile if kind == "tower" else _RotorFile).model_validate(content)
     except ValidationError as error:
         raise ConfigurationError(f"turbine file {source}: {first_problem(error)}") from None
-    return file.turbine(parse_sensors(sensors, f"turbine file {source}"))
+    turbine = file.turbine(parse_sensors(sensors, f"turbine file {source}"))
+    for name in turbine.model.coordinates:
+        frequency = turbine.natural_frequency(name) / (2.0 * math.pi)
+        if not frequency <= _FASTEST:
+            raise ConfigurationError(
+                f"turbine file {source}: k_{name} = {turbine.values[f'k_{name}']:.4g} makes {name} vibrate at {frequency:.3g} Hz: "
+                f"expected at most {_FASTEST:g} Hz; correct the value or its unit"
+            )
+    return turbine
+
+
+_FASTEST = 25_000.0
+"""[Hz]: what four samples per period at the fastest rate of a simulation can show."""
 
 
 def as_tables(turbine: Turbine) -> dict[str, Any]:

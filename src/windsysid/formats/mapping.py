@@ -21,7 +21,6 @@ tells every key.
 """
 
 import math
-import tomllib
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -29,6 +28,7 @@ from typing import Literal
 
 from windsysid.errors import ConfigurationError
 from windsysid.moments import tidy
+from windsysid.tomltext import parse_toml
 from windsysid.units import canonical, si_unit
 
 __all__ = ["AS_IT_IS", "NAMED_FORMATS", "ChannelRule", "CsvRule", "Mapping", "TimeRule", "load_mapping"]
@@ -206,7 +206,7 @@ def load_mapping(path: str | Path) -> Mapping:
 
     path = Path(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = parse_toml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read ({error.strerror}); check the name of the mapping") from error
     except ValueError as error:  # neither UTF-8 nor TOML

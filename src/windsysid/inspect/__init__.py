@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from windsysid.coercion import RecordLike, TurbineLike, as_record, as_turbine
 from windsysid.errors import ConfigurationError
 from windsysid.inspect.channels import most_telling
 from windsysid.inspect.health import Finding
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
 __all__ = ["Finding", "Inspection", "Proposal", "Stop", "inspect_record"]
 
 
-def inspect_record(record: Record, turbine: "Turbine | None" = None, section_length: float = 100.0) -> Inspection:
+def inspect_record(
+    record: RecordLike, turbine: "TurbineLike | None" = None, section_length: float = 100.0
+) -> Inspection:
     """Look for faults, vibration and the sections worth using.
 
     Parameters
@@ -43,6 +46,7 @@ def inspect_record(record: Record, turbine: "Turbine | None" = None, section_len
     ConfigurationError
         If `section_length` is not a positive time.
     """
+    record, turbine = as_record(record), None if turbine is None else as_turbine(turbine)
     if not (np.isfinite(section_length) and section_length > 0.0):
         raise ConfigurationError(f"section_length: expected a positive time in seconds, got {section_length:g}")
     first = tuple(s.channel for s in turbine.sensors if s.channel in record) if turbine is not None else ()

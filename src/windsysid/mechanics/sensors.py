@@ -6,7 +6,6 @@ reads the total acceleration of its point, the effect of loads included; one tha
 force a − g along its own axis, in its own turning frame.
 """
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from windsysid.errors import ConfigurationError
+from windsysid.tomltext import parse_toml
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -141,8 +141,8 @@ def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
     """
     path = Path(path)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        content = parse_toml(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
         raise ConfigurationError(f"{path}: expected a TOML file with [[sensor]] tables, got: {error}") from None
     unknown = set(content) - {"sensor"}
     if unknown or not isinstance(content.get("sensor"), list):
@@ -185,7 +185,7 @@ def first_problem(error: ValidationError) -> str:
         return f"'{where}' is missing: add it"
     message = detail["msg"].removeprefix("Value error, ")
     got = detail.get("input")
-    shown = f", got {got!r}" if isinstance(got, str | int | float | bool) else ""
+    shown = f", got {got!r:.80}" if isinstance(got, str | int | float | bool) else ""
     return f"{where}: {message}{shown}" if where else message
 
 

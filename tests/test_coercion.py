@@ -1,0 +1,99 @@
+"""What a function takes for a record, a turbine, a result; and how short they say themselves."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import windsysid as ws
+from windsysid.coercion import as_posterior, as_record, as_turbine
+from windsysid.errors import ConfigurationError, RecordError
+
+
+@pytest.fixture(scope="module")
+def record() -> ws.Record:
+    return ws.simulate_record("verne555", duration=20.0, rate=100.0, seed=1)
+
+
+def as_frame(record: ws.Record) -> pd.DataFrame:
+    headings = [f"{name} [{unit}]" for name, unit in zip(record.channels, record.units, strict=True)]
+    return pd.DataFrame(record.values, columns=headings, index=pd.Index(record.time, name="time"))
+
+
+def as_dataset(record: ws.Record) -> xr.Dataset:
+    columns = {
+        name: ("time", record[name], {"units": unit}) for name, unit in zip(record.channels, record.units, strict=True)
+    }
+    return xr.Dataset(columns, coords={"time": record.time})
+
+
+def test_a_record_is_taken_from_a_file_a_frame_or_a_dataset(record: ws.Record, tmp_path: Path):
+    ws.write_record(record, tmp_path / "record.csv")
+    frame = as_frame(record)
+    dated = frame.set_index(pd.Timestamp("2024-05-01") + pd.to_timedelta(record.time, unit="s"))
+    column = frame.reset_index().rename(columns={"time": "time [s]"})
+    said = pd.DataFrame(record.values, columns=list(record.channels), index=record.time)
+    said.attrs["units"] = dict(zip(record.channels, record.units, strict=True))
+    for given in (
+        tmp_path / "record.csv",
+        str(tmp_path / "record.csv"),
+        frame,
+        dated,
+        column,
+        said,
+        as_dataset(record),
+    ):
+        taken = as_record(given)
+        np.testing.assert_allclose(taken.time, record.time, atol=1e-9)
+        np.testing.assert_allclose(taken.values, record.values, rtol=1e-12)
+        assert (taken.channels, taken.units) == (record.channels, record.units)
+    degrees = frame.rename(columns={"rotor_azimuth [rad]": "rotor_azimuth [deg]"})
+    np.testing.assert_allclose(as_record(degrees)["rotor_azimuth"], np.deg2rad(record["rotor_azimuth"]))
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ([1.0, 2.0], "expected a Record, the path of a file, a pandas DataFrame or an xarray Dataset, got list"),
+        (pd.DataFrame({"a": [1.0, 2.0]}), "'a' has no unit: expected a column 'a .unit.'"),
+        (pd.DataFrame({"a [furlong]": [1.0, 2.0]}), "unknown unit 'furlong'"),
+        (pd.DataFrame({"a [m]": ["x", "y"]}), "'a': expected numbers"),
+        (pd.DataFrame(index=[0.0, 1.0]), "expected channels"),
+        (pd.DataFrame({"a [m]": [1.0, 2.0], "time [m]": [0.0, 1.0]}), "time: expected s, got m"),
+        (xr.Dataset({"a": ("x", [1.0, 2.0])}), "expected a coordinate 'time'"),
+        (xr.Dataset({"a": ("time", [1.0, 2.0])}, coords={"time": [0.0, 1.0]}), "'a' has no unit"),
+    ],
+)  # fmt: skip
+def test_what_is_no_record_is_refused(given: object, complaint: str):
+    with pytest.raises(RecordError, match=complaint):
+        as_record(given)  # type: ignore[arg-type]
+
+
+def test_every_function_takes_names_paths_and_results(record: ws.Record, tmp_path: Path):
+    found = ws.identify(as_frame(record), "verne555")
+    assert found["k_x"].estimate == pytest.approx(ws.load_turbine("verne555").values["k_x"], rel=0.1)
+    found.save(tmp_path)
+    assert "nothing moved" in str(ws.compare(found, tmp_path)).lower()
+    assert ws.find_modes("verne555").turbine == "verne555"
+    assert ws.find_modes(str(tmp_path)).banded
+    assert ws.separate_damping([found, str(tmp_path)]).sentence
+    for short in (repr(found), repr(found.posterior), repr(found.machine), repr(ws.find_modes("verne555"))):
+        assert len(short) < 300
+        assert "verne555" in short
+    assert repr(ws.compare(found, tmp_path)).count("\n") == 0
+
+
+def test_what_is_no_turbine_and_no_result_is_refused(tmp_path: Path):
+    for wrong in (5, None, ["verne555"]):
+        with pytest.raises(ConfigurationError, match="expected a Turbine, the name of a packaged one"):
+            as_turbine(wrong)  # type: ignore[arg-type]
+        with pytest.raises(ConfigurationError, match="expected what identify returned"):
+            as_posterior(wrong)  # type: ignore[arg-type]
+    with pytest.raises(ConfigurationError, match="expected a folder that windsysid identify wrote"):
+        as_posterior(tmp_path)
+
+
+def test_a_prompt_completes_the_public_names():
+    assert set(ws.__all__) <= set(dir(ws))
