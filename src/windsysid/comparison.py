@@ -240,7 +240,7 @@ class Comparison(Saveable):
         return render(table, self.sentence, *(f"not to be trusted: {doubt}" for doubt in self.doubts), *self.notes)
 
 
-HEADINGS = ("", "unit", "A", "B", "change", "±2σ band", "odds that it moved", "by chance")
+HEADINGS = ("", "unit", "A", "B", "change", "±2σ band", "odds of a move", "by chance")
 
 
 def compare(before: PosteriorLike, after: PosteriorLike) -> Comparison:
@@ -378,7 +378,7 @@ def _frame(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
             continue
         # What the prior expects to be about zero has no size of its own.
         free = q.centre == 0.0 == other.centre
-        size = math.sqrt(q.spread * other.spread) if free else 0.5 * (abs(a) + abs(b))
+        size = (0.0 if free else 0.5 * (abs(a) + abs(b))) or math.sqrt(q.spread * other.spread)
         found.append(Parameter(q.name, 0.5 * (a + b), typical * size, False, size))
     return tuple(found)
 
@@ -568,16 +568,11 @@ def _band(change: Change) -> str:
 
 
 def _percent(value: float) -> str:
-    """A change [%] with its sign, to a tenth from 10 % on."""
-    return (
-        "∞"
-        if math.isinf(value)
-        else f"{value:+.0f}"
-        if abs(value) >= 1000.0
-        else f"{value:+.1f}"
-        if abs(value) >= 10.0
-        else f"{value:+.2f}"
-    )
+    """A change [%] with its sign, to three digits or so."""
+    if math.isinf(value):
+        return "∞"
+    digits = 0 if abs(value) >= 100.0 else 1 if abs(value) >= 10.0 else 2
+    return f"{round(value, digits) + 0.0:+.{digits}f}"
 
 
 def _odds(log_odds: float) -> str:
