@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from windsysid import cli
-from windsysid.damping import Band, Separation, separate_damping
+from windsysid.damping import Band, Separation, _half_width, separate_damping
 from windsysid.errors import ConfigurationError
 from windsysid.formats import write_record
 from windsysid.inspect import inspect_record
@@ -74,6 +74,28 @@ def test_the_prior_of_the_file_plays_no_part():
     ]
     one, other = (separate_damping(found).splits[0].structural for found in sets)
     assert one == pytest.approx(other, rel=1e-3)
+
+
+def test_records_of_one_length_count_alike_whatever_they_say():
+    # A likelihood's variance grows with c: taken at the fit, two parked records of one length have one weight, and their mean is the answer.
+    k = 900.0**2 / 8000.0
+    said = (6000.0, 10000.0)
+    (split,) = separate_damping([result(c, math.sqrt(k * c), 0.0, 4.0, prior=(8e3, 1e6)) for c in said]).splits
+    assert told(split.structural).value == pytest.approx(8000.0, rel=1e-4)
+    assert split.scatter == pytest.approx(math.sqrt(2.0 * 2000.0**2 / 900.0**2), rel=1e-4)
+    values = load_turbine("tower").values
+    assert split.critical == pytest.approx(2.0 * math.sqrt(values["k_fore_aft"] * values["mass_fore_aft"]))
+
+
+@pytest.mark.parametrize(("free", "square"), [(0, 0.0), (3, 2.0), (3, 12.0), (10, 40.0)])
+def test_bands_average_over_what_the_scatter_says_of_them(free: int, square: float):
+    # φ has the density φ⁻⁴ before, and `free` squares of variance φ² add up to `square`: integrals by SciPy.
+    def density(f: float) -> float:
+        return f ** (-4.0 - free) * math.exp(-0.5 * square / f**2)
+
+    half = _half_width(free, square)
+    tail = quad(lambda f: density(f) * 2.0 * norm.sf(half / f), 1.0, np.inf)[0] / quad(density, 1.0, np.inf)[0]
+    assert tail == pytest.approx(2.0 * norm.sf(2.0), rel=2e-2)
 
 
 STATES = ((0.0, 4.0), (7.0, 6.0), (9.0, 8.0), (12.0, 10.0), (12.0, 13.0), (12.0, 16.0))
