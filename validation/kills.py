@@ -68,7 +68,8 @@ def run(kills: int, home: Path, seed: int = 0) -> Tally:
         if kill % FRESH == 0:
             place, saved = home / f"place_{kill}", dict.fromkeys(KINDS, 0)
             users = _user_files(place, results)
-        before, saved = saved, _killed(place, results, saved, rng.uniform(0.0, LONGEST))
+        order = KINDS[kill % len(KINDS) :] + KINDS[: kill % len(KINDS)]  # each is the first that is written, in turn
+        before, saved = saved, _killed(place, results, {kind: saved[kind] for kind in order}, rng.uniform(0.0, LONGEST))
         tally.kills += 1
         tally.half_done += any(name.endswith(PART) or name.startswith("new-") for name in _names(place))
         for kind in KINDS:
