@@ -278,16 +278,28 @@ def test_the_odds_of_one_coefficient_are_integrals_over_its_level(verne555, move
         for at, sigma in ((0.01, sigma_a), (0.01 + moved, sigma_b))
     )
 
-    level = np.linspace(-0.3, 0.3, 1201)
+    level = np.linspace(-0.3, 0.3, 401)
 
     def evidence(change: float) -> float:
         """∫ N(y_A | θ) N(y_B | θ + δ) dθ"""
         return trapezoid(norm.pdf(0.01, level, sigma_a) * norm.pdf(0.01 + moved, level + change, sigma_b), level)
 
-    changes = np.linspace(-0.6, 0.6, 1201)
+    changes = np.linspace(-0.6, 0.6, 401)
     with_change = trapezoid([evidence(d) for d in changes] * norm.pdf(changes, 0.0, tau), changes)
     (change,) = compare(a, b).coefficients
     assert math.exp(change.log_odds) == pytest.approx(with_change / evidence(0.0), rel=1e-4)
+
+
+def test_a_coefficient_that_is_expected_about_zero_is_as_large_as_its_priors_are_wide(verne555):
+    """So that the damping between hub and blades moves by half of what it may be, and not by half of nothing."""
+    sigma = 0.5
+    a, b = (
+        bayes(verne555, (Parameter("c_x", 0.0, wide, False, 200.0),), np.array([said / 200.0]), np.eye(1) * (200.0 / sigma) ** 2)
+        for said, wide in ((-1.0, 4.0), (1.5, 9.0))
+    )  # fmt: skip
+    (change,) = compare(a, b).coefficients
+    evidence = [norm.logpdf(2.5, 0.0, math.sqrt(2.0 * sigma**2 + tau**2)) for tau in (0.5 * 6.0, 0.0)]
+    assert change.log_odds == pytest.approx(evidence[0] - evidence[1], abs=1e-5)
 
 
 def damped(turbine: Turbine, value: float, std: float, spread: float = 3.0) -> Posterior:
@@ -337,14 +349,14 @@ def test_ratio_limits_hold_the_truth_as_often_as_two_sigma_should():
 
 def test_false_alarms_are_as_rare_as_the_odds_promise_and_bands_hold(tower):
     rng, sigma = np.random.default_rng(2), np.array([0.005, 0.02])
-    names, alarms, held, runs = ["k_side_side", "k_fore_aft"], 0, 0, 500
+    names, alarms, held, runs = ["k_side_side", "k_fore_aft"], 0, 0, 250
     for _ in range(runs):
         a, b = (posterior(tower, names, sigma * rng.standard_normal(2), np.diag(sigma**2)) for _ in range(2))
         found = compare(a, b).coefficients
         alarms += sum(change.moved for change in found)
         held += sum(change.low < 0.0 < change.high for change in found)
     assert alarms <= 2 * runs / MOVED
-    assert held / (2 * runs) == pytest.approx(0.954, abs=0.02)
+    assert held / (2 * runs) == pytest.approx(0.954, abs=0.025)
 
 
 def test_what_one_record_does_not_see_has_not_moved(verne555):
@@ -463,7 +475,7 @@ def test_statistics_move_by_what_the_records_say_of_them(verne555):
 
 
 def test_one_record_under_two_priors_has_the_same_statistics(verne555):
-    cov = correlated(np.random.default_rng(11), np.array([0.2, 0.1, 0.9, 0.05]))
+    cov = correlated(np.random.default_rng(11), np.array([0.2, 0.1, 0.5, 0.05]))
     a, b = (with_statistics(verne555, given, k, LEVELS, cov) for given, k in ((3.0, 1.0), (8.0, 0.6)))
     for found in (compare(a, b), compare(b, a)):
         for change in found.statistics:

@@ -52,8 +52,8 @@ FAINT = 1e-6
 UNSEEN = 1e-9
 """A record says nothing of a direction in which it narrows the prior's variance by less than this share: that is rounding."""
 
-UNTOLD = math.log(1000.0)
-"""A change is not told where its band reaches further than this factor either way."""
+UNTOLD = math.log(10.0)
+"""A change is not told where its band (±2σ) reaches further than this factor either way."""
 
 MOVED = 100.0
 """Odds from which a coefficient is said to have moved."""
@@ -73,7 +73,8 @@ class Change(NamedTuple):
         Estimates of the two results, priors included, in SI, Hz for a frequency.
     percent, low, high
         By how much B is above A [% of A] according to the records without the priors, and the ±2σ band. `low` is −100 where B may be nothing, `high` infinite where
-        A may be. `percent` is NaN where both are so.
+        A may be. `percent` is NaN where both are so, or where the
+        band of a logarithm reaches further than a factor of ten either way: the change is not told.
     log_odds
         Natural logarithm of the odds that it moved; NaN for a mode, which moves if a coefficient does.
     chance
@@ -174,18 +175,17 @@ class Comparison(Saveable):
         """What could have moved and not been seen, in words: a change is found from about four σ on."""
         told, dark = [], []
         for kind, what in (("k_", "stiffness"), ("c_", "damping")):
-            widths = {c.name: _half_width(c) for c in self.coefficients if c.name.startswith(kind)}
-            bounded = [width for width in widths.values() if math.isfinite(width)]
-            if bounded:
-                told.append(
-                    f"a change of {what} by less than a factor of {math.exp(2.0 * max(bounded)):.3g} could go unseen"
-                    if max(bounded) > 0.35
-                    else f"a change of {what} by less than {100.0 * math.expm1(2.0 * max(bounded)):.2g} % could go unseen"
+            steps = {c.name: 2.0 * _half_width(c) for c in self.coefficients if c.name.startswith(kind)}
+            dark += [name for name, step in steps.items() if step > UNTOLD]
+            greatest = max((step for step in steps.values() if step <= UNTOLD), default=None)
+            if greatest is not None:
+                size = (
+                    f"{100.0 * math.expm1(greatest):.2g} %"
+                    if greatest < math.log(2.0)
+                    else f"a factor of {math.exp(greatest):.2g}"
                 )
-            dark += [name for name, width in widths.items() if not math.isfinite(width)]
-        return told + (
-            [f"the records say too little of {', '.join(dark)} to show how far a change went"] if dark else []
-        )
+                told.append(f"a change of {what} by less than {size} could go unseen")
+        return told + ([f"the records say too little of {', '.join(dark)} to show a change"] if dark else [])
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
