@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from windsysid.errors import OutputError, RecordError
+from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.formats import read_record, write_record
 from windsysid.record import Record
 
@@ -403,6 +403,15 @@ def test_a_bad_outb_is_refused_in_one_line(tmp_path, content, message):
 def test_a_bad_out_is_refused_in_one_line(tmp_path, content, message):
     pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     refused(csv_file(tmp_path, content, "x.out"), message)
+
+
+def test_openfast_has_no_start_but_the_one_of_the_mapping(tmp_path, openfast):
+    assert read_record(openfast).start is None  # its header has the date of the simulation
+    (tmp_path / "m.toml").write_text('[time]\nstart = "2021-07-07T12:00:00"\nzone = "UTC"\n')
+    assert read_record(openfast, mapping=tmp_path / "m.toml").start == "2021-07-07T12:00:00Z"
+    (tmp_path / "m.toml").write_text('[time]\nunit = "min"\n')
+    with pytest.raises(ConfigurationError, match="leave only start and zone"):
+        read_record(openfast, mapping=tmp_path / "m.toml")
 
 
 def test_without_openfast_io_the_reader_says_how_to_get_it(tmp_path, monkeypatch):

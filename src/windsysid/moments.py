@@ -42,7 +42,8 @@ def has_zone(text: str) -> bool:
 
 def moved(text: str, seconds: float) -> str:
     """The moment `seconds` later, in the same zone."""
-    later = (moment(text) + timedelta(seconds=seconds)).isoformat()
+    then = moment(text) + timedelta(seconds=seconds)
+    later = then.isoformat(timespec="auto" if then.microsecond % 1000 or not then.microsecond else "milliseconds")
     return later.removesuffix("+00:00") + "Z" if later.endswith("+00:00") else later
 
 
