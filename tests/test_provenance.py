@@ -22,6 +22,7 @@ from windsysid.formats.netcdf import seal
 from windsysid.identification import identify
 from windsysid.provenance import RecordHash, record_hash
 from windsysid.record import Record
+from windsysid.report import provenance_section, write_report
 from windsysid.result import Identification, load_posterior
 from windsysid.simulate import simulate_record
 from windsysid.turbine import Turbine
@@ -275,7 +276,7 @@ def test_the_command_keeps_mapping_options_and_start_and_refuses_a_checkpoint_of
     rules = tmp_path / "mast.toml"
     rules.write_text('[time]\nstart = "2026-03-01T12:00:00"\nzone = "Europe/Berlin"\n')
     output = tmp_path / "result"
-    command = ["identify", tmp_path / "mast.csv", "--turbine", "verne555", "--output", output, "--in-pieces", "8 s", "--mapping", rules]  # fmt: skip
+    command = ["identify", tmp_path / "mast.csv", "--turbine", "verne555", "--output", output, "--in-pieces", "8 s", "--no-report", "--mapping", rules]  # fmt: skip
 
     def run(*more: object) -> tuple[int, list[str]]:
         monkeypatch.setattr(sys, "argv", ["windsysid", *map(str, command), *map(str, more)])
@@ -304,9 +305,14 @@ def test_the_command_keeps_mapping_options_and_start_and_refuses_a_checkpoint_of
     assert about["options"]["file"].endswith("mast.csv")
     assert about["options"]["in_pieces_s"] == 8.0
     assert about["options"]["mapping"]["time"] == {"start": "2026-03-01T12:00:00", "zone": "Europe/Berlin"}
-    report = (output / "report.html").read_text()
+
+
+def test_the_report_ends_with_where_the_result_comes_from(found: Identification, tmp_path: Path):
+    assert found.provenance is not None
+    write_report(tmp_path / "report.html", "", "", [provenance_section(found, found.provenance)])
+    report = (tmp_path / "report.html").read_text()
     assert "<details><summary>Provenance</summary>" in report
-    for words in (START, about["record_hash"], "[[sensor]]", "2026-03-01T12:00:23.980+01:00"):
+    for words in (START, found.provenance.record_hash, "[[sensor]]", "2026-03-01T12:00:19.980+01:00"):
         assert words in report
 
 

@@ -16,7 +16,7 @@ from windsysid.units import unit_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Section", "Table", "identification_report", "png", "report_page"]
+__all__ = ["Section", "Table", "identification_report", "png", "provenance_section", "report_page"]
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def identification_report(identification: Identification, record: Record) -> byt
         ),
         *([_load_section(i)] if i.loads is not None and i.loads.names else []),
         Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")]),
-        *([_provenance_section(i, i.provenance)] if i.provenance is not None else []),
+        *([provenance_section(i, i.provenance)] if i.provenance is not None else []),
     ]
     subtitle = (
         f"{i.turbine} · {i.record}, {i.section[0]:g}–{i.section[1]:g} s at {i.rate:g} Hz · {i.formulation} formulation, {i.method}, "
@@ -133,7 +133,7 @@ def _load_section(identification: Identification) -> Section:
     return Section("The loads", figures=[(plot_loads(identification), caption)])
 
 
-def _provenance_section(identification: Identification, provenance: Provenance) -> Section:
+def provenance_section(identification: Identification, provenance: Provenance) -> Section:
     """Where the result comes from: what is needed to find the record again and to repeat the identification."""
     import tomli_w
 
