@@ -221,11 +221,11 @@ def test_damping_is_right_from_records_resampled_to_five_hertz():
         slow = resample(record, 5.0)
         parameters = (Parameter("c", 0.01 * omega, 0.02, False, omega), Parameter("k", omega**2, 0.3))
         sensors = (Reading("acceleration", force - c * v - k * q, noise),)
-        options = {"cov": stationary[:2, :2] * np.eye(2), "loads": [GaussMarkov("force", 1.0, tau)]}
+        cov, loads = stationary[:2, :2] * np.eye(2), [GaussMarkov("force", 1.0, tau)]
         both = [
-            fit(equations, r, parameters=parameters, sensors=sensors, **options)["c"]
+            fit(equations, r, parameters=parameters, sensors=sensors, cov=cov, loads=loads)["c"]
             for r in (slow, replace(slow, attributes={}))
-        ]  # type: ignore[arg-type]
+        ]
         found.append([(e.estimate / (2.0 * omega), e.std / (2.0 * omega)) for e in both])
     values, sigma = np.moveaxis(np.array(found), 2, 0)
     print("damping ratio [%], with the low-pass and without:", 100.0 * values.mean(axis=0), "truth 0.25")

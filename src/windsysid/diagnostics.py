@@ -342,7 +342,7 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     correlation, spectrum = np.full((len(lags), m), np.nan), np.full((len(finest.frequency), m), np.nan)
     channels: list[ChannelCheck | None] = [None] * m
     for columns, w in parts.items():
-        where = np.ix_(np.searchsorted(lags, w.lags.round(9)), columns)
+        where = np.ix_(np.searchsorted(lags, w.lags.round(9)), np.array(columns, dtype=np.intp))
         correlation[where] = w.autocorrelation
         inside = finest.frequency <= w.frequency[-1:].max(initial=0.0) * (1.0 + 1e-9)
         for own, column in enumerate(columns):
