@@ -103,10 +103,10 @@ def identify(
     recorded = part = record.section(*section) if section else record
     part = part.on_own_times() if formulation == "joint" else part.on_uniform_grid()
     if formulation == "joint":
-        part, steps, resampled = _slowed(part, turbine, rate, sensors)
-        _check_length(part, turbine)
         found = usable_sensors(part, turbine, sensors)
         faults = noted(screened(recorded, turbine, found))
+        part, steps, resampled = _slowed(part, turbine, rate, sensors)
+        _check_length(part, turbine)
         outcome = identify_jointly(part, turbine, found, prior or Prior(), parameters, loads=loads)
         outcome = _every(outcome, steps)._replace(notes=(*resampled, *outcome.notes, *faults))
         read = replace(part, time=part.time[::steps], values=part.values[::steps])

@@ -103,6 +103,18 @@ def test_a_dead_channel_is_refused_by_name(verne555, healthy, dead):
         identify_pieces([changed(healthy, BLADE, stuck)], verne555)
 
 
+@pytest.mark.filterwarnings("error")
+def test_values_that_no_instrument_reads_are_refused(verne555, healthy):
+    from windsysid.inspect import inspect_record
+
+    values = healthy[TOWER]
+    values[5] = -1e300
+    huge = changed(healthy, TOWER, values)
+    for refuse in (lambda: ws.identify(huge, verne555), lambda: inspect_record(huge)):
+        with pytest.raises(RecordError, match=f"'{TOWER}' reaches 1e.300: expected less than 1e.100"):
+            refuse()
+
+
 def faulty(healthy):
     """Spikes, clipping, a stuck stretch and a gap, in three channels."""
     spiked, stuck, clipped = (healthy[c] for c in (TOWER, "blade_1_lag_acceleration", BLADE))

@@ -21,13 +21,27 @@ if TYPE_CHECKING:
 __all__ = ["examine", "noted", "screen"]
 
 _DEAD = ("constant", "frozen")
+_HUGE = 1e100
 _OFFSET = 3.0
 """A mean is expected where a sensor's offset has a prior standard deviation of a third of it."""
 
 
 def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], dict[str, Kind], Rotor | None]:
-    """Everything that is wrong with a record, the worst first; its usable channels with their kinds; how the rotor turned."""
+    """Everything that is wrong with a record, the worst first; its usable channels with their kinds; how the rotor turned.
+
+    Raises
+    ------
+    RecordError
+        If a value is so large that its square could overflow.
+    """
     known = kinds(record)
+    size = np.nanmax(np.abs(record.values), axis=0, initial=0.0)
+    if np.any(size > _HUGE):
+        k = int(np.argmax(size))
+        raise RecordError(
+            f"{record.name}: channel '{record.channels[k]}' reaches {size[k]:.3g}: expected less than {_HUGE:g}; "
+            "leave those cells empty, or write NaN"
+        )
     standing = "rotor_speed" in record and bool(np.nanmin(np.abs(record["rotor_speed"]), initial=np.inf) < SLOWEST)
     findings = clock_faults(record)
     for channel, kind in known.items():
