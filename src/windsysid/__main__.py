@@ -1,5 +1,6 @@
 """`windsysid` as a program: Ctrl-C ends it quietly, even while its modules are still being loaded."""
 
+import signal
 import sys
 
 __all__ = ["main"]
@@ -7,9 +8,11 @@ __all__ = ["main"]
 
 def main() -> None:
     """Run the command line; interrupted, it ends with exit code 130."""
-    try:
-        from windsysid.cli import main as run
+    usual = signal.signal(signal.SIGINT, signal.SIG_DFL)  # while modules are loaded there is nothing to clean up
+    from windsysid.cli import main as run
 
+    signal.signal(signal.SIGINT, usual)
+    try:
         run()
     except KeyboardInterrupt:
         sys.exit(130)

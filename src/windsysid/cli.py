@@ -54,7 +54,8 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except OSError as error:
-        where = f"{error.filename}: " if error.filename is not None else ""
+        path = str(error.filename or "")
+        where = f"{path if len(path) <= 80 else f'…{path[-80:]}'}: " if path else ""
         _refuse(f"{where}{error.strerror or error}: check the path, its permissions and the space left")
     except MemoryError as error:
         _refuse(f"out of memory ({error}): take a shorter record, --section, a lower --rate, or --in-pieces")

@@ -4,6 +4,7 @@ The simulator calls the kernels that the filters call (`windsysid.mechanics.comp
 between samples.
 """
 
+import os
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
@@ -26,6 +27,9 @@ Array = NDArray[np.float64]
 
 LoadSource = Literal["random", "wind", "wind-feedback"]
 """What drives a simulated turbine."""
+
+SHARE = 0.7
+"""Of the memory of a machine: what a simulation may take."""
 
 LEAD_IN = 60.0
 """Seconds simulated before a record starts, so that it starts in stationary vibration."""
@@ -107,8 +111,15 @@ def simulate_record(
         raise ConfigurationError(
             f"rate: expected {4.0 * fastest:.3g} to 100000 Hz (four samples per period of the fastest spring), got {rate:g}"
         )
-    if not (np.isfinite(duration) and duration > 0.0 and duration * rate <= 5e7):
-        raise ConfigurationError(f"duration: expected a positive time of at most {5e7 / rate:.3g} s, got {duration:g}")
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise ConfigurationError(f"duration: expected a positive time in seconds, got {duration:g}")
+    columns = 4 * len(turbine.model.states) + 3 * (3 + len(turbine.loads) + len(turbine.sensors))
+    needed, there = 8e-9 * columns * rate * (LEAD_IN + duration), memory()
+    if needed > SHARE * there:
+        raise ConfigurationError(
+            f"{duration:g} s at {rate:g} Hz need about {needed:.3g} GB of memory, and this machine has {there:.3g} GB: "
+            f"simulate {SHARE * there / needed * duration:.2g} s at most, or at a lower rate"
+        )
     rng = np.random.default_rng(seed)
     model = compile_model(turbine.model, turbine.sensors)
     lead = round(LEAD_IN * rate)
@@ -143,6 +154,14 @@ def simulate_record(
         name=f"simulated record, seed {seed}",
         attributes={"source": f"windsysid simulate, turbine {turbine.name}, loads {loads}, seed {seed}"},
     )
+
+
+def memory() -> float:
+    """Memory of this machine [GB]; 16 where it does not tell."""
+    try:
+        return 1e-9 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return 16.0
 
 
 def constant_speed_inputs(rotor_speed: float, duration: float, rate: float) -> Array:
