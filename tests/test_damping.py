@@ -91,7 +91,7 @@ def test_records_of_one_length_count_alike_whatever_they_say():
 def test_bands_average_over_what_the_scatter_says_of_them(free: int, square: float):
     # φ has the density φ⁻⁴ before, and `free` squares of variance φ² add up to `square`: integrals by SciPy.
     def density(f: float) -> float:
-        return f ** (-4.0 - free) * math.exp(-0.5 * square / f**2)
+        return float(f ** (-4.0 - free) * math.exp(-0.5 * square / f**2))
 
     half = _half_width(free, square)
     tail = quad(lambda f: density(f) * 2.0 * norm.sf(half / f), 1.0, np.inf)[0] / quad(density, 1.0, np.inf)[0]

@@ -50,21 +50,22 @@ class NotFoundOnceError(Exception):
 
 
 def locate(mutant: Mutant, root: Path = ROOT) -> Path:
-    """The one source file, relative to `root`, that holds the mutant's text.
+    """The one source file, relative to `root`, that holds the mutant's text: one called `module` or, where files were renamed, any other.
 
     Raises
     ------
     NotFoundOnceError
         If there is none, or the text stands in several places.
     """
-    found = []
-    for path in sorted((root / "src" / "windsysid").rglob(mutant.module)):
-        found += [path] * path.read_text(encoding="utf-8").count(mutant.old)
-    if len(found) != 1:
-        raise NotFoundOnceError(
-            f"'{mutant.name}': expected its text once in {mutant.module}, found it {len(found)} times"
-        )
-    return found[0].relative_to(root)
+    for name in (mutant.module, "*.py"):
+        found = []
+        for path in sorted((root / "src" / "windsysid").rglob(name)):
+            found += [path] * path.read_text(encoding="utf-8").count(mutant.old)
+        if len(found) == 1:
+            return found[0].relative_to(root)
+    raise NotFoundOnceError(
+        f"'{mutant.name}': expected its text once, as in {mutant.module}, found it {len(found)} times"
+    )
 
 
 class Results:

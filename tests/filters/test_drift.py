@@ -44,7 +44,7 @@ def gusty_chain() -> tuple[StateSpace, np.ndarray, np.ndarray, np.ndarray]:
     at_end = taylor[:6, 7] / STEP
     at_start = taylor[:6, 6] - at_end
     phi = scipy.linalg.expm(SWING * STEP)
-    F = scipy.linalg.block_diag(taylor[:6, :6], phi, 1.0)
+    F = scipy.linalg.block_diag(taylor[:6, :6], phi, np.eye(1))
     F[:6, 6:8] = np.outer(at_start, PUSH) + np.outer(at_end, PUSH @ phi)
     gain = np.vstack([np.outer(at_end, PUSH), np.eye(2), np.zeros((1, 2))])
     Q = gain @ (SPREAD - phi @ SPREAD @ phi.T) @ gain.T
