@@ -166,7 +166,7 @@ def test_blocks_do_not_depend_on_the_priors_of_their_results(verne555):
 
 
 def said_std(parameters: tuple[Parameter, ...], relative: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.diag(np.linalg.inv(said_in(parameters, np.array(list(TRUE.values())), relative)[1])))
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(said_in(parameters, np.array(list(TRUE.values())), relative)[1]))))
 
 
 def test_separated_damping_does_not_depend_on_the_priors_of_its_results(verne555):
@@ -203,7 +203,8 @@ def test_one_record_under_two_priors_has_not_moved_in_either_order(verne555, see
     rng = np.random.default_rng(seed)
     cov = correlated(rng, rng.choice([0.02, 0.3, 3.0], 4))
     values = drawn(rng, correlated(rng))
-    sets = [support(verne555), support(verne555, *rng.choice([0.6, 1.8], 2), 317.0)]
+    stiffness, damping = rng.choice([0.6, 1.8], 2)
+    sets = [support(verne555), support(verne555, stiffness, damping, 317.0)]
     a, b = (bayes(verne555, q, *said_in(q, values, cov), record=f"result {q[0].centre}") for q in sets)
     assert_nothing_moved(compare(a, b), within=1e-3)
     assert_nothing_moved(compare(b, a), within=1e-3)
@@ -282,7 +283,7 @@ def test_the_odds_of_one_coefficient_are_integrals_over_its_level(verne555, move
 
     def evidence(change: float) -> float:
         """∫ N(y_A | θ) N(y_B | θ + δ) dθ"""
-        return trapezoid(norm.pdf(0.01, level, sigma_a) * norm.pdf(0.01 + moved, level + change, sigma_b), level)
+        return float(trapezoid(norm.pdf(0.01, level, sigma_a) * norm.pdf(0.01 + moved, level + change, sigma_b), level))
 
     changes = np.linspace(-0.6, 0.6, 401)
     with_change = trapezoid([evidence(d) for d in changes] * norm.pdf(changes, 0.0, tau), changes)
@@ -438,9 +439,9 @@ def learned(result: Posterior, said, information, given: float, model: str = "lo
     level, time, noise = mean[n:]
     level += 0.5 * time if model == "load_time_constant" else 0.0
     found = zip(statistics, (level, time, noise), strict=True)
-    statistics = tuple(replace(s, estimate=s.given * math.exp(value)) for s, value in found)
+    found_out = tuple(replace(s, estimate=s.given * math.exp(value)) for s, value in found)
     cov = np.linalg.inv(precision)
-    return result._replace(theta=mean[:n], cov=cov[:n, :n], statistics=statistics, joint_cov=cov)
+    return result._replace(theta=mean[:n], cov=cov[:n, :n], statistics=found_out, joint_cov=cov)
 
 
 def with_statistics(turbine: Turbine, given: float, k: float, said: np.ndarray, cov: np.ndarray, model: str = "load_time_constant") -> Posterior:  # fmt: skip
