@@ -18,11 +18,11 @@ from windsysid import ConfigurationError, __version__, cli, formats
 from windsysid import blocks as blocks_module
 from windsysid.blocks import FEWEST, read_blocks
 from windsysid.formats import iterate_record, read_record, write_record
-from windsysid.formats.netcdf import seal
+from windsysid.formats.netcdf import sealed
 from windsysid.identification import identify
 from windsysid.provenance import RecordHash, record_hash
 from windsysid.record import Record
-from windsysid.report import provenance_section, write_report
+from windsysid.report import provenance_section, report_page
 from windsysid.result import Identification, load_posterior
 from windsysid.simulate import simulate_record
 from windsysid.turbine import Turbine
@@ -154,7 +154,7 @@ def make(saved: bytes, tmp_path: Path) -> Make:
                 del file.attrs["record_start"]
                 if start is not None:
                     file.attrs["record_start"] = start
-            seal(path)
+            path.write_bytes(sealed(path.read_bytes()))
         return folders
 
     return make
@@ -307,10 +307,9 @@ def test_the_command_keeps_mapping_options_and_start_and_refuses_a_checkpoint_of
     assert about["options"]["mapping"]["time"] == {"start": "2026-03-01T12:00:00", "zone": "Europe/Berlin"}
 
 
-def test_the_report_ends_with_where_the_result_comes_from(found: Identification, tmp_path: Path):
+def test_the_report_ends_with_where_the_result_comes_from(found: Identification):
     assert found.provenance is not None
-    write_report(tmp_path / "report.html", "", "", [provenance_section(found, found.provenance)])
-    report = (tmp_path / "report.html").read_text()
+    report = report_page("", "", [provenance_section(found, found.provenance)]).decode()
     assert "<details><summary>Provenance</summary>" in report
     for words in (START, found.provenance.record_hash, "[[sensor]]", "2026-03-01T12:00:19.980+01:00"):
         assert words in report

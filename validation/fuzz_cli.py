@@ -146,11 +146,10 @@ def _warm_up(record: Any, turbine: Any, folder: Path) -> None:
     from windsysid.inspect import inspect_record
     from windsysid.report import identification_report
 
-    (folder / "warm").mkdir()
     found = identify(read_record(folder / "r.csv"), turbine)
     str(found)
     found.save(folder / "warm")
-    identification_report(folder / "warm" / "report.html", found, record)
+    identification_report(found, record)
     str(find_modes(turbine))
     str(inspect_record(record))
     for ending in ("nc", "parquet"):
@@ -452,7 +451,7 @@ def _outb(record: Any) -> bytes:
     scale = 30000.0 / np.maximum(np.abs(values).max(axis=0), 1e-6)
     text = b"".join(cell.ljust(10).encode() for cell in ["Time", *names, "(s)", *units])
     head = struct.pack("<hiidd", 2, len(names), len(values), 0.0, 1.0 / record.rate)
-    return (
+    return bytes(
         head + scale.astype("<f4").tobytes() + np.zeros(len(names), "<f4").tobytes() + struct.pack("<i", 4) + b"fuzz" + text
         + np.round(values * scale).astype("<i2").tobytes()
     )  # fmt: skip

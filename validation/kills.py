@@ -130,7 +130,7 @@ def _write_all(place: Path, results: list["_Result"], versions: dict[str, int], 
             write_record(record, place / kind, overwrite=True)
         else:
             online = begin(np.full(3, value), np.eye(3), 10, (1, 1))
-            save_checkpoint(online, History(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3, 3))), place / kind)
+            save_checkpoint(online, History(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))), place / kind)
         if tells is not None:
             os.write(tells, f"{kind} {version}\n".encode())
 
@@ -208,7 +208,7 @@ def _result(version: int) -> _Result:
 
 def main() -> int:
     """Run the trial; 1 where anything was lost."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=100, help="how many times the writer is killed")
     parser.add_argument("--seed", type=int, default=0, help="of the instants")
     options = parser.parse_args()

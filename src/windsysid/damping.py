@@ -266,12 +266,12 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     ConfigurationError
         If no result says at which rotor speed its record was taken, or they have no damping in common.
     """
-    results = [as_posterior(result) for result in results]
-    known = [result for result in results if result.conditions.rotor_speed is not None]
+    posteriors = [as_posterior(result) for result in results]
+    known = [result for result in posteriors if result.conditions.rotor_speed is not None]
     if not known:
         raise ConfigurationError(
             "structural and aerodynamic damping: expected results that say how fast the rotor turned, got "
-            f"{', '.join(result.record for result in results) or 'none'}: record the channel rotor_speed, or identify again where an older version did"
+            f"{', '.join(result.record for result in posteriors) or 'none'}: record the channel rotor_speed, or identify again where an older version did"
         )
     frame = known[0]
     names = [f"c_{q}" for q in frame.turbine.model.coordinates if all(_identified(r, f"c_{q}") for r in known)]
@@ -289,7 +289,7 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     doubts = [f"the result of {r.record} is not trusted by itself: see its report" for r in known if not r.trusted]
     doubts += [
         f"{result.record} is left out: its rotor speed was not recorded"
-        for result in results
+        for result in posteriors
         if result.conditions.rotor_speed is None
     ]
     if _scattered(free, square):

@@ -257,10 +257,10 @@ def main() -> int:
         for truth in TRUTH.values():
             _path(folder, truth)
         print(
-            render(_at_the_numbers(), _what_is_left(), _of_the_tower(), _in_the_reading(folder), width=150), flush=True
+            render(_at_the_numbers(), _what_is_left(), _of_the_tower(), _in_the_reading(folder)), flush=True
         )
         for table in _from_the_records(folder):
-            print(render(table, width=150), flush=True)
+            print(render(table), flush=True)
     except WindsysidError as error:
         print(f"windsysid: {error}", file=sys.stderr)
         return 2
