@@ -149,7 +149,7 @@ class Comparison(Saveable):
     def moved(self) -> tuple[Change, ...]:
         """The coefficients that moved, the surest first."""
         ranked = sorted(self.coefficients, key=lambda change: -change.log_odds)
-        return tuple(change for change in ranked if change.moved)
+        return () if self.same else tuple(change for change in ranked if change.moved)
 
     @property
     def sentence(self) -> str:
