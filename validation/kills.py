@@ -130,7 +130,9 @@ def _write_all(place: Path, results: list["_Result"], versions: dict[str, int], 
             write_record(record, place / kind, overwrite=True)
         else:
             online = begin(np.full(3, value), np.eye(3), 10, (1, 1))
-            save_checkpoint(online, History(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))), place / kind)
+            save_checkpoint(
+                online, History(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))), place / kind
+            )
         if tells is not None:
             os.write(tells, f"{kind} {version}\n".encode())
 
