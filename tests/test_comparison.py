@@ -166,7 +166,8 @@ def test_blocks_do_not_depend_on_the_priors_of_their_results(verne555):
 
 
 def said_std(parameters: tuple[Parameter, ...], relative: np.ndarray) -> np.ndarray:
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(said_in(parameters, np.array(list(TRUE.values())), relative)[1]))))
+    information = said_in(parameters, np.array(list(TRUE.values())), relative)[1]
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))
 
 
 def test_separated_damping_does_not_depend_on_the_priors_of_its_results(verne555):
@@ -203,8 +204,8 @@ def test_one_record_under_two_priors_has_not_moved_in_either_order(verne555, see
     rng = np.random.default_rng(seed)
     cov = correlated(rng, rng.choice([0.02, 0.3, 3.0], 4))
     values = drawn(rng, correlated(rng))
-    stiffness, damping = rng.choice([0.6, 1.8], 2)
-    sets = [support(verne555), support(verne555, stiffness, damping, 317.0)]
+    k, c = rng.choice([0.6, 1.8], 2)
+    sets = [support(verne555), support(verne555, k, c, 317.0)]
     a, b = (bayes(verne555, q, *said_in(q, values, cov), record=f"result {q[0].centre}") for q in sets)
     assert_nothing_moved(compare(a, b), within=1e-3)
     assert_nothing_moved(compare(b, a), within=1e-3)
@@ -427,7 +428,7 @@ def test_bands_of_a_rotors_modes_are_those_of_finite_differences_at_the_mean_rot
 def learned(result: Posterior, said, information, given: float, model: str = "load_time_constant") -> Posterior:
     """`result`, and what it would have learned of a load and a noise: a likelihood of θ and η together of this mean and information."""
     n = len(result.parameters)
-    statistics = (
+    statistics: tuple[Statistic, ...] = (
         Statistic("load_rms_support", "N", given),
         Statistic(model, "s", 2.0 * given, spread=0.7),
         Statistic("noise_tower_acceleration", "m/s^2", 0.05),

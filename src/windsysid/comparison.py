@@ -444,8 +444,8 @@ def _changes(
         log_odds = float(0.5 * math.log(post / q.prior[1] ** 2) + 0.5 * of_damage[i] ** 2 / post)
         chance = math.erfc(abs(delta[i]) / sigma / math.sqrt(2.0))
         unit = units[q.name] if q.name in units else parameter_unit(q.name)
-        values = _value(before, q.name), _value(after, q.name)
-        changes.append(Change(q.name, unit, *values, *limits, log_odds, chance))
+        a, b = (_value(result, q.name) for result in (before, after))
+        changes.append(Change(q.name, unit, a, b, *limits, log_odds, chance))
     return tuple(changes)
 
 
