@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -153,7 +154,7 @@ def test_a_name_that_is_too_long_is_refused(refusal, tmp_path: Path):
         ("modes", long),
         ("simulate", "--turbine", "verne555", "--duration", "5", "--output", f"{long}.csv"),
     ):
-        assert "File name too long" in refusal(*arguments)
+        assert re.search("File name too long|no such file", refusal(*arguments))
 
 
 def test_tables_nested_deeper_than_python_follows_are_refused(refusal, tmp_path: Path):

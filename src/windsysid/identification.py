@@ -271,16 +271,16 @@ def _check_length(record: Record, turbine: Turbine) -> None:
             raise ConfigurationError(
                 f"turbine '{turbine.name}': expected a positive k_{name}, got 0: correct the turbine file, or lock {name}"
             )
+    least, why = turbine.least_duration
+    if record.duration < least:
+        raise RecordError(
+            f"{record.name}: expected at least {why}, got {record.duration:.3g} s: choose a longer record or section"
+        )
     period = 2.0 * math.pi / turbine.slowest_frequency
     if record.duration < period:
         raise RecordError(
             f"{record.name}: expected at least one period of the turbine's slowest mode ({period:.3g} s), got {record.duration:.3g} s: "
             "choose a longer record, or correct the stiffness in the turbine file"
-        )
-    least, why = turbine.least_duration
-    if record.duration < least:
-        raise RecordError(
-            f"{record.name}: expected at least {why}, got {record.duration:.3g} s: choose a longer record or section"
         )
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     if fastest / record.rate > STEP:
