@@ -207,7 +207,7 @@ def test_identified_values_scatter_as_planned(verne555):
         ({"rate": -1.0}, "rate: expected a positive number"),
         ({"within": 0.0}, "within: expected a positive number"),
         ({"load_scale": math.inf}, "load scale: expected a positive number"),
-        ({"rotor_speed": 0.0}, "rotor speed: expected a positive number"),
+        ({"rotor_speed": -1.0}, "rotor speed: expected a number from 0"),
         ({"sensors": ()}, "the sensor list is empty: expected at least one"),
         ({"parameters": ["k_z"]}, "parameter 'k_z' cannot be identified here: expected some of"),
         ({"parameters": ["k_beta_1"]}, "parameter 'k_beta_1' cannot be identified here"),
