@@ -63,13 +63,13 @@ def show_what_can_be_shown() -> None:
             stream.reconfigure(errors="windsysid")
 
 
-def render(*parts: Any) -> str:
-    """Rich tables and plain lines as text: tables as wide as the terminal at most, wrapped and never cut off."""
+def render(*parts: Any, width: int | None = None) -> str:
+    """Rich tables and plain lines as text: tables as wide as `width` or the terminal at most, wrapped and never cut off."""
     from rich.console import Console
     from rich.table import Table
 
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-    width = max(shutil.get_terminal_size((WIDTH, 24)).columns, 20)
+    width = width or max(shutil.get_terminal_size((WIDTH, 24)).columns, 20)
     console = Console(width=width, color_system=None, highlight=False, markup=False, emoji=False, soft_wrap=True)
     with console.capture() as capture:
         for part in parts:
