@@ -91,7 +91,7 @@ def test_a_cache_that_cannot_be_written_is_done_without(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("windsysid.output.os.replace", full)
+    monkeypatch.setattr(os, "replace", full)
     cache._announce_unwritable.cache_clear()
     assert decay_rate(monkeypatch) == -6.0
     assert [record.getMessage() for record in caplog.records if "No space left" in record.getMessage()]
