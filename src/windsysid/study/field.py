@@ -581,7 +581,7 @@ def main() -> None:
             tables[-1].add_column(heading)
         for line in lines:
             tables[-1].add_row(*line)
-    print(render(*tables))
+    print(render(*tables, width=180))
     given.output.mkdir(parents=True, exist_ok=True)
     text = "\n\n".join(f"**{title}**\n\n{markdown(headings, lines)}" for title, headings, lines in sheets)
     (given.output / "field.md").write_text(text + "\n", encoding="utf-8")

@@ -208,7 +208,7 @@ def main(folder: Path | None = None) -> list[Row]:
         note = "OpenFAST's records are not beside this checkout; give their folder as an argument"
     rows = integration_table(truths)
     told = [row for row in rows if "gravity" not in row.motion]  # where no method knows more than another
-    print(render(tabulate(rows), summary(told), note))
+    print(render(tabulate(rows), summary(told), note, width=190))
     return rows
 
 

@@ -256,9 +256,11 @@ def main() -> int:
     try:
         for truth in TRUTH.values():
             _path(folder, truth)
-        print(render(_at_the_numbers(), _what_is_left(), _of_the_tower(), _in_the_reading(folder)), flush=True)
+        print(
+            render(_at_the_numbers(), _what_is_left(), _of_the_tower(), _in_the_reading(folder), width=150), flush=True
+        )
         for table in _from_the_records(folder):
-            print(render(table), flush=True)
+            print(render(table, width=150), flush=True)
     except WindsysidError as error:
         print(f"windsysid: {error}", file=sys.stderr)
         return 2
