@@ -28,8 +28,10 @@ from windsysid import EKF, Prior, Turbine, likelihood, load_turbine
 from windsysid.filters import Belief, ParticleFilter
 from windsysid.forcebalance import Balance, analysis_band, balance_statespace
 from windsysid.formulation import identifiable
+from windsysid.joint import first_estimate
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
+from windsysid.online import MEMORY, advance, begin
 from windsysid.simulate import simulate_record
 from windsysid.stateonly import Problem, pose
 from windsysid.statespace import compose
@@ -138,6 +140,22 @@ def turbines(_: str, count: int, threads: int) -> dict[str, float]:
     return {"processor": processor, "clock": clock}
 
 
+def online(_: str, count: int) -> dict[str, float]:
+    """µs per sample of the on-line posterior, statistics of loads and noise learned, once the first samples are no longer held."""
+    turbine = load_turbine("verne555")
+    problem = posed(turbine, count)
+    first = first_estimate(turbine, RATE)
+    held = MEMORY * first
+    columns = problem.inputs.shape[1], problem.readings.shape[1]
+    begun = begin(*problem.prior, first, columns)
+    begun, _ = advance(problem.build, begun, problem.inputs[:held], problem.readings[:held], problem.start)
+
+    def run() -> object:
+        return advance(problem.build, begun, problem.inputs[held:], problem.readings[held:], problem.start)
+
+    return {"each": 1e6 * _timed(run, 3)[0] / (count - held)}
+
+
 def search(_: str, threads: int) -> dict[str, float]:
     """Seconds to the mode of the posterior of 100 s of record, all that `identify` learns unknown."""
     likelihood.THREADS = threads
@@ -176,7 +194,7 @@ def particles(_: str, count: int, threads: int) -> dict[str, float]:
     return {"processor": 1e6 * processor / length, "clock": 1e6 * clock / length}
 
 
-CASES = {f.__name__: f for f in (samples, blades, turbines, search, particles)}
+CASES = {f.__name__: f for f in (samples, blades, turbines, online, search, particles)}
 
 
 def peak_memory() -> float:
@@ -252,6 +270,17 @@ def sheets(short: bool) -> Iterator[Sheet]:
             rows,
             costs,
         )
+
+        rows, costs = [], {}
+        for count in (20_000, 100_000):
+            found = alone(folder, "online", count)
+            cells = (found["each"], 1e6 / (RATE * found["each"]), found["peak"])
+            rows.append((f"{count:,}".replace(",", " "), *map(number, cells)))
+            costs[f"on line, {count} samples"] = found["each"]
+        yield Sheet(
+            "On line, statistics of loads and noise learned, 100 Hz",
+            ("samples of the record", "µs per sample", "turbines in real time, 1 core", "peak memory, MB"), rows, costs,
+        )  # fmt: skip
 
         rows, costs = [], {}
         for threads in (1, 2):

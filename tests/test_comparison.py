@@ -530,6 +530,22 @@ def test_results_of_one_name_that_disagree_are_not_called_the_same_record(verne5
     assert "both results are of vibration, 0–600 s" in found.doubts[0]
 
 
+def test_one_record_by_its_hash_has_not_moved_and_two_of_one_name_may_have(verne555):
+    a, b = (posterior(verne555, ["k_x"], np.array([at]), np.eye(1) * 1e-4) for at in (0.0, 0.2))
+    one = [
+        r._replace(record=name, record_hash="0f", section=(0.0, 600.0)) for r, name in ((a, "a.csv"), (b, "copy.csv"))
+    ]
+    found = compare(*one)
+    assert found.same
+    assert not found.moved
+    assert "the same values, so nothing moved" in found.doubts[0]
+    other = one[1]._replace(record="a.csv", record_hash="1e")
+    assert [change.name for change in compare(one[0], other).moved] == ["k_x"]
+    assert not compare(one[0], other).same
+    half = one[1]._replace(section=(300.0, 900.0))
+    assert "300 s in common" in compare(one[0], half).notes[0]
+
+
 def test_records_without_a_common_coefficient_are_refused(verne555):
     a, b = (posterior(verne555, [name], np.zeros(1), np.eye(1)) for name in ("k_x", "k_y"))
     with pytest.raises(ConfigurationError, match="expected coefficients that both identified, got k_x and k_y"):

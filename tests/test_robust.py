@@ -166,16 +166,6 @@ def test_tables_nested_deeper_than_python_follows_are_refused(refusal, tmp_path:
     assert "nested too deeply" in refusal("inspect", tmp_path / "record.csv", "--mapping", deep)
 
 
-@pytest.mark.parametrize(
-    "text", ["[]", "5", "null", '{"statistics": 5}', '{"statistics": {"noise_a": []}}', "[" * 50_000]
-)
-def test_a_summary_that_is_none_of_ours_tells_no_noise(tmp_path: Path, text: str):
-    from windsysid.blocks import _noise
-
-    (tmp_path / "summary.json").write_text(text)
-    assert _noise(tmp_path) == {}
-
-
 # how a run ends
 
 

@@ -274,10 +274,11 @@ def compare(before: PosteriorLike, after: PosteriorLike) -> Comparison:
     doubts += _differing_models(before, after)
     moved = [change.name for change in coefficients if change.moved]
     if same and moved:
-        same = False
+        sure = _hashed(before, after)
+        same = sure
         doubts.append(
-            f"both results are of {before.record}: if that is one record, nothing moved, and priors, sensors or loads of the two identifications do not agree "
-            f"about {', '.join(moved)}"
+            f"both results are of {before.record}{', the same values' if sure else ': if that is one record'}, so nothing moved, and priors, sensors or loads of "
+            f"the two identifications do not agree about {', '.join(moved)}"
         )
     return Comparison(
         (before.record, after.record), coefficients, _modes(before, after, frame, difference), statistics, same,
@@ -510,18 +511,33 @@ def _modes(
     return tuple(changes)
 
 
+def _hashed(before: Posterior, after: Posterior) -> bool:
+    """Whether both results say which values they were identified from."""
+    return before.record_hash is not None and after.record_hash is not None
+
+
 def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, ...]]:
-    """Whether both results are of one record and section, by their names, and what to say where sections of one record overlap."""
-    if before.record == after.record:
-        return True, ()
+    """Whether both results are of one record and section, and what to say where sections of one record overlap.
+
+    The hashes of the records tell; their names do where an older version wrote no hash.
+    """
     names = [result.record.rpartition(", ")[0] for result in (before, after)]
-    if names[0] != names[1] or not names[0] or before.section is None or after.section is None:
+    if _hashed(before, after):
+        if before.record_hash != after.record_hash:
+            return False, ()
+        if before.section == after.section:
+            return True, ()
+    elif before.record == after.record:
+        return True, ()
+    elif names[0] != names[1] or not names[0]:
+        return False, ()
+    if before.section is None or after.section is None:
         return False, ()
     common = min(before.section[1], after.section[1]) - max(before.section[0], after.section[0])
     if common <= 0.0:
         return False, ()
     return False, (
-        f"the two sections of {names[0]} have {common:.4g} s in common: bands and odds take them for independent, which errs towards no change",
+        f"the two sections of {names[0] or before.record} have {common:.4g} s in common: bands and odds take them for independent, which errs towards no change",
     )
 
 

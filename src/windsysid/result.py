@@ -456,9 +456,8 @@ def load_posterior(folder: str | Path) -> Posterior:
     ConfigurationError
         If there is none, it was changed after windsysid wrote it, or it was written by a version that did not keep the turbine.
     """
-    import h5netcdf
 
-    from windsysid.formats.netcdf import check_seal
+    from windsysid.formats.netcdf import check_seal, open_hdf5
     from windsysid.turbinefile import parse_turbine
 
     path = result_file(folder, "identification.nc")
@@ -467,7 +466,7 @@ def load_posterior(folder: str | Path) -> Posterior:
     )
     try:
         sealed = check_seal(path)  # first: HDF5 may hang in a damaged file
-        with h5netcdf.File(path, decode_vlen_strings=True) as file:
+        with open_hdf5(path) as file:
             text, trusted = file.attrs["turbine_file"], file.attrs["trusted"]
             if not sealed and "windsysid_version" in file.attrs:  # version 0.1.0 wrote neither
                 raise changed

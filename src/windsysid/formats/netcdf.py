@@ -29,7 +29,7 @@ from windsysid.units import si_unit, to_si
 if TYPE_CHECKING:
     import h5netcdf
 
-__all__ = ["check_seal", "open_netcdf", "read_netcdf", "sealed", "write_netcdf"]
+__all__ = ["check_seal", "open_hdf5", "open_netcdf", "read_netcdf", "sealed", "write_netcdf"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _SEAL = b"windsysid crc32 "  # and eight digits, after the end of the HDF5 file, where nobody else looks
@@ -74,7 +74,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         raise RecordError("is not netCDF-4; give the file the ending of what it is, or export it again")
     if whole or path.stat().st_size < _LARGE:
         check_seal(path)
-    file = _opened(path)
+    file = open_hdf5(path)
     try:
         time_name = mapping.time.column or "time"
         if time_name not in file.variables or len(file[time_name].dimensions) != 1:
@@ -126,7 +126,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     )
 
     def blocks(start: float, end: float) -> Iterator[Block]:
-        opened.append(_opened(path))
+        opened.append(open_hdf5(path))
         try:
             yield from source.blocks(start, end)
         finally:
@@ -192,7 +192,8 @@ def _checksum(path: Path, size: int) -> int:
     return checksum
 
 
-def _opened(path: Path) -> "h5netcdf.File":
+def open_hdf5(path: Path) -> "h5netcdf.File":
+    """An HDF5 file, opened for reading; RecordError where it is damaged or none."""
     import h5netcdf
     import h5py  # type: ignore[import-untyped,unused-ignore]
 
