@@ -37,7 +37,7 @@ PATIENCE = 1200.0
 """Seconds after which tests that still run have noticed something."""
 
 COMPILED = (
-    "bank.py", "ekf.py", "gaussian.py", "iekf.py", "particle.py", "particlekernels.py", "raoblackwell.py", "smoother.py", "transition.py", "ukf.py",
+    "bank_kernel.py", "ekf.py", "gaussian.py", "iekf.py", "particle.py", "particlekernels.py", "raoblackwell.py", "smoother.py", "transition.py", "ukf.py",
 )  # fmt: skip
 """Sources whose change compiles all kernels of filters anew."""
 
