@@ -50,7 +50,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "units.py": ("test_units.py", "test_formats.py"),
     "openfast.py": ("test_formats.py",),
     "clock.py": ("test_clock.py",),
-    "packed.py": ("test_large.py", "test_fuzz.py"),
+    "packed.py": ("test_packed.py",),
     "netcdf.py": ("test_formats.py",),
     "columns.py": ("test_mapping.py", "test_formats.py"),
     "align.py": ("test_align.py",),
