@@ -163,9 +163,13 @@ def test_missing_rows_become_missing_values(verne555, record, found):
     close_to(result, found, 3.0)
 
 
-def test_a_noise_free_record_is_no_trouble(verne555, record):
-    silent = record.with_channels({"tower_x_acceleration": (np.zeros(record.samples), "m/s^2")})
-    assert np.isfinite([e.estimate for e in identify(silent, verne555).estimates]).all()
+def test_a_silent_channel_is_refused_and_a_faint_one_is_no_trouble(verne555, record):
+    def heard(factor):
+        return record.with_channels({"tower_x_acceleration": (factor * record["tower_x_acceleration"] + 0.0, "m/s^2")})
+
+    with pytest.raises(RecordError, match="'tower_x_acceleration' is 0 m/s² from the first sample to the last"):
+        identify(heard(0.0), verne555)
+    assert np.isfinite([e.estimate for e in identify(heard(1e-9), verne555).estimates]).all()
 
 
 @pytest.mark.parametrize("formulation", ["joint", "force-balance"])

@@ -40,14 +40,14 @@ def test_a_parked_machine_is_identified(parked: Turbine, record: Record, tmp_pat
         assert abs(e.estimate - parked.values[name]) < 4.0 * e.std
         assert e.std < 0.05 * e.estimate
     assert found.conditions.rotor_speed == 0.0
-    found.save(tmp_path)
-    kept = load_posterior(tmp_path)
+    found.save(tmp_path / "result")
+    kept = load_posterior(tmp_path / "result")
     assert kept.turbine.rotor_speed == 0.0
     shown = find_modes(kept)
     assert shown.orders == ()
     assert shown.speeds[shown.usual] == 0.0
     assert "no harmonics" in shown.sentences[0]
-    shown.save(tmp_path)
+    shown.save(tmp_path / "modes")
     assert "parked" in str(shown)
 
 

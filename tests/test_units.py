@@ -68,7 +68,7 @@ BROCHURE: dict[str, tuple[str, Fraction | int]] = {
     "N/m": ("N/m", 1), "kN/m": ("N/m", 1000), "MN/m": ("N/m", 10**6),
     "N*s/m": ("N*s/m", 1), "kN*s/m": ("N*s/m", 1000),
     "N*m/rad": ("N*m/rad", 1), "kN*m/rad": ("N*m/rad", 1000),
-    "N*m*s/rad": ("N*m*s/rad", 1), "kN*m*s/rad": ("N*m*s/rad", 1000),
+    "N*s": ("N*s", 1), "N*m*s/rad": ("N*m*s/rad", 1), "kN*m*s/rad": ("N*m*s/rad", 1000),
     "W": ("W", 1), "kW": ("W", 1000), "MW": ("W", 10**6), "degC": ("degC", 1),
     "Pa": ("Pa", 1), "hPa": ("Pa", 100), "mbar": ("Pa", 100), "kPa": ("Pa", 1000), "MPa": ("Pa", 10**6), "bar": ("Pa", 10**5),
     "V": ("V", 1), "mV": ("V", Fraction(1, 1000)), "A": ("A", 1), "mA": ("A", Fraction(1, 1000)),

@@ -259,9 +259,9 @@ def result_input(shop: Workshop, rng: Rng) -> Input:
     """A saved result that was damaged, with the commands that read results."""
     files: dict[str, bytes | Path] = {}
     for name in ("a", "b"):
-        for path in shop.results.iterdir():
+        for path in (path for path in shop.results.iterdir() if path.is_file()):
             files[f"{name}/{path.name}"] = path.read_bytes()
-    target = f"b/{rng.choice([p.name for p in shop.results.iterdir()])}"
+    target = f"b/{rng.choice([p.name for p in shop.results.iterdir() if p.is_file()])}"
     content = files[target]
     assert isinstance(content, bytes)
     if rng.random() < 0.1:

@@ -16,9 +16,6 @@ UNIFORM = 1e-3
 
 _LONGEST_NAME = 200
 
-_LARGEST = 1e30
-"""In SI: no channel is larger, but marks for missing values are, and their squares overflow."""
-
 
 def check_channels(channels: Iterable[str]) -> None:
     """Refuse names that cannot be told apart or written to a file."""
@@ -71,14 +68,9 @@ def check_block(
             f"the time {what} at {place(k)} ({before!r} s, then {float(time[k])!r} s): "
             "expected strictly increasing; sort the rows and drop the repeated ones"
         )
-    beyond = (values > _LARGEST) | (values < -_LARGEST)
-    if beyond.any():
-        row, column = (int(i) for i in np.argwhere(beyond)[0])
-        if np.isfinite(values[row, column]):
-            raise RecordError(
-                f"channel '{channels[column]}' is {values[row, column]:.4g} at {place(row)}: expected a value that can be measured, at most "
-                f"{_LARGEST:g}; leave the cell empty or write NaN where a value is missing"
-            )
+    infinite = np.isinf(values)
+    if infinite.any():
+        row, column = (int(i) for i in np.argwhere(infinite)[0])
         raise RecordError(
             f"channel '{channels[column]}' is infinite at {place(row)}: expected a finite number; "
             "leave the cell empty or write NaN where a value is missing"

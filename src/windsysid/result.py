@@ -479,7 +479,7 @@ def load_posterior(folder: str | Path) -> Posterior:
             names = file["parameter"][...].tolist()
             estimate, *columns = (file[key][...].tolist() for key in ("final_estimate", *PRIORS))
             cov = file["cov"][...]
-            joint_cov = file["joint_cov"][...] if "joint_cov" in file else None
+            joint_cov = file["joint_cov"][...] if learned and "joint_cov" in file else None
     except ConfigurationError:
         raise
     except RecordError:

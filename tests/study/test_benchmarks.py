@@ -140,9 +140,12 @@ def test_the_joint_filter_locks_in_and_the_fit_does_not(comparison: Comparison):
     assert comparison.warned == 0
 
 
-def test_a_comparison_prints_and_draws_every_method(comparison: Comparison, tmp_path: Path):
+def test_a_comparison_prints_and_draws_every_method(
+    comparison: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     from windsysid.console import render
 
+    monkeypatch.setenv("COLUMNS", "200")
     text = render(comparison.table())
     for method in (*(f.name for f in FILTERS), RESULT, ON_LINE):
         assert method in text
