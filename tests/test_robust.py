@@ -191,3 +191,21 @@ def test_an_interrupt_while_modules_are_loaded_ends_it_quietly(after: float):
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
     assert ended.returncode in (130, -signal.SIGINT), ended.stderr.decode()
     assert b"Traceback" not in ended.stderr
+
+
+@pytest.mark.parametrize("columns", [60, 80])
+def test_no_number_is_broken_over_two_lines(monkeypatch: pytest.MonkeyPatch, columns: int):
+    from rich.table import Table
+
+    from windsysid.console import render
+
+    monkeypatch.setenv("COLUMNS", str(columns))
+    table = Table()
+    table.add_column("name")
+    for heading in ("before", "after", "±2σ band"):
+        table.add_column(heading, justify="right")
+    table.add_row("noise_of_the_accelerometer_on_the_tower", "1.78083e+06", "-1.90012e-03", "1.7497e+06 … 1.8124e+06")
+    text = render(table)
+    assert all(len(line) <= columns for line in text.splitlines())
+    for number in ("1.78083e+06", "-1.90012e-03", "1.7497e+06 …", "1.8124e+06"):
+        assert number in text

@@ -80,7 +80,7 @@ def render(*parts: Any, width: int | None = None) -> str:
 
 
 def _fit(table: "Table", console: "Console", encoding: str) -> None:
-    """Spell what cannot be shown, and fold cells instead of cutting them; no frame where it would not fit."""
+    """Spell what cannot be shown, and fold cells instead of cutting them; no frame where it would not fit, and no number over two lines."""
     from rich import box
     from rich.measure import Measurement
 
@@ -90,6 +90,15 @@ def _fit(table: "Table", console: "Console", encoding: str) -> None:
         column._cells = [plain(str(cell), encoding) for cell in column._cells]
     if Measurement.get(console, console.options.update(max_width=10_000), table).maximum > console.width:
         table.box, table.show_edge, table.pad_edge, table.padding = box.SIMPLE_HEAD, False, False, (0, 1, 0, 0)
+        texts = [[str(text) for text in (column.header, *column._cells)] for column in table.columns]
+        natural = [max(map(len, own)) for own in texts]
+        least = [max(map(len, " ".join(own).replace(" …", "_…").split()), default=1) for own in texts]
+        spare = console.width - sum(least) - 2 * (len(least) - 1)  # columns stand two apart
+        for i in sorted(range(len(least)), key=lambda i: natural[i] - least[i]):
+            if table.columns[i].justify == "right" or spare >= 0:  # names may be folded where nothing else helps
+                given = min(max(spare, 0), natural[i] - least[i])
+                table.columns[i].width = least[i] + given
+                spare -= given
 
 
 def _wrapped(text: str, width: int) -> str:
