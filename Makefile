@@ -42,11 +42,11 @@ FIELD := results/field
 field: $(VENV)/.installed $(PEERS)/.installed
 	@test -d "$(DATA)/openfast" -a -d "$(DATA)/bjorko" || { echo "make field: expected DATA=FOLDER with openfast/ and bjorko/, got '$(DATA)'"; exit 2; }
 	mkdir -p $(FIELD)
-	$(BIN)/python -m windsysid.study.bjorko --data $(DATA)/bjorko/pull_release_10Hz.csv > $(FIELD)/bjorko.txt
-	$(BIN)/python -m windsysid.study.hammond > $(FIELD)/hammond.txt
-	$(BIN)/python -m windsysid.study.years > $(FIELD)/years.txt
-	$(BIN)/python -m windsysid.study.field --openfast $(DATA)/openfast --output $(FIELD) > $(FIELD)/openfast.txt
-	$(PEERS)/bin/python benchmarks/subspace.py --openfast $(DATA)/openfast --output $(FIELD) > $(FIELD)/subspace.txt
+	$(BIN)/python -m validation.bjorko --data $(DATA)/bjorko/pull_release_10Hz.csv > $(FIELD)/bjorko.txt
+	$(BIN)/python -m validation.hammond > $(FIELD)/hammond.txt
+	$(BIN)/python -m validation.years > $(FIELD)/years.txt
+	$(BIN)/python -m validation.field --openfast $(DATA)/openfast --output $(FIELD) > $(FIELD)/openfast.txt
+	PYTHONPATH=. $(PEERS)/bin/python benchmarks/subspace.py --openfast $(DATA)/openfast --output $(FIELD) > $(FIELD)/subspace.txt
 	@cat $(FIELD)/*.txt
 
 clean:

@@ -19,7 +19,8 @@ from rich.table import Table
 
 from windsysid import Parameter, StateSpace, Turbine, compile_model, compose, load_turbine
 from windsysid.filters import FILTERS, smooth
-from windsysid.simulate import constant_speed_inputs, gauss_markov_loads, integrate
+from windsysid.simulation.integrate import constant_speed_inputs, integrate
+from windsysid.simulation.random_loads import gauss_markov_loads
 
 RATE, DURATION, LEAD_IN = 100.0, 100.0, 60.0
 

@@ -16,12 +16,12 @@ from agreement import Problem
 from numba import types
 
 from windsysid import EKF, Prior, Turbine
-from windsysid.forcebalance import analysis_band, balance_forces, balance_statespace, measured_motion
-from windsysid.formulation import identifiable
-from windsysid.jit import JACOBIAN, VALUE, compiled, inlined
+from windsysid.identification.force_balance import analysis_band, balance_forces, balance_statespace, measured_motion
+from windsysid.identification.prior import identifiable
+from windsysid.kernels.jit import JACOBIAN, VALUE, compiled, inlined
 from windsysid.signals import rotor_inputs
-from windsysid.simulate import simulate_record
-from windsysid.transition import BLOCKS
+from windsysid.simulation.record import simulate_record
+from windsysid.statespace.workspace import BLOCKS
 
 __all__ = ["Balance", "Differences", "Kernels", "Written"]
 

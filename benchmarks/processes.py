@@ -61,7 +61,7 @@ def run(cache: Path, *arguments: str) -> tuple[float, float]:
     """Seconds by the clock and of the processor."""
     surrounding = {k: v for k, v in os.environ.items() if k != "WINDSYSID_CACHE"} | {"XDG_CACHE_HOME": str(cache)}
     used, begun = _used(), time.perf_counter()
-    command = [sys.executable, "-m", "windsysid.cli", *arguments]
+    command = [sys.executable, "-m", "windsysid", *arguments]
     said = subprocess.run(command, env=surrounding, capture_output=True, text=True, check=False)
     if said.returncode:
         raise SystemExit(f"windsysid {' '.join(arguments)} failed: {said.stderr.strip().splitlines()[-1]}")

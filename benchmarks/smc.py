@@ -23,9 +23,9 @@ from rich.table import Table
 
 from windsysid import load_turbine
 from windsysid.filters import EKF, ParticleFilter
-from windsysid.forcebalance import Balance, analysis_band, balance_statespace
-from windsysid.formulation import identifiable
-from windsysid.statespace import StateSpace
+from windsysid.identification.force_balance import Balance, analysis_band, balance_statespace
+from windsysid.identification.prior import identifiable
+from windsysid.statespace.compose import StateSpace
 from windsysid.study.arms import START, record_balance
 from windsysid.study.scenario import RATE, simulate_reference
 

@@ -29,10 +29,10 @@ from rich.table import Table
 from windsysid import StateSpace, load_turbine
 from windsysid.filters import EKF, FILTERS, Info
 from windsysid.filters.bank import LANES, bank_of, run_bank
-from windsysid.formulation import Prior
-from windsysid.likelihood import posterior_mode
-from windsysid.simulate import simulate_record
-from windsysid.stateonly import Problem, pose
+from windsysid.identification.posterior_mode import posterior_mode
+from windsysid.identification.prior import Prior
+from windsysid.identification.problem import Problem, pose
+from windsysid.simulation.record import simulate_record
 
 Array = np.ndarray
 HERE = Path(__file__).parent

@@ -1,8 +1,8 @@
 """Frequencies of tower and blades under wind, window by window: pyOMA-2's stochastic subspace identification beside windsysid.
 
-    python benchmarks/subspace.py --openfast FOLDER      in an environment made from benchmarks/peers.txt
+    PYTHONPATH=. python benchmarks/subspace.py --openfast FOLDER      in an environment made from benchmarks/peers.txt
 
-Both read the same sensors of two OpenFAST records (`windsysid.study.field`): the tower-top accelerometer, an accelerometer at each blade's tip, and the azimuth. For the
+Both read the same sensors of two OpenFAST records (`validation.field`): the tower-top accelerometer, an accelerometer at each blade's tip, and the azimuth. For the
 subspace method each blade's 1P line, which is gravity, is taken out by least squares, and the blades go into multi-blade coordinates, in which the whirling modes stand still:
 
     a_0 = ⅓ Σ a_i,      a_c = ⅔ Σ a_i cos ψ_i,      a_s = ⅔ Σ a_i sin ψ_i.
@@ -11,7 +11,7 @@ It is given every advantage. Rates, block rows, orders and variants are tried (`
 of window anew. The limits on the complexity of a mode shape, which would throw out both whirls, are off. Of a mode are taken the poles that its stabilisation diagram calls
 stable, of each order the one nearest to the truth within `REACH`, and of those the median over the orders.
 
-windsysid is what `windsysid.study.field` has it: packaged turbine files and priors up to 1.5 times off, `tower` for the tower, the rotor's file for the blades, which
+windsysid is what `validation.field` has it: packaged turbine files and priors up to 1.5 times off, `tower` for the tower, the rotor's file for the blades, which
 takes minutes for a window. Windows are disjoint, from 60 s to 600 s. Identifications in the output folder are used again, those of the field study among them.
 """
 
@@ -28,12 +28,12 @@ from typing import NamedTuple
 import numpy as np
 from rich.console import Console
 from sheets import Sheet
+from validation.field import FILES, ROTOR, TOWER, TRUTH, WINDY, Case, mode, results
 
 from windsysid import read_record
 from windsysid.errors import WindsysidError
-from windsysid.record import Record
+from windsysid.records.record import Record
 from windsysid.signals import resample
-from windsysid.study.field import FILES, ROTOR, TOWER, TRUTH, WINDY, Case, mode, results
 
 Array = np.ndarray
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import sympy as sp
+from validation.benchmarks import read_ground, synthetic_ground
 
 import windsysid as ws
-from windsysid.simulate import integrate
-from windsysid.study.benchmarks import read_ground, synthetic_ground
+from windsysid.simulation.integrate import integrate
 
 # m ẍ + c ẋ + k z = −m a_g; x is relative to the ground, the accelerometer is not
 x, v, z, ground = sp.symbols("x v z ground", real=True)

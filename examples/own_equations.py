@@ -7,7 +7,7 @@ import numpy as np
 import sympy as sp
 
 import windsysid as ws
-from windsysid.simulate import integrate
+from windsysid.simulation.integrate import integrate
 
 q, v, force = sp.symbols("q v force", real=True)
 m, c, k, cubic = sp.symbols("m c k cubic", positive=True)

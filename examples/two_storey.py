@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import sympy as sp
+from validation.benchmarks import read_ground, synthetic_ground
 
 import windsysid as ws
-from windsysid.simulate import integrate
-from windsysid.study.benchmarks import read_ground, synthetic_ground
+from windsysid.simulation.integrate import integrate
 
 x_1, x_2, v_1, v_2, ground = sp.symbols("x_1 x_2 v_1 v_2 ground", real=True)
 m_1, m_2, k_1, k_2, c_1, c_2 = sp.symbols("m_1 m_2 k_1 k_2 c_1 c_2", positive=True)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from windsysid.turbine import Turbine, load_turbine
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
 
 
 @pytest.fixture(scope="session")

@@ -8,13 +8,15 @@ import pytest
 import xarray as xr
 
 import windsysid as ws
-from windsysid.coercion import as_posterior, as_record, as_turbine
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.records.coercion import as_record
+from windsysid.results.coercion import as_posterior
+from windsysid.turbine.coercion import as_turbine
 
 
 @pytest.fixture(scope="module")
 def record() -> ws.Record:
-    return ws.simulate_record("verne555", duration=20.0, rate=100.0, seed=1)
+    return ws.simulate("verne555", duration=20.0, rate=100.0, seed=1)
 
 
 def as_frame(record: ws.Record) -> pd.DataFrame:
@@ -76,10 +78,10 @@ def test_every_function_takes_names_paths_and_results(record: ws.Record, tmp_pat
     assert found["k_x"].estimate == pytest.approx(ws.load_turbine("verne555").values["k_x"], rel=0.1)
     found.save(tmp_path)
     assert "nothing moved" in str(ws.compare(found, tmp_path)).lower()
-    assert ws.find_modes("verne555").turbine == "verne555"
-    assert ws.find_modes(str(tmp_path)).banded
-    assert ws.separate_damping([found, str(tmp_path)]).sentence
-    for short in (repr(found), repr(found.posterior), repr(found.machine), repr(ws.find_modes("verne555"))):
+    assert ws.modes("verne555").turbine == "verne555"
+    assert ws.modes(str(tmp_path)).banded
+    assert ws.damping([found, str(tmp_path)]).sentence
+    for short in (repr(found), repr(found.posterior), repr(found.machine), repr(ws.modes("verne555"))):
         assert len(short) < 300
         assert "verne555" in short
     assert repr(ws.compare(found, tmp_path)).count("\n") == 0

@@ -23,13 +23,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from windsysid.comparison import Change, compare
 from windsysid.console import render
-from windsysid.formulation import Prior
-from windsysid.identification import identify
-from windsysid.result import Posterior
-from windsysid.simulate import simulate_record
-from windsysid.turbine import Turbine, load_turbine
+from windsysid.identification.identify import identify
+from windsysid.identification.prior import Prior
+from windsysid.monitoring.change import Change
+from windsysid.monitoring.comparison import compare
+from windsysid.results.posterior import Posterior
+from windsysid.simulation.record import simulate_record
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
 
 DURATION, RATE = 200.0, 3.5
 """Of a record [s], [Hz]: 63 periods of the tower."""
@@ -105,7 +107,7 @@ def outcomes_of(before: Posterior, others: Sequence[Posterior], apart: bool) -> 
 
 
 def _share(result: Posterior, name: str) -> float:
-    """Share of what is known that comes from the data and not from the prior, as `windsysid.result.Estimate` has it."""
+    """Share of what is known that comes from the data and not from the prior, as `windsysid.results.identification.Estimate` has it."""
     i = [q.name for q in result.parameters].index(name)
     return 1.0 - float(result.cov[i, i]) / result.parameters[i].prior[1] ** 2
 

@@ -33,6 +33,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from windsysid.units import RPM
+
 __all__ = ["Input", "Outcome", "Workshop", "judge", "run_inputs"]
 
 Rng = np.random.Generator
@@ -106,13 +108,13 @@ class Workshop:
 
     def __init__(self, folder: Path):
         from windsysid import cli
-        from windsysid.formats import write_record
-        from windsysid.record import Record
-        from windsysid.simulate import simulate_record
-        from windsysid.turbine import load_turbine
+        from windsysid.records.formats import write_record
+        from windsysid.records.record import Record
+        from windsysid.simulation.record import simulate_record
+        from windsysid.turbine.file import load_turbine
 
         self.folder, self.cli = folder, cli
-        packaged = Path(cli.__file__).parent / "turbines"
+        packaged = Path(cli.__file__).parents[1] / "turbine" / "packaged"
         self.turbines = {name: (packaged / f"{name}.toml").read_text("utf-8") for name in ("tower", "verne555")}
         self.record: Record = simulate_record(load_turbine("tower"), duration=40.0, rate=10.0, seed=1)
         self.sensors = "[[sensor]]" + self.turbines["tower"].split("[[sensor]]", 1)[1]
@@ -140,11 +142,11 @@ class Workshop:
 
 def _warm_up(record: Any, turbine: Any, folder: Path) -> None:
     """Import and compile what the children need, so that a fork has it already."""
-    from windsysid.campbell import find_modes
-    from windsysid.formats import read_record
-    from windsysid.identification import identify
-    from windsysid.inspect import inspect_record
-    from windsysid.report import identification_report
+    from windsysid.identification.identify import identify
+    from windsysid.inspection import inspect_record
+    from windsysid.modal.sweep import find_modes
+    from windsysid.records.formats import read_record
+    from windsysid.reports.identification import identification_report
 
     found = identify(read_record(folder / "r.csv"), turbine)
     str(found)
@@ -208,7 +210,7 @@ def record_input(shop: Workshop, rng: Rng) -> Input:
 
 def values_input(shop: Workshop, rng: Rng) -> Input:
     """A whole file whose values are wrong: dead, huge, missing, in other units."""
-    from windsysid.formats import write_record
+    from windsysid.records.formats import write_record
 
     values = shop.record.values.copy()
     for _ in range(int(rng.integers(1, 4))):
@@ -237,7 +239,7 @@ def same_input(shop: Workshop, rng: Rng) -> Input:
     if how in ("netcdf", "parquet") and {"netcdf": "nc", "parquet": "parquet"}[how] in shop.records:
         ending = {"netcdf": "nc", "parquet": "parquet"}[how]
         return Input("same", ["identify", f"r.{ending}", *argv[2:]], {f"r.{ending}": shop.records[ending]}, same=True)
-    units = {"rad": ("deg", 180.0 / math.pi), "rad/s": ("rpm", 30.0 / math.pi), "m/s^2": ("mg", 1e3 / 9.80665)}
+    units = {"rad": ("deg", 180.0 / math.pi), "rad/s": ("rpm", RPM), "m/s^2": ("mg", 1e3 / 9.80665)}
     names, columns, mapping = ["time [s]"], [shop.record.time], ""
     order = rng.permutation(len(shop.record.channels)) if how == "order" else range(len(shop.record.channels))
     for i in order:
@@ -303,7 +305,7 @@ def options_input(shop: Workshop, rng: Rng) -> Input:
         argv += [str(option), *([] if option == "--json" else value)]
     files: dict[str, bytes | Path] = {"r.csv": shop.records["csv"]}
     if argv[0] == "compare":
-        files |= {f"result/{path.name}": path.read_bytes() for path in shop.results.iterdir()}
+        files |= {f"result/{path.name}": path.read_bytes() for path in shop.results.iterdir() if path.is_file()}
     return Input("options", argv, files)
 
 
@@ -467,7 +469,7 @@ def run(given: Input, folder: Path, cli: Any, *, real: bool = False, limit: floa
         environment = {**os.environ, **given.environment, "PYTHONIOENCODING": given.encoding}
         with out.open("wb") as o, err.open("wb") as e:
             pid = subprocess.Popen(
-                [sys.executable, "-m", "windsysid.cli", *given.argv], cwd=folder, env=environment, stdout=o, stderr=e, stdin=subprocess.DEVNULL
+                [sys.executable, "-m", "windsysid", *given.argv], cwd=folder, env=environment, stdout=o, stderr=e, stdin=subprocess.DEVNULL
             ).pid  # fmt: skip
     else:
         sys.stdout.flush()

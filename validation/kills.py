@@ -20,16 +20,18 @@ from pathlib import Path
 import h5netcdf
 import numpy as np
 
-from windsysid.diagnostics import Diagnosis
-from windsysid.formats import read_record, write_record
-from windsysid.online import History, begin, restore
-from windsysid.online import save as save_checkpoint
-from windsysid.output import HOME, LOCK, PART, Saveable, result_file
-from windsysid.record import Record
-from windsysid.report import Section, report_page
-from windsysid.result import Estimate, Identification
-from windsysid.statespace import Parameter, StateSpace
-from windsysid.turbine import load_turbine
+from windsysid.identification.recursive import History, begin, restore
+from windsysid.identification.recursive import save as save_checkpoint
+from windsysid.output.folders import Saveable, result_file
+from windsysid.output.locks import HOME, LOCK, PART
+from windsysid.records.formats import read_record, write_record
+from windsysid.records.record import Record
+from windsysid.reports.html import Section, report_page
+from windsysid.results.diagnosis import Diagnosis
+from windsysid.results.identification import Estimate, Identification
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.file import load_turbine
 
 __all__ = ["Tally", "main", "run"]
 

@@ -12,75 +12,178 @@ result.plot().savefig("coefficients.png")
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from windsysid._version import __version__
+
 if TYPE_CHECKING:
-    from windsysid.campbell import Campbell, find_modes
-    from windsysid.comparison import Comparison, compare
-    from windsysid.damping import Separation, separate_damping
     from windsysid.errors import ConfigurationError, OutputError, RecordError, WindsysidError
     from windsysid.filters import EKF, IEKF, UKF, Belief, Filter, Info, Smoothed, load_belief, save_belief, smooth
-    from windsysid.fitting import Fit, Reading, fit
-    from windsysid.formats import iterate_record, load_mapping, read_record, write_record
-    from windsysid.formulation import Prior
-    from windsysid.identification import add_noise, identify
-    from windsysid.loads import GaussMarkov, LoadBlock
+    from windsysid.filters.particles.filter import ParticleFilter
+    from windsysid.filters.particles.raoblackwell import RaoBlackwellised
+    from windsysid.identification.identify import identify
+    from windsysid.identification.own_equations import Fit, Reading, fit
+    from windsysid.identification.pieces import identify_pieces
+    from windsysid.identification.planning import Plan, plan
+    from windsysid.identification.prepare import add_noise
+    from windsysid.identification.prior import Prior
+    from windsysid.identification.profile import Profile, profile_likelihood
+    from windsysid.inspection import inspect_record as inspect
+    from windsysid.inspection.inspection import Inspection
     from windsysid.mechanics.compile import CompiledModel, compile_model
     from windsysid.mechanics.equations import Equations, lagrange
     from windsysid.mechanics.rotor import RotorModel
     from windsysid.mechanics.sensors import Sensor, read_sensors
     from windsysid.mechanics.tower import TowerModel
-    from windsysid.modal import Mode
-    from windsysid.planning import Plan, plan
-    from windsysid.profiling import Profile, profile_likelihood
-    from windsysid.record import Record
-    from windsysid.result import Estimate, Identification, Posterior, load_posterior
-    from windsysid.simulate import simulate_record
-    from windsysid.statespace import Parameter, StateSpace, compose
-    from windsysid.turbine import Turbine, load_turbine, packaged_turbines, write_turbine
-
-__version__ = "0.1.0"
+    from windsysid.modal.campbell import Campbell
+    from windsysid.modal.sweep import find_modes as modes
+    from windsysid.monitoring.change import Comparison
+    from windsysid.monitoring.changes import Watch
+    from windsysid.monitoring.comparison import compare
+    from windsysid.monitoring.damping import separate_damping as damping
+    from windsysid.monitoring.separation import Separation
+    from windsysid.monitoring.series import read_blocks
+    from windsysid.monitoring.watch import watch as monitor
+    from windsysid.records.formats import iterate_record, load_mapping, read_record, write_record
+    from windsysid.records.record import Record
+    from windsysid.results.identification import Estimate, Identification
+    from windsysid.results.mode import Mode
+    from windsysid.results.posterior import Posterior, load_posterior
+    from windsysid.results.provenance import Provenance
+    from windsysid.simulation.record import simulate_record as simulate
+    from windsysid.statespace.compose import StateSpace, compose
+    from windsysid.statespace.gauss_markov import GaussMarkov
+    from windsysid.statespace.parameter import Parameter
+    from windsysid.statespace.process import LoadBlock
+    from windsysid.turbine.file import load_turbine, packaged_turbines, write_turbine
+    from windsysid.turbine.turbine import Turbine
 
 _WHERE = {
-    "campbell": ("Campbell", "find_modes"),
-    "comparison": ("Comparison", "compare"),
-    "damping": ("Separation", "separate_damping"),
-    "errors": ("ConfigurationError", "OutputError", "RecordError", "WindsysidError"),
-    "filters": ("EKF", "IEKF", "UKF", "Belief", "Filter", "Info", "Smoothed", "load_belief", "save_belief", "smooth"),
-    "fitting": ("Fit", "Reading", "fit"),
-    "formats": ("iterate_record", "load_mapping", "read_record", "write_record"),
-    "formulation": ("Prior",),
-    "result": ("Estimate", "Identification", "Posterior", "load_posterior"),
-    "identification": ("add_noise", "identify"),
-    "mechanics.compile": ("CompiledModel", "compile_model"),
-    "mechanics.equations": ("Equations", "lagrange"),
-    "mechanics.rotor": ("RotorModel",),
-    "mechanics.sensors": ("Sensor", "read_sensors"),
-    "mechanics.tower": ("TowerModel",),
-    "modal": ("Mode",),
-    "planning": ("Plan", "plan"),
-    "profiling": ("Profile", "profile_likelihood"),
-    "record": ("Record",),
-    "simulate": ("simulate_record",),
-    "loads": ("GaussMarkov", "LoadBlock"),
-    "statespace": ("Parameter", "StateSpace", "compose"),
-    "turbine": ("Turbine", "load_turbine", "packaged_turbines", "write_turbine"),
+    "errors": "ConfigurationError OutputError RecordError WindsysidError",
+    "filters": "EKF IEKF UKF Belief Filter Info Smoothed load_belief save_belief smooth",
+    "filters.particles.filter": "ParticleFilter",
+    "filters.particles.raoblackwell": "RaoBlackwellised",
+    "identification.identify": "identify",
+    "identification.own_equations": "Fit Reading fit",
+    "identification.pieces": "identify_pieces",
+    "identification.planning": "Plan plan",
+    "identification.prepare": "add_noise",
+    "identification.prior": "Prior",
+    "identification.profile": "Profile profile_likelihood",
+    "inspection": "inspect=inspect_record",
+    "inspection.inspection": "Inspection",
+    "mechanics.compile": "CompiledModel compile_model",
+    "mechanics.equations": "Equations lagrange",
+    "mechanics.rotor": "RotorModel",
+    "mechanics.sensors": "Sensor read_sensors",
+    "mechanics.tower": "TowerModel",
+    "modal.campbell": "Campbell",
+    "modal.sweep": "modes=find_modes",
+    "monitoring.change": "Comparison",
+    "monitoring.changes": "Watch",
+    "monitoring.comparison": "compare",
+    "monitoring.damping": "damping=separate_damping",
+    "monitoring.separation": "Separation",
+    "monitoring.series": "read_blocks",
+    "monitoring.watch": "monitor=watch",
+    "records.formats": "iterate_record load_mapping read_record write_record",
+    "records.record": "Record",
+    "results.identification": "Estimate Identification",
+    "results.mode": "Mode",
+    "results.posterior": "Posterior load_posterior",
+    "results.provenance": "Provenance",
+    "simulation.record": "simulate=simulate_record",
+    "statespace.compose": "StateSpace compose",
+    "statespace.gauss_markov": "GaussMarkov",
+    "statespace.parameter": "Parameter",
+    "statespace.process": "LoadBlock",
+    "turbine.file": "load_turbine packaged_turbines write_turbine",
+    "turbine.turbine": "Turbine",
 }
-_MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
+"""The public names of each module. A function that answers what a command answers has the command's name here, and a verb's where it stands: `modes=find_modes`."""
 
-__all__ = [
-    "EKF", "IEKF", "UKF", "Belief", "Campbell", "Comparison", "CompiledModel", "ConfigurationError", "Equations", "Estimate", "Filter", "Fit", "GaussMarkov",
-    "Identification", "Info", "LoadBlock", "Mode", "OutputError", "Parameter", "Plan", "Posterior", "Prior", "Profile", "Reading", "Record", "RecordError", "RotorModel", "Sensor", "Separation", "Smoothed",
-    "StateSpace", "TowerModel", "Turbine", "WindsysidError", "add_noise", "compare", "compile_model", "compose", "find_modes", "fit", "identify",
-    "iterate_record", "lagrange", "load_belief", "load_mapping", "load_posterior",
-    "load_turbine", "packaged_turbines", "plan", "profile_likelihood", "read_record", "read_sensors", "save_belief", "separate_damping", "simulate_record", "smooth", "write_record",
+_PUBLIC = {
+    public: (module, name or public)
+    for module, names in _WHERE.items()
+    for public, _, name in (entry.partition("=") for entry in names.split())
+}
+
+__all__ = [  # noqa: RUF022
+    "Belief",
+    "Campbell",
+    "Comparison",
+    "CompiledModel",
+    "ConfigurationError",
+    "EKF",
+    "Equations",
+    "Estimate",
+    "Filter",
+    "Fit",
+    "GaussMarkov",
+    "IEKF",
+    "Identification",
+    "Info",
+    "Inspection",
+    "LoadBlock",
+    "Mode",
+    "OutputError",
+    "Parameter",
+    "ParticleFilter",
+    "Plan",
+    "Posterior",
+    "Prior",
+    "Profile",
+    "Provenance",
+    "RaoBlackwellised",
+    "Reading",
+    "Record",
+    "RecordError",
+    "RotorModel",
+    "Sensor",
+    "Separation",
+    "Smoothed",
+    "StateSpace",
+    "TowerModel",
+    "Turbine",
+    "UKF",
+    "Watch",
+    "WindsysidError",
+    "__version__",
+    "add_noise",
+    "compare",
+    "compile_model",
+    "compose",
+    "damping",
+    "fit",
+    "identify",
+    "identify_pieces",
+    "inspect",
+    "iterate_record",
+    "lagrange",
+    "load_belief",
+    "load_mapping",
+    "load_posterior",
+    "load_turbine",
+    "modes",
+    "monitor",
+    "packaged_turbines",
+    "plan",
+    "profile_likelihood",
+    "read_blocks",
+    "read_record",
+    "read_sensors",
+    "save_belief",
+    "simulate",
+    "smooth",
+    "write_record",
     "write_turbine",
-]  # fmt: skip
+]
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: `import windsysid` itself loads nothing heavy."""
-    if name not in _MODULE_OF:
+    if name not in _PUBLIC:
         raise AttributeError(f"module 'windsysid' has no attribute '{name}'")
-    value = getattr(import_module(f"windsysid.{_MODULE_OF[name]}"), name)
+    module, original = _PUBLIC[name]
+    value = getattr(import_module(f"windsysid.{module}"), original)
     globals()[name] = value
     return value
 

@@ -9,6 +9,7 @@ import math
 from windsysid.errors import ConfigurationError
 
 __all__ = [
+    "RPM",
     "UNITS",
     "canonical",
     "is_same_quantity",
@@ -18,6 +19,9 @@ __all__ = [
     "to_si",
     "unit_text",
 ]
+
+RPM = 30.0 / math.pi
+"""Revolutions per minute in one radian per second."""
 
 _TURN = 2.0 * math.pi
 _DEGREE = math.pi / 180.0

@@ -11,8 +11,9 @@ from tests.filters.test_protocol import LOADS, MODELS, chain_with, record
 from tests.mechanics.models import CHAIN_VALUES, chain_sensors
 from windsysid.filters import EKF
 from windsysid.filters.bank import bank_of, run_bank
-from windsysid.likelihood import neighbours, score
-from windsysid.statespace import Parameter, StateSpace
+from windsysid.identification.posterior_mode import neighbours, score
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.parameter import Parameter
 
 # A bank has no gate: whatever is gated is marked as missing before it runs.
 STATE_ONLY = [name for name, build in MODELS.items() if not build().parameters and np.isinf(build().blocks.gate[0])]

@@ -9,9 +9,10 @@ from tests.filters.test_protocol import chain_with, every_filter
 from tests.mechanics.models import CHAIN_VALUES, Reads, chain_sensors, symbols
 from windsysid.filters import Filter, smooth
 from windsysid.filters.bank import bank_of, run_bank
-from windsysid.loads import LoadBlock
 from windsysid.mechanics.equations import Equations
-from windsysid.statespace import Parameter, StateSpace, compose
+from windsysid.statespace.compose import StateSpace, compose
+from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.process import LoadBlock
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ import pytest
 from tests.filters.textbook import LOADS, STEPS, composed, simulated, textbook
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
 from windsysid.filters import EKF, Belief
-from windsysid.statespace import Parameter, StateSpace, compose
-from windsysid.turbine import Turbine
+from windsysid.statespace.compose import StateSpace, compose
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
 
 
 def test_normalised_innovations_have_mean_square_one_when_the_model_is_right():

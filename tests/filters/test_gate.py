@@ -9,7 +9,7 @@ from tests.filters.test_protocol import LOADS, assert_same, chain_with, every_fi
 from tests.filters.textbook import composed, simulated
 from windsysid.errors import ConfigurationError
 from windsysid.filters import Filter
-from windsysid.statespace import StateSpace
+from windsysid.statespace.compose import StateSpace
 
 
 def gated(model: StateSpace, gate: float) -> StateSpace:

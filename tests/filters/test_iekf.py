@@ -10,7 +10,8 @@ from tests.filters.textbook import composed, simulated
 from tests.mechanics.models import Reads, symbols
 from windsysid.filters import EKF, IEKF
 from windsysid.mechanics.equations import Equations
-from windsysid.statespace import Parameter, StateSpace, compose
+from windsysid.statespace.compose import StateSpace, compose
+from windsysid.statespace.parameter import Parameter
 
 NOISE = 0.02
 

@@ -7,12 +7,15 @@ import pytest
 
 from tests.mechanics.models import CHAIN_VALUES, Reads, chain, chain_sensors, duffing, symbols
 from windsysid.filters import FILTERS, Belief, Filter, Info
-from windsysid.loads import GaussMarkov, LoadBlock
 from windsysid.mechanics import RotorModel
 from windsysid.mechanics.equations import Equations
-from windsysid.simulate import gauss_markov_loads, integrate
-from windsysid.statespace import Parameter, StateSpace, compose
-from windsysid.turbine import load_turbine
+from windsysid.simulation.integrate import integrate
+from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.statespace.compose import StateSpace, compose
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.process import LoadBlock
+from windsysid.turbine.file import load_turbine
 
 
 def rotor_with_everything() -> StateSpace:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from windsysid.filters import roots
-from windsysid.rows import padded
+from windsysid.kernels.rows import padded
 
 
 def from_python(helper: Any) -> Callable[..., Any]:

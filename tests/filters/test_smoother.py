@@ -13,9 +13,11 @@ from tests.filters.test_protocol import (
     rotor_with_everything,
 )
 from windsysid.filters import EKF, UKF, Filter, smooth, smoother
-from windsysid.simulate import constant_speed_inputs, gauss_markov_loads, integrate
-from windsysid.statespace import Parameter, compose
-from windsysid.turbine import Turbine
+from windsysid.simulation.integrate import constant_speed_inputs, integrate
+from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.statespace.compose import compose
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
 
 
 @every_filter

@@ -9,9 +9,10 @@ import sympy as sp
 from tests.filters.test_protocol import record, rotor_with_everything
 from tests.mechanics.models import Reads, duffing, symbols
 from windsysid.filters import EKF, UKF, Belief, Filter
-from windsysid.loads import GaussMarkov
 from windsysid.mechanics.equations import Equations
-from windsysid.statespace import Parameter, StateSpace, compose
+from windsysid.statespace.compose import StateSpace, compose
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.statespace.parameter import Parameter
 
 
 def wave(spread: float, *, together: bool, idle: bool = False) -> StateSpace:

@@ -10,8 +10,8 @@ import numpy as np
 import scipy.linalg
 
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
-from windsysid.loads import GaussMarkov
-from windsysid.statespace import StateSpace, compose
+from windsysid.statespace.compose import StateSpace, compose
+from windsysid.statespace.gauss_markov import GaussMarkov
 
 LOADS = (GaussMarkov("load_3", 2.0, 1.5), GaussMarkov("load_1", 5.0, 0.5))  # not in the model's order, one load known
 STEPS = (0.02, 0.005, 0.033)

@@ -15,11 +15,12 @@ import sympy as sp
 
 from tests.mechanics.models import CHAIN_VALUES, Reads, bouc_wen, chain, chain_sensors, duffing, symbols
 from windsysid.errors import ConfigurationError
+from windsysid.kernels.simd import LANES, vectors
 from windsysid.mechanics import CompiledModel, RotorModel, Sensor, compile_model
 from windsysid.mechanics.equations import Equations, lagrange
-from windsysid.simd import LANES, vectors
-from windsysid.simulate import integrate
-from windsysid.turbine import Turbine, load_turbine, packaged_turbines
+from windsysid.simulation.integrate import integrate
+from windsysid.turbine.file import load_turbine, packaged_turbines
+from windsysid.turbine.turbine import Turbine
 
 RICH = (
     Sensor(channel="a", quantity="acceleration", point="tower", axis="x", frame="tower_top", position=(0.4, -0.3),
@@ -407,7 +408,7 @@ def test_equations_of_unequal_length_are_refused():
 COMPILE = """
 import sys
 from windsysid.mechanics import compile_model
-from windsysid.turbine import load_turbine
+from windsysid.turbine.file import load_turbine
 turbine = load_turbine("verne555")
 model = compile_model(turbine.model, turbine.sensors, turbine.model.coefficients)
 print(len(model.states), model.readings, "sympy" in sys.modules)

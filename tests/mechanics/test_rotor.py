@@ -11,11 +11,12 @@ import sympy as sp
 from scipy.linalg import eigh
 
 from windsysid.errors import ConfigurationError
-from windsysid.loads import GaussMarkov
 from windsysid.mechanics import RotorModel, compile_model
 from windsysid.mechanics.equations import Equations, lagrange
-from windsysid.simulate import constant_speed_inputs, integrate
-from windsysid.turbine import Turbine, load_turbine
+from windsysid.simulation.integrate import constant_speed_inputs, integrate
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
 
 # The paper's own letters (section 2).
 m_H, m_B, h, w, d, e, eps, g, Omega, psi = sp.symbols("m_H m_B h w d e epsilon g Omega psi", real=True)  # noqa: N816

@@ -8,8 +8,8 @@ import pytest
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import RotorModel, Sensor, compile_model, read_sensors
-from windsysid.simulate import integrate
-from windsysid.turbine import Turbine
+from windsysid.simulation.integrate import integrate
+from windsysid.turbine.turbine import Turbine
 
 ROLLING = RotorModel(3, roll="free")
 RATE = 2000.0

@@ -9,7 +9,7 @@ import sympy as sp
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import Sensor, TowerModel, compile_model
 from windsysid.signals import to_nacelle
-from windsysid.simulate import integrate
+from windsysid.simulation.integrate import integrate
 
 VALUES = {
     "mass_side_side": 400.0, "k_side_side": 1600.0, "c_side_side": 8.0,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from windsysid.errors import RecordError
-from windsysid.record import Record
+from windsysid.records.record import Record
 from windsysid.signals import align, clock_offset
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from windsysid.errors import RecordError
-from windsysid.record import Record
+from windsysid.records.record import Record
 from windsysid.signals import despike, remove_bias, remove_gravity_and_tilt, resample, to_nacelle, with_nacelle_axes
 
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from validation.integration import Truth, integration_table
 
 from windsysid.errors import RecordError
-from windsysid.formats import read_record
+from windsysid.records.formats import read_record
 from windsysid.signals import METHODS, causal_integrator, causal_response, integrate, integrate_causally
-from windsysid.study.integration import Truth, integration_table
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "openfast"
 needs_openfast = pytest.mark.skipif(not DATA.is_dir(), reason="the OpenFAST records are not beside this checkout")

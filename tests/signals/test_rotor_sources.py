@@ -7,8 +7,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from windsysid.errors import RecordError
-from windsysid.formats import read_record
-from windsysid.record import Record
+from windsysid.records.formats import read_record
+from windsysid.records.record import Record
 from windsysid.signals import rotor_from_blades, rotor_from_encoder, rotor_from_pulses, rotor_from_tower
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from windsysid.study.methods import Method, gather, method_table, run_methods
-from windsysid.turbine import load_turbine
+from windsysid.turbine.file import load_turbine
 
 
 @pytest.fixture(scope="module")

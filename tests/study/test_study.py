@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from windsysid.forcebalance import analysis_band
-from windsysid.output import claim
+from windsysid.identification.force_balance import analysis_band
+from windsysid.output.folders import claim
 from windsysid.study import run
+from windsysid.study.published import PUBLISHED
 from windsysid.study.report import error_table, study_files, withheld_table
-from windsysid.study.run import PUBLISHED, Study, average_errors, run_study
+from windsysid.study.run import Study, average_errors, run_study
 from windsysid.study.scenario import NOISE, RATE, SECTION, simulate_reference
 
 FIVE = ("k_x", "k_y", "k_beta_1", "c_x", "c_y")

@@ -2,10 +2,12 @@
 
 from windsysid.filters.checkpoint import load_belief, save_belief
 from windsysid.filters.ekf import EKF
-from windsysid.filters.gaussian import Belief, Filter, Info
 from windsysid.filters.iekf import IEKF
-from windsysid.filters.particle import Cloud, ParticleFilter, ParticleInfo, degeneracy
-from windsysid.filters.raoblackwell import Mixture, MixtureInfo, RaoBlackwellised, Split
+from windsysid.filters.particles.cloud import Cloud
+from windsysid.filters.particles.filter import ParticleFilter
+from windsysid.filters.particles.raoblackwell import Mixture, MixtureInfo, RaoBlackwellised, Split
+from windsysid.filters.particles.weights import ParticleInfo, degeneracy
+from windsysid.filters.protocol import Belief, Filter, Info
 from windsysid.filters.smoother import Smoothed, smooth
 from windsysid.filters.ukf import UKF
 

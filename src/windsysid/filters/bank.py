@@ -15,17 +15,15 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from windsysid._types import Array
 from windsysid.filters.bank_kernel import run_kernel
 from windsysid.filters.lanes import Lanes, lanes_of, patterns_of, scratch_of
+from windsysid.kernels.simd import LANES
 from windsysid.mechanics.compile import CompiledModel
-from windsysid.simd import LANES
-from windsysid.statespace import StateSpace
+from windsysid.statespace.compose import StateSpace
 
 __all__ = ["LANES", "Bank", "Scores", "bank_of", "run_bank"]
-
-Array = NDArray[np.float64]
 
 
 class Bank(NamedTuple):

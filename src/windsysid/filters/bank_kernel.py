@@ -13,8 +13,8 @@ import numpy as np
 from numba import types
 
 from windsysid.filters.lanes import Lanes, Scratch
-from windsysid.jit import LANE_JACOBIAN, compiled, uncounted
-from windsysid.simd import load, splat, square_root, store, vectors
+from windsysid.kernels.jit import LANE_JACOBIAN, compiled, uncounted
+from windsysid.kernels.simd import load, splat, square_root, store, vectors
 
 __all__ = ["run_kernel"]
 

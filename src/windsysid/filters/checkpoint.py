@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from windsysid.errors import ConfigurationError
-from windsysid.filters.gaussian import Belief
-from windsysid.output import claim_file
-from windsysid.statespace import StateSpace
+from windsysid.filters.protocol import Belief
+from windsysid.output.files import claim_file
+from windsysid.statespace.compose import StateSpace
 
 __all__ = ["load_belief", "save_belief"]
 

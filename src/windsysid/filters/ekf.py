@@ -13,10 +13,12 @@ from typing import Any
 
 from numba import types
 
-from windsysid.filters.gaussian import ARGUMENTS, Filter, assimilate_sample, close_belief, compare, keep, open_belief
-from windsysid.jit import JACOBIAN, compiled
-from windsysid.statespace import StateSpace
-from windsysid.transition import BLOCKS, WORKSPACE, linearise_reading, predict_moments, set_parameters, workspace
+from windsysid.filters.gaussian import ARGUMENTS, assimilate_sample, close_belief, keep, open_belief
+from windsysid.filters.protocol import Filter, compare
+from windsysid.kernels.jit import JACOBIAN, compiled
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.step import linearise_reading, predict_moments, set_parameters
+from windsysid.statespace.workspace import BLOCKS, WORKSPACE, workspace
 
 __all__ = ["EKF"]
 

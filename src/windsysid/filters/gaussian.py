@@ -11,197 +11,20 @@ Source: Särkkä & Svensson, Bayesian Filtering and Smoothing (2nd ed.), ch. 6; 
 
 import math
 import threading
-import weakref
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
-from windsysid.jit import pasted
-from windsysid.rows import inner, multiply
-from windsysid.simd import LANES, lanes_sum, load, splat, store
-from windsysid.statespace import StateSpace
+from windsysid.kernels.jit import pasted
+from windsysid.kernels.parts import lanes_sum
+from windsysid.kernels.rows import inner, multiply
+from windsysid.kernels.simd import LANES, load, splat, store
 
-__all__ = [
-    "ARGUMENTS",
-    "Belief",
-    "Filter",
-    "Info",
-    "assimilate",
-    "assimilate_sample",
-    "close_belief",
-    "compare",
-    "empty_info",
-    "keep",
-    "open_belief",
-]
-
-Array = NDArray[np.float64]
+__all__ = ["ARGUMENTS", "assimilate", "assimilate_sample", "close_belief", "keep", "open_belief", "scratch"]
 
 
-_scratch = threading.local()
-
-
-class Belief(NamedTuple):
-    """What a Gaussian filter knows between two samples: all that is needed to go on.
-
-    Attributes
-    ----------
-    mean
-        (n,).
-    cov
-        (n, n).
-    inputs
-        Inputs at the belief's own time (n_u + n_w,).
-    samples
-        How many sample times it has reached; 0 for the prior, which the first sample finds where it is.
-    """
-
-    mean: Array
-    cov: Array
-    inputs: Array
-    samples: int
-
-
-class Info(NamedTuple):
-    """What came out of T samples.
-
-    Attributes
-    ----------
-    mean, std
-        Mean and standard deviation of the state after each sample (T, n).
-    innovation, innovation_std
-        Reading minus its expectation, and the standard deviation it should have (T, m), both before anything of the sample is
-        taken in; NaN where the reading is missing.
-    whitened
-        Innovations decorrelated and scaled to unit variance (T, m); NaN where missing or gated.
-    whitening_std
-        What they were divided by (T, m): the standard deviation of a reading given the past and the readings before it
-        in the same sample.
-    log_likelihood
-        Log density of the readings of each sample given the past (T,), those gated left out.
-    gated
-        Readings left out because the innovation was beyond the model's gate (T, m), as bool.
-    """
-
-    mean: Array
-    std: Array
-    innovation: Array
-    innovation_std: Array
-    whitened: Array
-    whitening_std: Array
-    log_likelihood: Array
-    gated: NDArray[np.bool_]
-
-
-def empty_info(samples: int, n: int, m: int) -> Info:
-    """Room for what comes out of T samples of m readings and n states; nothing gated."""
-    state, reading = (samples, n), (samples, m)
-    return Info(
-        np.empty(state), np.empty(state), np.empty(reading), np.empty(reading), np.empty(reading), np.empty(reading),
-        np.empty(samples), np.zeros(reading, dtype=np.bool_),
-    )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Filter:
-    """The filter protocol: pure functions; a new belief and its `Info` come out, nothing is changed in place.
-
-    `step` is `predict` and `update`, and `run` is `step` over T samples: batch, stream and restart agree bit for bit.
-
-    Attributes
-    ----------
-    name
-        In words.
-    kernel
-        For a model, the compiled filter: a function of `ARGUMENTS`.
-    """
-
-    name: str
-    kernel: Callable[[StateSpace], Callable[..., None]]
-
-    def init(self, model: StateSpace) -> Belief:
-        """The prior of the model as a belief that no sample has reached yet."""
-        return Belief(model.mean.copy(), model.cov.copy(), np.zeros(len(model.inputs)), 0)
-
-    def predict(self, model: StateSpace, belief: Belief, inputs: Array) -> Belief:
-        """The belief at the time of `inputs` (n_u + n_w,), one sample on; the first prediction stays at the prior."""
-        nothing = np.full((1, len(model.readings)), np.nan)
-        return self._filter(model, belief, np.atleast_2d(inputs), nothing)[0]
-
-    def update(self, model: StateSpace, belief: Belief, readings: Array) -> tuple[Belief, Info]:
-        """The belief after readings (m,) taken at its own time."""
-        return self._filter(model, belief, belief.inputs[None], np.atleast_2d(readings), moves=False)[:2]
-
-    def step(self, model: StateSpace, belief: Belief, inputs: Array, readings: Array) -> tuple[Belief, Info]:
-        """Filter one sample: `run` over inputs (n_u + n_w,) and readings (m,)."""
-        return self.run(model, belief, np.atleast_2d(inputs), np.atleast_2d(readings))
-
-    def run(self, model: StateSpace, belief: Belief, inputs: Array, readings: Array) -> tuple[Belief, Info]:
-        """Filter T samples.
-
-        Parameters
-        ----------
-        belief
-            Where to start: `init` of the model, or the belief an earlier run ended with.
-        inputs
-            Known inputs and known loads at each sample (T, n_u + n_w).
-        readings
-            (T, m); NaN = missing.
-
-        Returns
-        -------
-        belief, info
-            The belief after the last sample, and what came out of each.
-
-        Raises
-        ------
-        ValueError
-            If a shape does not fit the model.
-        """
-        return self._filter(model, belief, inputs, readings)[:2]
-
-    def run_with_covariances(
-        self, model: StateSpace, belief: Belief, inputs: Array, readings: Array
-    ) -> tuple[Belief, Info, Array]:
-        """As `run`, and the covariance after each sample (T, n, n)."""
-        return self._filter(model, belief, inputs, readings, keep=True)
-
-    def _kept(self, model: StateSpace) -> Callable[..., None]:
-        """The kernel with its scratch, which each thread makes once for a model: a step costs less than its scratch."""
-        kernels: dict[str, Callable[..., None]] = _scratch.__dict__
-        key = f"{self.name} of {id(model)}"
-        if key not in kernels:
-            kernels[key] = self.kernel(model)
-            weakref.finalize(model, kernels.pop, key, None).atexit = False
-        return kernels[key]
-
-    def _filter(
-        self,
-        model: StateSpace,
-        belief: Belief,
-        inputs: Array,
-        readings: Array,
-        *,
-        moves: bool = True,
-        keep: bool = False,
-    ) -> tuple[Belief, Info, Array]:
-        inputs = np.require(inputs, np.float64, ["C", "W"])
-        readings = np.require(readings, np.float64, ["C", "W"])
-        samples, n, m = len(inputs), len(model.states), len(model.readings)
-        if inputs.shape != (samples, len(model.inputs)) or readings.shape != (samples, m):
-            raise ValueError(
-                f"expected inputs (T, {len(model.inputs)}) and readings (T, {m}), got {inputs.shape} and {readings.shape}"
-            )
-        mean, cov = belief.mean.copy(), belief.cov.copy()
-        covs = np.empty((samples if keep else 0, n, n))
-        info = empty_info(samples, n, m)
-        self._kept(model)(mean, cov, belief.inputs, inputs, readings, belief.samples > 0, moves, covs, *info)
-        last = inputs[-1].copy() if samples else belief.inputs
-        return Belief(mean, cov, last, belief.samples + (samples if moves else 0)), info, covs
+scratch = threading.local()
 
 
 _vector, _matrix, _cube = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
@@ -232,19 +55,6 @@ def close_belief(ws: Any, mean: Any, cov: Any) -> None:
         mean[i] = ws.mean[i]
         for j in range(mean.size):
             cov[i, j] = ws.cov[i, j]
-
-
-@pasted
-def compare(ws: Any, blocks: Any, readings: Any, innovation: Any, innovation_std: Any, gated: Any) -> None:
-    """Innovations (m,) of a linearised reading, their standard deviations, and which of them are beyond the gate."""
-    multiply(ws.nothing, ws.H, 0, readings.size, 0, ws.cov.shape[0], ws.cov, ws.spread)
-    for c in range(readings.size):
-        innovation[c] = readings[c] - ws.y[c]
-        innovation_std[c] = np.nan
-        if np.isnan(readings[c]):
-            continue
-        innovation_std[c] = math.sqrt(blocks.noise[c] + inner(ws.H, c, ws.spread, c))
-        gated[c] = abs(innovation[c]) > blocks.gate[0] * innovation_std[c]
 
 
 @pasted

@@ -31,23 +31,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from windsysid.filters.gaussian import ARGUMENTS, Filter, assimilate_sample, close_belief, compare, keep, open_belief
+from windsysid.filters.gaussian import ARGUMENTS, assimilate_sample, close_belief, keep, open_belief
+from windsysid.filters.protocol import Filter, compare
 from windsysid.filters.roots import factorise
-from windsysid.jit import JACOBIAN, compiled, pasted, uncounted
-from windsysid.rows import inner, multiply, padded
-from windsysid.simd import LANES, lanes_sum, load, splat, store
-from windsysid.statespace import StateSpace
-from windsysid.transition import (
-    BLOCKS,
-    WORKSPACE,
-    Matrix,
-    Vector,
-    linearise_reading,
-    predict_moments,
-    scratch_type,
-    set_parameters,
-    workspace,
-)
+from windsysid.kernels.jit import JACOBIAN, compiled, pasted, uncounted
+from windsysid.kernels.parts import lanes_sum
+from windsysid.kernels.rows import inner, multiply, padded
+from windsysid.kernels.simd import LANES, load, splat, store
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.step import linearise_reading, predict_moments, set_parameters
+from windsysid.statespace.workspace import BLOCKS, WORKSPACE, Matrix, Vector, scratch_type, workspace
 
 __all__ = ["IEKF"]
 

@@ -10,16 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid.simd import LANES
-from windsysid.statespace import StateSpace
+from windsysid._types import Array
+from windsysid.kernels.simd import LANES
+from windsysid.statespace.compose import StateSpace
 
 __all__ = ["Lanes", "Scratch", "lanes_of", "patterns_of", "scratch_of"]
 
-Array = NDArray[np.float64]
-
 
 class Lanes(NamedTuple):
-    """One group of filters as arrays, the lane last: see `windsysid.transition.Blocks` for what they are.
+    """One group of filters as arrays, the lane last: see `windsysid.statespace.workspace.Blocks` for what they are.
 
     `phi_at`, `A_at`, `G_at` and `H_at` list the entries (row, column) that can differ from zero, row by row; `A_rows` says where
     each row of A begins in its list, `A_columns` is its second column.

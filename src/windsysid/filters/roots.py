@@ -1,6 +1,6 @@
 """Algebra of triangular covariance roots: P = S Sᵀ with S lower triangular, never subtracted from.
 
-Rows are padded with zeros to whole vectors (`windsysid.simd.padded`). Roots are kept transposed: row j of `root` is column j of S, the direction of one sigma point. A covariance may be singular (a state that is
+Rows are padded with zeros to whole vectors (`windsysid.kernels.simd.padded`). Roots are kept transposed: row j of `root` is column j of S, the direction of one sigma point. A covariance may be singular (a state that is
 known, two that always agree): a pivot that rounding cannot tell from zero is zero, and so is its column.
 
 Source: Golub & Van Loan, Matrix Computations (4th ed.), 4.2 and 5.2; Carlson, AIAA Journal 11(9), 1973.
@@ -9,8 +9,9 @@ Source: Golub & Van Loan, Matrix Computations (4th ed.), 4.2 and 5.2; Carlson, A
 import math
 from typing import Any
 
-from windsysid.jit import uncounted
-from windsysid.simd import LANES, lanes_sum, load, splat, store, without_first
+from windsysid.kernels.jit import uncounted
+from windsysid.kernels.parts import lanes_sum, without_first
+from windsysid.kernels.simd import LANES, load, splat, store
 
 __all__ = ["absorb", "factorise", "square", "triangularise"]
 

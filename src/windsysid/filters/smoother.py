@@ -22,21 +22,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
+from windsysid._types import Array
 from windsysid.filters.ekf import EKF
-from windsysid.filters.gaussian import Filter, Info, empty_info
+from windsysid.filters.protocol import Filter, Info, empty_info
 from windsysid.filters.roots import ROUNDING, factorise, triangularise
 from windsysid.filters.ukf import SIGMA_POINTS, UKF, set_load_roots, sigma_points, spread_transition
-from windsysid.jit import JACOBIAN, VALUE, compiled, uncounted
-from windsysid.rows import inner, padded, write
-from windsysid.simd import LANES, splat, store
-from windsysid.statespace import StateSpace
-from windsysid.transition import BLOCKS, WORKSPACE, interval, linearise_transition, set_parameters, workspace
+from windsysid.kernels.jit import JACOBIAN, VALUE, compiled, uncounted
+from windsysid.kernels.rows import inner, padded, write
+from windsysid.kernels.simd import LANES, splat, store
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.step import interval, linearise_transition, set_parameters
+from windsysid.statespace.workspace import BLOCKS, WORKSPACE, workspace
 
 __all__ = ["Smoothed", "smooth"]
 
-Array = NDArray[np.float64]
 
 CHUNK = 2048
 """Samples of which all covariances are held at once."""

@@ -30,25 +30,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from windsysid.filters.gaussian import ARGUMENTS, Filter, close_belief, keep, open_belief
+from windsysid.filters.gaussian import ARGUMENTS, close_belief, keep, open_belief
+from windsysid.filters.protocol import Filter
 from windsysid.filters.roots import absorb, factorise, square, triangularise
-from windsysid.jit import VALUE, compiled, uncounted
-from windsysid.rows import padded
-from windsysid.simd import LANES, splat, store
-from windsysid.statespace import StateSpace
-from windsysid.transition import (
+from windsysid.kernels.jit import VALUE, compiled, uncounted
+from windsysid.kernels.rows import padded
+from windsysid.kernels.simd import LANES, splat, store
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.step import expected_reading, interval, move, set_load_outputs
+from windsysid.statespace.workspace import (
     BLOCKS,
     WORKSPACE,
     Blocks,
     Indices,
     Matrix,
     Vector,
-    expected_reading,
-    interval,
     load_output,
-    move,
     scratch_type,
-    set_load_outputs,
     workspace,
 )
 

@@ -1,6 +1,7 @@
 """Mechanics: symbolic equations of motion and sensor readings, compiled to kernels with exact Jacobians."""
 
-from windsysid.mechanics.compile import CompiledModel, Model, compile_model
+from windsysid.mechanics.compile import CompiledModel, compile_model
+from windsysid.mechanics.model import Model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor, read_sensors
 from windsysid.mechanics.tower import TowerModel

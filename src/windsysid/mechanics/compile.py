@@ -3,8 +3,8 @@
 A model is written out as one readable Python module in the user's cache folder (`windsysid.mechanics.generate`), named by
 a hash of what it was made from, and compiled from there; a warm run imports that module and never SymPy. Per model there
 are two quantities, the rates ẋ and the readings y, each as a value kernel and as a kernel with its Jacobians, with one
-fixed signature for all models (`windsysid.jit`). The Jacobian kernels can also be compiled for several models side by side: the generated
-arithmetic is the same for numbers and for vectors (`windsysid.simd`), and what depends on inputs alone stays a number.
+fixed signature for all models (`windsysid.kernels.jit`). The Jacobian kernels can also be compiled for several models side by side: the generated
+arithmetic is the same for numbers and for vectors (`windsysid.kernels.simd`), and what depends on inputs alone stays a number.
 """
 
 import hashlib
@@ -16,31 +16,17 @@ from functools import cached_property, lru_cache
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from windsysid.cache import cache_folder, keep, kept, logger, write_whole
-from windsysid.jit import JACOBIAN, LANE_JACOBIAN, VALUE, compiled
+from windsysid.kernels.cache import cache_folder, keep, kept, logger, write_whole
+from windsysid.kernels.jit import JACOBIAN, LANE_JACOBIAN, VALUE, compiled
 
 if TYPE_CHECKING:
-    import sympy as sp
+    pass
 
-    from windsysid.mechanics.equations import Equations
+from windsysid.mechanics.model import Model
 
-__all__ = ["CompiledModel", "Model", "compile_model"]
-
-
-class Model(Protocol):
-    """What can be compiled: `RotorModel`, or any `Equations`."""
-
-    @property
-    def signature(self) -> str:
-        """A text that is the same exactly when the equations are."""
-
-    def equations(self) -> "Equations":
-        """The symbolic equations."""
-
-    def readings(self, sensors: Sequence[Any]) -> "list[sp.Expr]":
-        """The symbolic readings of the sensors."""
+__all__ = ["CompiledModel", "compile_model"]
 
 
 @dataclass(frozen=True)
@@ -110,12 +96,12 @@ class CompiledModel:
 
     @cached_property
     def rates_of_lanes(self) -> Any:
-        """`rates_jacobian` for `windsysid.simd.LANES` models at once."""
+        """`rates_jacobian` for `windsysid.kernels.simd.LANES` models at once."""
         return compiled(self.module.rates_jacobian, LANE_JACOBIAN)
 
     @cached_property
     def reading_of_lanes(self) -> Any:
-        """`reading_jacobian` for `windsysid.simd.LANES` models at once."""
+        """`reading_jacobian` for `windsysid.kernels.simd.LANES` models at once."""
         return compiled(self.module.reading_jacobian, LANE_JACOBIAN)
 
 
@@ -157,7 +143,7 @@ def _announce() -> None:
 def _version() -> str:
     """What the generated source and its kernels depend on besides the model: this package's mechanics and vectors, and SymPy."""
     digest = hashlib.sha256()
-    for path in (*sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "simd.py"):
+    for path in (*sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "kernels" / "simd.py"):
         digest.update(path.read_bytes())
     return f"{digest.hexdigest()} sympy {metadata.version('sympy')}"
 

@@ -17,7 +17,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics.equations import MATH, Equations
 
 if TYPE_CHECKING:
-    from windsysid.mechanics.compile import Model
+    from windsysid.mechanics.model import Model
 
 __all__ = ["generate_source"]
 
@@ -42,7 +42,7 @@ def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence
         "",
         f"from math import {', '.join(MATH)}",
         "",
-        "from windsysid.simd import where",
+        "from windsysid.kernels.simd import where",
         "",
         f"NAME = {equations.name!r}",
     ]

@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.record import Record
+from windsysid.records.record import Record
 from windsysid.signals.condition import resample
 
 __all__ = ["Aligned", "ClockOffset", "align", "clock_offset"]
 
-Array = NDArray[np.float64]
 
 _PIECE = 20.0  # s, at least, for one offset
 _PIECES = 20

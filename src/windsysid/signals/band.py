@@ -9,13 +9,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from windsysid._types import Array
 from windsysid.errors import RecordError
 
 __all__ = ["band_pass", "bridged", "check_band", "high_pass_gain", "through"]
 
-Array = NDArray[np.float64]
 
 STEEPNESS = 8
 """Exponent of f / f_c in the power gain of a cut-off: a fourth-order Butterworth filter run forward and backward."""

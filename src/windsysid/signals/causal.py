@@ -15,15 +15,14 @@ bit, what the whole gives.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.signals.band import check_band
 from windsysid.signals.integration import Motion
 
 __all__ = ["CausalIntegrator", "CausalState", "causal_integrator", "causal_response", "integrate_causally"]
-
-Array = NDArray[np.float64]
 
 
 class CausalIntegrator(NamedTuple):

@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.record import LOW_PASS, Record
+from windsysid.records.record import LOW_PASS, Record
 from windsysid.signals.integration import GRAVITY
 
 __all__ = ["Despiked", "Level", "Unbiased", "despike", "remove_bias", "remove_gravity_and_tilt", "resample"]
 
-Array = NDArray[np.float64]
 
 _TURN = 2.0 * math.pi
 _MOST_ROWS = 50_000_000

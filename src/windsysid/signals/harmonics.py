@@ -20,13 +20,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.signals.band import bridged
 from windsysid.signals.rotor import RotorMotion, smooth_slope
 
 __all__ = ["Line", "follow_line", "rotor_from_blades", "rotor_from_tower"]
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _TAPER = 6.0  # turns faded in and out; over two thirds of them the speed is taken to be constant

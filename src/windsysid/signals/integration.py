@@ -32,12 +32,12 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.signals.band import bridged, check_band, high_pass_gain, through
 
 __all__ = ["GRAVITY", "METHODS", "Method", "Motion", "integrate"]
 
-Array = NDArray[np.float64]
 Method = Literal["cumulative", "high-pass", "frequency", "kalman"]
 
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -223,7 +223,7 @@ def _exponential(matrix: Array) -> Array:
 def _kernel() -> Any:
     from numba import types
 
-    from windsysid.jit import compiled
+    from windsysid.kernels.jit import compiled
 
     vector, matrix, real = types.float64[::1], types.float64[:, ::1], types.float64
     return compiled(_smooth, types.void(matrix, vector, matrix, vector, vector, matrix, real, real, matrix))

@@ -9,15 +9,15 @@ import math
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.record import Record
+from windsysid.records.record import Record
 from windsysid.signals.band import bridged
 
 __all__ = ["RotorMotion", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
 
-Array = NDArray[np.float64]
 
 STILL = 0.05
 """Mean speed [rad/s] below which the rotor of a parked machine counts as standing: half a revolution per minute."""

@@ -13,16 +13,16 @@ which keeps x, y up, z right-handed. Only axes turn: yawing is slow, and its own
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.record import Record
+from windsysid.records.record import Record
 from windsysid.signals.band import bridged
 from windsysid.signals.rotor import rotor_inputs
 
 __all__ = ["to_nacelle", "tower_inputs", "with_nacelle_axes"]
 
-Array = NDArray[np.float64]
 
 STANDING = 0.02
 """Share of the usual rotor speed below which a rotor stands, and its azimuth says nothing."""

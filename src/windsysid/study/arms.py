@@ -2,19 +2,22 @@
 
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from windsysid.forcebalance import Balance, analysis_band, balance_forces, filter_balance, measured_motion
-from windsysid.formulation import Prior, identifiable
-from windsysid.identification import conclude
-from windsysid.result import Identification
+from windsysid._types import Array
+from windsysid.identification.conclude import conclude
+from windsysid.identification.force_balance import (
+    Balance,
+    analysis_band,
+    balance_forces,
+    filter_balance,
+    measured_motion,
+)
+from windsysid.identification.prior import Prior, identifiable
+from windsysid.results.identification import Identification
 from windsysid.study.scenario import RATE, SECTION, Reference
-from windsysid.turbine import Turbine
+from windsysid.turbine.turbine import Turbine
 
 __all__ = ["START", "identify_section", "record_balance"]
 
-Array = NDArray[np.float64]
 
 START = Prior(stiffness=1.3, damping=0.7, spread=1.0)
 """Where every identification of the study starts."""

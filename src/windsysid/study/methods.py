@@ -12,26 +12,26 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from windsysid._types import Array
 from windsysid.console import render
 from windsysid.filters import FILTERS, Filter
-from windsysid.identification import identify
+from windsysid.identification.identify import identify
+from windsysid.identification.problem import pose
 from windsysid.mechanics.compile import compile_model
-from windsysid.record import Record
-from windsysid.report import Table
-from windsysid.result import Identification
-from windsysid.simulate import integrate
-from windsysid.stateonly import pose
+from windsysid.records.record import Record
+from windsysid.reports.html import Table
+from windsysid.results.identification import Identification
+from windsysid.simulation.integrate import integrate
 from windsysid.study.arms import identify_section, record_balance
-from windsysid.study.calibration import DrawnPrior
+from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.study.particles import SIR, identify_section_by_particles
 from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
-from windsysid.turbine import Turbine, load_turbine
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Method", "gather", "method_table", "run_methods"]
 
-Array = NDArray[np.float64]
 
 WRONG = 3.0
 """Factor by which the loads' rms is wrong in the row that shows what that costs."""

@@ -13,24 +13,26 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from windsysid._types import Array
 from windsysid.console import render
 from windsysid.filters import EKF, Cloud, Info, ParticleFilter, ParticleInfo, RaoBlackwellised, Split, degeneracy
-from windsysid.forcebalance import Balance, analysis_band, balance_statespace
-from windsysid.formulation import Outcome, Prior, identifiable
-from windsysid.identification import conclude
-from windsysid.result import Identification
-from windsysid.simulate import simulate_record
-from windsysid.stateonly import pose
-from windsysid.statespace import Parameter, StateSpace, compose
+from windsysid.identification.conclude import conclude
+from windsysid.identification.force_balance import Balance, analysis_band, balance_statespace
+from windsysid.identification.outcome import Outcome
+from windsysid.identification.prior import Prior, identifiable
+from windsysid.identification.problem import pose
+from windsysid.results.identification import Identification
+from windsysid.simulation.record import simulate_record
+from windsysid.statespace.compose import StateSpace, compose
+from windsysid.statespace.parameter import Parameter
 from windsysid.study.arms import START, record_balance
 from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
-from windsysid.turbine import Turbine, load_turbine
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
 
 __all__ = ["PUBLISHED_HOURS", "SIR", "compare", "identify_section_by_particles"]
 
-Array = NDArray[np.float64]
 
 SIR = ParticleFilter(particles=2000)
 """As many particles as the paper has."""
@@ -83,7 +85,7 @@ def identify_section_by_particles(
 def compare(seeds: int) -> list[Rows]:
     """The paper's comparison on several records: average errors, Eq (24), of both filters, with the time they took."""
     from windsysid.study.arms import identify_section
-    from windsysid.study.run import PUBLISHED, PUBLISHED_SECONDS
+    from windsysid.study.published import PUBLISHED, PUBLISHED_SECONDS
 
     turbine = load_turbine("verne555")
     plain = replace(SIR, discount=1.0, tempering=False)

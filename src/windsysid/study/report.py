@@ -4,26 +4,26 @@ import json
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from windsysid.forcebalance import LOADS_WITHHELD, analysis_band
-from windsysid.plots import (
+from windsysid._types import Array
+from windsysid.identification.force_balance import LOADS_WITHHELD, analysis_band
+from windsysid.reports.html import Section, Table, report_page
+from windsysid.reports.identification import coefficient_table, mode_tables
+from windsysid.reports.plots import (
     balance_error_comparison,
     coefficient_histories,
     record_overview,
     response_comparison,
     start_indifference,
 )
-from windsysid.report import Section, Table, coefficient_table, mode_tables, report_page
 from windsysid.signals import band_pass
 from windsysid.study.methods import method_table
 from windsysid.study.particles import PUBLISHED_HOURS, SIR
-from windsysid.study.run import PUBLISHED, PUBLISHED_SECONDS, Study, average_errors
+from windsysid.study.published import PUBLISHED, PUBLISHED_SECONDS
+from windsysid.study.run import Study, average_errors
 from windsysid.study.scenario import DURATION, NOISE, RATE, SECTION
 from windsysid.study.wind import direction_change_figure, load_spectra_figure
 from windsysid.units import unit_text
-
-Array = NDArray[np.float64]
 
 __all__ = ["error_table", "study_files", "study_report", "withheld_table"]
 

@@ -10,30 +10,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from windsysid.forcebalance import analysis_band, measured_motion
-from windsysid.formulation import Prior
+from windsysid._types import Array
+from windsysid.identification.force_balance import analysis_band, measured_motion
+from windsysid.identification.prior import Prior
 from windsysid.mechanics.compile import compile_model
-from windsysid.result import Identification, coefficient_errors
-from windsysid.simulate import Response, integrate
+from windsysid.results.identification import Identification, coefficient_errors
+from windsysid.simulation.integrate import Response, integrate
 from windsysid.study.arms import identify_section, record_balance
 from windsysid.study.methods import Method, gather, run_methods
 from windsysid.study.particles import PUBLISHED_HOURS, identify_section_by_particles
+from windsysid.study.published import PUBLISHED, PUBLISHED_SECONDS
 from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
 from windsysid.study.wind import DirectionChangeStudy, direction_change_study
-from windsysid.turbine import Turbine, load_turbine
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
 
-__all__ = ["PUBLISHED", "PUBLISHED_SECONDS", "Study", "run_study"]
+__all__ = ["Study", "run_study"]
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
-
-PUBLISHED = {"k_x": 0.23, "k_y": 0.66, "k_beta_1": 1.60, "c_x": 5.41, "c_y": 4.53, "c_beta_1": 0.01}
-"""Published average errors of the extended Kalman filter [%]."""
-
-PUBLISHED_SECONDS = 30.0
-"""Published computing time of the extended Kalman filter [s]."""
 
 SETTLING = 30.0
 """The second averaging window starts so many seconds into the section."""

@@ -11,16 +11,16 @@ B is not.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from windsysid._types import Array
 from windsysid.mechanics.compile import compile_model
-from windsysid.record import Record
-from windsysid.simulate import Response, constant_speed_inputs, gauss_markov_loads, integrate
-from windsysid.turbine import Turbine
+from windsysid.records.record import Record
+from windsysid.simulation.integrate import Response, constant_speed_inputs, integrate
+from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.turbine.turbine import Turbine
 
 __all__ = ["DURATION", "NOISE", "RATE", "SECTION", "Reference", "measure", "simulate_reference"]
 
-Array = NDArray[np.float64]
 
 RATE = 100.0
 DURATION = 600.0

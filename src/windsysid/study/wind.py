@@ -16,19 +16,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from windsysid._types import Array
 from windsysid.console import render
 from windsysid.errors import WindsysidError
 from windsysid.mechanics.compile import compile_model
-from windsysid.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
-from windsysid.result import Identification
-from windsysid.simulate import constant_speed_inputs
-from windsysid.study.arms import identify_section, record_balance
-from windsysid.study.scenario import DURATION, RATE, SECTION, Reference, measure
-from windsysid.turbine import Turbine, load_turbine
-from windsysid.units import unit_text
-from windsysid.wind import (
+from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
+from windsysid.results.identification import Identification
+from windsysid.simulation.integrate import constant_speed_inputs
+from windsysid.simulation.wind import (
     Change,
     Direction,
     WindLoads,
@@ -37,7 +33,12 @@ from windsysid.wind import (
     packaged_wind,
     wind_loads,
 )
-from windsysid.wind.feedback import integrate_with_feedback
+from windsysid.simulation.wind.feedback import integrate_with_feedback
+from windsysid.study.arms import identify_section, record_balance
+from windsysid.study.scenario import DURATION, RATE, SECTION, Reference, measure
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+from windsysid.units import unit_text
 
 __all__ = [
     "ARMS",
@@ -50,7 +51,6 @@ __all__ = [
     "simulate_wind_reference",
 ]
 
-Array = NDArray[np.float64]
 
 WINDOW = (20.0, 40.0)
 """When the wind blows from elsewhere, in seconds of the section."""

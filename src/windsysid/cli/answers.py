@@ -1,0 +1,187 @@
+"""The commands that answer from turbines and results: plan, compare, damping, monitor, modes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from windsysid.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from windsysid.results.posterior import Posterior
+    from windsysid.turbine.turbine import Turbine
+
+from windsysid.cli.common import Overwrite, app, claim_output, parse_option, print_and_save, rotor_speeds, show_progress
+
+__all__ = []
+
+
+@app.command()
+def plan(
+    context: typer.Context,
+    turbine: Annotated[str, typer.Argument(help="A packaged turbine (windsysid turbines lists them) or a TOML file.")],
+    sensors: Annotated[
+        Path | None, typer.Option(help="TOML list of the planned sensors; the turbine's usual ones by default.")
+    ] = None,
+    duration: Annotated[str, typer.Option(help="Planned length, with its unit.")] = "10 min",
+    rate: Annotated[float, typer.Option(help=r"Samples per second \[Hz].")] = 100.0,
+    parameters: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,NAME",
+            help="What is asked for; all coefficients by default. Masses and geometry are unknown only if named.",
+        ),
+    ] = None,
+    within: Annotated[float, typer.Option(metavar="PERCENT", help="Wished for: ±2σ within this of the value.")] = 20.0,
+    load_scale: Annotated[float, typer.Option(help="Loads this many times the turbine file's.")] = 1.0,
+    rotor_speed: Annotated[
+        str | None, typer.Option(help='With its unit, such as "12 rpm"; the turbine\'s usual one by default.')
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated vibration.")] = 0,
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, plan.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Before measuring: how well will these sensors see each coefficient, and after how long?"""
+    from windsysid.identification.planning import plan as plan_record
+    from windsysid.mechanics.sensors import read_sensors
+    from windsysid.turbine.file import load_turbine
+
+    write = claim_output(context, output, overwrite=overwrite)
+    machine = load_turbine(turbine)
+    listed = read_sensors(sensors) if sensors is not None else None
+    asked = [name.strip() for name in parameters.split(",")] if parameters is not None else None
+    seconds = parse_option("--duration", duration, "s")
+    turning = parse_option("--rotor-speed", rotor_speed, "rad/s") if rotor_speed is not None else None
+    with show_progress("plan") as progress:
+        found = plan_record(
+            machine, sensors=listed, duration=seconds, rate=rate, parameters=asked, within=within / 100.0, load_scale=load_scale,
+            rotor_speed=turning, seed=seed, progress=progress,
+        )  # fmt: skip
+    print_and_save(found, output, write, json=json)
+
+
+@app.command()
+def compare(
+    context: typer.Context,
+    before: Annotated[Path, typer.Argument(help="Folder that windsysid identify wrote: the record to compare with.")],
+    after: Annotated[list[Path], typer.Argument(help="One or more folders of later records.")],
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, changes.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Between records: which coefficients moved, by how much, and how sure that is."""
+    from json import dumps
+
+    from windsysid.monitoring.comparison import compare as compare_results
+    from windsysid.results.posterior import load_posterior
+
+    if output is not None and len(after) > 1:
+        raise ConfigurationError("--output goes with two folders: compare one later record at a time")
+    write = claim_output(context, output, before, *after, overwrite=overwrite)
+    first = load_posterior(before)
+    comparisons = [compare_results(first, load_posterior(later)) for later in after]
+    if len(after) == 1:
+        print_and_save(comparisons[0], output, write, json=json)
+    elif json:
+        print(dumps([found.summary() for found in comparisons], indent=2))
+    else:
+        print(*comparisons, sep="\n\n")
+
+
+@app.command()
+def damping(
+    context: typer.Context,
+    results: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folders that windsysid identify wrote: one turbine, parked and running, in several winds."
+        ),
+    ],
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, damping.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Structural against aerodynamic damping: what records in several states tell of each, or why they do not."""
+    from windsysid.monitoring.damping import separate_damping
+    from windsysid.results.posterior import load_posterior
+
+    write = claim_output(context, output, *results, overwrite=overwrite)
+    found = separate_damping([load_posterior(folder) for folder in results])
+    print_and_save(found, output, write, json=json)
+
+
+@app.command()
+def monitor(
+    context: typer.Context,
+    results: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folders that windsysid identify wrote; records that say when they began are put in order."
+        ),
+    ],
+    covariates: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV with a line for each folder: time or folder, and what else moved, such as temperature and wind."
+        ),
+    ] = None,
+    alarms_per_year: Annotated[float, typer.Option(help="False alarms that are accepted in a year of records.")] = 0.1,
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, monitor.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
+    from windsysid.monitoring.series import read_blocks
+    from windsysid.monitoring.watch import watch
+
+    inputs = (*results, *([] if covariates is None else [covariates]))
+    write = claim_output(context, output, *inputs, overwrite=overwrite)
+    found = watch(read_blocks(results, covariates), alarms_per_year=alarms_per_year)
+    print_and_save(found, output, write, json=json)
+
+
+@app.command()
+def modes(
+    context: typer.Context,
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="TURBINE|RESULT",
+            help="A packaged turbine, a TOML file, or a folder that identify wrote: with the bands of its posterior.",
+        ),
+    ],
+    speeds: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            metavar="FROM TO",
+            help='Rotor speeds of the diagram, such as "0 rpm" "20 rpm"; 0.1 to 1.3 times the usual one by default.',
+        ),
+    ] = None,
+    operating: Annotated[
+        tuple[str, str] | None,
+        typer.Option(metavar="FROM TO", help="Operating range, with its unit; 10 % around the usual speed by default."),
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, campbell.png and summary.json.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
+    from windsysid.modal.sweep import find_modes
+    from windsysid.results.posterior import load_posterior
+    from windsysid.turbine.file import load_turbine, packaged_turbines
+
+    write = claim_output(context, output, source, overwrite=overwrite)
+    if source in packaged_turbines() or source.endswith(".toml"):
+        machine: Turbine | Posterior = load_turbine(source)
+    elif Path(source).is_dir():
+        machine = load_posterior(source)
+    else:
+        raise ConfigurationError(
+            f"no turbine and no result '{source}': expected one of {', '.join(packaged_turbines())}, the path of a .toml file, "
+            "or a folder that identify wrote"
+        )
+    diagram, working = rotor_speeds("--speeds", speeds), rotor_speeds("--operating", operating)
+    with show_progress("modes") as progress:
+        found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
+    print_and_save(found, output, write, json=json)

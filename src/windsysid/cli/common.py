@@ -1,0 +1,97 @@
+"""What the commands share: options, the output folder, progress, tables."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Protocol
+
+import typer
+
+from windsysid.errors import ConfigurationError
+
+__all__ = ["claim_output", "parse_option", "print_and_save", "print_table", "rotor_speeds", "show_progress"]
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Identify the stiffness and damping of a wind turbine from its vibration.",
+)
+
+TurbineOption = Annotated[
+    str, typer.Option("--turbine", help="A packaged turbine (windsysid turbines lists them) or a TOML file.")
+]
+Mapping = Annotated[
+    Path | None, typer.Option(help="TOML file that says what a record's columns are (docs/records.md).")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are already there.")]
+
+
+def parse_option(option: str, text: str, unit: str) -> float:
+    """A number with its unit, in SI."""
+    from windsysid.units import parse_quantity
+
+    try:
+        return parse_quantity(text, unit)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{option}: {error}; got '{text}'") from None
+
+
+_Write = Callable[[dict[str, bytes]], None]
+
+
+def claim_output(context: typer.Context, output: Path | None, *inputs: str | Path, overwrite: bool) -> _Write:
+    """Take the output folder before any work, until the command ends; what writes a result there."""
+    from windsysid.output.folders import claim
+
+    if output is None:
+        return lambda _: None
+    return context.with_resource(claim(output, overwrite=overwrite, inputs=inputs))
+
+
+class _Answer(Protocol):
+    def to_json(self) -> str: ...
+
+    def files(self) -> dict[str, bytes]: ...
+
+
+def print_and_save(found: _Answer, output: Path | None, write: _Write, *, json: bool = False) -> None:
+    """Print an answer, then save it with its report where asked: what cannot be saved has been seen."""
+    print(found.to_json().rstrip() if json else found)
+    if output is not None:
+        with show_progress("report") as progress:
+            progress("writing the report")
+            write(found.files())
+        if not json:
+            print(f"report: {output / 'report.html'}")
+
+
+def rotor_speeds(option: str, given: tuple[str, str] | None) -> tuple[float, float] | None:
+    """Two rotor speeds with their units, in rad/s."""
+    return None if given is None else (parse_option(option, given[0], "rad/s"), parse_option(option, given[1], "rad/s"))
+
+
+@contextmanager
+def show_progress(title: str) -> Iterator[Any]:
+    """Say on standard error what is being done: a spinner on a terminal, nothing in a pipe."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(stderr=True)
+    spinner = "dots" if console.encoding.startswith("utf") else "line"
+    with console.status(Text(title), spinner=spinner) as status:  # a Text, since Rich takes a str for markup
+        yield lambda text: status.update(Text(f"{title}: {text}"))
+
+
+def print_table(headings: Any, rows: Any, title: str) -> None:
+    """Print rows under headings, as wide as the terminal at most."""
+    from rich.table import Table
+
+    from windsysid.console import render
+
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        table.add_column(heading)
+    for row in rows:
+        table.add_row(*row)
+    print(render(table))

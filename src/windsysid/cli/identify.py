@@ -1,0 +1,195 @@
+"""The command that identifies a record, whole or in pieces."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from windsysid.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from windsysid.identification.prior import Prior
+    from windsysid.mechanics.sensors import Sensor
+    from windsysid.records.formats.mapping import Mapping as FileMapping
+    from windsysid.records.record import Record
+    from windsysid.results.identification import Identification
+    from windsysid.turbine.turbine import Turbine
+
+from windsysid.cli.common import Mapping, Overwrite, TurbineOption, app, claim_output, parse_option, show_progress
+
+__all__ = []
+
+
+@app.command()
+def identify(
+    context: typer.Context,
+    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
+    turbine: TurbineOption,
+    output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")],
+    sensors: Annotated[
+        Path | None, typer.Option(help="TOML list of the record's sensors; the turbine's usual ones by default.")
+    ] = None,
+    formulation: Annotated[
+        Literal["joint", "force-balance"],
+        typer.Option(help="joint: from accelerometers, loads as states. force-balance: the published study's."),
+    ] = "joint",
+    section: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            help=r"Readings per second to resample to \[Hz], without aliasing: leave out what is faster than the model."
+        ),
+    ] = None,
+    loads: Annotated[
+        Literal["auto", "broadband", "second-order", "rotor-wind"],
+        typer.Option(help="What the loads are taken for (docs/loads.md); auto: the record chooses."),
+    ] = "auto",
+    prior_scale: Annotated[float, typer.Option(help="Centre every prior this many times off its reference.")] = 1.0,
+    add_noise: Annotated[
+        float,
+        typer.Option(metavar="PERCENT", help="Add white noise of this percentage of each sensor's standard deviation."),
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the added noise.")] = 0,
+    in_pieces: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH",
+            help='Take the record in piece by piece ("10 min"), in bounded memory; interrupted, the same command goes on.',
+        ),
+    ] = None,
+    mapping: Mapping = None,
+    overwrite: Overwrite = False,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+) -> None:
+    """Identify stiffness and damping of a turbine from a record."""
+    from dataclasses import replace
+
+    from windsysid.identification.identify import identify as identify_record
+    from windsysid.identification.prior import Prior
+    from windsysid.mechanics.sensors import read_sensors
+    from windsysid.records.formats import load_mapping, read_record
+    from windsysid.results.provenance import mapping_tables, record_hash
+    from windsysid.turbine.file import load_turbine
+
+    write = claim_output(context, output, record, overwrite=overwrite)
+    machine = load_turbine(turbine)
+    rules = load_mapping(mapping) if mapping is not None else None
+    listed = read_sensors(sensors) if sensors is not None else None
+    prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
+    with show_progress("identify") as progress:
+        if in_pieces is not None:
+            if formulation != "joint" or section is not None or rate is not None or add_noise != 0.0 or loads != "auto":
+                raise ConfigurationError(
+                    "--in-pieces goes with the joint formulation on a whole record: leave --section, --rate, --loads and --add-noise out"
+                )
+            length = parse_option("--in-pieces", in_pieces, "s")
+            found, used = _identified_in_pieces(record, machine, listed, prior, rules, length, output, progress)
+        else:
+            recorded = data = read_record(
+                record, mapping=rules, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
+            )
+            if add_noise != 0.0:
+                data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
+            progress(f"{formulation} formulation, {data.samples} samples")
+            found = identify_record(
+                data, machine, sensors=listed, formulation=formulation, section=section, prior=prior, rate=rate, loads=loads
+            )  # fmt: skip
+            used = data.section(*section) if section else data
+            if found.provenance is not None:
+                traced = found.provenance.with_options(file=str(record), mapping=mapping_tables(rules))
+                if add_noise != 0.0:
+                    traced = traced.with_options(add_noise_percent=add_noise, seed=seed)
+                    traced = replace(traced, record_hash=record_hash(recorded))
+                found = replace(found, provenance=traced)
+    print(found)
+    with show_progress("identify") as progress:
+        files = found.files()
+        if not no_report:
+            from windsysid.reports.identification import identification_report
+
+            progress("writing the report")
+            files["report.html"] = identification_report(found, used)
+        write(files)
+    if in_pieces is not None:
+        _checkpoint(output).unlink(missing_ok=True)
+    print(
+        f"{found.samples} samples in {found.elapsed:.2f} s; results: {output / ('summary.json' if no_report else 'report.html')}"
+    )
+
+
+def _identified_in_pieces(
+    record: Path,
+    machine: "Turbine",
+    listed: Sequence["Sensor"] | None,
+    prior: "Prior",
+    mapping: "FileMapping | None",
+    length: float,
+    output: Path,
+    progress: Callable[[str], None],
+) -> tuple["Identification", "Record"]:
+    """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
+    from windsysid.identification.pieces import identify_pieces
+    from windsysid.records.formats import iterate_record
+    from windsysid.results.provenance import mapping_tables
+
+    checkpoint = _checkpoint(output)
+    share, reached = 0.0, 0.0
+    last: list[Record] = []
+    if checkpoint.exists():
+        progress(f"going on from {checkpoint}")
+
+    def reading(done: float) -> None:
+        nonlocal share
+        share = done
+
+    def taken(seconds: float) -> None:
+        nonlocal reached
+        reached = seconds
+        progress(f"{100 * share:.0f} % of {record}, {seconds:.0f} s of it taken in")
+
+    def pieces() -> Iterator["Record"]:
+        for piece in iterate_record(record, length, mapping=mapping, progress=reading):
+            last[:] = [piece]
+            yield piece
+
+    try:
+        told = {"file": str(record), "in_pieces_s": length, "mapping": mapping_tables(mapping)}
+        found = identify_pieces(
+            pieces(),
+            machine,
+            sensors=listed,
+            prior=prior,
+            checkpoint=checkpoint,
+            keep_checkpoint=True,
+            progress=taken,
+            options=told,
+        )
+    except KeyboardInterrupt:
+        print(f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})", file=sys.stderr)
+        raise typer.Exit(130) from None
+    return found, last[0]
+
+
+def _checkpoint(output: Path) -> Path:
+    """Where what pieces have told so far is kept until the result is saved: beside the output folder."""
+    folder = output.resolve()
+    return folder.with_name(f".{folder.name}.checkpoint.npz")
+
+
+def _noisy(
+    record: "Record", turbine: "Turbine", sensors: "tuple[Sensor, ...] | None", formulation: str,
+    section: tuple[float, float] | None, percent: float, seed: int,
+) -> "tuple[Record, tuple[Sensor, ...] | None]":  # fmt: skip
+    """The record with noise added to what will be measured, and the sensors told of it."""
+    from windsysid.identification.force_balance import measured_channels
+    from windsysid.identification.prepare import add_noise, usable_sensors, with_noise
+
+    if formulation == "force-balance":
+        return add_noise(record, measured_channels(record, turbine), percent, seed)[0], sensors
+    found = usable_sensors(record.section(*section) if section else record, turbine, sensors)
+    noisy, added = add_noise(record, [sensor.channel for sensor in found], percent, seed)
+    return noisy, with_noise(found, added)

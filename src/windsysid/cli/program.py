@@ -1,0 +1,60 @@
+"""The command line as a program: what it runs, and how it ends."""
+
+import logging
+import os
+import signal
+import sys
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from windsysid._version import __version__
+from windsysid.console import show_what_can_be_shown
+from windsysid.errors import WindsysidError
+
+if TYPE_CHECKING:
+    pass
+
+from windsysid.cli.common import app
+
+__all__ = ["app", "main"]
+
+
+def main() -> None:
+    """Run the command line: bad input ends in one line on standard error and exit code 2."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: nothing half done is left
+    show_what_can_be_shown()
+    try:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
+    except WindsysidError as error:
+        _refuse(str(error))
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except OSError as error:
+        path = str(error.filename or "")
+        where = f"{path if len(path) <= 80 else f'…{path[-80:]}'}: " if path else ""
+        _refuse(f"{where}{error.strerror or error}: check the path, its permissions and the space left")
+    except MemoryError as error:
+        _refuse(f"out of memory ({error}): take a shorter record, --section, a lower --rate, or --in-pieces")
+
+
+def _refuse(message: str) -> NoReturn:
+    """Say in one line what was wrong."""
+    print(f"windsysid: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(2)
+
+
+@app.callback(invoke_without_command=True)
+def _options(version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False) -> None:
+    if version:
+        print(f"windsysid {__version__}")
+        raise typer.Exit
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("windsysid: %(message)s"))
+    logger = logging.getLogger("windsysid")
+    logger.handlers = [handler]
+    logger.setLevel(logging.INFO)

@@ -1,0 +1,125 @@
+"""The commands that make, look at and list: simulate, inspect, turbines, study."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from windsysid.units import RPM
+
+if TYPE_CHECKING:
+    pass
+
+from windsysid.cli.common import (
+    Mapping,
+    Overwrite,
+    TurbineOption,
+    app,
+    claim_output,
+    print_and_save,
+    print_table,
+    show_progress,
+)
+
+__all__ = []
+
+
+@app.command()
+def study(
+    context: typer.Context,
+    output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")] = Path(
+        "results/study"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated record.")] = 0,
+    overwrite: Overwrite = False,
+) -> None:
+    """Repeat the published study: ten coefficients at once by the paper's extended Kalman filter."""
+    from windsysid.study.report import error_table, study_files
+    from windsysid.study.run import run_study
+
+    write = claim_output(context, output, overwrite=overwrite)
+    with show_progress("study") as progress:
+        found = run_study(seed, progress)
+    table = error_table(found)
+    print_table(table.headings, table.rows, table.caption)
+    print(f"extended Kalman filter: {found.arm_a.elapsed:.3f} s for {found.arm_a.samples} samples (published: 30 s)")
+    print(f"SIR particle filter: {found.particles.elapsed:.2f} s (published: 103 h)")
+    with show_progress("study") as progress:
+        progress("writing the report")
+        write(study_files(found))
+    print(f"report: {output / 'report.html'}")
+
+
+@app.command()
+def simulate(
+    turbine: TurbineOption,
+    output: Annotated[Path, typer.Option(help="Record to write: .csv or .nc.")],
+    duration: Annotated[float, typer.Option(help=r"Length \[s].")] = 600.0,
+    rate: Annotated[float, typer.Option(help="Samples per second [Hz].")] = 100.0,
+    loads: Annotated[
+        Literal["random", "wind", "wind-feedback"],
+        typer.Option(
+            help="random: the turbine file's. wind: turbulent wind on the blades; wind-feedback: with aerodynamic damping."
+        ),
+    ] = "random",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of loads and noise.")] = 0,
+    overwrite: Overwrite = False,
+) -> None:
+    """Simulate what a turbine's sensors record."""
+    from windsysid.records.formats import claim_record
+    from windsysid.simulation.record import simulate_record
+    from windsysid.turbine.file import load_turbine
+
+    machine = load_turbine(turbine)
+    with claim_record(output, overwrite=overwrite) as write, show_progress("simulate") as progress:
+        progress(f"{duration:g} s of {machine.name} at {rate:g} Hz")
+        record = simulate_record(machine, duration=duration, rate=rate, seed=seed, loads=loads)
+        progress(f"writing {output}")
+        write(record)
+    print(record)
+    print(f"record: {output}")
+
+
+@app.command(name="inspect")
+def inspect_command(
+    context: typer.Context,
+    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
+    turbine: Annotated[
+        str | None, typer.Option(help="Mark the modes of this turbine: a packaged name or a TOML file.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, figures and inspection.json.")] = None,
+    mapping: Mapping = None,
+    section_length: Annotated[float, typer.Option(help="Length of the sections to propose \\[s].")] = 100.0,
+    overwrite: Overwrite = False,
+) -> None:
+    """Look at a record: its health, its spectra, and the sections worth using."""
+    from windsysid.inspection import inspect_record
+    from windsysid.records.formats import read_record
+    from windsysid.turbine.file import load_turbine
+
+    write = claim_output(context, output, record, overwrite=overwrite)
+    machine = load_turbine(turbine) if turbine is not None else None
+    with show_progress("inspect") as progress:
+        data = read_record(
+            record, mapping=mapping, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
+        )
+        progress(f"{data.samples} samples")
+        found = inspect_record(data, machine, section_length=section_length)
+    print_and_save(found, output, write)
+
+
+@app.command()
+def turbines() -> None:
+    """List the packaged turbines."""
+    from windsysid.turbine.file import load_turbine, packaged_turbines
+
+    rows = []
+    for name in packaged_turbines():
+        machine = load_turbine(name)
+        free = ", ".join(machine.model.coordinates)
+        rows.append((name, f"{machine.rotor_speed * RPM:.4g} rpm", free, machine.description))
+    print_table(("turbine", "speed", "degrees of freedom", "description"), rows, "Packaged turbines")
+    for name in packaged_turbines():
+        machine = load_turbine(name)
+        print(f"{name}: {machine.source}")
+        print(f"  assumed: {', '.join(machine.assumed)}")

@@ -1,0 +1,1 @@
+"""Particle filters: sequential importance resampling, and its Rao–Blackwellised form."""

@@ -1,0 +1,121 @@
+"""What becomes of the weights: resampling, Liu and West's kernel, how the cloud fared, and what a run tells of each sample."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.filters.particles.kernels import (
+    renew_kernel,
+)
+from windsysid.filters.particles.resampling import Resampling, ancestors, normalised
+from windsysid.kernels.philox import Purpose, normals, uniforms
+
+__all__ = ["ParticleInfo", "degeneracy", "liu_west"]
+
+FEW = 10.0
+"""Effective particles below which an estimate rests on next to nothing."""
+
+
+class ParticleInfo(NamedTuple):
+    """What came out of T samples: the fields of `windsysid.filters.Info`, then how the particles fared.
+
+    Each innovation is whitened by its own standard deviation, mixture and noise together, and not decorrelated from the others of its sample;
+    `whitening_std` is `innovation_std`, and nothing is ever gated.
+
+    Attributes
+    ----------
+    effective
+        Effective sample size after each sample (T,).
+    resamplings
+        How often the particles were resampled for each sample (T,).
+    survivors
+        The fewest particles that had descendants at one of them (T,); N where there was none.
+    """
+
+    mean: Array
+    std: Array
+    innovation: Array
+    innovation_std: Array
+    whitened: Array
+    whitening_std: Array
+    log_likelihood: Array
+    gated: NDArray[np.bool_]
+    effective: Array
+    resamplings: NDArray[np.int64]
+    survivors: NDArray[np.int64]
+
+
+def liu_west(values: Array, weights: Array, chosen: NDArray[np.int64], noise: Array, discount: float) -> Array:
+    """Resampled values (n, N) drawn anew from kernels around their ancestors, mean and covariance kept.
+
+    `weights` (N,) are those before resampling, normalised, `chosen` (N,) the ancestors, `noise` (n, N) standard normal.
+    """
+    out = np.empty_like(values)
+    a = (3.0 * discount - 1.0) / (2.0 * discount)
+    renew_kernel()(weights, a, chosen, np.ascontiguousarray(noise), np.ascontiguousarray(values), out)
+    return out
+
+
+class Options(Protocol):
+    """What resampling asks of a filter's options."""
+
+    @property
+    def seed(self) -> int: ...
+    @property
+    def resampling(self) -> Resampling: ...
+    @property
+    def discount(self) -> float: ...
+
+
+def resample(
+    options: Options, values: Array, log_weights: Array, number: int, part: int = 0
+) -> tuple[NDArray[np.int64], Array]:
+    """The ancestors (N,) of the next particles, and their static values (n, N), drawn anew where a kernel is asked for."""
+    weights = normalised(log_weights)
+    points = uniforms(options.seed, number, Purpose.ANCESTORS, weights.size, part)
+    chosen = ancestors(weights, points, options.resampling)
+    if options.discount == 1.0 or not len(values):
+        return chosen, values[:, chosen]
+    noise = normals(options.seed, number, Purpose.KERNEL, len(values), weights.size, part)
+    return chosen, liu_west(values, weights, chosen, noise, options.discount)
+
+
+def survivors(chosen: NDArray[np.int64]) -> int:
+    """How many particles had descendants: ancestors come in order."""
+    return 1 + int(np.count_nonzero(np.diff(chosen)))
+
+
+class Fared(Protocol):
+    """What is known of how particles fared, (T,) each."""
+
+    @property
+    def effective(self) -> Array: ...
+    @property
+    def resamplings(self) -> NDArray[np.int64]: ...
+    @property
+    def survivors(self) -> NDArray[np.int64]: ...
+
+
+def degeneracy(info: Fared) -> str:
+    """How the particles fared, in a sentence or two that a reader can act on."""
+    count = int(info.survivors.max(initial=0)) if not info.resamplings.all() else 0
+    count = max(count, int(np.ceil(info.effective.max(initial=0.0))))
+    times, samples = int(info.resamplings.sum()), len(info.effective)
+    worst = int(np.argmin(info.effective)) if samples else 0
+    thin = int(np.argmin(info.survivors)) if samples else 0
+    text = (
+        f"resampled {times} times in {samples} samples; effective sample size {np.median(info.effective):.0f} of {count} in the median, "
+        f"{info.effective[worst]:.0f} at the least (sample {worst}); {info.survivors[thin]} particles had descendants at the worst resampling "
+        f"(sample {thin})"
+    )
+    poor = float(np.mean(info.effective < FEW))
+    if poor > 0.01:
+        return (
+            f"degenerate: {text}. {100.0 * poor:.0f} % of the estimates rest on fewer than {FEW:.0f} particles: the readings say more at a time "
+            "than so many particles can resolve; take more, marginalise the states (RaoBlackwellised), or use a Kalman filter"
+        )
+    if info.effective[worst] < FEW or info.survivors[thin] < FEW:
+        return f"thin: {text}. What was forgotten there does not come back: repeat with another seed and compare, take more particles or a narrower prior"
+    return f"healthy: {text}"

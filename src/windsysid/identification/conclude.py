@@ -1,0 +1,138 @@
+"""From what a formulation found to an `Identification` in physical units."""
+
+import math
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.filters import EKF
+from windsysid.identification.outcome import Outcome
+from windsysid.mechanics.compile import compile_model
+from windsysid.modal.analysis import modes_with_bands
+from windsysid.records.record import Record
+from windsysid.results.diagnosis import diagnose
+from windsysid.results.identification import Estimate, Identification, coefficient_errors
+from windsysid.results.posterior import SIGMAS, Conditions
+from windsysid.results.provenance import Provenance
+from windsysid.turbine.turbine import Turbine
+from windsysid.units import parameter_unit
+
+__all__ = ["Formulation", "conclude"]
+
+
+Formulation = Literal["joint", "force-balance"]
+
+
+def conclude(
+    outcome: Outcome,
+    record: Record,
+    formulation: Formulation,
+    *,
+    section: tuple[float, float] | None = None,
+    samples: int | None = None,
+    history_time: Array | None = None,
+    provenance: Provenance | None = None,
+) -> Identification:
+    """Put what a formulation found on `record` into physical units, with bands, modes and errors.
+
+    Where `record` is the last piece of a longer one, `section` [s] and `samples` are the whole's, and `history_time` [s] says when the
+    estimates of the history were made.
+    """
+    turbine, model, theta, cov = outcome.turbine, outcome.model, outcome.theta, outcome.cov
+    history_mean, history_std = outcome.history_mean, outcome.history_std
+    std = np.sqrt(np.diag(cov))
+    estimates = []
+    for i, q in enumerate(model.parameters):
+        reference = turbine.values[q.name] or None  # nobody knows what the file sets to zero
+        low, value, high = (float(q.physical(theta[i] + k * std[i])) for k in (-SIGMAS, 0.0, SIGMAS))
+        spread = std[i] * (value if q.logarithmic else q.scale)
+        errors = coefficient_errors(q.physical(history_mean[:, i]), reference) if reference else None
+        estimates.append(
+            Estimate(
+                name=q.name,
+                unit=parameter_unit(q.name),
+                kind=_KINDS.get(q.name[:2], "parameter"),
+                estimate=value,
+                low=low,
+                high=high,
+                std=float(spread),
+                informed_by_data=float(np.clip(1.0 - (std[i] / q.prior[1]) ** 2, 0.0, 1.0)),
+                prior=q.centre,
+                reference=reference,
+                average_error_percent=None if errors is None else float(np.mean(errors)),
+                tip=_at_the_tip(q.name, turbine, value, low, high, float(spread), reference or 0.0),
+            )
+        )
+    final = turbine.with_values({e.name: e.estimate for e in estimates})
+    compiled = model.compiled if formulation == "joint" else compile_model(turbine.model)
+    p, at_reference = (np.array([source.values[name] for name in compiled.parameters]) for source in (final, turbine))
+    speed = float(outcome.rotor[:, 1].mean())
+    modes = modes_with_bands(turbine.model, compiled, p, speed, model.parameters, theta, cov, at_reference)
+    diagnosis = diagnose(
+        outcome.final,
+        readings=model.readings,
+        rate=record.rate,
+        frequencies=[final.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates],
+        parameters=model.parameters,
+        theta=theta,
+        cov=cov,
+        rotor_speed=speed,
+        blades=turbine.model.blades,
+        white=formulation == "joint",
+        doubts=outcome.doubts,
+        damping=[(mode.name, mode.damping_ratio) for mode in modes],
+    )
+    return Identification(
+        method=EKF.name if formulation == "force-balance" else f"posterior mode, {EKF.name}",
+        formulation=formulation,
+        record=record.name,
+        turbine=turbine.name,
+        sensors=outcome.channels,
+        section=section or (float(record.time[0]), float(record.time[-1])),
+        rate=record.rate,
+        samples=samples or record.samples,
+        elapsed=outcome.elapsed,
+        estimates=tuple(estimates),
+        modes=modes,
+        parameters=model.parameters,
+        time=record.time if history_time is None else history_time,
+        mean=history_mean,
+        std=history_std,
+        cov=cov,
+        readings=model.readings,
+        innovation=outcome.final.innovation,
+        whitened=outcome.final.whitened,
+        log_likelihood=float(outcome.final.log_likelihood.sum()),
+        notes=outcome.notes,
+        statistics=outcome.statistics,
+        diagnosis=diagnosis,
+        machine=replace(turbine, rotor_speed=max(speed, 0.0)),
+        loads=outcome.loads,
+        conditions=_conditions(record, speed),
+        provenance=provenance,
+        joint_cov=outcome.joint_cov,
+    )
+
+
+def _conditions(record: Record, rotor_speed: float) -> Conditions:
+    """How the turbine ran, as far as it was recorded."""
+    turning = "rotor_speed" in record or "rotor_azimuth" in record
+    wind = record["wind_speed"] if "wind_speed" in record else np.empty(0)
+    known = wind[np.isfinite(wind)]
+    return Conditions(rotor_speed if turning else None, float(known.mean()) if known.size else None)
+
+
+_KINDS = {"k_": "stiffness", "c_": "damping"}
+
+
+def _at_the_tip(
+    name: str, turbine: Turbine, value: float, low: float, high: float, std: float, reference: float
+) -> dict[str, float] | None:
+    """A blade's coefficient per tip deflection, k_β/ℓ² or c_β/ℓ²."""
+    if not name.startswith(("k_beta", "c_beta")) or turbine.tip_lever == 0.0:
+        return None
+    square = turbine.tip_lever**2
+    labels = ("estimate", "low", "high", "std", "reference")
+    return dict(zip(labels, (x / square for x in (value, low, high, std, reference)), strict=True))

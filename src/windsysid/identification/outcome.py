@@ -1,0 +1,108 @@
+"""What the two formulations share: priors, measured loads, and what they hand back."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import WindsysidError
+from windsysid.filters import Info
+from windsysid.loads.statistics import Statistic
+from windsysid.mechanics.sensors import Sensor
+from windsysid.mechanics.tower import TowerModel
+from windsysid.records.record import LOW_PASS, Record
+from windsysid.results.load_history import Loads
+from windsysid.signals import resample, rotor_inputs, tower_inputs
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["TURNING", "Outcome", "check_finite", "known_inputs", "known_loads"]
+
+
+class Outcome(NamedTuple):
+    """What a formulation found, in filter coordinates.
+
+    Attributes
+    ----------
+    turbine
+        The turbine with the degrees of freedom that were really used.
+    model
+        The state-space model that was filtered.
+    history_mean, history_std
+        What was known of θ on line, after each sample (T, n_θ).
+    final
+        The last pass over the record, whose innovations judge the result.
+    theta, cov
+        The identified parameters (n_θ,) and their covariance (n_θ, n_θ).
+    rotor
+        The known inputs (T, n_u): ψ, Ω and more.
+    channels
+        Channels of the record that were used as measurements.
+    elapsed
+        Seconds in the filter.
+    notes
+        What a reader must know.
+    statistics
+        Statistics of loads and noise that were learned with the parameters.
+    doubts
+        Why the formulation itself would not trust its result, in sentences.
+    loads
+        The loads that were states, as the filter knew them at the result; None where none were.
+    joint_cov
+        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where no statistics were learned.
+    """
+
+    turbine: Turbine
+    model: StateSpace
+    history_mean: Array
+    history_std: Array
+    final: Info
+    theta: Array
+    cov: Array
+    rotor: Array
+    channels: tuple[str, ...]
+    elapsed: float
+    notes: tuple[str, ...]
+    statistics: tuple[Statistic, ...] = ()
+    doubts: tuple[str, ...] = ()
+    loads: Loads | None = None
+    joint_cov: Array | None = None
+
+
+TURNING = ("rotor_azimuth", "rotor_speed", "nacelle_yaw")
+"""Channels that say how rotor and nacelle turned."""
+
+
+def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:
+    """The inputs that the turbine's model asks for (T, n_u), ψ and Ω first; between samples of a uniform grid where times are unequal."""
+    if not record.is_uniform:
+        even = resample(record.select([c for c in record.channels if c in TURNING]), record.rate)
+        inputs = known_inputs(even, turbine, sensors)
+        return np.column_stack([np.interp(record.time, even.time, column) for column in inputs.T])
+    if isinstance(turbine.model, TowerModel):
+        needs_yaw = any(sensor.frame == "tower" for sensor in sensors)
+        return tower_inputs(record, turbine.rotor_speed, needs_yaw=needs_yaw)
+    return rotor_inputs(record, turbine.rotor_speed)
+
+
+def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMarkov]]:
+    """Measured loads (T, n), zero where there is no channel, and the loads that are therefore states, as far as the record's low-pass lets them through."""
+    known = np.zeros((record.samples, len(turbine.model.loads)))
+    for column, name in enumerate(turbine.model.loads):
+        if name in record:
+            known[:, column] = np.nan_to_num(record[name])
+    low_pass = float(record.attributes.get(LOW_PASS, math.inf))
+    return known, [replace(load, low_pass=low_pass) for load in turbine.loads if load.load not in record]
+
+
+def check_finite(mean: Array, cov: Array) -> None:
+    """Raise where a filter has diverged."""
+    if not (np.isfinite(mean).all() and np.isfinite(cov).all()):
+        raise WindsysidError(
+            "the filter diverged: expected loads, noise and priors of the size of the record's; "
+            "check units and the turbine file, or move the priors with --prior-scale"
+        )

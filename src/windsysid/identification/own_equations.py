@@ -1,0 +1,318 @@
+"""Fit: one's own equations + a record → estimates with bands. The front door for every structure that is no turbine.
+
+The unknowns are the parameters θ and, beside them, the noise of every sensor and the level of every load, η. The record is taken in as it would be
+on line (`windsysid.identification.recursive`); that history is kept. The result is the mode of the posterior of the whole record on the likelihood of the state-only filter
+(`windsysid.identification.posterior_mode`).
+
+The mode is climbed from where a joint filter ends. Far off, the likelihood has false summits, because the motion that it expects has lost the
+phase of the one that was measured; the joint filter stays in phase. It also locks in what it learns while linearised at wrong
+parameters, the more so the quieter the sensors are said to be, so it runs again with all noise 10 and 100 times as loud, and the end
+that the state-only filter likes best is the start.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.filters import EKF, Info
+from windsysid.filters.bank import bank_of, run_bank
+from windsysid.identification.posterior_mode import Posterior, posterior_mode
+from windsysid.identification.recursive import advance, begin, finish
+from windsysid.inspection.screening import noted, screen
+from windsysid.loads.statistics import Statistic
+from windsysid.mechanics.model import Model
+from windsysid.records.record import Record
+from windsysid.results.diagnosis import Diagnosis, diagnose
+from windsysid.results.identification import Estimate, Identification
+from windsysid.results.posterior import SIGMAS
+from windsysid.statespace.compose import StateSpace, compose
+from windsysid.statespace.load_model import LoadModel
+from windsysid.statespace.parameter import Parameter
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+from windsysid.identification.own_problem import (
+    OwnProblem,
+    constant_loads,
+    known_columns,
+    loads_behind_low_pass,
+    read_columns,
+    state_only_model,
+)
+
+__all__ = ["Fit", "Reading", "fit"]
+
+LEVEL_SPREAD = 1.5
+"""Prior standard deviation of the logarithm of a level: noise and loads may be wrong by a factor of four or five."""
+
+FIRST = 16
+"""The first estimate on line comes after this fraction of the record."""
+
+CLIMBS = 2
+"""How often the way to the mode is begun, where it was not reached."""
+
+
+STEPPED = 0.1
+"""Share of a vibration's damping that may be the integration's."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one channel reads of a model of one's own.
+
+    Attributes
+    ----------
+    channel
+        Name of the record's channel.
+    expression
+        What it reads: an expression in the model's states, inputs, parameters, loads and accelerations.
+    noise
+        Standard deviation of the white noise of one sample, in the channel's unit.
+    bias
+        Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
+    drift
+        How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
+    """
+
+    channel: str
+    expression: "sp.Expr"
+    noise: float
+    bias: float = 0.0
+    drift: float = 0.0
+
+    @property
+    def structure(self) -> str:
+        """What its kernel depends on, as text."""
+        from sympy import srepr
+
+        return str(srepr(self.expression))
+
+
+@dataclass(frozen=True, repr=False)
+class Fit(Identification):
+    """An `Identification` of one's own equations; `turbine` is their name.
+
+    Attributes
+    ----------
+    states
+        Names of the n states beside the parameters: the model's, its loads', its biases'.
+    state_mean, state_std
+        Each of them after each sample, at the estimates (T, n).
+    """
+
+    states: tuple[str, ...] = field(kw_only=True)
+    state_mean: Array = field(kw_only=True)
+    state_std: Array = field(kw_only=True)
+
+
+def fit(
+    model: Model,
+    record: Record,
+    *,
+    parameters: Sequence[Parameter],
+    sensors: Sequence[Any],
+    cov: ArrayLike,
+    mean: ArrayLike | None = None,
+    values: Mapping[str, float] | None = None,
+    loads: Sequence[LoadModel] = (),
+    channels: Mapping[str, str] | None = None,
+    learn_levels: bool = True,
+) -> Fit:
+    """Identify parameters of `model` from `record`.
+
+    Between two samples the filter takes one step of the fourth-order Runge–Kutta method, which damps a motion at ω by about (ωh)⁵/144 of the
+    critical: 2e-5 at 20 samples a period, 7e-4 at 10. Inputs run linearly between samples.
+
+    Parameters
+    ----------
+    model
+        `Equations`, or anything that compiles.
+    record
+        Holds a channel for every sensor and every input of the model, and for the loads that were measured.
+    parameters
+        What to identify, each with its prior.
+    sensors
+        `Reading`, one per channel.
+    cov, mean
+        Prior of the model's states at the first sample, (n_x, n_x) and (n_x,); mean zero by default.
+    values
+        The parameters that are not identified, and loads that are constant: 0 for one that does not act.
+    loads
+        Models of loads that were not measured. Where the record went through an anti-aliasing low-pass (`windsysid.signals.resample`), first-order loads are taken to have gone
+        through it too.
+    channels
+        The channel of an input or a measured load, where it is not called what the model calls it.
+    learn_levels
+        Whether the noise of each sensor and the rms of each load are learned: what is given is then the median of a wide prior
+        (a factor of 4.5 at one standard deviation). The shape of a load's spectrum stays as given.
+
+    Raises
+    ------
+    RecordError
+        If the record lacks a channel, an input has gaps, or a sensor's channel holds no number.
+    ConfigurationError
+        If model, priors and sensors do not fit each other (`compose`), or a load of the model has neither channel nor model nor value.
+    WindsysidError
+        If every run of the filter diverges.
+    """
+    if not parameters:
+        raise ConfigurationError("parameters: expected at least one to identify, got none")
+    part = record.on_uniform_grid()
+    loads, notes = loads_behind_low_pass(loads, part)
+    known = dict(values or {})
+    prior: dict[str, Any] = {"rate": part.rate, "loads": loads, "sensors": sensors, "mean": mean, "cov": cov}
+    joint = compose(model, values=known, parameters=parameters, **prior)
+    known |= {q.name: q.centre for q in parameters}
+    plain = compose(model, values=known, **prior)
+    inputs = known_columns(joint, part, channels or {}, constant_loads(joint, part, channels or {}, loads, known))
+    readings = read_columns(part, sensors)
+    faults = noted(screen(record, None, [sensor.channel for sensor in sensors]))
+    names = [f"noise_{sensor.channel}" for sensor in sensors] + [f"rms_{load.states[0]}" for load in loads]
+    levels = len(names) if learn_levels else 0
+
+    def build(at: Array) -> StateSpace:
+        return state_only_model(plain, parameters, loads, at)
+
+    problem = OwnProblem(joint, build, np.full(levels, LEVEL_SPREAD))
+    for space in (joint, plain):  # compiles or loads the kernels outside the clock
+        EKF.run(space, EKF.init(space), inputs[:0], readings[:0])
+    run_bank(bank_of([plain]), inputs[:0], readings[:0])
+    started = time.perf_counter()
+    history = _on_line(problem, inputs, readings)
+    mode = _mode(problem, inputs, readings)
+    elapsed = time.perf_counter() - started
+
+    n = len(parameters)
+    units = [part.unit(sensor.channel) for sensor in sensors] + [""] * len(loads)
+    given = [sensor.noise for sensor in sensors] + [float(np.sqrt(load.cov[0, 0])) for load in loads]
+    spread = np.sqrt(np.diag(mode.cov))
+    learned = [
+        Statistic(name, unit, value, *(value * np.exp(eta + k * std) for k in (0.0, -SIGMAS, SIGMAS)))
+        for name, unit, value, eta, std in zip(names[:levels], units, given, mode.mean[n:], spread[n:], strict=False)
+    ]
+    return Fit(
+        method=f"posterior mode, {EKF.name}",
+        formulation="fit",
+        record=part.name,
+        turbine=joint.compiled.name,
+        sensors=joint.readings,
+        section=(float(part.time[0]), float(part.time[-1])),
+        rate=part.rate,
+        samples=part.samples,
+        elapsed=elapsed,
+        estimates=tuple(map(_estimate, parameters, mode.mean[:n], spread[:n])),
+        modes=(),
+        parameters=tuple(parameters),
+        time=part.time,
+        mean=history[0][:, :n],
+        std=history[1][:, :n],
+        cov=mode.cov[:n, :n],
+        readings=joint.readings,
+        innovation=mode.info.innovation,
+        whitened=mode.info.whitened,
+        log_likelihood=mode.log_likelihood,
+        notes=(
+            *notes,
+            *faults,
+            *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
+        ),
+        statistics=tuple(learned),
+        diagnosis=_diagnosis(mode, joint, part.rate, _damped_by_the_step(build(mode.mean), mode.info, inputs)),
+        states=plain.states,
+        state_mean=mode.info.mean,
+        state_std=mode.info.std,
+    )
+
+
+def _on_line(problem: OwnProblem, inputs: Array, readings: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation of the unknowns as they would have been known after each sample (T, n)."""
+    samples, first = len(readings), -(-len(readings) // FIRST)
+    nothing = begin(*problem.prior, first, (inputs.shape[1], readings.shape[1]))
+    try:
+        online, history = advance(problem.build, nothing, inputs, readings, problem.start)
+        _, last = finish(problem.build, online, problem.start)
+    except (WindsysidError, np.linalg.LinAlgError):
+        return (np.full((samples, len(nothing.theta)), np.nan),) * 2
+    since = np.concatenate([[0], history.samples, last.samples])
+    mean = np.concatenate([nothing.theta[None], history.mean, last.mean])
+    cov = np.concatenate([nothing.cov[None], history.cov, last.cov])
+    known = np.searchsorted(since, np.arange(1, samples + 1), side="right") - 1
+    return mean[known], np.sqrt(np.diagonal(cov, axis1=1, axis2=2))[known]
+
+
+def _mode(problem: OwnProblem, inputs: Array, readings: Array) -> Posterior:
+    """The mode of the posterior of the whole record."""
+    start, start_cov = problem.start(inputs, readings)
+    for _ in range(CLIMBS):
+        mode = posterior_mode(
+            problem.build, inputs, readings,
+            prior_mean=problem.prior[0], prior_cov=problem.prior[1], start=start, start_cov=start_cov,
+        )  # fmt: skip
+        if mode.settled:
+            break
+        start, start_cov = mode.mean, mode.cov
+    if not (np.isfinite(mode.mean).all() and np.isfinite(mode.cov).all()):
+        raise WindsysidError(
+            "the search for the parameters lost its way: expected equations, noise and priors of the record's size; check units, "
+            "the prior of the states, and how far the priors of the parameters reach"
+        )
+    return mode
+
+
+def _estimate(q: Parameter, theta: float, std: float) -> Estimate:
+    """A parameter in its own unit."""
+    low, value, high = (float(q.physical(theta + k * std)) for k in (-SIGMAS, 0.0, SIGMAS))
+    return Estimate(
+        name=q.name, unit="", kind="parameter", estimate=value, low=low, high=high,
+        std=float(std * (value if q.logarithmic else q.scale)),
+        informed_by_data=float(np.clip(1.0 - (std / q.prior[1]) ** 2, 0.0, 1.0)),
+        prior=q.centre, reference=None, average_error_percent=None,
+    )  # fmt: skip
+
+
+def _damped_by_the_step(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:
+    """A doubt where the Runge–Kutta method itself makes more than `STEPPED` of the damping of a vibration about the last state."""
+    compiled, h = model.compiled, float(model.blocks.step[0])
+    n, nu = len(compiled.states), len(compiled.inputs)
+    if not (n and len(inputs)):
+        return ()
+    value, A = np.empty(n), np.zeros((n, n))
+    B, G = np.zeros((n, len(compiled.identified))), np.zeros((n, len(compiled.loads)))
+    at = np.ascontiguousarray(info.mean[-1, :n])
+    compiled.rates_jacobian(at, inputs[-1, :nu], model.blocks.p, inputs[-1, nu:].copy(), value, A, B, G)
+    if not np.isfinite(A).all():
+        return ()
+    exponents = np.linalg.eigvals(A)
+    step = h * exponents[exponents.imag > 1e-6 * np.abs(exponents)]
+    stepped = np.log(1.0 + step * (1.0 + step / 2.0 * (1.0 + step / 3.0 * (1.0 + step / 4.0))))
+    ratio, own = -stepped.real / np.abs(stepped), -step.real / np.abs(step)
+    worse = np.abs(ratio - own) - STEPPED * np.abs(ratio)
+    if not worse.max(initial=-1.0) > 0.0:
+        return ()
+    i = int(np.argmax(worse))
+    size = float(np.abs(step[i]))
+    enough = size / h / (72.0 * STEPPED * max(abs(float(ratio[i])), 1e-4)) ** 0.2
+    return (
+        f"steps are too long for the vibration at {size / h / (2.0 * np.pi):.3g} Hz, {2.0 * np.pi / size:.2g} of them to a period: the integration damps it by "
+        f"{100.0 * (ratio[i] - own[i]):.2g} %, which the damping found lacks; give the record at {enough:.3g} Hz or more, missing samples in between",
+    )
+
+
+def _diagnosis(mode: Posterior, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
+    """What to think of the result."""
+    n = len(model.parameters)
+    if not mode.settled:
+        doubts += (
+            "the likelihood still rose when the search ended: identify fewer parameters, or give narrower priors",
+        )
+    return diagnose(
+        mode.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
+        theta=mode.mean[:n], cov=mode.cov[:n, :n], doubts=doubts,
+    )  # fmt: skip

@@ -1,0 +1,176 @@
+"""The problem that a record poses to one's own equations: inputs, readings, prior, model at given unknowns."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.filters import EKF, Info
+from windsysid.records.record import LOW_PASS, Record
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.statespace.load_model import LoadModel
+from windsysid.statespace.parameter import Parameter
+
+if TYPE_CHECKING:
+    pass
+
+
+__all__ = ["OwnProblem", "constant_loads", "known_columns", "loads_behind_low_pass", "read_columns", "state_only_model"]
+
+
+LOUDER = (1.0, 10.0, 100.0)
+"""Factors on all noise with which the joint filter looks for a start."""
+
+FIRST_WIDTH = 0.05
+"""Standard deviation of the logarithm of a level that scales its first differences."""
+
+
+class OwnProblem(NamedTuple):
+    """What a record leaves to be found: θ and η, standard deviations of levels as logarithms of factors.
+
+    `model` is the joint model, `build` makes the state-only one for values of [θ | η], `levels` (n_η,) are the prior standard deviations of η.
+    """
+
+    model: StateSpace
+    build: Callable[[Array], StateSpace]
+    levels: Array
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and covariance of the unknowns."""
+        block, n = self.model.parameter_block, len(self.model.parameters)
+        cov = np.diag(np.concatenate([np.zeros(n), np.square(self.levels)]))
+        cov[:n, :n] = self.model.cov[block, block]
+        return np.concatenate([self.model.mean[block], np.zeros(len(self.levels))]), cov
+
+    def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
+        """Where to begin to look for the unknowns, and how uncertain that is, from T samples."""
+        block, n = self.model.parameter_block, len(self.model.parameters)
+        mean, cov = self.prior
+        best = -np.inf
+        for factor in LOUDER:
+            noise = self.model.blocks.noise * factor**2
+            louder = replace(self.model, blocks=self.model.blocks._replace(noise=noise))
+            belief, _ = EKF.run(louder, EKF.init(louder), inputs, readings)
+            if not (np.isfinite(belief.mean).all() and np.isfinite(belief.cov).all()):
+                continue
+            at = np.concatenate([belief.mean[block], np.zeros(len(self.levels))])
+            if len(self.levels):  # of all levels together: rather too loud, from where a few steps lead down
+                at[n:] = np.log(_loudest(_state_only_run(self.build(at), inputs, readings)))
+            off = at - self.prior[0]
+            log_likelihood = _state_only_run(self.build(at), inputs, readings).log_likelihood.sum()
+            reached = float(log_likelihood - 0.5 * off @ np.linalg.solve(self.prior[1], off))
+            if reached > best:
+                best, mean, cov = reached, at, np.diag(np.full(len(at), FIRST_WIDTH**2))
+                cov[:n, :n] = belief.cov[block, block]
+        return mean, cov
+
+
+def _state_only_run(model: StateSpace, inputs: Array, readings: Array) -> Info:
+    return EKF.run(model, EKF.init(model), inputs, readings)[1]
+
+
+def _loudest(info: Info) -> float:
+    """The greatest rms of a sensor's innovations, in their own standard deviations; 1 where nothing was read."""
+    squares = np.square(info.innovation / info.innovation_std)
+    means = np.nansum(squares, axis=0) / np.maximum(np.isfinite(squares).sum(axis=0), 1)
+    return float(np.sqrt(means.max())) or 1.0
+
+
+def state_only_model(
+    plain: StateSpace, parameters: Sequence[Parameter], loads: Sequence[LoadModel], at: Array
+) -> StateSpace:
+    """`plain` with the parameters and levels of [θ | η]: noise of each reading first, then one factor for each load."""
+    n, m = len(parameters), len(plain.readings)
+    p = plain.blocks.p.copy()
+    for q, theta in zip(parameters, at, strict=False):
+        p[plain.compiled.parameters.index(q.name)] = float(q.physical(theta))
+    if len(at) == n:
+        return replace(plain, blocks=plain.blocks._replace(p=p))
+    factor = np.exp(2.0 * at[n:])
+    load_noise, cov = plain.blocks.load_noise.copy(), plain.cov.copy()
+    first = 0
+    for load, power in zip(loads, factor[m:], strict=True):
+        own = slice(first, first := first + len(load.states))
+        load_noise[:, own, own] *= power
+        own = slice(own.start + len(plain.compiled.states), own.stop + len(plain.compiled.states))
+        cov[own, own] *= power
+    blocks = plain.blocks._replace(p=p, noise=plain.blocks.noise * factor[:m], load_noise=load_noise)
+    return replace(plain, blocks=blocks, cov=cov)
+
+
+def loads_behind_low_pass(loads: Sequence[LoadModel], record: Record) -> tuple[tuple[LoadModel, ...], tuple[str, ...]]:
+    """The load models as far as the record's low-pass lets them through, and what to say of those that do not know how."""
+    if LOW_PASS not in record.attributes:
+        return tuple(loads), ()
+    low_pass = float(record.attributes[LOW_PASS])
+    passed = tuple(
+        replace(load, low_pass=min(load.low_pass, low_pass)) if isinstance(load, GaussMarkov) else load
+        for load in loads
+    )
+    others = ", ".join(load.states[0] for load in loads if not isinstance(load, GaussMarkov))
+    note = f"the record went through a low-pass at {low_pass:.3g} Hz, and the model of {others} does not know it: damping may come out too low"
+    return passed, (note,) if others else ()
+
+
+def constant_loads(
+    model: StateSpace,
+    record: Record,
+    channels: Mapping[str, str],
+    loads: Sequence[LoadModel],
+    values: Mapping[str, float],
+) -> dict[str, float]:
+    """The constant value of each load that was not measured: what `values` says, and zero beside a model."""
+    driven = {name for load in loads for name in load.outputs}
+    constant = {}
+    for name in model.compiled.loads:
+        if name in channels or name in record:
+            continue
+        if name not in values and name not in driven:
+            raise ConfigurationError(
+                f"load '{name}': nothing says what it was: expected a channel of that name, or one named in `channels` (the record has "
+                f"{', '.join(record.channels)}), a model in `loads`, or in `values` a constant, 0 where it does not act"
+            )
+        constant[name] = float(values.get(name, 0.0))
+    return constant
+
+
+def known_columns(
+    model: StateSpace, record: Record, channels: Mapping[str, str], constant: Mapping[str, float]
+) -> Array:
+    """Known inputs and loads (T, n_u + n_w), measured or constant."""
+    names = (*model.compiled.inputs, *model.compiled.loads)
+    for name in channels:
+        if name not in names:
+            raise ConfigurationError(
+                f"channels: '{name}' is no input or load of the model: expected one of {', '.join(names) or 'none'}"
+            )
+    columns = np.zeros((record.samples, len(names)))
+    for column, name in enumerate(names):
+        if name in constant:
+            columns[:, column] = constant[name]
+            continue
+        channel = channels.get(name, name)
+        columns[:, column] = record[channel]
+        missing = int(np.isnan(columns[:, column]).sum())
+        if missing:
+            raise RecordError(
+                f"channel '{channel}' is an input of the model and lacks {missing} of {record.samples} samples: "
+                "expected all of them; choose a section without the gap, or fill it"
+            )
+    return columns
+
+
+def read_columns(record: Record, sensors: Sequence[Any]) -> Array:
+    """What the sensors read (T, m)."""
+    if not sensors:
+        raise ConfigurationError("sensors: expected at least one reading, got none")
+    readings = np.column_stack([record[sensor.channel] for sensor in sensors])
+    for sensor, values in zip(sensors, readings.T, strict=True):
+        if not np.isfinite(values).any():
+            raise RecordError(f"channel '{sensor.channel}' holds no numbers: leave it out of the sensors")
+    return readings

@@ -1,0 +1,294 @@
+"""The mode of the posterior by Fisher scoring on the innovations of a state-only filter.
+
+A joint filter leaves out how its own gain depends on the parameters (Ljung 1979), and what it learns while the state is still
+unknown counts too much: its bands are too narrow (`validation.calibration` prints by how much). The likelihood of the
+state-only filter knows both. With whitened innovations z and the standard deviations s they were divided by,
+
+    log L = −Σ (log s + z²/2) + const,   ∂ log L = −Σ (∂ log s + z ∂z),
+    Fisher information ≈ Σ a aᵀ + 2 Σ ∂log s ∂log sᵀ,   a = ∂z + z ∂log s  (the derivative of the innovation, over s),
+
+and derivatives are differences between filters at neighbouring parameters, which run side by side in a bank
+(`windsysid.filters.bank`). Source: Ljung, IEEE TAC 24(1), 1979, https://doi.org/10.1109/TAC.1979.1101943; Särkkä & Svensson, ch. 16.
+"""
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import WindsysidError
+from windsysid.filters import EKF, Info
+from windsysid.filters.bank import Bank, bank_of, run_bank
+from windsysid.statespace.compose import StateSpace
+
+__all__ = [
+    "Look",
+    "Mode",
+    "Posterior",
+    "Score",
+    "find_mode",
+    "information",
+    "look",
+    "neighbours",
+    "posterior_mode",
+    "score",
+]
+
+
+ITERATIONS = 15
+SETTLED = 0.05
+"""Newton's decrement, the squared length of a step in standard deviations, below which it is the last."""
+
+NEAR = 1.0
+"""The same, below which differences are central instead of forward."""
+
+LONGEST = 3.0
+"""No step moves a parameter by more than so many standard deviations of its prior."""
+
+HALVINGS = 8
+"""How often a step that does not raise the posterior is halved."""
+
+INCREMENT = 0.1
+"""Width of the differences, in standard deviations of a parameter with all others held."""
+
+THREADS = 2
+
+CHUNK = 1000
+"""Samples between two sums over the bank, which bound its memory."""
+
+
+class Score(NamedTuple):
+    """What a record says about θ at one point.
+
+    Attributes
+    ----------
+    log_likelihood
+        Of the readings.
+    gradient
+        Of the log-likelihood (n_θ,).
+    fisher
+        Fisher information (n_θ, n_θ).
+    """
+
+    log_likelihood: float
+    gradient: Array
+    fisher: Array
+
+
+class Look(NamedTuple):
+    """The posterior at one point, and the filters that saw it.
+
+    Attributes
+    ----------
+    theta, widths
+        Where (n_θ,), and the widths of the differences (n_θ,).
+    central
+        Whether differences are central, else forward.
+    bank
+        The filters at θ and its neighbours after the last sample.
+    found
+        What the readings say.
+    """
+
+    theta: Array
+    widths: Array
+    central: bool
+    bank: Bank
+    found: Score
+
+
+class Mode(NamedTuple):
+    """Where a search ended.
+
+    Attributes
+    ----------
+    mean, cov
+        θ (n_θ,) and the inverse of Fisher information plus prior information (n_θ, n_θ).
+    iterations
+        Scoring steps taken.
+    settled
+        Whether the last step was small enough.
+    decrement
+        The squared length of the last step in standard deviations.
+    look
+        The last look that the search went on from: θ is one step away from there where it settled.
+    """
+
+    mean: Array
+    cov: Array
+    iterations: int
+    settled: bool
+    decrement: float
+    look: Look
+
+
+class Posterior(NamedTuple):
+    """The mode of the posterior with its curvature.
+
+    Attributes
+    ----------
+    mean, cov, iterations, settled
+        See `Mode`.
+    log_likelihood
+        Of the readings at the mode.
+    info
+        What came out of the state-only filter at the mode.
+    """
+
+    mean: Array
+    cov: Array
+    log_likelihood: float
+    iterations: int
+    settled: bool
+    info: Info
+
+
+def posterior_mode(
+    build: Callable[[Array], StateSpace],
+    inputs: Array,
+    readings: Array,
+    *,
+    prior_mean: Array,
+    prior_cov: Array,
+    start: Array,
+    start_cov: Array,
+) -> Posterior:
+    """Find the mode of the posterior of θ, and what the state-only filter says there; arguments as for `find_mode`."""
+    mode = find_mode(
+        build, inputs, readings, prior_mean=prior_mean, prior_cov=prior_cov, start=start, start_cov=start_cov
+    )
+    model = build(mode.mean)
+    info = EKF.run(model, EKF.init(model), inputs, readings)[1]
+    return Posterior(mode.mean, mode.cov, float(info.log_likelihood.sum()), mode.iterations, mode.settled, info)
+
+
+def find_mode(
+    build: Callable[[Array], StateSpace],
+    inputs: Array,
+    readings: Array,
+    *,
+    prior_mean: Array,
+    prior_cov: Array,
+    start: Array,
+    start_cov: Array,
+) -> Mode:
+    """Find the mode of the posterior of θ.
+
+    Parameters
+    ----------
+    build
+        The state-only model for a value of θ (n_θ,).
+    inputs, readings
+        As `windsysid.filters.EKF.run` takes them.
+    prior_mean, prior_cov
+        Gaussian prior of θ (n_θ,), (n_θ, n_θ).
+    start, start_cov
+        Where to start, and the covariance whose inverse scales the first differences.
+
+    Raises
+    ------
+    WindsysidError
+        If the likelihood cannot be computed at the start.
+    """
+    information = np.linalg.inv(prior_cov)
+
+    def objective(look: Look) -> float:
+        off = look.theta - prior_mean
+        value = float(look.found.log_likelihood - 0.5 * off @ information @ off)
+        return value if np.isfinite(value) else -np.inf
+
+    widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
+    central, settled = False, False
+    with ThreadPoolExecutor(THREADS) as pool:
+        here = look(build, inputs, readings, start.copy(), widths, central=central, pool=pool)
+        best = objective(here)
+        if not np.isfinite(best):
+            raise WindsysidError(
+                "the likelihood is not finite at the start: check units, the turbine file and the priors"
+            )
+        for count in range(1, ITERATIONS + 1):  # noqa: B007 (told to the caller)
+            theta = here.theta
+            curvature = here.found.fisher + information
+            pull = here.found.gradient - information @ (theta - prior_mean)
+            step = np.asarray(np.linalg.solve(curvature, pull), dtype=np.float64)
+            distance = float(step @ curvature @ step)
+            step *= min(1.0, LONGEST / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
+            widths = INCREMENT / np.sqrt(np.diag(curvature))
+            if here.central and distance < SETTLED:  # so short a step is taken unseen
+                theta, settled = theta + step, True
+                break
+            central = central or distance < NEAR
+            for _ in range(HALVINGS):
+                candidate = look(build, inputs, readings, theta + step, widths, central=central, pool=pool)
+                if (value := objective(candidate)) > best:
+                    here, best = candidate, value
+                    theta = here.theta
+                    break
+                step = 0.5 * step
+            else:
+                settled = central and distance < NEAR
+                if settled or central:
+                    break
+                central = True
+                here = look(build, inputs, readings, theta, widths, central=central, pool=pool)
+    return Mode(theta, np.linalg.inv(curvature), count, settled, distance, here)
+
+
+def look(
+    build: Callable[[Array], StateSpace], inputs: Array, readings: Array, theta: Array, widths: Array, *,
+    central: bool, pool: ThreadPoolExecutor | None = None,
+) -> Look:  # fmt: skip
+    """What the readings say at θ (n_θ,), from differences of the widths given (n_θ,)."""
+    bank = bank_of([build(values) for values in neighbours(theta, widths, central=central)])
+    return Look(theta, widths, central, *score(bank, inputs, readings, widths, central=central, pool=pool))
+
+
+def information(
+    build: Callable[[Array], StateSpace], inputs: Array, readings: Array, theta: Array, widths: Array
+) -> tuple[Array, Array]:
+    """Gradient of the log-likelihood (n_θ,) and the Fisher information that the readings hold (n_θ, n_θ).
+
+    Parameters
+    ----------
+    build, inputs, readings
+        As for `posterior_mode`.
+    theta
+        Where (n_θ,).
+    widths
+        Widths of the central differences (n_θ,): a tenth of a standard deviation of each parameter serves well.
+    """
+    with ThreadPoolExecutor(THREADS) as pool:
+        found = look(build, inputs, readings, theta, widths, central=True, pool=pool).found
+    return found.gradient, found.fisher
+
+
+def neighbours(theta: Array, widths: Array, *, central: bool) -> list[Array]:
+    """θ, each parameter one width above, and for central differences each one width below."""
+    steps = np.diag(widths)
+    return [theta, *(theta + step for step in steps), *(theta - step for step in steps if central)]
+
+
+def score(
+    bank: Bank, inputs: Array, readings: Array, widths: Array, *, central: bool, pool: ThreadPoolExecutor | None = None
+) -> tuple[Bank, Score]:
+    """Run a bank of `neighbours` over T samples and take the differences between its filters."""
+    n = len(widths)
+    log_likelihood, gradient, fisher = 0.0, np.zeros(n), np.zeros((n, n))
+    above, below = slice(1, n + 1), slice(n + 1, None) if central else slice(0, 1)
+    for first in range(0, len(readings), CHUNK):
+        part = slice(first, first + CHUNK)
+        bank, scores = run_bank(bank, inputs[part], readings[part], pool)
+        z, log_s = (array.reshape(-1, bank.filters) for array in scores)  # zero where the reading is missing
+        middle = z[:, 0]
+        log_likelihood -= float(log_s[:, 0].sum() + 0.5 * middle @ middle)
+        moved_z, moved_s = (array[:, above] - array[:, below] for array in (z, log_s))
+        gradient -= moved_s.sum(axis=0) + middle @ moved_z
+        fisher += 2.0 * (moved_s.T @ moved_s)
+        moved_z += middle[:, None] * moved_s
+        fisher += moved_z.T @ moved_z
+    log_likelihood -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
+    width = 2.0 * widths if central else widths
+    return bank, Score(float(log_likelihood), gradient / width, fisher / np.outer(width, width))

@@ -1,0 +1,97 @@
+"""Priors of the coefficients, and which of them can be identified."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from windsysid.errors import ConfigurationError
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Prior", "identifiable"]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """How the priors differ from the turbine file's references.
+
+    Attributes
+    ----------
+    stiffness, damping
+        Factors on the references: where the priors are centred. A prior that is moved by a factor is widened to
+        reach back.
+    spread
+        Relative standard deviation of stiffness and damping; the turbine file's by default.
+    """
+
+    stiffness: float = 1.0
+    damping: float = 1.0
+    spread: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, factor in (("stiffness", self.stiffness), ("damping", self.damping)):
+            if not (math.isfinite(factor) and 0.05 <= factor <= 20.0):
+                raise ConfigurationError(
+                    f"prior scale of {name}: expected a factor between 0.05 and 20, got {factor:g}; "
+                    "for a structure further off, write another turbine file"
+                )
+        if self.spread is not None and not (math.isfinite(self.spread) and self.spread > 0.0):
+            raise ConfigurationError(f"prior spread: expected a positive number, such as 0.3, got {self.spread:g}")
+
+    def parameters(self, turbine: Turbine, names: Sequence[str], *, linear: bool) -> tuple[Parameter, ...]:
+        """The parameters to identify; `linear` keeps stiffness unscaled, as the force balance needs it.
+
+        Masses, moments and geometry are centred on their references, however far the coefficients' priors are moved.
+        """
+        chosen = []
+        for name in names:
+            reference = turbine.values[name]
+            if name.startswith("c_"):
+                centre = reference * self.damping
+                spread = max((self.spread or turbine.spread[1]) * abs(centre), abs(centre - reference))
+                coordinate = name.removeprefix("c_")
+                critical = 2.0 * turbine.inertia(coordinate) * turbine.natural_frequency(coordinate)
+                chosen.append(Parameter(name, centre, spread, False, critical))
+                continue
+            centre = reference * (self.stiffness if name.startswith("k_") else 1.0)
+            relative = self.spread or turbine.spread[0]
+            if linear or not name.startswith(_POSITIVE):
+                spread = max(relative * abs(centre), abs(centre - reference))
+                chosen.append(Parameter(name, centre, spread, False, abs(centre)))
+            else:
+                chosen.append(Parameter(name, centre, max(relative, abs(math.log(centre / reference)))))
+        return tuple(chosen)
+
+
+_POSITIVE = ("k_", "mass_", "hub_mass", "roll_inertia", "blade_mass", "blade_first_moment", "blade_inertia")
+"""What the names of log-scaled parameters begin with: stiffness, masses and their moments."""
+
+
+def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[str]:
+    """The parameters to identify: those chosen, or the coefficients of the free degrees of freedom.
+
+    Raises
+    ------
+    ConfigurationError
+        If none is chosen, or a chosen parameter is not one of the turbine's, belongs to a locked degree of freedom, or has no reference to
+        start from.
+    """
+    if chosen is None:
+        known = [name for name in turbine.model.coefficients if turbine.values[name] != 0.0]
+        if not known:
+            raise ConfigurationError(f"turbine '{turbine.name}': expected stiffness or damping to identify, got zeros")
+        return known
+    if not chosen:
+        raise ConfigurationError("parameters: expected at least one name; leave them out for all coefficients")
+    for name in chosen:
+        locked = name.startswith(("k_", "c_")) and name not in turbine.model.coefficients
+        if turbine.values.get(name, 0.0) == 0.0 or locked:
+            usable = [
+                known
+                for known, value in turbine.values.items()
+                if value != 0.0 and (known in turbine.model.coefficients or not known.startswith(("k_", "c_")))
+            ]
+            raise ConfigurationError(
+                f"parameter '{name}' cannot be identified here: expected some of {', '.join(usable)}"
+            )
+    return list(dict.fromkeys(chosen))

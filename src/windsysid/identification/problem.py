@@ -1,0 +1,246 @@
+"""The state-only problem of a record: a model for every value of the unknowns, with the prior of the unknowns.
+
+The unknowns are θ, the identified parameters in filter coordinates, and after them η, the statistics of loads and noise
+(`windsysid.loads.statistics`). What the likelihood of a record is a function of, and what a planned record informs about, is said here once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.filters import EKF
+from windsysid.identification.outcome import known_inputs, known_loads
+from windsysid.identification.prior import Prior, identifiable
+from windsysid.loads.family import hypothesis
+from windsysid.loads.hypothesis import LoadHypothesis
+from windsysid.loads.statistics import Statistic, moved_sensors, noise_groups, values_of
+from windsysid.mechanics.compile import CompiledModel, compile_model
+from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.sensors import Sensor
+from windsysid.mechanics.tower import TowerModel
+from windsysid.records.record import Record
+from windsysid.statespace.compose import StateSpace, compose, parameters_given
+from windsysid.statespace.load_model import LoadModel
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Problem", "pose", "seen_by"]
+
+
+PASSES = 4
+"""Most passes of the joint filter towards a start; they stop when one moves no parameter by more than `SETTLED` standard deviations."""
+
+SETTLED = 0.05
+
+FIRST_WIDTH = 0.05
+"""Standard deviation of the logarithm of a statistic that scales its first differences."""
+
+
+class Problem(NamedTuple):
+    """What a record leaves to be found.
+
+    Attributes
+    ----------
+    turbine
+        The turbine with the degrees of freedom that the sensors see.
+    model
+        The joint model: θ in the state, the initial state as uncertain as the record is loud.
+    sensors
+        Instruments.
+    loads
+        What the loads that are states may be like.
+    statistics
+        The statistics that η stands for.
+    inputs, readings
+        As filters take them (T, n_u + n_w), (T, m).
+    notes
+        What was locked, and why.
+    """
+
+    turbine: Turbine
+    model: StateSpace
+    sensors: tuple[Sensor, ...]
+    loads: LoadHypothesis
+    statistics: tuple[Statistic, ...]
+    inputs: Array
+    readings: Array
+    notes: tuple[str, ...]
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What θ stands for."""
+        return self.model.parameters
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean (n,) and covariance (n, n) of the unknowns."""
+        block, n = self.model.parameter_block, len(self.parameters)
+        mean = np.concatenate([self.model.mean[block], np.zeros(len(self.statistics))])
+        cov = np.diag(np.concatenate([np.zeros(n), np.square([s.spread for s in self.statistics])]))
+        cov[:n, :n] = self.model.cov[block, block]
+        return mean, cov
+
+    def build(self, unknowns: Array) -> StateSpace:
+        """The state-only model at the unknowns (n,)."""
+        n = len(self.parameters)
+        values = values_of(self.statistics, unknowns[n:])
+        sensors = moved_sensors([s for s in self.statistics if s.name.startswith("noise_")], values, self.sensors)
+        return parameters_given(
+            self.model, _compiled(self.turbine.model, self.sensors), unknowns[:n], self.loads.blocks(values),
+            [sensor.noise for sensor in sensors],
+        )  # fmt: skip
+
+    def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
+        """Where to begin to look for the unknowns, and how uncertain that is (n,), (n, n): from the joint filter on T samples.
+
+        What the filter learns while linearised at a wrong θ it never forgets, so it runs again from where it ended, with the original
+        prior covariance and the pull of the prior added afterwards, exactly so for a linear model: θ ← θ₁ + P₁ P₀⁻¹ (θ₀ − θ_start).
+        """
+        block, n = self.model.parameter_block, len(self.parameters)
+        prior_mean, prior_cov = self.model.mean[block], self.model.cov[block, block]
+        theta, cov = prior_mean, prior_cov
+        for _ in range(PASSES):
+            mean = self.model.mean.copy()
+            mean[block] = theta
+            belief, _ = EKF.run(self.model, EKF.init(self.model)._replace(mean=mean), inputs, readings)
+            if not (np.isfinite(belief.mean).all() and np.isfinite(belief.cov).all()):
+                break
+            before, cov = theta, belief.cov[block, block]
+            theta = belief.mean[block] + cov @ np.linalg.solve(prior_cov, prior_mean - before)
+            if np.all(np.abs(theta - before) < SETTLED * np.sqrt(np.diag(cov))):
+                break
+        extra = len(self.statistics)
+        start_cov = np.diag(np.full(n + extra, FIRST_WIDTH**2))
+        start_cov[:n, :n] = cov
+        return np.concatenate([theta, np.zeros(extra)]), start_cov
+
+
+@lru_cache(maxsize=16)
+def _compiled(model: RotorModel | TowerModel, sensors: tuple[Sensor, ...]) -> CompiledModel:
+    return compile_model(model, sensors)
+
+
+def pose(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None,
+    loads: str = "broadband",
+) -> Problem:  # fmt: skip
+    """The problem that a record poses, with the chosen parameters or every coefficient that the sensors see.
+
+    `loads` names a load model of `windsysid.loads.family`.
+    """
+    notes: list[str] = []
+    turbine = seen_by(turbine, sensors, notes)
+    known = known_inputs(record, turbine, sensors)
+    measured, of_the_file = known_loads(record, turbine)
+    supposed = hypothesis(loads, turbine, of_the_file)
+    turbine = supposed.turbine
+    parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *supposed.parameters)
+    given = supposed.blocks({s.name: s.given for s in supposed.statistics})
+    model = _joint_model(record, turbine, sensors, parameters, given, known)
+    readings = np.column_stack([record[sensor.channel] for sensor in sensors])
+    inputs = np.hstack([known, measured] if record.is_uniform else [known, measured, record.intervals()[1][:, None]])
+    statistics = (*supposed.statistics, *noise_groups(sensors))
+    return Problem(turbine, model, tuple(sensors), supposed, statistics, inputs, readings, tuple(notes))
+
+
+def seen_by(turbine: Turbine, sensors: Sequence[Sensor], notes: list[str]) -> Turbine:
+    """The turbine with those degrees of freedom locked that no sensor sees."""
+    if isinstance(turbine.model, TowerModel):
+        changes = _unseen_directions(turbine.model, sensors, notes)
+    else:
+        changes = _unseen_of_the_rotor(turbine.model, sensors, notes)
+    if not changes:
+        return turbine
+    model = replace(turbine.model, **changes)  # type: ignore[arg-type]
+    return replace(turbine, model=model, loads=tuple(load for load in turbine.loads if load.load in model.loads))
+
+
+def _unseen_directions(tower: TowerModel, sensors: Sequence[Sensor], notes: list[str]) -> dict[str, str]:
+    axes = {sensor.axis for sensor in sensors}
+    changes: dict[str, str] = {}
+    for direction, axis in (("side_side", "x"), ("fore_aft", "z")):
+        if direction in tower.coordinates and not axes & {axis, "bearing"}:
+            changes[direction] = "locked"
+            notes.append(f"no channel sees the tower move {direction.replace('_', '-')}: it is locked")
+    return changes
+
+
+def _unseen_of_the_rotor(rotor: RotorModel, sensors: Sequence[Sensor], notes: list[str]) -> dict[str, str]:
+    changes: dict[str, str] = {}
+    if rotor.lag == "free" and not any(sensor.blade for sensor in sensors):
+        changes["lag"] = "locked"
+        notes.append("no blade channels: the blades are locked, and only the support's coefficients are identified")
+    axes = {sensor.axis for sensor in sensors if not sensor.blade}
+    for axis in ("x", "y"):
+        coupled = rotor.lag == "free" and "lag" not in changes  # blades shake the hub, which shakes them back
+        if getattr(rotor, axis) == "free" and axis not in axes and not coupled:
+            changes[axis] = "locked"
+            notes.append(f"no channel sees {axis}: it is locked")
+    if changes.get("x") == "locked" and rotor.roll == "tied":
+        changes["roll"] = "locked"
+    return changes
+
+
+def _joint_model(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], parameters: Sequence[Parameter],
+    loads: Sequence[LoadModel], rotor: Array,
+) -> StateSpace:  # fmt: skip
+    model = compose(
+        turbine.model,
+        intervals=record.intervals()[0],
+        values=turbine.values,
+        parameters=parameters,
+        loads=loads,
+        sensors=sensors,
+    )
+    n = len(turbine.model.coordinates)
+    amplitude = _amplitudes(record, turbine, sensors, model, rotor[0])
+    frequency = np.array([turbine.natural_frequency(name) for name in turbine.model.coordinates])
+    cov = model.cov.copy()
+    cov[range(2 * n), range(2 * n)] = np.square(np.concatenate([amplitude, amplitude * frequency]))
+    return replace(model, cov=cov)
+
+
+def _amplitudes(record: Record, turbine: Turbine, sensors: Sequence[Sensor], model: StateSpace, rotor: Array) -> Array:
+    """How far each degree of freedom may be from rest at the first sample: three times what the loudest second would
+    need.
+
+    A channel that reads C q + D q̇ + E q̈ has the gain |C + iωD − ω²E| to a motion at the natural frequency ω.
+    """
+    compiled = model.compiled
+    n, m = len(turbine.model.coordinates), len(sensors)
+    rest = np.zeros(2 * n)
+    no_load = np.zeros(len(compiled.loads))
+    size = (len(compiled.identified), len(compiled.loads))
+    A, B, G = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, size[0])), np.zeros((2 * n, size[1]))
+    compiled.rates_jacobian(rest, rotor, model.blocks.p, no_load, np.empty(2 * n), A, B, G)
+    C, D, E = np.zeros((m, 2 * n)), np.zeros((m, size[0])), np.zeros((m, size[1]))
+    compiled.reading_jacobian(rest, rotor, model.blocks.p, no_load, np.empty(m), C, D, E)
+    to_acceleration = E @ np.linalg.inv(G[n:])  # ∂y/∂q̈, as ∂q̈/∂w = M⁻¹ on the degrees of freedom
+    direct = C - to_acceleration @ A[n:]
+    loudest = np.array([_loudest(record[sensor.channel], record.rate) for sensor in sensors])
+    w = np.array([turbine.natural_frequency(name) for name in turbine.model.coordinates])
+    gain = np.abs(direct[:, :n] + 1j * w * direct[:, n:] - w**2 * to_acceleration)
+    gain[gain < 1e-9 * gain.max()] = 0.0  # rounding
+    amplitudes: Array = np.full(n, np.nan)
+    for j in range(n):
+        clear = gain[:, j] > 0.3 * gain[:, j].max()
+        if clear.any():
+            amplitudes[j] = 3.0 * np.min(loudest[clear] / gain[clear, j])
+    blades = np.array([name.startswith("beta_") for name in turbine.model.coordinates])
+    for alike in (blades, ~blades):  # what no channel reads directly moves as far as its like
+        seen = amplitudes[alike & np.isfinite(amplitudes)]
+        amplitudes[alike & np.isnan(amplitudes)] = seen.max() if seen.size else 1.0
+    return np.asarray(np.maximum(amplitudes, 1e-12))
+
+
+def _loudest(values: Array, rate: float) -> float:
+    """Greatest rms about the channel's mean over any second."""
+    deviation = np.nan_to_num(values - np.nanmean(values))
+    window = max(1, round(rate))
+    power = np.convolve(deviation**2, np.full(window, 1.0 / window), mode="valid" if len(values) >= window else "full")
+    return float(np.sqrt(max(power.max(), 0.0)))

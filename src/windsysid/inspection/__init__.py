@@ -1,0 +1,141 @@
+"""Look at a record before anything is identified from it: faults, spectra, and the part worth using.
+
+`inspect_record` is the one function; it reads nothing and writes nothing, so a notebook, the command line and a test
+use it alike. Its parts: `health` (faults of channels), `plausibility` (units and contradictions), `screening` (both, for
+identifications too), `spectra` (what vibrates), `sections` (which part to use), `stops` (of the rotor), `figures` and `report`.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError
+from windsysid.inspection.channels import most_telling
+from windsysid.inspection.health import Finding
+from windsysid.inspection.inspection import Inspection
+from windsysid.inspection.plausibility import Rotor
+from windsysid.inspection.screening import examine
+from windsysid.inspection.sections import Proposal, propose
+from windsysid.inspection.spectra import VARIES, Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram
+from windsysid.inspection.stops import Stop, find_stops
+from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.record import Record
+from windsysid.turbine.coercion import TurbineLike, as_turbine
+from windsysid.units import RPM
+
+if TYPE_CHECKING:
+    from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Finding", "Inspection", "Proposal", "Stop", "inspect_record"]
+
+
+def inspect_record(
+    record: RecordLike, turbine: "TurbineLike | None" = None, section_length: float = 100.0
+) -> Inspection:
+    """Look for faults, vibration and the sections worth using.
+
+    Parameters
+    ----------
+    record
+        Any record.
+    turbine
+        Whose modes and usual sensors are expected; without it only the rotor's harmonics are marked.
+    section_length
+        Length of the sections to propose [s]; a shorter record is judged as a whole.
+
+    Raises
+    ------
+    ConfigurationError
+        If `section_length` is not a positive time.
+    """
+    record, turbine = as_record(record), None if turbine is None else as_turbine(turbine)
+    if not (np.isfinite(section_length) and section_length > 0.0):
+        raise ConfigurationError(f"section_length: expected a positive time in seconds, got {section_length:g}")
+    first = tuple(s.channel for s in turbine.sensors if s.channel in record) if turbine is not None else ()
+    findings, usable, rotor = examine(record, turbine)
+
+    notes: list[str] = []
+    blades = turbine.model.blades if turbine is not None else _blades(record, notes)
+    modes, over_speed = _modes(turbine, rotor, notes)
+    if rotor is None:
+        notes.append(
+            "No usable rotor speed or azimuth in the record: harmonics of the rotor cannot be marked, nor its steadiness judged."
+        )
+    elif not rotor.turns:
+        notes.append("The rotor stands still: there are no harmonics.")
+    chosen = [name for name in most_telling(record, first) if name in usable]
+    if not chosen:
+        chosen = [
+            name for name, kind in usable.items() if kind in ("power", "rotor speed") and np.nanstd(record[name]) > 0.0
+        ]
+        notes.append(
+            "No channel in which vibration would show"
+            + (f": spectra of {' and '.join(chosen)} instead." if chosen else ", so no spectra.")
+        )
+    found, pictures = _frequencies(record, chosen, findings, rotor, modes, blades, notes)
+    return Inspection(
+        record=record,
+        turbine=turbine.name if turbine is not None else None,
+        findings=tuple(findings),
+        rotor=rotor,
+        blades=blades,
+        modes=modes,
+        modes_over_speed=over_speed,
+        spectra=found,
+        spectrograms=pictures,
+        proposals=propose(record, usable, rotor, findings, section_length),
+        stops=find_stops(record, rotor, usable),
+        notes=tuple(notes),
+        first=first,
+    )
+
+
+def _blades(record: Record, notes: list[str]) -> int:
+    numbers = [int(c.split("_")[1]) for c in record.channels if c.startswith("blade_") and c.split("_")[1].isdigit()]
+    if numbers:
+        return max(numbers)
+    notes.append("The number of blades is not known: three are assumed.")
+    return 3
+
+
+def _modes(
+    turbine: "Turbine | None", rotor: Rotor | None, notes: list[str]
+) -> tuple[tuple[tuple[str, float, float], ...], tuple[tuple[float, tuple[tuple[str, float, float], ...]], ...]]:
+    if turbine is None:
+        return (), ()
+    speed = rotor.mean if rotor is not None else turbine.rotor_speed
+    if rotor is None:
+        notes.append(f"Modes are those at the usual rotor speed of {turbine.name}, {speed * RPM:.4g} rpm.")
+    found = tuple(expected_modes(turbine, speed))
+    if not found:
+        notes.append(f"{turbine.name}: a rotor with fewer than three free blades has no modes in the fixed frame.")
+    if rotor is None or rotor.variation < VARIES:
+        return found, ()
+    low, high = np.percentile(rotor.speed, (0.5, 99.5))
+    speeds = np.linspace(float(low), float(high), 9)
+    return found, tuple((float(s), tuple(expected_modes(turbine, float(s)))) for s in speeds)
+
+
+def _frequencies(
+    record: Record, chosen: list[str], findings: list[Finding], rotor: Rotor | None,
+    modes: tuple[tuple[str, float, float], ...], blades: int, notes: list[str],
+) -> tuple[tuple[Spectrum, ...], tuple[Spectrogram, ...]]:  # fmt: skip
+    """Spectra of all chosen channels, spectrograms of the first on the support and the first on a blade."""
+    if not chosen:
+        return (), ()
+    units = {name: record.unit(name) for name in chosen}
+    time, values, rate, remark = cleaned(record, chosen, findings)
+    if remark:
+        notes.append(remark)
+    found = spectra(values, rate, chosen, units, rotor, modes, blades)
+    if not found:
+        notes.append(f"{record.samples} samples are too few for a spectrum.")
+    on_grid = None
+    if rotor is not None:
+        on_grid = Rotor(np.interp(time, record.time, rotor.speed), rotor.source)
+    on_blade = [name for name in chosen if name.startswith("blade") and name != chosen[0]]
+    pictures = [
+        spectrogram(time, values[:, chosen.index(name)], rate, name, units[name], on_grid)
+        for name in (chosen[0], *on_blade[:1])
+    ]
+    return found, tuple(picture for picture in pictures if picture is not None)

@@ -1,0 +1,238 @@
+"""The result of an inspection: what is wrong, what vibrates, which part to use; as text, figures and files."""
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from windsysid.inspection.channels import kinds, most_telling
+from windsysid.inspection.health import SEVERITIES, Finding
+from windsysid.inspection.plausibility import Rotor
+from windsysid.inspection.sections import Proposal
+from windsysid.inspection.spectra import Spectrogram, Spectrum
+from windsysid.inspection.stops import Stop
+from windsysid.output.answers import Answer
+from windsysid.records.record import Record
+from windsysid.units import RPM
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+__all__ = ["STOPS_TITLE", "Inspection"]
+
+STOPS_TITLE = "Stops of the rotor: sections for structural damping"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Inspection(Answer):
+    """What an inspection found.
+
+    Attributes
+    ----------
+    record
+        The record itself.
+    turbine
+        Name of the turbine whose modes are marked; None without one.
+    findings
+        The worst first.
+    rotor
+        Rotor speed over time; None where it is not in the record.
+    blades
+        Number of blades N, for NP and 2NP.
+    modes
+        Expected modes at the record's mean rotor speed: name, frequency [Hz], damping ratio; fixed frame.
+    modes_over_speed
+        The same at rotor speeds [rad/s] over the record's range; empty where the speed does not vary.
+    spectra
+        One per vibration channel.
+    spectrograms
+        Of the one or two most telling channels.
+    proposals
+        Sections, best first.
+    stops
+        Stops of the rotor, after which vibration decays without the air of a turning rotor.
+    notes
+        What could not be done, and why.
+    first
+        Channels to show before others.
+    """
+
+    record: Record
+    turbine: str | None
+    findings: tuple[Finding, ...]
+    rotor: Rotor | None
+    blades: int
+    modes: tuple[tuple[str, float, float], ...]
+    modes_over_speed: tuple[tuple[float, tuple[tuple[str, float, float], ...]], ...]
+    spectra: tuple[Spectrum, ...]
+    spectrograms: tuple[Spectrogram, ...]
+    proposals: tuple[Proposal, ...]
+    stops: tuple[Stop, ...]
+    notes: tuple[str, ...]
+    first: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """One line: can this record be used, and which part of it?"""
+        counts = {severity: sum(f.severity == severity for f in self.findings) for severity in SEVERITIES}
+        listed = [
+            text
+            for severity, text in (
+                ("unusable", f"{counts['unusable']} unusable"),
+                ("warning", f"{counts['warning']} warning{'' if counts['warning'] == 1 else 's'}"),
+                ("note", f"{counts['note']} note{'' if counts['note'] == 1 else 's'}"),
+            )
+            if counts[severity]  # type: ignore[index]
+        ]
+        faults = ", ".join(listed) or "nothing to complain about"
+        good = [p for p in self.proposals if p.good]
+        if good:
+            return f"{faults}; use {good[0].start:g}–{good[0].end:g} s"
+        return f"{faults}; no section is good" + (": " + "; ".join(self.proposals[0].against) if self.proposals else "")
+
+    def of(self, channel: str) -> tuple[Finding, ...]:
+        """The findings on one channel; ``""`` for those on the whole record."""
+        return tuple(finding for finding in self.findings if finding.channel == channel)
+
+    def summary(self) -> dict[str, Any]:
+        """The inspection as plain values: what ``inspection.json`` holds."""
+        r = self.record
+        speed = None
+        if self.rotor is not None:
+            speed = {
+                "source": self.rotor.source,
+                "mean_rad_s": self.rotor.mean,
+                "relative_standard_deviation": self.rotor.variation,
+            }
+        return {
+            "record": r.name,
+            "turbine": self.turbine,
+            "verdict": self.verdict,
+            "start_s": float(r.time[0]),
+            "duration_s": r.duration,
+            "rate_hz": r.rate,
+            "samples": r.samples,
+            "channels": dict(zip(r.channels, r.units, strict=True)),
+            "rotor_speed": speed,
+            "blades": self.blades,
+            "findings": [finding.summary() for finding in self.findings],
+            "expected_modes": [
+                {"name": name, "frequency_hz": frequency, "damping_ratio": damping}
+                for name, frequency, damping in self.modes
+            ],
+            "spectra": [spectrum.summary() for spectrum in self.spectra],
+            "sections": [proposal.summary() for proposal in self.proposals],
+            "stops": [stop.summary() for stop in self.stops],
+            "notes": list(self.notes),
+        }
+
+    def to_json(self) -> str:
+        """`summary` as JSON text; what is not a finite number becomes null."""
+        from windsysid.results.identification import finite
+
+        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
+
+    def table(self) -> "Table":
+        """The findings as a Rich table."""
+        return _rich("What is wrong", ("channel", "severity", "finding"), self.finding_rows())
+
+    def sections_table(self) -> "Table":
+        """The proposed sections as a Rich table."""
+        return _rich(self.sections_title, ("section [s]", "verdict", "why"), self.section_rows())
+
+    def stops_table(self) -> "Table":
+        """Stops of the rotor as a Rich table."""
+        return _rich(STOPS_TITLE, ("section [s]", "why"), self.stop_rows())
+
+    def peaks_table(self) -> "Table":
+        """Spectral peaks of the most telling channels as a Rich table."""
+        return _rich("Spectral peaks", ("channel", "Hz", "rms", "what it may be"), self.peak_rows(most_channels=6))
+
+    @property
+    def sections_title(self) -> str:
+        """Heading over the proposals."""
+        if any(p.good for p in self.proposals):
+            return "Sections to use, best first"
+        return "No section is good; the least bad" if self.proposals else "No section can be proposed"
+
+    def shown(self, most: int = 12) -> list[str]:
+        """Channels that a figure shows: rotor and wind, those with warnings, then the most telling."""
+        known = kinds(self.record)
+        driving = ("rotor speed", "wind speed", "direction", "power")
+        operating = [name for kind in driving for name in self.record.channels if known[name] == kind]
+        faulty = [f.channel for f in self.findings if f.channel and f.severity == "warning"]
+        broken = [f.channel for f in self.findings if f.channel and f.severity == "unusable"]
+        telling = [name for name in most_telling(self.record, self.first) if name not in broken]
+        return list(dict.fromkeys([*operating[:4], *faulty, *telling, *broken, *self.record.channels]))[:most]
+
+    def finding_rows(self) -> list[tuple[str, str, str]]:
+        """Channel, severity, text; channels of which the same is said share a row."""
+        groups: dict[tuple[str, str], list[str]] = {}
+        for finding in self.findings:
+            groups.setdefault((finding.severity, finding.text), []).append(finding.channel or "whole record")
+        return [(", ".join(names), severity, text) for (severity, text), names in groups.items()]
+
+    def section_rows(self) -> list[tuple[str, str, str]]:
+        """Section, verdict, reasons."""
+        return [(f"{p.start:g}–{p.end:g}", "good" if p.good else "poor", str(p)) for p in self.proposals]
+
+    def stop_rows(self) -> list[tuple[str, str]]:
+        """Section after each stop, and how the rotor stopped."""
+        return [(f"{stop.start:g}–{stop.end:g}", str(stop)) for stop in self.stops]
+
+    def peak_rows(self, most_channels: int = 1000) -> list[tuple[str, str, str, str]]:
+        """Channel, frequency, rms, and what it may be, of every peak."""
+        from windsysid.units import unit_text
+
+        return [
+            (
+                spectrum.channel if i == 0 else "",
+                f"{peak.frequency:.4g}",
+                f"{peak.rms:.3g} {unit_text(spectrum.unit)}".removesuffix(" 1"),
+                " or ".join(peak.matches[:3]) or "–",
+            )
+            for spectrum in self.spectra[:most_channels]
+            for i, peak in enumerate(spectrum.peaks)
+        ]
+
+    def heading(self) -> str:
+        """One line on the record."""
+        r = self.record
+        speed = "no rotor speed"
+        if self.rotor is not None:
+            rpm = self.rotor.mean * RPM
+            varies = f" ± {100.0 * self.rotor.variation:.2g} %" if self.rotor.variation > 1e-6 else ""
+            speed = f"rotor at {rpm:.4g} rpm{varies}"
+        return (
+            f"{r.name}: {r.samples} samples at {r.rate:.6g} Hz, {r.duration:.6g} s, {len(r.channels)} channels, {speed}"
+        )
+
+    def __str__(self) -> str:
+        from windsysid.console import render
+
+        parts: list[Any] = [self.heading(), f"Verdict: {self.verdict}", ""]
+        if self.findings:
+            parts += [self.table(), ""]
+        if self.proposals:
+            parts += [self.sections_table(), ""]
+        if self.stops:
+            parts += [self.stops_table(), ""]
+        if any(spectrum.peaks for spectrum in self.spectra):
+            parts.append(self.peaks_table())
+        if self.modes:
+            listed = ", ".join(f"{name} {frequency:.4g} Hz" for name, frequency, _ in self.modes)
+            parts.append(f"Expected modes of {self.turbine} at this speed, fixed frame: {listed}")
+        return render(*parts, *self.notes)
+
+
+def _rich(title: str, headings: tuple[str, ...], rows: Any) -> "Table":
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        long = heading in ("channel", "finding", "why", "what it may be")
+        table.add_column(
+            heading, justify="right" if heading in ("Hz", "rms") else "left", no_wrap=not long, overflow="fold"
+        )
+    for row in rows:
+        table.add_row(*row)
+    return table

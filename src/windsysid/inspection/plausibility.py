@@ -1,0 +1,252 @@
+"""Units that cannot be right, and channels that contradict each other."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.inspection.channels import Kind
+from windsysid.inspection.health import Finding, Severity, when
+from windsysid.records.record import Record
+
+if TYPE_CHECKING:
+    from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Rotor", "implausible", "rotor_of"]
+
+
+GRAVITY = 9.80665
+SLOWEST = 0.05
+"""Least rotor speed of a running machine [rad/s]."""
+
+_TURN = 2.0 * np.pi
+_RATIOS = (
+    (60.0 / _TURN, "rpm marked as rad/s"),
+    (360.0 / _TURN, "degrees marked as radians"),
+    (1.0 / _TURN, "turns (Hz) marked as radians"),
+    (6.0, "rpm and deg/s mixed up"),
+)
+"""Ratio of what is written to what it should be, and the mistake that makes it."""
+
+
+_GRAVITIES = (
+    (1.0 / GRAVITY, "g marked as m/s²"),
+    (1e3 / GRAVITY, "mg marked as m/s²"),
+    (1e3, "mm/s² marked as m/s²"),
+    (GRAVITY, "m/s² marked as g"),
+)
+"""Gravity as a wrong unit shows it, over 9.81 m/s², and the mistake that makes it."""
+
+
+class Rotor:
+    """How the rotor turned.
+
+    Attributes
+    ----------
+    speed
+        (T,) [rad/s], bridged where it was missing.
+    source
+        The channel it comes from.
+    """
+
+    def __init__(self, speed: Array, source: str):
+        self.speed, self.source = speed, source
+        self.mean = float(np.mean(speed))
+        self.variation = float(np.std(speed) / abs(self.mean)) if self.mean else 0.0
+        self.turns = abs(self.mean) > SLOWEST
+
+
+def rotor_of(record: Record, usable: "set[str] | None" = None) -> Rotor | None:
+    """Rotor speed from its channel, or from the azimuth; None where neither is usable."""
+    for channel in ("rotor_speed", "rotor_azimuth"):
+        if channel not in record or (usable is not None and channel not in usable):
+            continue
+        values = record[channel]
+        known = np.isfinite(values)
+        if known.sum() < 10:
+            continue
+        if channel == "rotor_speed":
+            return Rotor(np.interp(record.time, record.time[known], values[known]), channel)
+        psi = np.interp(record.time, record.time[known], np.unwrap(values[known]))
+        window = max(1, round(record.rate))  # one second: an encoder's steps average out
+        ahead, behind = (
+            np.minimum(np.arange(psi.size) + window, psi.size - 1),
+            np.maximum(np.arange(psi.size) - window, 0),
+        )
+        return Rotor((psi[ahead] - psi[behind]) / (record.time[ahead] - record.time[behind]), channel)
+    return None
+
+
+def implausible(
+    record: Record, known: dict[str, Kind], rotor: Rotor | None, turbine: "Turbine | None"
+) -> list[Finding]:
+    """Findings on units and contradictions over all channels (`known`: those that are usable, with their kinds)."""
+    found: list[Finding] = []
+    for channel, kind in known.items():
+        values = record[channel]
+        x = values[np.isfinite(values)]
+        unit = record.unit(channel)
+        if kind == "acceleration" and unit == "m/s^2":
+            found += _acceleration(record, channel, values, x, rotor)
+        elif kind == "displacement" and unit == "m" and np.std(x) > 10.0:
+            found.append(_unit(channel, f"rms {np.std(x):.3g} m is no deflection of a structure: mm marked as m?"))
+        elif unit == "rad":
+            found += _angle(record, channel, kind, values, x)
+        elif kind == "wind speed" and np.mean(x) > 40.0:
+            found.append(_unit(channel, f"a mean wind of {np.mean(x):.3g} m/s: km/h marked as m/s, or not calibrated?"))
+    if "rotor_speed" in known:
+        found += _rotor_speed(record, turbine)
+    if "rotor_azimuth" in known:
+        found += _azimuth_against_speed(record, "rotor_speed" in known)
+    return found
+
+
+def _acceleration(record: Record, channel: str, values: Array, x: Array, rotor: Rotor | None) -> list[Finding]:
+    mean, rms = float(np.mean(x)), float(np.std(x))
+    for factor, mistake in _GRAVITIES:
+        if abs(abs(mean) / (GRAVITY * factor) - 1.0) < 0.03 and rms < 0.5 * GRAVITY * factor:
+            return [_unit(channel, f"the mean is {mean:.3g} m/s² where gravity would be 9.81: {mistake}?")]
+    if abs(abs(mean) - GRAVITY) < 0.3:
+        text = f"feels gravity (mean {mean:.4g} m/s²): remove it before integration"
+        return [Finding(channel, "gravity", "note", text, x.size, np.empty((0, 2)))]
+    on_support = channel.startswith(("tower", "nacelle", "hub", "foundation"))
+    if rms > 10.0 * GRAVITY and on_support:
+        return [
+            _unit(
+                channel, f"rms {rms:.3g} m/s² is {rms / GRAVITY:.3g} g, no support shakes so: mg, mm/s² or raw counts?"
+            )
+        ]
+    if channel.startswith("blade") and "kinematic" not in channel and rotor is not None and rotor.turns:
+        amplitude = _once_per_turn(record, values, rotor)
+        for factor, mistake in _GRAVITIES:
+            if abs(amplitude / (GRAVITY * factor) - 1.0) < 0.05 and amplitude > 1.2 * rms:
+                text = f"swings by {amplitude:.3g} m/s² once per turn where gravity would give 9.81: {mistake}?"
+                return [_unit(channel, text)]
+    return []
+
+
+def _once_per_turn(record: Record, values: Array, rotor: Rotor) -> float:
+    """Amplitude of a channel at 1P, from the angle that the rotor turned."""
+    ok = np.isfinite(values)
+    psi = np.concatenate([[0.0], np.cumsum(0.5 * (rotor.speed[1:] + rotor.speed[:-1]) * np.diff(record.time))])
+    return float(2.0 * np.abs(np.mean((values[ok] - values[ok].mean()) * np.exp(-1j * psi[ok]))))
+
+
+def _angle(record: Record, channel: str, kind: Kind, values: Array, x: Array) -> list[Finding]:
+    span = float(np.ptp(x))
+    drops = np.diff(x)
+    wraps = drops[np.abs(drops) > 0.5 * span] if span > 0.0 else drops[:0]
+    size = float(np.median(np.abs(wraps))) if wraps.size else 0.0
+    in_degrees = 300.0 < size < 361.0 and span < 361.0
+    if kind in ("direction", "yaw"):
+        in_degrees |= bool(np.abs(x).max() > 4.0 * np.pi and np.abs(x).max() <= 361.0)
+    elif kind == "pitch":
+        in_degrees |= bool(np.abs(x).max() > _TURN)
+    if in_degrees:
+        how = "wraps at 360" if size else f"reaches {np.abs(x).max():.3g}"
+        return [_unit(channel, f"{how} where radians would wrap at 6.28: degrees marked as rad?")]
+    if kind == "azimuth" and wraps.size >= 3 and 0.8 < size < 1.05 and span < 1.05:
+        return [_unit(channel, "wraps at 1 where radians would wrap at 6.28: turns marked as rad?")]
+    return []
+
+
+def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Finding]:
+    values = record["rotor_speed"]
+    usual = float(np.nanmedian(values))
+    if "rotor_azimuth" in record and _azimuth_speed(record) is not None:
+        return []  # the azimuth tells more, see below
+    if turbine is not None and turbine.rotor_speed > 0.0 and usual != 0.0:
+        ratio = abs(usual) / turbine.rotor_speed
+        for factor, mistake in _RATIOS[:3]:
+            # the machine may run away from its usual speed, but hardly this far
+            if abs(np.log(ratio / factor)) < 0.35 and abs(np.log(ratio)) > 1.0:
+                text = f"{usual:.4g} rad/s, where {turbine.name} turns at {turbine.rotor_speed:.4g}: {mistake}?"
+                return [
+                    _unit("rotor_speed", text, "warning" if factor > 1.0 else "note")
+                ]  # an idling rotor is slow too
+        return []
+    if abs(usual) > 30.0:
+        return [
+            _unit(
+                "rotor_speed",
+                f"{usual:.4g} rad/s is {usual * 60.0 / _TURN:.4g} rpm: rpm marked as rad/s, or the generator's speed?",
+            )
+        ]
+    if abs(usual) > 10.0:
+        return [
+            _unit(
+                "rotor_speed",
+                f"{usual:.4g} rad/s is {usual * 60.0 / _TURN:.4g} rpm, which only a small rotor does: make sure that it is not rpm",
+                "note",
+            )
+        ]
+    return []
+
+
+def _azimuth_speed(record: Record) -> float | None:
+    """Mean speed of the azimuth [rad/s]; None where it does not turn or its own unit is in doubt."""
+    values = record["rotor_azimuth"]
+    ok = np.isfinite(values)
+    if ok.sum() < 10:
+        return None
+    time, psi = record.time[ok], values[ok]
+    steps = np.mod(np.diff(psi) + np.pi, _TURN) - np.pi
+    near = np.diff(time) < 1.5 / record.rate
+    return float(np.median(steps[near] / np.diff(time)[near])) if near.any() else None
+
+
+def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Finding]:
+    values = record["rotor_azimuth"]
+    ok = np.isfinite(values)
+    time, psi = record.time[ok], values[ok]
+    unwrapped = np.diff(psi)
+    span = float(np.ptp(psi))
+    wraps = np.abs(unwrapped) > 0.5 * span
+    if wraps.any() and not 0.95 * _TURN < span < 1.05 * _TURN and np.sum(wraps) >= 3 and span < 400.0:
+        return []  # the unit is wrong: said already
+    own = _azimuth_speed(record)
+    if own is None:
+        return []
+    if own < -0.02:
+        return [
+            _contradiction(
+                "rotor_azimuth", f"runs backwards ({own:.3g} rad/s): count it in the sense of rotation", "warning"
+            )
+        ]
+    if not with_speed:
+        return []
+    speed = record["rotor_speed"][ok]
+    filled = np.interp(time, time[np.isfinite(speed)], speed[np.isfinite(speed)])
+    mean = float(np.median(filled))
+    found = []
+    if abs(mean) > 0.05 and abs(own / mean - 1.0) > 0.02:
+        ratio = mean / own if own else np.inf
+        mistake = next((f": {text}?" for factor, text in _RATIOS if abs(abs(ratio) / factor - 1.0) < 0.02), "")
+        text = f"turns at {own:.4g} rad/s, but rotor_speed says {mean:.4g} ({ratio:.4g} times as fast){mistake or ': check the unit of both'}"
+        return [_contradiction("rotor_azimuth", text, "warning")]
+    expected = 0.5 * (filled[1:] + filled[:-1]) * np.diff(time)
+    slip = np.mod(unwrapped - expected + np.pi, _TURN) - np.pi
+    # two glitches that cancel are a spike, reported as such; a slip stays
+    lasting = np.flatnonzero((np.abs(slip) > 0.3) & (np.abs(_around(slip)) > 0.3) & (np.diff(time) < 1.5 / record.rate))
+    if lasting.size:
+        spans = np.column_stack([time[lasting], time[lasting + 1]])
+        text = f"jumps by up to {np.max(np.abs(slip[lasting])):.2g} rad against rotor_speed in {lasting.size} places, {when(spans)}: the encoder slipped; use a section between them"
+        found.append(Finding("rotor_azimuth", "azimuth jumps", "warning", text, int(lasting.size), spans))
+    return found
+
+
+def _around(values: Array, reach: int = 6) -> Array:
+    """Sum of each value with its neighbours."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    index = np.arange(values.size)
+    return np.asarray(
+        total[np.minimum(index + reach + 1, values.size)] - total[np.maximum(index - reach, 0)], dtype=np.float64
+    )
+
+
+def _unit(channel: str, text: str, severity: Severity = "warning") -> Finding:
+    return Finding(channel, "unit", severity, text, 0, np.empty((0, 2)))
+
+
+def _contradiction(channel: str, text: str, severity: Severity) -> Finding:
+    return Finding(channel, "contradiction", severity, text, 0, np.empty((0, 2)))

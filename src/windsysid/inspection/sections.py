@@ -1,0 +1,294 @@
+"""Which part of a record to use: steady rotor and wind, no faults, and enough vibration to identify something from.
+
+The published study picked 500–600 s of a 600 s record by eye, "since the proposed mathematical model is the assumptions
+constant direction and speed of the wind". Here every window of that length is given penalties, each 1 where it begins
+to hurt, and the windows are ranked by their sum:
+
+    rotor speed    standard deviation / 5 % of the mean, and drift / 5 %
+    wind speed     standard deviation / 20 % of the mean, and drift / 20 %
+    direction      circular standard deviation / 15°
+    faults         share of samples with a fault or missing / 2 %
+    excitation     how many times the vibration is below the record's median (log2; a little credit above it), and how
+                   much it grows or fades
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.inspection.channels import VIBRATION, Kind
+from windsysid.inspection.health import Finding, joined
+from windsysid.inspection.plausibility import SLOWEST, Rotor
+from windsysid.records.record import Record
+from windsysid.units import RPM
+
+__all__ = ["Proposal", "propose"]
+
+
+MOST = 5
+PER_SECTION = 40
+"""Blocks in a section: windows start at each block."""
+
+ROTOR_LIMIT, WIND_LIMIT, DIRECTION_LIMIT, FAULT_LIMIT = 0.05, 0.20, np.radians(15.0), 0.02
+WEAK = 0.25
+"""Vibration below this many times the record's median is too little to identify from."""
+CHANGE_LIMIT = 2.0
+"""Vibration that grows or fades by more than this factor between the halves of a section is not stationary."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A section of the record: start and end [s], penalty (0 is best), what speaks for it and what against."""
+
+    start: float
+    end: float
+    penalty: float
+    reasons: tuple[str, ...]
+    against: tuple[str, ...]
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing speaks against it."""
+        return not self.against
+
+    def summary(self) -> dict[str, Any]:
+        """As plain values."""
+        return {
+            "start_s": self.start,
+            "end_s": self.end,
+            "good": self.good,
+            "penalty": self.penalty,
+            "reasons": list(self.reasons),
+            "against": list(self.against),
+        }
+
+    def __str__(self) -> str:
+        words = joined(self.reasons) if self.reasons else "nothing to judge it by"
+        return words + (f"; but {joined(self.against)}" if self.against else "")
+
+
+def propose(
+    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding], length: float
+) -> tuple[Proposal, ...]:
+    """At most five windows that do not overlap, those without objections first, then by penalty.
+
+    Parameters
+    ----------
+    known
+        The usable channels with their kinds.
+    length
+        Length of a section [s]; the whole record where it is shorter.
+    """
+    step = 1.0 / record.rate
+    whole = record.duration + step
+    length = min(length, whole)
+    blocks = PER_SECTION
+    size = length / blocks
+    count = int(whole / size * (1.0 + 1e-12))
+    edges = np.searchsorted(record.time, record.time[0] - 0.5 * step + size * np.arange(count + 1))
+    if count < blocks or np.any(edges[blocks:] - edges[:-blocks] < blocks):
+        blocks = min(blocks, count)
+        if blocks < 2:
+            return ()
+    windows = count - blocks + 1
+    starts = record.time[0] + size * np.arange(windows)
+    cut = _Blocks(edges, blocks)
+
+    penalty, reasons, against = np.zeros(windows), [[] for _ in range(windows)], [[] for _ in range(windows)]  # type: ignore[var-annotated]
+
+    def judge(scores: Array, words: Sequence[str], complaint: Sequence[str], limit: float = 1.0) -> None:
+        penalty[:] += scores
+        for w in range(windows):
+            (against if scores[w] > limit else reasons)[w].append(complaint[w] if scores[w] > limit else words[w])
+
+    if rotor is not None and rotor.turns:
+        mean, std, drift = cut.moments(rotor.speed, record.time)
+        parked = np.abs(mean) < SLOWEST
+        turning = np.where(parked, np.inf, np.abs(mean))
+        spread, drift = std / turning, np.abs(drift) / turning
+        rpm = np.abs(mean) * RPM
+        steady = [
+            "rotor parked"
+            if p
+            else f"rotor speed constant at {v:.3g} rpm"
+            if s < 1e-6
+            else f"rotor speed {v:.3g} rpm, steady within {_percent(s)}"
+            for v, s, p in zip(rpm, spread, parked, strict=True)
+        ]
+        unsteady = [
+            f"the rotor speed ({v:.3g} rpm) varies by {_percent(s)} and drifts by {_percent(d)}"
+            for v, s, d in zip(rpm, spread, drift, strict=True)
+        ]
+        judge(spread / ROTOR_LIMIT + 0.5 * drift / ROTOR_LIMIT, steady, unsteady, 1.5)
+    for channel in (name for name, kind in known.items() if kind == "wind speed"):
+        mean, std, drift = cut.moments(record[channel], record.time)
+        slow = np.maximum(np.abs(mean), 0.5)
+        words = [f"wind {m:.3g} ± {s:.2g} m/s" for m, s in zip(mean, std, strict=True)]
+        complaint = [f"{text}, drifting by {d:+.2g} m/s" for text, d in zip(words, drift, strict=True)]
+        judge(std / slow / WIND_LIMIT + 0.5 * np.abs(drift) / slow / WIND_LIMIT, words, complaint, 2.0)
+        break
+    for channel in (name for name, kind in known.items() if kind == "direction"):
+        spread = cut.circular_spread(record[channel])
+        words = [f"direction within ± {np.degrees(s):.2g}°" for s in spread]
+        judge(spread / DIRECTION_LIMIT, words, [f"the wind turns ({text})" for text in words])
+        break
+    _judge_faults(record, known, findings, cut, judge)
+    _judge_excitation(record, known, cut, judge)
+
+    order = sorted(range(windows), key=lambda w: (len(against[w]) > 0, penalty[w]))
+    chosen: list[int] = []
+    for w in order:
+        if all(abs(w - other) >= blocks for other in chosen):
+            chosen.append(w)
+        if len(chosen) == MOST:
+            break
+    return tuple(
+        Proposal(
+            round(float(starts[w]), 3), round(float(starts[w]) + blocks * size, 3), round(float(penalty[w]), 3),
+            tuple(reasons[w]), tuple(against[w]),
+        )
+        for w in chosen
+    )  # fmt: skip
+
+
+class _Blocks:
+    """Sums over blocks of samples, and from them over every window of some blocks."""
+
+    def __init__(self, edges: NDArray[np.int64], per_window: int):
+        self.edges, self.per_window = edges, per_window
+
+    def sums(self, values: Array) -> Array:
+        """Sum over each block; empty blocks give 0."""
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        return np.asarray(np.diff(total[self.edges]), dtype=np.float64)
+
+    def windows(self, block_sums: Array, blocks: int | None = None, offset: int = 0) -> Array:
+        """Sums over each window, or over `blocks` of its blocks from `offset` on."""
+        total = np.concatenate([[0.0], np.cumsum(block_sums)])
+        start = np.arange(block_sums.size - self.per_window + 1) + offset
+        return np.asarray(total[start + (blocks or self.per_window)] - total[start], dtype=np.float64)
+
+    def moments(self, values: Array, time: Array) -> tuple[Array, Array, Array]:
+        """Mean, standard deviation, and drift from start to end by least squares, of each window."""
+        ok = np.isfinite(values)
+        centre = float(np.mean(values[ok]))
+        x = np.where(ok, values - centre, 0.0)
+        t = np.where(ok, time - time.mean(), 0.0)
+        n, sx, sxx, st, stt, stx = (
+            self.windows(self.sums(q)) for q in (ok.astype(np.float64), x, x * x, t, t * t, t * x)
+        )
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = sx / n
+            variance = np.maximum(sxx / n - mean**2, 0.0)
+            variance = np.where(variance < 1e-13 * (centre + mean) ** 2, 0.0, variance)
+            slope = (stx - st * sx / n) / (stt - st * st / n)
+        duration = self.per_window * float(np.median(np.diff(time[np.minimum(self.edges, time.size - 1)])))
+        return mean + centre, np.sqrt(variance), np.where(variance > 0.0, slope, 0.0) * duration
+
+    def circular_spread(self, angle: Array) -> Array:
+        """Circular standard deviation [rad] of each window."""
+        ok = np.isfinite(angle)
+        n, c, s = (
+            self.windows(self.sums(np.where(ok, q, 0.0))) for q in (np.ones_like(angle), np.cos(angle), np.sin(angle))
+        )
+        length = np.clip(np.hypot(c, s) / np.maximum(n, 1.0), 1e-9, 1.0)
+        return np.asarray(np.sqrt(-2.0 * np.log(length)), dtype=np.float64)
+
+
+def _judge_faults(
+    record: Record, known: dict[str, Kind], findings: Sequence[Finding], cut: _Blocks, judge: Any
+) -> None:
+    """Share of samples that a fault touches; gaps count with the samples they lost."""
+    touched = np.zeros(record.samples + 1)
+    lost = np.zeros(record.samples)
+    kinds: dict[str, Array] = {}
+    for finding in findings:
+        matters = finding.channel in known and known[finding.channel] in (*VIBRATION, "azimuth", "rotor speed")
+        if not len(finding.spans) or not (matters or not finding.channel):
+            continue
+        low = np.searchsorted(record.time, finding.spans[:, 0], side="left")
+        high = np.searchsorted(record.time, finding.spans[:, 1], side="right")
+        if finding.kind == "gaps":
+            lost[np.minimum(high - 1, record.samples - 1)] += (
+                np.rint((finding.spans[:, 1] - finding.spans[:, 0]) * record.rate) - 1
+            )
+            kinds.setdefault("gaps", np.zeros(record.samples))[np.minimum(high - 1, record.samples - 1)] = 1.0
+            continue
+        marks = np.zeros(record.samples + 1)
+        np.add.at(marks, low, 1.0)
+        np.add.at(marks, high, -1.0)
+        touched += marks
+        marked = kinds.setdefault(finding.kind, np.zeros(record.samples))
+        np.maximum(marked, np.cumsum(marks)[:-1] > 0.0, out=marked)
+    faulty = (np.cumsum(touched)[:-1] > 0.0).astype(np.float64)
+    share = cut.windows(cut.sums(faulty + lost)) / np.maximum(cut.windows(cut.sums(1.0 + lost)), 1.0)
+    present = {kind: cut.windows(cut.sums(where)) > 0.0 for kind, where in kinds.items()}
+    words = []
+    for w in range(share.size):
+        here = [kind for kind, where in present.items() if where[w]]
+        words.append(f"{joined(here)} in {_percent(share[w])} of the samples" if here else "no gaps or faults")
+    judge(share / FAULT_LIMIT, words, words)
+
+
+def _judge_excitation(record: Record, known: dict[str, Kind], cut: _Blocks, judge: Any) -> None:
+    """Vibration of each window against the record's median, in the channels that vibrate."""
+    levels, changes = [], []
+    half = cut.per_window // 2
+    for channel in _few([name for name, kind in known.items() if kind in VIBRATION]):
+        values = record[channel]
+        ok = np.isfinite(values)
+        if not ok.any():
+            continue
+        x = np.where(ok, values - np.median(values[ok]), 0.0)
+        n, sx, sxx = (cut.sums(q) for q in (ok.astype(np.float64), x, x * x))
+
+        def rms(blocks: int | None = None, offset: int = 0, n: Array = n, sx: Array = sx, sxx: Array = sxx) -> Array:
+            number, total, squares = (cut.windows(q, blocks, offset) for q in (n, sx, sxx))
+            number = np.maximum(number, 1.0)
+            return np.sqrt(np.maximum(squares / number - (total / number) ** 2, 0.0))
+
+        whole, first, second = rms(), rms(half), rms(half, half)
+        usual = float(np.median(whole))
+        if usual > 0.0:
+            levels.append(whole / usual)
+            changes.append((second + 1e-9 * usual) / (first + 1e-9 * usual))
+    if not levels:
+        nothing = ["there is no channel in which vibration would show"] * (len(cut.edges) - cut.per_window)
+        judge(np.full(len(nothing), 2.0), nothing, nothing)
+        return
+    level = np.exp(np.mean(np.log(np.maximum(levels, 1e-9)), axis=0))
+    growth = np.log(np.maximum(changes, 1e-9))
+    factor = np.exp(np.sqrt(np.mean(growth**2, axis=0)))
+    words = [f"vibration {v:.2g} × the record's usual" if v.size else "" for v in level]
+    weak = -np.log2(level)
+    judge(
+        np.where(weak > 0.0, weak, np.maximum(0.25 * weak, -0.5)),
+        words,
+        [f"vibration only {v:.2g} × the record's usual" for v in level],
+        -np.log2(WEAK),
+    )
+    verb = ["grows" if g > 0.0 else "fades" for g in growth.mean(axis=0)]
+    penalty = 0.5 * np.log2(factor) / np.log2(CHANGE_LIMIT)
+    judge(
+        penalty,
+        ["equally strong in both halves" if f < 1.2 else f"it {v} by {f:.2g} × between the halves" for f, v in zip(factor, verb, strict=True)],
+        [f"the vibration {v} by {f:.2g} × between its halves (unless a decay is what you want)" for f, v in zip(factor, verb, strict=True)],
+        0.5,
+    )  # fmt: skip
+
+
+def _few(channels: Sequence[str], most: int = 12) -> list[str]:
+    """At most so many, spread over all."""
+    return (
+        list(channels)
+        if len(channels) <= most
+        else [channels[i] for i in np.linspace(0, len(channels) - 1, most).astype(int)]
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{float(f'{100.0 * share:.2g}'):g} %"

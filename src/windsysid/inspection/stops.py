@@ -1,0 +1,132 @@
+"""Stops of the rotor in a record: what vibrates after one decays without the air of a turning rotor, and so tells structural damping.
+
+A stop is a fall of the rotor speed from 60 % of the usual one to 10 % of it within a minute. Its section begins there and ends when the rotor turns again.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.inspection.channels import VIBRATION, Kind
+from windsysid.inspection.plausibility import SLOWEST, Rotor
+from windsysid.records.record import Record
+from windsysid.units import RPM
+
+__all__ = ["Stop", "find_stops"]
+
+
+RUNNING, STOPPED, STARTED = 0.6, 0.1, 0.2
+"""Shares of the usual rotor speed: above the first it runs, below the second it has stopped, above the third it turns again."""
+
+SUDDEN = 60.0
+"""Longest fall from running to stopped [s]."""
+
+SHORTEST, LONGEST = 30.0, 1200.0
+"""Length of a section after a stop [s]: a shorter one is not listed, a longer one is cut."""
+
+FIRST = 10.0
+"""Vibration right after the stop is that of so many seconds."""
+
+DECAYED = 1.5
+"""Vibration right after the stop over that of the section's second half, from which it is a decay."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A stop of the rotor and the section after it.
+
+    Attributes
+    ----------
+    start, end
+        Of the section after it [s].
+    rotor_speed
+        Before it [rad/s].
+    fall
+        From 60 % to 10 % of the usual rotor speed [s].
+    decay
+        How many times vibration falls from right after the stop to the section's second half, in the channel where it falls most.
+    channel
+        That channel; empty where none vibrates.
+    """
+
+    start: float
+    end: float
+    rotor_speed: float
+    fall: float
+    decay: float
+    channel: str
+
+    @property
+    def decays(self) -> bool:
+        """Whether the stop set off a vibration that dies away."""
+        return self.decay >= DECAYED
+
+    def summary(self) -> dict[str, Any]:
+        """As plain values."""
+        return {
+            "start_s": self.start, "end_s": self.end, "rotor_speed_before_rad_s": self.rotor_speed, "fall_s": self.fall,
+            "decay": self.decay, "channel": self.channel,
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        fell = f"from {self.rotor_speed * RPM:.3g} rpm in {self.fall:.2g} s"
+        if not self.channel:
+            return fell
+        dies = f"{self.channel} dies away {self.decay:.2g} ×"
+        return f"{fell}; {dies if self.decays else 'no vibration that dies away, the parked rotor all the same'}"
+
+
+def find_stops(record: Record, rotor: Rotor | None, known: dict[str, Kind]) -> tuple[Stop, ...]:
+    """Stops of the rotor, in order of time.
+
+    Parameters
+    ----------
+    rotor
+        How the rotor turned; without it no stop is found.
+    known
+        The usable channels with their kinds.
+    """
+    if rotor is None:
+        return ()
+    speed, time = np.abs(rotor.speed), record.time
+    turning = speed[speed > max(0.5 * np.percentile(speed, 99.0), SLOWEST)]
+    if not turning.size:
+        return ()
+    usual = float(np.median(turning))
+    stopped = speed < STOPPED * usual
+    entries = np.flatnonzero(stopped[1:] & ~stopped[:-1]) + 1
+    runs, turns = np.flatnonzero(speed > RUNNING * usual), np.flatnonzero(speed > STARTED * usual)
+    found: list[Stop] = []
+    for entry in entries:
+        before = np.searchsorted(runs, entry) - 1
+        if before < 0 or time[entry] - time[runs[before]] > SUDDEN or (found and found[-1].start > time[runs[before]]):
+            continue
+        again = np.searchsorted(turns, entry)
+        end = float(time[turns[again]] if again < len(turns) else time[-1])
+        start, end = float(time[entry]), min(end, float(time[entry]) + LONGEST)
+        if end - start >= SHORTEST:
+            channel, decay = _decay(record.section(start, end), known)
+            lasted = runs[: before + 1]
+            earlier = speed[lasted[time[lasted] > time[lasted[-1]] - SUDDEN]]
+            fall = float(time[entry] - time[lasted[-1]])
+            found.append(Stop(round(start, 3), round(end, 3), float(np.median(earlier)), fall, decay, channel))
+    return tuple(found)
+
+
+def _decay(section: Record, known: dict[str, Kind]) -> tuple[str, float]:
+    """The channel whose vibration falls most, and by how much."""
+    early = section.time < section.time[0] + FIRST
+    late = section.time > section.time[0] + 0.5 * section.duration
+    best = ("", 0.0)
+    for channel in (name for name, kind in known.items() if kind in VIBRATION):
+        first, last = (_rms(section[channel][part]) for part in (early, late))
+        if last > 0.0 and first / last > best[1]:
+            best = (channel, first / last)
+    return best
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.std(known)) if len(known) > 1 else 0.0

@@ -1,0 +1,166 @@
+"""How windsysid compiles: Numba's options in one place, decided by measurement (docs/decisions.md).
+
+`error_model="numpy"` drops the test before every division; the fast-math set leaves NaN alone, because NaN is data
+here.
+Kernels that take a model take it as a function *type*, so that they are compiled once and cached on disk for every
+model.
+"""
+
+import hashlib
+import pickle
+import re
+import sys
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import llvmlite
+import numba
+from numba import types
+
+from windsysid.kernels.cache import cache_folder, keep, kept, logger
+from windsysid.kernels.simd import LANE_MATRIX, LANE_VECTOR
+
+__all__ = [
+    "JACOBIAN",
+    "LANE_JACOBIAN",
+    "VALUE",
+    "called",
+    "compiled",
+    "inlined",
+    "pasted",
+    "uncounted",
+]
+
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz", "arcp"}, "nogil": True}
+
+_HELPER: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""A helper is compiled as a part of kernels and cannot be called from Python: code for that would take a sixth of a kernel's compile time."""
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+
+VALUE = types.void(_vector, _vector, _vector, _vector, _vector)
+"""Signature of a value kernel: (x, u, p, w) → value, written into the last argument."""
+
+JACOBIAN = types.void(_vector, _vector, _vector, _vector, _vector, _matrix, _matrix, _matrix)
+"""Signature of a kernel with derivatives: (x, u, p, w) → value, ∂/∂x, ∂/∂p (identified), ∂/∂w.
+
+Entries that are zero for every argument are never written: hand in zeroed matrices."""
+
+LANE_JACOBIAN = types.void(
+    LANE_VECTOR, _vector, LANE_VECTOR, LANE_VECTOR, LANE_VECTOR, LANE_MATRIX, LANE_MATRIX, LANE_MATRIX
+)
+"""The same for `LANES` models at once, on vectors (`windsysid.kernels.simd`); u is the same for all."""
+
+
+@lru_cache(maxsize=256)
+def _source(path: Path) -> tuple[bytes, tuple[str, ...]]:
+    """A digest of one source file, and the modules of windsysid that it imports, wherever in it."""
+    text = path.read_bytes()
+    found = {name.decode() for name in _IMPORT.findall(text)}
+    return hashlib.sha256(text).digest(), tuple(sorted(found))
+
+
+_IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+windsysid\.([\w.]+)", re.MULTILINE)
+_PACKAGE = Path(__file__).parents[1]
+
+
+def _sources(path: Path) -> dict[str, bytes]:
+    """Digests of a source file, of this one, and of all modules of windsysid that they import, directly or not.
+
+    A kernel holds the helpers and constants that it uses, and whatever it can use is among these.
+    """
+    digests: dict[str, bytes] = {}
+    waiting = {"": path, "kernels.jit": Path(__file__)}
+    while waiting:
+        name, file = waiting.popitem()
+        digests[name], imported = _source(file)
+        for other in imported:
+            place = _PACKAGE.joinpath(*other.split("."))
+            place = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+            if other not in digests and place.is_file():
+                waiting[other] = place
+    return digests
+
+
+class _Cache:
+    """What Numba asks of a dispatcher's cache, with one file for each kernel (`windsysid.kernels.cache`).
+
+    Numba's own cache has an index and numbered files, which two processes can mix up, and trusts whatever is in them.
+    """
+
+    def __init__(self, function: Callable[..., Any], stem: str) -> None:
+        self.cache_path = str(cache_folder() / "kernels")
+        self._name = re.sub(r"\W", "_", f"{function.__module__}.{function.__qualname__}")[:100]
+        self._stem = stem
+
+    def _path(self, signature: object, codegen: Any) -> Path:
+        text = f"{self._stem} {signature} {codegen.magic_tuple()}"
+        return Path(self.cache_path) / f"{self._name}_{hashlib.sha256(text.encode()).hexdigest()[:20]}.kernel"
+
+    def load_overload(self, signature: object, target: Any) -> Any:
+        """The compiled function, or None where it has to be compiled."""
+        from numba.core.compiler import CompileResult
+
+        target.refresh()
+        payload = kept(self._path(signature, target.codegen()))
+        if payload is None:
+            return None
+        try:
+            return CompileResult._rebuild(target, *pickle.loads(payload))
+        except Exception:  # whole, and yet not to be used: from another build of Numba or Python
+            logger.debug("kernel %s is compiled again", self._name, exc_info=True)
+            return None
+
+    def save_overload(self, signature: object, result: Any) -> None:
+        """Keep a compiled function, unless it holds addresses of this process."""
+        from numba.core.serialize import dumps
+
+        if not result.lifted and not result.library.has_dynamic_globals:
+            keep(self._path(signature, result.codegen), dumps(result._reduce()))
+
+    def flush(self) -> None:
+        """Forget nothing: what is out of date has another name."""
+
+
+def compiled(function: Callable[..., Any], signature: object, *, borrows: bool = False) -> Any:
+    """`function` compiled for one explicit signature, from the cache on disk where it can be, else anew.
+
+    A function that `borrows` its arrays counts no references to them, and can make none.
+    """
+    dispatcher = numba.njit(_nrt=not borrows, **_OPTIONS)(function)
+    path = Path(sys.modules[function.__module__].__file__ or "")
+    if path.is_file() and function.__closure__ is None:
+        versions = (numba.__version__, llvmlite.__version__, sys.version)
+        sources = sorted(_sources(path).items())
+        dispatcher._cache = _Cache(function, f"{versions} {sources} {function.__qualname__} {borrows}")
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    return dispatcher
+
+
+def inlined(function: _F) -> _F:
+    """A helper that is compiled as part of the kernels that call it: a call with a model's many arrays costs more than the work."""
+    helper: _F = numba.njit(forceinline=True, **_HELPER)(function)
+    return helper
+
+
+def uncounted(function: _F) -> _F:
+    """An `inlined` helper that counts no references to arrays, which can cost as much as the work: it cannot make any, its caller holds them."""
+    helper: _F = numba.njit(forceinline=True, _nrt=False, **_HELPER)(function)
+    return helper
+
+
+def pasted(function: _F) -> _F:
+    """An `uncounted` helper that is inlined before types are found: compiled in less time where it is small, in more where it is large."""
+    helper: _F = numba.njit(inline="always", _nrt=False, **_HELPER)(function)
+    return helper
+
+
+def called(function: _F) -> _F:
+    """An uncounted helper that stays a function of its own, for work that outweighs a call."""
+    helper: _F = numba.njit(forceinline=False, _nrt=False, **_HELPER)(function)
+    return helper

@@ -1,0 +1,173 @@
+"""What the loads may be like: a small family of named load models, each with the statistics that a record must tell.
+
+``broadband``
+    The turbine file's loads: a first-order Gauss–Markov process on each degree of freedom, independent of the others, and the rotor's
+    harmonics where the file lists them.
+``second-order``
+    The same with a second-order process, whose spectrum may have a hump and falls twice as fast.
+``rotor-wind``
+    What wind does to a turning rotor. Turbulence over the disc is a series in azimuth whose terms are uncorrelated and slow; the blades cut
+    through them, so that the force on each is
+
+        F_i = A_0 + Σ_{m=1}^{2N+1} (A_m cos mψ_i + B_m sin mψ_i) + R_i,        ψ_i = ψ + 2π(i−1)/N,
+
+    with R_i the small eddies that one blade meets alone. The same forces push the hub: a moment F about a blade's link is a force F/ℓ_m on the hub
+    that turns with the blade, ℓ_m = ℓ (m+1)/(m+1+ρ), further out for smaller eddies. What a force has that the moment has not (eddies near the hub) is a series
+    of its own in the terms that the hub feels, and small eddies of its own. Air that pushes hub and blades also damps them together: the coefficient
+    ``c_hub_blade`` of `windsysid.mechanics.RotorModel` is identified with the others.
+
+The spectra of A_m, B_m follow from frozen turbulence with exponential coherence (IEC 61400-1 ed. 4, annex C): what a ring of radius r sees in its m-th
+term is S(f) x/(π(x² + m²)), x = 12 r f/V, for S ∝ f^{−5/3} flat below a corner near m V/12r and steep above, and between two lines nP there is nothing but such skirts. One pole at the
+corner f₁ m^0.7 does for m ≥ 3; below, a second pole and a zero bend the skirt. What the moment does not tell of the force falls later, from 2.2 f₁ m^0.6.
+The constants were fitted to the sums over the blades of the scale model and of the NREL 5 MW turbine (docs/loads.md).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from windsysid.errors import ConfigurationError
+from windsysid.loads.hypothesis import LoadHypothesis, Values, with_level
+from windsysid.loads.rotor_forces import BladeForces, blade_force, rotor_harmonic
+from windsysid.loads.statistics import Statistic
+from windsysid.mechanics.rotor import RotorModel
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.statespace.load_model import LoadModel
+from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.process import Process, first_order, load_on, rational, second_order
+from windsysid.turbine.turbine import Turbine
+
+__all__ = [
+    "rotor_wind",
+]
+
+CORNER_POWER = 0.7
+"""Corner of the m-th term over that of the first: m to this power."""
+
+KNEE = 6.0
+"""Given value of the second pole of the first term, over its corner."""
+
+BENDS = ((0.55, 3.2), (1.0, 2.05), (1.4, 1.55))
+"""Of the terms m = 0, 1, 2: the second pole over that of the first, and the zero over the second pole."""
+
+SLOW_CORNER, SLOW_LEVEL = 0.33, 3.0
+"""Corner of the term m = 0, and level at zero frequency, over those of the first."""
+
+OWN_CORNER, OWN_POWER, OWN_FALL = 2.2, 0.6, 0.9
+"""Of what the hub feels alone: corner of its first term over f₁, powers of m by which corners rise and levels fall."""
+
+COUPLING = 0.5
+"""Prior standard deviation of c_hub_blade over the geometric mean of the damping of hub and blade."""
+
+
+def rotor_wind(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis:
+    """Wind on a turning rotor."""
+    rotor, v = turbine.model, turbine.values
+    names = tuple(dict.fromkeys(load.load for load in loads))
+    if turbine.rotor_speed == 0.0:
+        raise ConfigurationError(
+            "load model rotor-wind: expected a rotor that turns, got a parked one: choose broadband"
+        )
+    if not isinstance(rotor, RotorModel) or not loads:
+        raise ConfigurationError(
+            "load model rotor-wind: expected a rotor with blades of its own and loads that are not all measured; choose broadband"
+        )
+    hub = tuple(name for name in names if name in ("load_x", "load_y"))
+    both = bool(hub) and any(name.startswith("load_beta") for name in names)
+    to = BladeForces(names, rotor.blades, v["hinge_offset"], rotor.lean(v))
+    statistics = _rotor_statistics(turbine, loads, blades=both or not hub, hub=bool(hub), both=both)
+    given = {s.name: s.given for s in statistics} | {"load_lever": _lever(turbine), "load_lever_rise": LEVER_RISE}
+
+    def blocks(values: Values) -> tuple[LoadModel, ...]:
+        return _rotor_blocks(to, given | dict(values), hub)
+
+    if not both:
+        return LoadHypothesis("rotor-wind", "wind on the turning rotor", turbine, statistics, blocks)
+    coupled = replace(turbine, model=replace(rotor, air_couples=True), values={**v, "c_hub_blade": 0.0})
+    scale = math.sqrt(max(v[f"c_{hub[0].removeprefix('load_')}"] * v["c_beta_1"], 1e-300))
+    parameters = (Parameter("c_hub_blade", 0.0, COUPLING * scale, logarithmic=False, scale=scale),)
+    return LoadHypothesis("rotor-wind", "wind on the turning rotor", coupled, statistics, blocks, parameters)
+
+
+LEVER_RISE = 0.4
+"""Given value of ρ."""
+
+
+def _lever(turbine: Turbine) -> float:
+    """Given value of ℓ [m]: the centre of percussion of the first blade."""
+    return turbine.values["blade_inertia_1"] / turbine.values["blade_first_moment_1"]
+
+
+def _rotor_statistics(
+    turbine: Turbine, loads: Sequence[GaussMarkov], *, blades: bool, hub: bool, both: bool
+) -> tuple[Statistic, ...]:
+    """What must be learned of the wind's loads, with priors of the file's size."""
+    turn = turbine.rotor_speed / (2.0 * math.pi)
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
+    of_blades = [load.rms for load in loads if load.load.startswith("load_beta")]
+    of_hub = [load.rms for load in loads if load.load in ("load_x", "load_y")]
+    moment = of_blades[0] if of_blades else of_hub[0] * _lever(turbine)
+    found = [
+        Statistic("load_rms_wind", "N*m", moment, spread=1.5),
+        Statistic("load_corner", "Hz", 0.06 * turn, spread=0.7),
+        Statistic("load_fall", "1", 1.2, spread=0.3),
+        Statistic("load_knee", "1", KNEE, spread=0.3),
+    ]
+    if both:
+        found += [
+            Statistic("load_lever", "m", _lever(turbine), spread=0.3),
+            Statistic("load_lever_rise", "1", LEVER_RISE, spread=0.7),
+            Statistic("load_hub_share", "1", 0.25, spread=0.7),
+        ]
+    if blades:
+        found += [
+            Statistic("load_rms_eddies", "N*m", 0.3 * moment, spread=1.5),
+            Statistic("load_eddies_frequency", "Hz", 3.0 * fastest, spread=0.7),
+            Statistic("load_eddies_damping", "1", 0.7, spread=0.7),
+        ]
+    if hub:
+        found.append(Statistic("load_rms_hub", "N", 0.3 * of_hub[0], spread=1.5))
+    if hub and not blades:
+        found.append(Statistic("load_hub_time_constant", "s", 0.5 / (math.pi * fastest), spread=1.0))
+    return tuple(found)
+
+
+def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[LoadModel, ...]:
+    """The load states of wind on a turning rotor."""
+    N = to.blades
+    terms = range(2 * N + 2)
+    shapes = [_term(m, values) for m in terms]
+    size = values["load_rms_wind"] / math.sqrt(sum(shape.variance for shape in shapes))
+    levers = [values["load_lever"] * (m + 1) / (m + 1 + values["load_lever_rise"]) for m in terms]
+    blocks = [rotor_harmonic(shape.times(size), m, to, levers[m], f"wind_{m}P") for m, shape in enumerate(shapes)]
+    if "load_hub_share" in values:
+        for m in (m for m in terms if (m + 1) % N == 0 or (m - 1) % N == 0):  # which the hub feels
+            own = _own(m, values["load_corner"]).times(size * values["load_hub_share"])
+            blocks.append(rotor_harmonic(own, m, to, levers[m], f"hub_{m}P", moments=False))
+    if "load_rms_eddies" in values:
+        eddies = second_order(values["load_rms_eddies"], values["load_eddies_frequency"], values["load_eddies_damping"])
+        blocks += [blade_force(eddies, i, to, levers[-1], f"eddies_{i}") for i in range(1, N + 1)]
+    if hub:
+        if "load_rms_eddies" in values:
+            rest = second_order(values["load_rms_hub"], values["load_eddies_frequency"], values["load_eddies_damping"])
+        else:
+            rest = first_order(values["load_rms_hub"], values["load_hub_time_constant"])
+        blocks += [load_on(name, rest) for name in hub]
+    return tuple(block for block in blocks if block.outputs)
+
+
+def _term(m: int, values: Values) -> Process:
+    """The m-th term of the series in azimuth, its spectrum 1/m^{2 fall} at zero frequency."""
+    corner = 2.0 * math.pi * values["load_corner"]
+    pole = corner * (m**CORNER_POWER if m else SLOW_CORNER)
+    level = m ** -values["load_fall"] if m else SLOW_LEVEL
+    if m >= len(BENDS):
+        return with_level(first_order(1.0, 1.0 / pole), level)
+    second = BENDS[m][0] * values["load_knee"] * corner
+    return with_level(rational(1.0, [-pole, -second], [-BENDS[m][1] * second]), level)
+
+
+def _own(m: int, corner: float) -> Process:
+    """The m-th term of what the hub feels alone."""
+    pole = 2.0 * math.pi * OWN_CORNER * corner * m**OWN_POWER
+    return with_level(first_order(1.0, 1.0 / pole), m**-OWN_FALL)

@@ -1,0 +1,164 @@
+"""Statistics of loads and noise as parameters: what nobody knows beforehand, learned from the record.
+
+Wrong statistics ruin honest bands more than the choice of filter does, so they are identified with the coefficients: one rms for
+the loads on the support, one for those on the blades, one time constant (harmonics of the rotor have their own of either), and one noise level for each kind of sensor on either.
+Each is a factor on what the turbine file and the sensor list say.
+
+Of a first-order load with corner below the modes only the level rms²/τ of its spectrum is well seen; rms and time constant wander
+together. The coordinates η are therefore ln(rms² / τ)/2, ln τ and ln noise, relative to what was given.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.mechanics.sensors import Sensor
+from windsysid.mechanics.tower import DIRECTIONS
+from windsysid.statespace.gauss_markov import GaussMarkov
+
+__all__ = [
+    "Statistic",
+    "coordinates_of",
+    "learned_statistics",
+    "load_groups",
+    "moved_loads",
+    "moved_sensors",
+    "noise_groups",
+    "to_logarithms",
+    "values_of",
+]
+
+
+SPREAD, TIME_CONSTANT_SPREAD = 1.5, 0.7
+"""Prior standard deviations of η: levels may be wrong by a factor of four or five, the time constant by a factor of two."""
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """One statistic of the loads or the sensors.
+
+    Attributes
+    ----------
+    name, unit
+        ``load_rms_support``, ``load_time_constant``, ``noise_blade_acceleration`` …, SI unit.
+    given
+        What the turbine file or the sensor list says, or what its size should be: the median of the prior.
+    estimate, low, high
+        What the record says, with a ±2σ band; NaN until it has been learned.
+    spread
+        Prior standard deviation of its coordinate η.
+    """
+
+    name: str
+    unit: str
+    given: float
+    estimate: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
+    spread: float = SPREAD
+
+
+def load_groups(loads: Sequence[GaussMarkov]) -> tuple[Statistic, ...]:
+    """The statistics of loads as a turbine file lists them."""
+    found: dict[str, Statistic] = {}
+    for load in loads:
+        name = _load_group(load)
+        unit = "N*m" if name.startswith(("load_rms_roll", "load_rms_blades")) else "N"
+        found.setdefault(name, Statistic(name, unit, load.rms))
+    for load in loads:
+        name = _time_group(load)
+        found.setdefault(name, Statistic(name, "s", load.time_constant, spread=TIME_CONSTANT_SPREAD))
+    return tuple(found.values())
+
+
+def noise_groups(sensors: Sequence[Sensor]) -> tuple[Statistic, ...]:
+    """The statistics of the sensors' noise."""
+    found: dict[str, Statistic] = {}
+    for sensor in sensors:
+        found.setdefault(_sensor_group(sensor), Statistic(_sensor_group(sensor), sensor.unit, sensor.noise))
+    return tuple(found.values())
+
+
+def values_of(statistics: Sequence[Statistic], eta: Array) -> dict[str, float]:
+    """Value of each statistic by name, from its coordinates η (n,)."""
+    logarithms = to_logarithms(statistics) @ eta
+    return {s.name: s.given * math.exp(float(value)) for s, value in zip(statistics, logarithms, strict=True)}
+
+
+def coordinates_of(statistics: Sequence[Statistic], values: Mapping[str, float]) -> Array:
+    """η (n,) of values by name; those not named stay as given."""
+    logarithms = np.array([math.log(values.get(s.name, s.given) / s.given) for s in statistics])
+    return np.asarray(np.linalg.solve(to_logarithms(statistics), logarithms))
+
+
+def moved_loads(
+    statistics: Sequence[Statistic], values: Mapping[str, float], loads: Sequence[GaussMarkov]
+) -> tuple[GaussMarkov, ...]:
+    """The file's loads with the statistics that they have in `values`; those not among `statistics` as the file says."""
+    factor = {s.name: values[s.name] / s.given for s in statistics}
+    return tuple(
+        replace(
+            load,
+            rms=load.rms * factor[_load_group(load)],
+            time_constant=load.time_constant * factor.get(_time_group(load), 1.0),
+        )
+        for load in loads
+    )
+
+
+def moved_sensors(
+    statistics: Sequence[Statistic], values: Mapping[str, float], sensors: Sequence[Sensor]
+) -> tuple[Sensor, ...]:
+    """The sensors with the noise that it has in `values`."""
+    factor = {s.name: values[s.name] / s.given for s in statistics}
+    return tuple(
+        sensor.model_copy(update={"noise": sensor.noise * factor[_sensor_group(sensor)]}) for sensor in sensors
+    )
+
+
+def learned_statistics(statistics: Sequence[Statistic], eta: Array, cov: Array) -> tuple[Statistic, ...]:
+    """The statistics with estimates and ±2σ bands, from η (n,) and its covariance (n, n)."""
+    matrix = to_logarithms(statistics)
+    middle = matrix @ eta
+    std = np.sqrt(np.diag(matrix @ cov @ matrix.T))
+    learned = []
+    for s, value, e in zip(statistics, middle, std, strict=True):
+        low, estimate, high = (s.given * math.exp(float(value + k * e)) for k in (-2.0, 0.0, 2.0))
+        learned.append(replace(s, estimate=estimate, low=low, high=high))
+    return tuple(learned)
+
+
+def to_logarithms(statistics: Sequence[Statistic]) -> Array:
+    """The matrix that turns η into logarithms of factors: ln rms = η_level + η_τ / 2, the others as they are."""
+    names = [s.name for s in statistics]
+    matrix: Array = np.eye(len(names))
+    for row, name in enumerate(names):
+        line = "_" + name.rpartition("_")[2] if name.endswith("P") else ""
+        if name.startswith("load_rms") and _TIME + line in names:
+            matrix[row, names.index(_TIME + line)] = 0.5
+    return matrix
+
+
+def _load_group(load: GaussMarkov) -> str:
+    coordinate = load.load.removeprefix("load_")
+    support = {"x": "load_rms_support", "y": "load_rms_support", "roll": "load_rms_roll"}
+    tower = {name: f"load_rms_{name}" for name in DIRECTIONS}
+    return (support | tower).get(coordinate, "load_rms_blades") + _line(load)
+
+
+_TIME = "load_time_constant"
+
+
+def _time_group(load: GaussMarkov) -> str:
+    return _TIME + _line(load)
+
+
+def _line(load: GaussMarkov) -> str:
+    return f"_{load.harmonic}P" if load.harmonic else ""
+
+
+def _sensor_group(sensor: Sensor) -> str:
+    return f"noise_{'blade' if sensor.blade else 'tower'}_{sensor.quantity}"

@@ -1,0 +1,430 @@
+"""Modes of a rotor on its support, in the fixed frame, from stiffness and damping.
+
+Linearised about its motion, a rotor's equations still turn with it. Multi-blade coordinates (Coleman & Feingold 1958)
+
+    β_i = ξ_0 + Σ_n (ξ_nc cos nψ_i + ξ_ns sin nψ_i)  (+ (−1)^i ξ_d for even N),      q = T(ψ) ξ
+
+make them constant for three or more equal blades at constant Ω without gravity in the rotor plane, about β = 0. Everything else is Floquet's
+theory about the periodic motion that gravity and imbalance force (`windsysid.modal.floquet`); the multiple of Ω that it leaves open is
+found in multi-blade coordinates. Bands follow from the covariance of the coefficients by the delta method, with the exact derivatives
+
+    dλ/dθ = ⟨qᵀ(t) dA(t)/dθ p(t)⟩,      p(t) e^{λt} a mode, qᵀ(t) its row of the inverse of all of them,
+
+A being differentiated along the periodic motion, which θ moves too.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.compile import CompiledModel
+from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.tower import TowerModel
+from windsysid.modal.floquet import about_periodic_motion, resolve
+from windsysid.results.mode import Mode
+from windsysid.statespace.parameter import Parameter
+
+__all__ = ["Spectrum", "analyse", "modes", "modes_with_bands", "obstacles", "unlocked"]
+
+
+AZIMUTHS = 24
+"""Azimuths over which a turn is averaged."""
+
+STEP = 1e-4
+"""Of the central differences in θ, of the order of 1: A is linear or nearly so in what is identified."""
+
+ASIDE = (1e-3, 3e-3)
+"""Shares of the rotor speed by which to step aside from a narrow lock, to either side."""
+
+CIRCULAR = 0.8
+"""How round the orbit of the support must be to be called a whirl: 1 is a circle, 0 a line."""
+
+
+class Spectrum(NamedTuple):
+    """The modes at one rotor speed.
+
+    Attributes
+    ----------
+    exponents
+        λ (m,) [1/s] of the oscillating modes, imaginary parts positive, by rising magnitude.
+    names
+        Of the modes.
+    shapes
+        (m, n): displacements in multi-blade coordinates times the root of what they weigh, of unit length; of a periodic mode its largest harmonic.
+    slopes
+        dλ/dθ (m, n_θ).
+    growth
+        Largest real part [1/s] of all exponents, those that do not oscillate included.
+    method
+        ``Coleman``, ``Floquet``, or ``constant`` where nothing turns.
+    locked
+        Whether a mode stands at a multiple of Ω/2 that holds it: it is then two, of equal frequency, which coefficients do not move.
+    """
+
+    exponents: Complex
+    names: tuple[str, ...]
+    shapes: Complex
+    slopes: Complex
+    growth: float
+    method: str
+    locked: bool = False
+
+    @property
+    def frequency(self) -> Array:
+        """|λ| / 2π (m,) [Hz]."""
+        return np.asarray(np.abs(self.exponents) / (2.0 * math.pi))
+
+    @property
+    def damping(self) -> Array:
+        """−Re λ / |λ| (m,)."""
+        return np.asarray(-self.exponents.real / np.abs(self.exponents))
+
+    def frequency_and_damping_slopes(self) -> tuple[Array, Array]:
+        """Derivatives of `frequency` [Hz] and `damping` to θ, (m, n_θ) each."""
+        size = np.abs(self.exponents)[:, None]
+        along = (np.conj(self.exponents)[:, None] * self.slopes).real / size
+        return along / (2.0 * math.pi), (-self.slopes.real + (self.exponents.real[:, None] / size) * along) / size
+
+
+def obstacles(rotor: RotorModel | TowerModel, values: dict[str, float]) -> list[str]:
+    """Why the Coleman transform does not make this rotor's equations constant, a phrase each; empty where it does."""
+    if isinstance(rotor, TowerModel) or (rotor.lag == "locked" and rotor.roll == "locked"):
+        return []
+    found = []
+    least = 3 if rotor.lag == "free" else 2
+    if rotor.blades < least:
+        found.append("one blade" if rotor.blades == 1 else f"{rotor.blades} blades")
+    for name in ("blade_mass", "blade_first_moment", "blade_inertia", "k_beta", "c_beta"):
+        each = [values[f"{name}_{i}"] for i in rotor.blade_numbers]
+        if max(each) != min(each) and (rotor.lag == "free" or name.startswith("blade")):
+            found.append(f"blades differ in {name}")
+    if values["gravity"] != 0.0 and rotor.lag == "free":
+        found.append("gravity in the rotor plane")
+    if values["eccentricity"] != 0.0:
+        found.append("an eccentric hub")
+    return found
+
+
+def analyse(
+    rotor: RotorModel | TowerModel,
+    model: CompiledModel,
+    p: Array,
+    rotor_speed: float,
+    directions: Array | None = None,
+    *,
+    method: Literal["Coleman", "Floquet"] | None = None,
+) -> Spectrum:
+    """The modes at one rotor speed, by Coleman's transform where it applies and by Floquet's theory elsewhere.
+
+    Parameters
+    ----------
+    rotor, model
+        The rotor, or a tower under a rigid one, and the same compiled.
+    p
+        All its parameters (n_p,), SI.
+    rotor_speed
+        Ω [rad/s]; a standing rotor has blade 1 at azimuth 0.
+    directions
+        ∂p/∂θ (n_θ, n_p), for the slopes; none by default.
+    method
+        One of the two, wanted or not. Coleman's transform averages what is left of an inequality of three or more blades over a turn, gravity off: wrong by
+        1e-5 to 5e-4 of a frequency on the packaged turbines, which is many standard deviations of a free decay.
+
+    Raises
+    ------
+    ConfigurationError
+        If Floquet's theory has nothing to say here: no periodic motion, or a turn too slow.
+    """
+    if directions is None:
+        directions = np.zeros((0, len(p)))
+    if isinstance(rotor, TowerModel):
+        return _constant(_Frame(rotor, model, p, 0.0), directions, np.zeros(1), "constant")
+    values = dict(zip(model.parameters, (float(v) for v in p), strict=True))
+    if method != "Floquet" and not obstacles(rotor, values):
+        return _constant(_Frame(rotor, model, p, rotor_speed), directions, np.zeros(1), "Coleman")
+    if method == "Coleman" and (rotor.blades >= 3 or rotor.lag == "locked"):
+        p = p.copy()
+        p[model.parameters.index("gravity")] = 0.0
+        turn = np.arange(AZIMUTHS) * 2.0 * math.pi / AZIMUTHS
+        return _constant(_Frame(rotor, model, p, rotor_speed), directions, turn, "Coleman")
+    if rotor_speed == 0.0:
+        return _standing(_Frame(rotor, model, p, 0.0), directions)
+    return _turning(_Frame(rotor, model, p, rotor_speed), directions)
+
+
+def unlocked(
+    rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
+) -> Spectrum:
+    """`analyse`, and where a mode is locked to the rotor, so narrowly that its band would vanish, the mean of what stands a hair to either side."""
+    found = analyse(rotor, model, p, rotor_speed, directions)
+    for share in ASIDE if found.locked else ():
+        above, below = (analyse(rotor, model, p, (1.0 + s) * rotor_speed, directions) for s in (share, -share))
+        if not (above.locked or below.locked) and above.names == below.names:
+            exponents, slopes = 0.5 * (above.exponents + below.exponents), 0.5 * (above.slopes + below.slopes)
+            return above._replace(exponents=exponents, slopes=slopes, growth=found.growth)
+    return found
+
+
+def _known(
+    rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
+) -> Spectrum:
+    """`unlocked`, and where Floquet's theory has nothing to say of a slow turn, what an average over the turn says."""
+    try:
+        return unlocked(rotor, model, p, rotor_speed, directions)
+    except ConfigurationError:
+        return analyse(rotor, model, p, rotor_speed, directions, method="Coleman")
+
+
+def modes(
+    rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float
+) -> list[tuple[str, float, float]]:
+    """Name, frequency [Hz] and damping ratio of every oscillating mode, by rising frequency; slight inequality averaged (`analyse`): to label a spectrum."""
+    return _rows(analyse(rotor, model, p, rotor_speed, method="Coleman"))
+
+
+def _rows(found: Spectrum) -> list[tuple[str, float, float]]:
+    return [(n, float(f), float(z)) for n, f, z in zip(found.names, found.frequency, found.damping, strict=True)]
+
+
+def modes_with_bands(
+    rotor: RotorModel | TowerModel,
+    model: CompiledModel,
+    p: Array,
+    rotor_speed: float,
+    parameters: Sequence[Parameter],
+    theta: Array,
+    cov: Array,
+    reference: Array,
+) -> tuple[Mode, ...]:
+    """Modes with ±2σ bands from the covariance of θ (n_θ, n_θ) around `theta` (n_θ,): what `windsysid.modal.sweep.find_modes` gives at that speed.
+
+    `p` and `reference` (n_p,) are the identified and the reference values of all parameters. Empty where there are no modes to be had
+    (two blades without a periodic motion).
+    """
+    p = p.copy()
+    p[[model.parameters.index(q.name) for q in parameters]] = [
+        float(q.physical(t)) for q, t in zip(parameters, theta, strict=True)
+    ]
+    along = directions_of(model, parameters, theta)
+    try:
+        centre = _known(rotor, model, p, rotor_speed, along)
+        known = {name: (f, z) for name, f, z in _rows(_known(rotor, model, reference, rotor_speed))}
+    except ConfigurationError:
+        return ()
+    halves = [
+        2.0 * np.sqrt(np.einsum("mi,ij,mj->m", slope, cov, slope).clip(0.0))
+        for slope in centre.frequency_and_damping_slopes()
+    ]
+    return tuple(
+        Mode(name, (f, f - df, f + df), (z, z - dz, z + dz), known.get(name))
+        for name, f, z, df, dz in zip(
+            centre.names, *(v.tolist() for v in (centre.frequency, centre.damping, *halves)), strict=True
+        )
+    )
+
+
+def directions_of(model: CompiledModel, parameters: Sequence[Parameter], theta: Array) -> Array:
+    """∂p/∂θ (n_θ, n_p) at `theta` (n_θ,)."""
+    along = np.zeros((len(parameters), len(model.parameters)))
+    for row, q, t in zip(along, parameters, theta, strict=True):
+        row[model.parameters.index(q.name)] = float(q.physical(t)) if q.logarithmic else q.scale
+    return along
+
+
+class _Frame:
+    """A rotor at one speed: its Jacobians along a motion, and the way to multi-blade coordinates."""
+
+    def __init__(self, rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float) -> None:
+        self.rotor, self.model, self.p, self.speed = rotor, model, p, rotor_speed
+        self.n = len(rotor.coordinates)
+        self.values = dict(zip(model.parameters, (float(v) for v in p), strict=True))
+
+    def rates(self, psi: Array, x: Array | None = None, p: Array | None = None) -> tuple[Array, Array]:
+        """ẋ (K, 2n) and ∂ẋ/∂x (K, 2n, 2n) at azimuths ψ (K,) and states (K, 2n), at rest by default, under no loads."""
+        model, size = self.model, (len(psi), 2 * self.n)
+        x, p = np.zeros(size) if x is None else np.ascontiguousarray(x), self.p if p is None else p
+        inputs = np.zeros((len(psi), len(model.inputs)))
+        if isinstance(self.rotor, RotorModel):
+            inputs[:, 0], inputs[:, 1] = psi, self.speed
+        value, slope = np.empty(size), np.zeros((*size, 2 * self.n))
+        w, B, G = (np.zeros(shape) for shape in (self.n, (2 * self.n, len(model.identified)), (2 * self.n, self.n)))
+        for k in range(len(psi)):
+            model.rates_jacobian(x[k], inputs[k], p, w, value[k], slope[k], B, G)
+        return value, slope
+
+    def moved(
+        self, psi: Array, directions: Array, x: Array | None = None, dx: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Derivatives of `rates` along ∂p/∂θ (n_θ, n_p), the motion moving by dx (K, 2n, n_θ): (K, 2n, n_θ), (n_θ, K, 2n, 2n)."""
+        pushes, slopes = [np.zeros((len(psi), 2 * self.n, 0))], []
+        for i, direction in enumerate(directions):
+            shift = 0.0 if dx is None else STEP * dx[:, :, i]
+            base = np.zeros((len(psi), 2 * self.n)) if x is None else x
+            above = self.rates(psi, base + shift, self.p + STEP * direction)
+            below = self.rates(psi, base - shift, self.p - STEP * direction)
+            pushes.append(((above[0] - below[0]) / (2.0 * STEP))[:, :, None])
+            slopes.append((above[1] - below[1]) / (2.0 * STEP))
+        return np.concatenate(pushes, axis=2), np.array(slopes).reshape(-1, len(psi), 2 * self.n, 2 * self.n)
+
+    def multi_blade(self, psi: Array) -> tuple[Array, Array]:
+        """S (K, 2n, 2n) of [q, q̇] = S [ξ, ξ̇], and Ṡ."""
+        T, n = multi_blade(self.rotor, psi), self.n
+        S, rate = np.zeros((2, len(psi), 2 * n, 2 * n))
+        S[:, :n, :n] = S[:, n:, n:] = T[0]
+        S[:, n:, :n] = rate[:, :n, :n] = rate[:, n:, n:] = self.speed * T[1]
+        rate[:, n:, :n] = self.speed**2 * T[2]
+        return S, rate
+
+    def spectrum(
+        self, exponents: Complex, shapes: Complex, slopes: Complex, growth: float, method: str, weights: Array
+    ) -> Spectrum:
+        """Of exponents (m,) with shapes (n, m) and slopes (m, n_θ): those that oscillate, named, by rising magnitude."""
+        lower = exponents.imag < 0.0
+        exponents, shapes, slopes = (
+            np.where(lower, np.conj(exponents), exponents),
+            np.where(lower, np.conj(shapes), shapes),
+            np.where(lower[:, None], np.conj(slopes), slopes),
+        )
+        size = np.abs(exponents)
+        order = np.array([i for i in np.argsort(size) if exponents[i].imag > 1e-9 * size.max()], dtype=np.intp)
+        weighted = np.sqrt(weights)[:, None] * shapes[:, order]
+        weighted /= np.linalg.norm(weighted, axis=0)
+        names = _names(self.rotor, np.conj(weighted) if self.speed < 0.0 else weighted)
+        return Spectrum(exponents[order], tuple(names), weighted.T, slopes[order], growth, method)
+
+    def weights(self) -> Array:
+        """What each multi-blade coordinate weighs (n,): masses, and inertia for the blades."""
+        rotor, v = self.rotor, self.values
+        if isinstance(rotor, TowerModel):
+            return np.array([v[f"mass_{name}"] for name in rotor.coordinates])
+        blades = sum(v[f"blade_mass_{i}"] for i in rotor.blade_numbers)
+        lag = sum(v[f"blade_inertia_{i}"] for i in rotor.blade_numbers)
+        support = {"x": v["hub_mass_x"] + blades, "y": v["hub_mass_y"] + blades, "roll": rotor.inertia("roll", v)}
+        weights = [support[name] for name in rotor.coordinates if name in support]
+        if rotor.lag == "free":
+            N = rotor.blades
+            weights += [lag, *([0.5 * lag] * (2 * ((N - 1) // 2))), *([lag] if N % 2 == 0 else [])]
+        return np.array(weights)
+
+
+def _constant(frame: _Frame, directions: Array, psi: Array, method: str) -> Spectrum:
+    """Modes at rest, from the system matrix in multi-blade coordinates, averaged over azimuths."""
+    S, rate = frame.multi_blade(psi)
+    system = np.linalg.solve(S, frame.rates(psi)[1] @ S - rate).mean(axis=0)
+    moved = np.linalg.solve(S, frame.moved(psi, directions)[1] @ S).mean(axis=1)
+    return _of_matrix(frame, system, moved, method)
+
+
+def _standing(frame: _Frame, directions: Array) -> Spectrum:
+    """Modes of a standing rotor about its static equilibrium."""
+    psi = np.zeros(1)
+    x = np.zeros((1, 2 * frame.n))
+    for _ in range(20):
+        value, slope = frame.rates(psi, x)
+        try:
+            correction = np.asarray(np.linalg.solve(slope, value[:, :, None])[:, :, 0], dtype=np.float64)
+        except np.linalg.LinAlgError:
+            raise ConfigurationError(
+                "the standing rotor has no equilibrium: give it stiffness, or choose a rotor speed"
+            ) from None
+        x -= correction
+        if np.abs(correction).max() <= 1e-13 + 1e-11 * np.abs(x).max():
+            break
+    pushes, _ = frame.moved(psi, directions, x)
+    dx = np.asarray(-np.linalg.solve(slope, pushes), dtype=np.float64)
+    S, _ = frame.multi_blade(psi)
+    system = np.linalg.solve(S, slope @ S)[0]
+    moved = np.asarray(np.linalg.solve(S, frame.moved(psi, directions, x, dx)[1] @ S)[:, 0], dtype=np.float64)
+    return _of_matrix(frame, system, moved, "constant")
+
+
+def _of_matrix(frame: _Frame, system: Array, moved: Array, method: str) -> Spectrum:
+    """The spectrum of a constant system (2n, 2n) with derivatives (n_θ, 2n, 2n)."""
+    exponents, vectors = (v.astype(np.complex128) for v in np.linalg.eig(system))
+    upper = exponents.imag >= 0.0
+    slopes = np.zeros((len(exponents), len(moved)), dtype=np.complex128)
+    if len(moved):
+        slopes = np.einsum("mi,tij,jm->mt", np.linalg.pinv(vectors), moved, vectors)
+    shapes = vectors[: frame.n, upper]
+    return frame.spectrum(exponents[upper], shapes, slopes[upper], float(exponents.real.max()), method, frame.weights())
+
+
+def _turning(frame: _Frame, directions: Array) -> Spectrum:
+    """Modes about the periodic motion of the turning rotor, by Floquet's theory."""
+    speed, states = abs(frame.speed), 2 * frame.n
+    period = 2.0 * math.pi / speed
+    x, found = about_periodic_motion(lambda time, x: frame.rates(frame.speed * time, x), period, states)
+    psi = frame.speed * found.time
+    slopes = np.zeros((states, len(directions)), dtype=np.complex128)
+    if len(directions):
+        dx = found.response(frame.moved(psi, directions, x)[0])
+        moved, rows = frame.moved(psi, directions, x, dx)[1], found.rows
+        slopes = np.stack([np.einsum("kmi,kij,kjm->m", rows, each, found.shapes) / len(psi) for each in moved], axis=1)
+    upper = found.exponents.imag >= 0.0
+    shapes = np.asarray(
+        np.linalg.solve(multi_blade(frame.rotor, psi)[0], found.shapes[:, : frame.n, upper]), dtype=np.complex128
+    )
+    weights = frame.weights()
+    multiples, standing = resolve(shapes, weights)
+    exponents = found.exponents[upper] + 1j * speed * multiples
+    spectrum = frame.spectrum(exponents, standing, slopes[upper], float(found.exponents.real.max()), "Floquet", weights)
+    halves = 2.0 * spectrum.exponents.imag / speed
+    return spectrum._replace(locked=bool(np.any(np.abs(halves - np.rint(halves)) < 1e-12)))
+
+
+def multi_blade(rotor: RotorModel | TowerModel, psi: Array) -> Array:
+    """T(ψ) with its first and second derivative to ψ (3, K, n, n), at azimuths (K,); the support's rows are the identity."""
+    n = len(rotor.coordinates)
+    T = np.zeros((3, len(psi), n, n))
+    T[0] = np.eye(n)
+    if isinstance(rotor, RotorModel) and rotor.lag == "free":
+        N, support = rotor.blades, n - rotor.blades
+        T[0, :, support:, support:] = 0.0
+        for b in range(N):
+            row, angle = support + b, psi + 2.0 * math.pi * b / N
+            T[0, :, row, support] = 1.0
+            for k in range(1, (N - 1) // 2 + 1):
+                column = support + 2 * k - 1
+                c, s = np.cos(k * angle), np.sin(k * angle)
+                T[:, :, row, column] = c, -k * s, -k * k * c
+                T[:, :, row, column + 1] = s, k * c, -k * k * s
+            if N % 2 == 0:
+                T[0, :, row, -1] = (-1.0) ** b
+    return T
+
+
+def _names(rotor: RotorModel | TowerModel, shapes: Complex) -> list[str]:
+    """A name for each weighted mode shape (n, m), from where its energy sits and which way it whirls."""
+    names = [_name(rotor, shape) for shape in shapes.T]
+    return [
+        name if names.count(name) == 1 else f"{name} ({names[: i + 1].count(name)})" for i, name in enumerate(names)
+    ]
+
+
+def _name(rotor: RotorModel | TowerModel, shape: Complex) -> str:
+    start = len(rotor.coordinates) - (rotor.blades if isinstance(rotor, RotorModel) and rotor.lag == "free" else 0)
+    support = {name: i for i, name in enumerate(rotor.coordinates[:start])}
+    energy = {f"tower {name.replace('_', '-')}": abs(shape[i]) ** 2 for name, i in support.items()}
+    if {"x", "y"} <= set(support):
+        whirl, roundness = _whirl(shape[support["x"]], shape[support["y"]])
+        if roundness > CIRCULAR:
+            energy[f"tower {whirl}"] = energy.pop("tower x") + energy.pop("tower y")
+    if isinstance(rotor, RotorModel) and rotor.lag == "free":
+        N = rotor.blades
+        energy["lag collective" if N > 1 else "lag"] = abs(shape[start]) ** 2
+        for k in range(1, (N - 1) // 2 + 1):
+            c, s = shape[start + 2 * k - 1], shape[start + 2 * k]
+            energy[f"lag {_whirl(c, s)[0]}{'' if k == 1 else f' {k}'}"] = abs(c) ** 2 + abs(s) ** 2
+        if N % 2 == 0:
+            energy["lag differential"] = abs(shape[-1]) ** 2
+    return max(energy, key=lambda key: energy[key])
+
+
+def _whirl(c: complex, s: complex) -> tuple[str, float]:
+    """Which way the orbit Re (c, s) e^{iωt} turns, and how round it is."""
+    area, size = float((np.conj(c) * s).imag), abs(c) ** 2 + abs(s) ** 2
+    return "forward" if area < 0.0 else "backward", 2.0 * abs(area) / size if size > 0.0 else 0.0

@@ -1,0 +1,314 @@
+"""The Campbell diagram: modes against rotor speed, and their distance from the rotor's harmonics."""
+
+import json
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.modal.stability import GroundResonance, Unstable
+from windsysid.modal.tracking import Curve
+from windsysid.output.answers import Answer
+from windsysid.results.identification import finite
+from windsysid.results.posterior import SIGMAS
+from windsysid.units import RPM
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+__all__ = ["Campbell", "Margin"]
+
+Triple = tuple[float, float, float]
+
+
+class Margin(NamedTuple):
+    """How far a mode stays from the harmonic nP over the operating range.
+
+    Attributes
+    ----------
+    mode, order
+        Name of the mode, n.
+    distance
+        f / nP − 1 where it is least, with its band; zero where the mode crosses nP.
+    speed
+        Where that is, with the band of a crossing [rad/s].
+    crosses
+        Whether the mode crosses nP within the operating range.
+    """
+
+    mode: str
+    order: int
+    distance: Triple
+    speed: Triple
+    crosses: bool
+
+    @property
+    def certain(self) -> bool:
+        """Whether the band stays away from the harmonic too."""
+        return not self.crosses and self.distance[1] * self.distance[2] > 0.0
+
+    def text(self) -> str:
+        """The distance, or the speed of the crossing, with its band."""
+        if self.crosses:
+            return f"crosses at {_band(self.speed, RPM)} rpm"
+        return f"{_band(self.distance, 100.0, 1.0, '+')} %"
+
+
+@dataclass(frozen=True, eq=False)
+class Campbell(Answer):
+    """Modes of a turbine against rotor speed, and what follows.
+
+    Attributes
+    ----------
+    turbine, record
+        Names; no record for a turbine file.
+    banded
+        Whether there is a posterior, and so bands.
+    speeds, usual
+        Rotor speeds (S,) [rad/s], and which of them is the usual or the record's mean one.
+    operating
+        Least and greatest operating speed [rad/s].
+    orders
+        The harmonics n of nP.
+    curves
+        The modes, by frequency at the usual speed.
+    unstable
+        Ranges within `speeds` in which something grows.
+    ground_resonance
+        For each direction of the support that moves.
+    method
+        ``Coleman``, ``Floquet`` or ``constant``.
+    notes
+        What a reader must know.
+    """
+
+    turbine: str
+    record: str | None
+    banded: bool
+    speeds: Array
+    usual: int
+    operating: tuple[float, float]
+    orders: tuple[int, ...]
+    curves: tuple[Curve, ...]
+    unstable: tuple[Unstable, ...]
+    ground_resonance: tuple[GroundResonance, ...]
+    method: str
+    notes: tuple[str, ...]
+
+    @cached_property
+    def margins(self) -> tuple[Margin, ...]:
+        """Of every mode from every harmonic, over the operating range."""
+        low, high = self.operating
+        inside = (self.speeds >= low * (1 - 1e-12)) & (self.speeds <= high * (1 + 1e-12)) & (self.speeds > 0.0)
+        found = []
+        for curve in self.curves:
+            seen = inside & np.isfinite(curve.frequency)
+            if seen.any():
+                f, std, speed = curve.frequency[seen], curve.frequency_std[seen], self.speeds[seen]
+                found += [_margin(curve.name, order, f, std, speed) for order in self.orders]
+        return tuple(found)
+
+    @property
+    def least_damping(self) -> tuple[str, float, Triple]:
+        """Name of the least damped mode over all speeds, where [rad/s], and its damping ratio with the band."""
+        curve = min(self.curves, key=lambda c: float(np.nanmin(c.damping)))
+        i = int(np.nanargmin(curve.damping))
+        if curve.damping[self.usual] <= curve.damping[i] + 1e-9:  # the same everywhere, or nowhere less
+            i = self.usual
+        return curve.name, float(self.speeds[i]), curve.at(i)[1]
+
+    @property
+    def sentences(self) -> list[str]:
+        """What there is to say: harmonics, stability, ground resonance."""
+        return [self._harmonics(), self._stability(), *(self._ground_resonance(g) for g in self.ground_resonance)]
+
+    def _harmonics(self) -> str:
+        if not self.orders:
+            return "The rotor is parked: it has no harmonics that a mode could meet."
+        low, high = (value * RPM for value in self.operating)
+        over = f"from {low:.3g} to {high:.3g} rpm" if low < high else f"at {low:.3g} rpm"
+        crossed = [m for m in self.margins if m.crosses]
+        if crossed:
+            each = "; ".join(f"{m.mode} meets {m.order}P at {_band(m.speed, RPM)} rpm" for m in crossed)
+            return f"Resonance {over}: {each}."
+        nearest = min(self.margins, key=lambda m: abs(m.distance[0]))
+        d = nearest.distance
+        size = _band(d if d[0] > 0.0 else (-d[0], -d[2], -d[1]), 100.0, 1.0)
+        harmonics = " or ".join((", ".join(f"{n}P" for n in self.orders[:-1]), f"{self.orders[-1]}P"))
+        doubtful = [f"{m.mode} and {m.order}P" for m in self.margins if not m.certain]
+        sure = f" Within the bands they may: {', '.join(doubtful)}." if doubtful else ""
+        return (
+            f"No mode meets {harmonics} {over}: the nearest is {nearest.mode}, {size} % {'above' if d[0] > 0.0 else 'below'} {nearest.order}P "
+            f"at {nearest.speed[0] * RPM:.3g} rpm.{sure}"
+        )
+
+    def _stability(self) -> str:
+        low, high = self.speeds[0] * RPM, self.speeds[-1] * RPM
+        if self.unstable:
+            each = "; ".join(
+                f"{u.low * RPM:.1f} … {u.high * RPM:.1f} rpm, growth up to {u.growth:.3g} 1/s at {u.worst * RPM:.1f} rpm"
+                for u in self.unstable
+            )
+            return f"Unstable between {low:.3g} and {high:.3g} rpm: {each}."
+        name, speed, damping = self.least_damping
+        text = f"{_band(damping, 100.0)} %, {name} at {speed * RPM:.3g} rpm"
+        if damping[0] < 1e-6:
+            return f"Nothing grows from {low:.3g} to {high:.3g} rpm, but {name} is not damped at {speed * RPM:.3g} rpm."
+        doubt = "" if damping[1] > 0.0 else "; within its band it may grow"
+        return f"Every mode is damped from {low:.3g} to {high:.3g} rpm: the least by {text}{doubt}."
+
+    def _ground_resonance(self, g: GroundResonance) -> str:
+        meets = f"Ground resonance: lag meets the support in {g.support} at {_band(g.speed, RPM)} rpm, "
+        if g.margin[0] == 0.0:
+            where = "within the operating range"
+        else:
+            size = _band(g.margin if g.margin[0] > 0.0 else (-g.margin[0], -g.margin[2], -g.margin[1]), 100.0, 10.0)
+            where = f"{size} % {'above' if g.margin[0] > 0.0 else 'below'} the operating range"
+        then = "a mode grows there" if g.growing else f"least damping there {_band(g.damping, 100.0)} %"
+        return f"{meets}{where}; {then}."
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Of the table."""
+        at = f"{self.speeds[self.usual] * RPM:.3g} rpm"
+        return ("mode", f"Hz at {at}", "damping [%]", *(f"from {n}P" for n in self.orders))
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """Of the table: each mode at the usual speed, and its distance from each harmonic over the operating range."""
+        margins = {(m.mode, m.order): m for m in self.margins}
+        rows = []
+        for curve in self.curves:
+            f, z = curve.at(self.usual)
+            seen = math.isfinite(f[0])
+            if not seen and not any((curve.name, n) in margins for n in self.orders):
+                continue  # it oscillates at other speeds only
+            rows.append(
+                (
+                    curve.name,
+                    _band(f) if seen else "–",
+                    _band(z, 100.0) if seen else "–",
+                    *(margins[curve.name, n].text() if (curve.name, n) in margins else "–" for n in self.orders),
+                )
+            )
+        return rows
+
+    def table(self) -> "Table":
+        """`rows` as a Rich table."""
+        from rich.table import Table
+
+        low, high = (value * RPM for value in self.operating)
+        over = f"distance from nP over {low:.3g} … {high:.3g} rpm" if self.orders else "parked"
+        table = Table(title=f"{self.title}: {over}", title_justify="left")
+        for heading in self.headings:
+            table.add_column(heading, justify="left" if heading == "mode" else "right")
+        for row in self.rows:
+            table.add_row(*row)
+        return table
+
+    @property
+    def title(self) -> str:
+        """Turbine and record."""
+        return self.turbine if self.record is None else f"{self.turbine}, {self.record}"
+
+    def summary(self) -> dict[str, Any]:
+        """As plain values: what ``summary.json`` holds."""
+        rpm = (self.speeds * RPM).tolist()
+        modes: dict[str, Any] = {}
+        for curve in self.curves:
+            f, z = curve.at(self.usual)
+            modes[curve.name] = {
+                "frequency_hz": _named(f),
+                "damping_ratio": _named(z),
+                "harmonics": {
+                    f"{m.order}P": {
+                        "distance_percent": _named(m.distance, 100.0),
+                        "speed_rpm": _named(m.speed, RPM),
+                        "crosses": m.crosses,
+                    }
+                    for m in self.margins
+                    if m.mode == curve.name
+                },
+                "curve": {
+                    "frequency_hz": curve.frequency.tolist(),
+                    "frequency_std_hz": curve.frequency_std.tolist(),
+                    "damping_ratio": curve.damping.tolist(),
+                    "damping_ratio_std": curve.damping_std.tolist(),
+                },
+            }
+        name, speed, damping = self.least_damping
+        return {
+            "turbine": self.turbine,
+            "record": self.record,
+            "method": self.method,
+            "sentences": self.sentences,
+            "speed_rpm": rpm,
+            "usual_speed_rpm": rpm[self.usual],
+            "operating_range_rpm": [value * RPM for value in self.operating],
+            "modes": modes,
+            "least_damping": {"mode": name, "speed_rpm": speed * RPM, "damping_ratio": _named(damping)},
+            "unstable": [
+                {"from_rpm": u.low * RPM, "to_rpm": u.high * RPM, "growth_1_s": u.growth, "worst_rpm": u.worst * RPM}
+                for u in self.unstable
+            ],
+            "ground_resonance": [
+                {
+                    "support": g.support,
+                    "speed_rpm": _named(g.speed, RPM),
+                    "margin_percent": _named(g.margin, 100.0),
+                    "least_damping_ratio": _named(g.damping),
+                    "growing": g.growing,
+                }
+                for g in self.ground_resonance
+            ],
+            "notes": list(self.notes),
+        }
+
+    def to_json(self) -> str:
+        """`summary` as JSON text; null where a mode does not oscillate."""
+        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
+
+    def __repr__(self) -> str:
+        return f"<Campbell of {self.title}: {len(self.curves)} modes, {self.speeds[0] * RPM:.3g} to {self.speeds[-1] * RPM:.3g} rpm; print it for the table>"
+
+    def __str__(self) -> str:
+        from windsysid.console import render
+
+        return render(self.table(), *self.sentences, *self.notes)
+
+
+def _margin(name: str, order: int, frequency: Array, std: Array, speed: Array) -> Margin:
+    """Distance of a mode from nP, given at some speeds, where it is least."""
+    harmonic = order * speed / (2.0 * math.pi)
+    distance = frequency / harmonic - 1.0
+    i = int(np.argmin(np.abs(distance)))
+    half = SIGMAS * std[i] / harmonic[i]
+    change = np.flatnonzero(distance[:-1] * distance[1:] <= 0.0)
+    if len(change):
+        j = int(change[0])
+        gap = frequency - harmonic
+        share = gap[j] / (gap[j] - gap[j + 1]) if gap[j] != gap[j + 1] else 0.0
+        at = float(speed[j] + share * (speed[j + 1] - speed[j]))
+        slope = abs(gap[j + 1] - gap[j]) / (speed[j + 1] - speed[j])
+        spread = SIGMAS * float(std[j]) / slope if slope > 0.0 else math.inf
+        here = SIGMAS * float(std[j] / harmonic[j])
+        return Margin(name, order, (0.0, -here, here), (at, at - spread, at + spread), True)
+    d, at = float(distance[i]), float(speed[i])
+    return Margin(name, order, (d, d - float(half), d + float(half)), (at, at, at), False)
+
+
+def _band(triple: Triple, factor: float = 1.0, least: float = 0.0, sign: str = "") -> str:
+    """A value ± its band, to two digits of the band or of `least`; to four digits where it has none."""
+    value, half = factor * triple[0], factor * (triple[2] - triple[1]) / 2.0
+    if half == 0.0 and least == 0.0:
+        return f"{value:{sign}.4g}"
+    digits = max(0, 1 - math.floor(math.log10(max(half, least))))
+    return f"{value:{sign}.{digits}f}" + (f" ± {half:.{digits}f}" if half > 0.0 else "")
+
+
+def _named(triple: Triple, factor: float = 1.0) -> dict[str, float]:
+    return dict(zip(("estimate", "low", "high"), (factor * v for v in triple), strict=True))

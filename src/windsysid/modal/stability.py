@@ -1,0 +1,126 @@
+"""Whether anything grows: unstable ranges of rotor speed, and how far ground resonance is.
+
+Ground resonance threatens where the lag frequency of a blade that turns faster than it vibrates, seen from the ground, meets the support's,
+
+    Ω − ω_β(Ω) = ω_s,      ω_β² = (k_β + S d Ω²) / I.
+
+Source: Coleman & Feingold, NACA Report 1351 (1958).
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from windsysid._types import Array
+from windsysid.turbine.turbine import Turbine
+from windsysid.units import RPM
+
+__all__ = ["NEUTRAL", "RESOLUTION", "GroundResonance", "Unstable", "meeting_speed", "unstable_ranges"]
+
+Triple = tuple[float, float, float]
+
+NEUTRAL = 1e-6
+"""Growth in units of the rotor speed [rad/s] that counts as none: an undamped mode neither grows nor decays."""
+
+RESOLUTION = 0.01 / RPM
+"""0.01 rpm [rad/s]."""
+
+
+class Unstable(NamedTuple):
+    """A range of rotor speeds [rad/s] in which something grows: from, to, largest growth [1/s] and where that is [rad/s]."""
+
+    low: float
+    high: float
+    growth: float
+    worst: float
+
+
+class GroundResonance(NamedTuple):
+    """Where lag and support meet.
+
+    Attributes
+    ----------
+    support
+        ``x`` or ``y``.
+    speed
+        Ω of the meeting with its band [rad/s].
+    margin
+        Its distance from the operating range, relative to the nearer end; zero within.
+    damping, growing
+        Least damping ratio of all modes at that speed with its band, and whether any grows there.
+    """
+
+    support: str
+    speed: Triple
+    margin: Triple
+    damping: Triple
+    growing: bool
+
+
+def unstable_ranges(growth: Callable[[float], float], speeds: Array, resolution: float = RESOLUTION) -> list[Unstable]:
+    """Ranges of rotor speed in which `growth` [1/s] is positive, their ends to `resolution` [rad/s].
+
+    Parameters
+    ----------
+    growth
+        Of the fastest growing mode at a speed [rad/s]; may raise ConfigurationError where it is not known.
+    speeds
+        (S,), rising: where to look first. Where growth peaks below zero between them, the peak is looked for too.
+    """
+    from scipy.optimize import minimize_scalar
+
+    def over(speed: float) -> float:
+        return growth(speed) - NEUTRAL * max(speed, 1.0)
+
+    def peak(low: float, high: float) -> tuple[float, float]:
+        best = minimize_scalar(lambda s: -over(s), bounds=(low, high), method="bounded", options={"xatol": resolution})
+        return float(best.x), -float(best.fun)
+
+    at = [float(s) for s in speeds]
+    value = [over(s) for s in at]
+    extra = []
+    for i in range(1, len(at) - 1):
+        rise = max(value[i] - value[i - 1], value[i] - value[i + 1])
+        if value[i] < 0.0 and value[i] >= max(value[i - 1], value[i + 1]) and value[i] + rise > 0.0:
+            extra.append(peak(at[i - 1], at[i + 1]))
+    at, value = (list(v) for v in zip(*sorted([*zip(at, value, strict=True), *extra]), strict=True))
+    ranges = []
+    i = 0
+    while i < len(at):
+        if value[i] <= 0.0:
+            i += 1
+            continue
+        first = i
+        while i + 1 < len(at) and value[i + 1] > 0.0:
+            i += 1
+        low = at[first] if first == 0 else _edge(over, at[first - 1], at[first], resolution)
+        high = at[i] if i + 1 == len(at) else _edge(over, at[i + 1], at[i], resolution)
+        top = max(range(first, i + 1), key=lambda k: value[k])
+        worst, largest = peak(max(low, at[max(top - 1, 0)]), min(high, at[min(top + 1, len(at) - 1)]))
+        if value[top] > largest:
+            worst, largest = at[top], value[top]
+        ranges.append(Unstable(low, high, growth(worst), worst))
+        i += 1
+    return ranges
+
+
+def _edge(over: Callable[[float], float], stable: float, unstable: float, resolution: float) -> float:
+    """Where `over` changes its sign, by bisection."""
+    while abs(unstable - stable) > resolution:
+        middle = 0.5 * (stable + unstable)
+        stable, unstable = (stable, middle) if over(middle) > 0.0 else (middle, unstable)
+    return 0.5 * (stable + unstable)
+
+
+def meeting_speed(turbine: Turbine, axis: str) -> float | None:
+    """Ω > ω_s of Ω − ω_β(Ω) = ω_s [rad/s], of the mean blade; None where centrifugal stiffening keeps them apart."""
+    blades = turbine.rotor.blade_numbers
+    stiffness, moment, inertia = (
+        sum(turbine.values[f"{name}_{i}"] for i in blades) / len(blades)
+        for name in ("k_beta", "blade_first_moment", "blade_inertia")
+    )
+    support = math.sqrt(turbine.values[f"k_{axis}"] / turbine.inertia(axis))
+    stiffening = 1.0 - moment * turbine.values["hinge_offset"] / inertia
+    if stiffening <= 0.0:
+        return None
+    return (support + math.sqrt(max(support**2 - stiffening * (support**2 - stiffness / inertia), 0.0))) / stiffening

@@ -1,0 +1,125 @@
+"""Modes found speed by speed, linked to curves over rotor speed."""
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.modal.analysis import Spectrum
+from windsysid.results.posterior import SIGMAS
+
+__all__ = ["Curve", "bends", "link"]
+
+Triple = tuple[float, float, float]
+
+BEND = 0.005
+"""Share of the diagram's height by which a curve may leave the straight line between its neighbours."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One mode over rotor speed: frequency [Hz] and damping ratio with their standard deviations, NaN where it does not oscillate (S,)."""
+
+    name: str
+    frequency: Array
+    frequency_std: Array
+    damping: Array
+    damping_std: Array
+
+    def at(self, i: int) -> tuple[Triple, Triple]:
+        """Frequency and damping ratio with their bands at one of the speeds."""
+        f, df, z, dz = (float(v[i]) for v in (self.frequency, self.frequency_std, self.damping, self.damping_std))
+        return (f, f - SIGMAS * df, f + SIGMAS * df), (z, z - SIGMAS * dz, z + SIGMAS * dz)
+
+
+def link(spectra: Sequence[Spectrum], speeds: Array, start: int, cov: Array) -> tuple[Curve, ...]:
+    """Modes (S spectra) linked from speed to speed, outward from the usual one, `start`; `cov` (n_θ, n_θ) gives the standard deviations.
+
+    Those that are there at the usual speed come first, by frequency. A mode whose largest harmonic gives way to another jumps by Ω: one curve ends there, and
+    another begins.
+    """
+    tracks: list[dict[int, int]] = [{start: m} for m in range(len(spectra[start].exponents))]
+    for way in (1, -1):
+        i = start + way
+        while 0 <= i < len(spectra):
+            ending = [track for track in tracks if i - way in track]
+            linked = _linked(spectra, speeds, [(track[i - way], track.get(i - 2 * way)) for track in ending], i, way)
+            for track, m in zip(ending, linked, strict=True):
+                if m is not None:
+                    track[i] = m
+            tracks += [{i: m} for m in range(len(spectra[i].exponents)) if m not in linked]
+            i += way
+    tracks = [track for track in tracks if len(track) > 2]
+    names = [_track_name(track, spectra, speeds, start) for track in tracks]
+    curves = []
+    for track, name in zip(tracks, names, strict=True):
+        values = np.full((4, len(spectra)), np.nan)
+        for i, m in track.items():
+            s = spectra[i]
+            deviations = [math.sqrt(max(float(d[m] @ cov @ d[m]), 0.0)) for d in s.frequency_and_damping_slopes()]
+            values[:, i] = s.frequency[m], deviations[0], s.damping[m], deviations[1]
+        curves.append((name, values))
+
+    def there(values: Array) -> bool:
+        return bool(np.isfinite(values[0, start]))
+
+    curves.sort(key=lambda item: (not there(item[1]), item[1][0, start] if there(item[1]) else np.nanmean(item[1][0])))
+    usual, seen, found = Counter(name for name, values in curves if there(values)), Counter[str](), []
+    for name, values in curves:
+        seen[name] += 1
+        numbered = usual[name] > 1 or seen[name] > 1
+        found.append(Curve(f"{name} ({seen[name]})" if numbered else name, *values))
+    return tuple(found)
+
+
+def bends(curves: Sequence[Curve], speeds: Array) -> list[float]:
+    """Speeds halfway between those around which a curve bends or ends."""
+    here = np.zeros(len(speeds), dtype=bool)
+    step = np.diff(speeds)
+    for values in ([c.frequency for c in curves], [c.damping for c in curves]):
+        height = float(np.nanmax(values) - min(np.nanmin(values), 0.0)) if curves else 1.0
+        for v in values:
+            straight = (v[:-2] * step[1:] + v[2:] * step[:-1]) / (step[1:] + step[:-1])
+            here[1:-1] |= np.abs(v[1:-1] - straight) > BEND * height
+            seen = np.isfinite(v)
+            here[:-1] |= seen[:-1] != seen[1:]
+            here[1:] |= seen[:-1] != seen[1:]
+    wide = (here[:-1] | here[1:]) & (step > (speeds[-1] - speeds[0]) / 500.0)
+    return [float(speed) for speed in (0.5 * (speeds[:-1] + speeds[1:]))[wide]]
+
+
+def _track_name(track: dict[int, int], spectra: Sequence[Spectrum], speeds: Array, start: int) -> str:
+    """The name, without a number, that a mode has at the usual speed, or else over most of its speeds."""
+    if start in track:
+        return spectra[start].names[track[start]].partition(" (")[0]
+    stretch = np.gradient(speeds)
+    shares: dict[str, float] = defaultdict(float)
+    for i, m in track.items():
+        shares[spectra[i].names[m].partition(" (")[0]] += stretch[i]
+    return max(shares, key=lambda name: shares[name])
+
+
+def _linked(
+    spectra: Sequence[Spectrum], speeds: Array, before: Sequence[tuple[int, int | None]], i: int, way: int
+) -> list[int | None]:
+    """Which mode at speed i continues each track, told by its mode one step and two steps before; None where none does."""
+    from scipy.optimize import linear_sum_assignment
+
+    near, here = spectra[i - way], spectra[i]
+    cost = np.empty((len(before), len(here.exponents)))
+    step = abs(speeds[i] - speeds[i - way])
+    for row, (last, earlier) in enumerate(before):
+        expected = near.exponents[last]
+        if earlier is not None:
+            past = spectra[i - 2 * way].exponents[earlier]
+            expected = expected + (expected - past) * step / abs(speeds[i - way] - speeds[i - 2 * way])
+        u = near.shapes[last]
+        alike = np.maximum(np.abs(here.shapes @ np.conj(u)), np.abs(here.shapes @ u)) ** 2
+        apart = np.abs(here.exponents - expected) / (step + 0.05 * abs(expected))
+        cost[row] = (1.0 - alike) + apart
+    rows, columns = linear_sum_assignment(cost)
+    chosen = dict(zip(rows.tolist(), columns.tolist(), strict=True))
+    return [m if (m := chosen.get(row)) is not None and cost[row, m] < 1.5 else None for row in range(len(before))]

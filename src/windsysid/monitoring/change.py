@@ -1,0 +1,224 @@
+"""A change between two records, and all of them together: what they say and how they are written."""
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from windsysid.output.answers import Answer
+from windsysid.results.identification import finite
+from windsysid.units import unit_text
+
+__all__ = ["HEADINGS", "MOVED", "Change", "Comparison"]
+
+UNTOLD = math.log(10.0)
+"""A change is not told where its band (±2σ) reaches further than this factor either way."""
+
+MOVED = 100.0
+"""Odds from which a coefficient is said to have moved."""
+
+SUSPECT = 10.0
+"""Odds from which it is said that it may have."""
+
+
+class Change(NamedTuple):
+    """How a quantity of record B differs from that of record A.
+
+    Attributes
+    ----------
+    name, unit
+        Of a coefficient, a mode's frequency, or a statistic of loads or noise.
+    before, after
+        Estimates of the two results, priors included, in SI, Hz for a frequency.
+    percent, low, high
+        By how much B is above A [% of A] according to the records without the priors, and the ±2σ band. `low` is −100 where B may be nothing, `high` infinite where
+        A may be. `percent` is NaN where both are so, or where the
+        band of a logarithm reaches further than a factor of ten either way: the change is not told.
+    log_odds
+        Natural logarithm of the odds that it moved; NaN for a mode, which moves if a coefficient does.
+    chance
+        Probability of a difference this large, or larger, without a change.
+    """
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    percent: float
+    low: float
+    high: float
+    log_odds: float
+    chance: float
+
+    @property
+    def moved(self) -> bool:
+        """Whether the odds are beyond `MOVED`."""
+        return self.log_odds > math.log(MOVED)
+
+    @property
+    def suspect(self) -> bool:
+        """Whether the odds are beyond `SUSPECT`."""
+        return self.log_odds > math.log(SUSPECT)
+
+    @property
+    def told(self) -> bool:
+        """Whether the records bound the change on one side at least."""
+        return not math.isnan(self.percent)
+
+    def __str__(self) -> str:
+        """How far it moved, and at which odds."""
+        if not self.told:
+            how = f"moved by an amount that is not told (odds {_odds(self.log_odds)})"
+        elif math.isinf(self.percent):
+            how = f"rose from about zero (odds {_odds(self.log_odds)})"
+        else:
+            verb = "rose" if self.percent > 0.0 else "fell"
+            how = f"{verb} by {abs(self.percent):.3g} % (±2σ: {_band(self)}; odds {_odds(self.log_odds)})"
+        return f"{self.name} {how}"
+
+
+@dataclass(frozen=True)
+class Comparison(Answer):
+    """What moved between record A and record B.
+
+    Attributes
+    ----------
+    records
+        Names of the two.
+    coefficients, modes, statistics
+        Changes of the coefficients that both identified, of the frequencies of the modes that both have, at the mean of the two rotor speeds, and of the
+        statistics of loads and noise that both learned.
+    same
+        Whether both are results of one record and section, so that nothing can have moved.
+    doubts
+        Why the comparison itself is not to be trusted, in sentences.
+    notes
+        What else a reader must know.
+    """
+
+    records: tuple[str, str]
+    coefficients: tuple[Change, ...]
+    modes: tuple[Change, ...]
+    statistics: tuple[Change, ...]
+    same: bool
+    doubts: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def moved(self) -> tuple[Change, ...]:
+        """The coefficients that moved, the surest first."""
+        ranked = sorted(self.coefficients, key=lambda change: -change.log_odds)
+        return () if self.same else tuple(change for change in ranked if change.moved)
+
+    @property
+    def sentence(self) -> str:
+        """The answer."""
+        if self.same:
+            return f"nothing moved: both results are of the same record and section ({self.records[0]}), and one record cannot differ from itself"
+        ranked = sorted(self.coefficients, key=lambda change: -change.log_odds)
+        suspects = [str(change) for change in ranked if change.suspect and not change.moved]
+        if self.moved:
+            told = [f"moved: {', '.join(map(str, self.moved))}"]
+        else:
+            told = [f"nothing moved: no coefficient reaches odds of {MOVED:g} : 1"]
+        if suspects:
+            told.append(f"may have moved: {', '.join(suspects)}")
+        if not self.moved:
+            told += self._unseen()
+        other = [change.name for change in self.statistics if change.moved]
+        if other:
+            told.append(f"loads and noise differ in {', '.join(other)}")
+        return "; ".join(told)
+
+    def _unseen(self) -> list[str]:
+        """What could have moved and not been seen, in words: a change is found from about four σ on."""
+        told, dark = [], []
+        for kind, what in (("k_", "stiffness"), ("c_", "damping")):
+            steps = {c.name: 2.0 * _half_width(c) for c in self.coefficients if c.name.startswith(kind)}
+            dark += [name for name, step in steps.items() if step > UNTOLD]
+            greatest = max((step for step in steps.values() if step <= UNTOLD), default=None)
+            if greatest is not None:
+                size = (
+                    f"{100.0 * math.expm1(greatest):.2g} %"
+                    if greatest < math.log(2.0)
+                    else f"a factor of {math.exp(greatest):.2g}"
+                )
+                told.append(f"a change of {what} by less than {size} could go unseen")
+        return told + ([f"the records say too little of {', '.join(dark)} to show a change"] if dark else [])
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """As a table under `HEADINGS`."""
+        return [
+            (
+                change.name, unit_text(change.unit), f"{change.before:.5g}", f"{change.after:.5g}",
+                f"{_percent(change.percent)} %" if change.told else "not told", _band(change),
+                "" if math.isnan(change.log_odds) else _odds(change.log_odds), f"{change.chance:.2g}",
+            )
+            for change in (*self.coefficients, *self.modes, *self.statistics)
+        ]  # fmt: skip
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, for ``summary.json``; what is not told or not bounded is None."""
+        return {
+            "records": list(self.records),
+            "sentence": self.sentence,
+            "same_record": self.same,
+            "moved": [c.name for c in self.moved],
+            "coefficients": {c.name: finite(c._asdict()) for c in self.coefficients},
+            "modes": {c.name: finite(c._asdict()) for c in self.modes},
+            "statistics": {c.name: finite(c._asdict()) for c in self.statistics},
+            "doubts": list(self.doubts),
+            "notes": list(self.notes),
+        }
+
+    def to_json(self) -> str:
+        """`summary` as text."""
+        return json.dumps(self.summary(), indent=2) + "\n"
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {self.records[0]} and {self.records[1]}: {self.sentence}>"
+
+    def __str__(self) -> str:
+        """The answer, the table, the doubts."""
+        from rich.table import Table
+
+        from windsysid.console import render
+
+        table = Table(title=f"{self.records[0]} (A) → {self.records[1]} (B)", title_justify="left")
+        for i, heading in enumerate(HEADINGS):
+            table.add_column(heading, justify="left" if i < 2 else "right")
+        for row in self.rows:
+            table.add_row(*row)
+        return render(table, self.sentence, *(f"not to be trusted: {doubt}" for doubt in self.doubts), *self.notes)
+
+
+HEADINGS = ("", "unit", "A", "B", "change", "±2σ band", "odds of a move", "by chance")
+
+
+def _half_width(change: Change) -> float:
+    """Half of the ±2σ band in ln(B/A)."""
+    if change.low <= -100.0 or math.isinf(change.high):
+        return math.inf
+    return 0.5 * math.log((100.0 + change.high) / (100.0 + change.low))
+
+
+def _band(change: Change) -> str:
+    return f"{_percent(change.low)} … {_percent(change.high)} %"
+
+
+def _percent(value: float) -> str:
+    """A change [%] with its sign, to three digits or so."""
+    if math.isinf(value):
+        return "∞"
+    digits = 0 if abs(value) >= 100.0 else 1 if abs(value) >= 10.0 else 2
+    return f"{round(value, digits) + 0.0:+.{digits}f}"
+
+
+def _odds(log_odds: float) -> str:
+    return f"{_large(log_odds)} : 1" if log_odds >= 0.0 else f"1 : {_large(-log_odds)}"
+
+
+def _large(log_value: float) -> str:
+    """e to this power, in words that fit a table."""
+    return f"{math.exp(log_value):.3g}" if log_value < math.log(1e5) else f"10^{log_value / math.log(10.0):.0f}"

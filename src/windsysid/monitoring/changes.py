@@ -1,0 +1,202 @@
+"""What a watch over many records found: series, changes, alarms."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from windsysid._types import Array
+from windsysid.monitoring.series import DAY, Blocks
+from windsysid.output.answers import Answer
+from windsysid.results.identification import finite
+from windsysid.units import unit_text
+
+__all__ = ["HEADINGS", "Change", "Series", "Watch"]
+
+
+class Change(NamedTuple):
+    """A jump that set off an alarm.
+
+    Attributes
+    ----------
+    name
+        Of the series.
+    time, earliest, latest
+        When it happened and its 95.45 % interval [s].
+    found
+        When the alarm went [s].
+    percent, low, high
+        How much, and the ±2σ band [% of the level before].
+    cause
+        Where to look: the turbine, the sensor, or the sensor before the turbine.
+    told
+        The sentence.
+    """
+
+    name: str
+    time: float
+    earliest: float
+    latest: float
+    found: float
+    percent: float
+    low: float
+    high: float
+    cause: str
+    told: str
+
+
+class Series(NamedTuple):
+    """How one coefficient was followed.
+
+    Attributes
+    ----------
+    name, unit
+        Of the coefficient.
+    level, low, high
+        (T,) value at mean covariates and its ±2σ band, in `unit`, as it was known after each block.
+    adjusted
+        (T,) blocks less the effect of the covariates, in `unit`.
+    whitened, statistic
+        (T,) innovations in standard deviations, and the statistic of the test as it was when the block came.
+    limit
+        Its threshold.
+    drift
+        Change of the level since the end of learning and its ±2σ band [%].
+    slopes
+        Effect of each covariate, per unit of it, and its ±2σ band [%].
+    wander
+        Standard deviation of the level's wandering in a day [%].
+    scatter
+        By how much blocks scatter more than their bands say.
+    smallest
+        Jump that is found within a day in nine cases of ten [%].
+    """
+
+    name: str
+    unit: str
+    level: Array
+    low: Array
+    high: Array
+    adjusted: Array
+    whitened: Array
+    statistic: Array
+    limit: float
+    drift: tuple[float, float, float]
+    slopes: Mapping[str, tuple[float, float, float]]
+    wander: float
+    scatter: float
+    smallest: float
+
+
+@dataclass(frozen=True, eq=False)
+class Watch(Answer):
+    """What changed.
+
+    Attributes
+    ----------
+    blocks
+        What was watched.
+    series
+        One for each of its names.
+    changes
+        Jumps, in the order of their alarms.
+    alarms_per_year
+        False alarms of the turbine in a year of blocks, as stated.
+    begins
+        Index of the first block that could set off an alarm.
+    notes
+        What a reader must know.
+    """
+
+    blocks: Blocks
+    series: tuple[Series, ...]
+    changes: tuple[Change, ...]
+    alarms_per_year: float
+    begins: int
+    notes: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The answer."""
+        if self.changes:
+            return "; ".join(change.told for change in self.changes)
+        days = (self.blocks.time[-1] - self.blocks.time[self.begins]) / DAY
+        watched = [s for s in self.series if not s.name.startswith("noise_")]
+        sharpest = min(watched or self.series, key=lambda s: s.smallest)
+        return (
+            f"nothing jumped in {days:.3g} days at {self.alarms_per_year:g} false alarms a year; a jump of {sharpest.smallest:.2g} % in {sharpest.name} "
+            "would have been found within a day"
+        )
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """One line a series, under `HEADINGS`."""
+        return [
+            (
+                s.name, unit_text(s.unit), f"{s.level[-1]:.5g} ± {0.5 * (s.high[-1] - s.low[-1]):.2g}", _signed(*s.drift), f"{s.wander:.2g} %",
+                f"{s.scatter:.2f}", f"{s.smallest:.2g} %",
+            )
+            for s in self.series
+        ]  # fmt: skip
+
+    @property
+    def effects(self) -> list[tuple[str, ...]]:
+        """One line a series, under its name and those of the covariates."""
+        return [(s.name, *(_signed(*slope) for slope in s.slopes.values())) for s in self.series if s.slopes]
+
+    @property
+    def effect_headings(self) -> tuple[str, ...]:
+        """Of `effects`."""
+        return ("per unit of", *self.series[0].slopes)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, for ``summary.json``."""
+        return {
+            "sentence": self.sentence,
+            "records": len(self.blocks.time),
+            "alarms_per_year": self.alarms_per_year,
+            "alarms_from": self.blocks.when(float(self.blocks.time[self.begins])),
+            "changes": [c._asdict() for c in self.changes],
+            "series": {
+                s.name: {
+                    "unit": s.unit, "level": float(s.level[-1]), "low": float(s.low[-1]), "high": float(s.high[-1]),
+                    "drift_percent": list(s.drift), "slopes_percent": {k: list(v) for k, v in s.slopes.items()},
+                    "wander_percent_per_root_day": s.wander, "scatter": s.scatter, "smallest_jump_percent": s.smallest,
+                }
+                for s in self.series
+            },
+            "notes": list(self.notes),
+        }  # fmt: skip
+
+    def to_json(self) -> str:
+        """`summary` as text."""
+        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
+
+    def __repr__(self) -> str:
+        return f"<Watch over {len(self.blocks.time)} records: {self.sentence}>"
+
+    def __str__(self) -> str:
+        """The answer, the table, the notes."""
+        from rich.table import Table
+
+        from windsysid.console import render
+
+        tables = []
+        for title, headings, rows, words in (
+            (f"{len(self.blocks.time)} records", HEADINGS, self.rows, 2),
+            ("effect of covariates, ±2σ", self.effect_headings, self.effects, 1),
+        ):
+            table = Table(title=title, title_justify="left")
+            for i, heading in enumerate(headings):
+                table.add_column(heading, justify="left" if i < words else "right")
+            for row in rows:
+                table.add_row(*row)
+            tables += [table] if rows else []
+        return render(*tables, self.sentence, *self.notes)
+
+
+HEADINGS = ("", "unit", "now, ±2σ", "drift, ±2σ", "wander a day", "scatter ÷ σ", "seen in a day")
+
+
+def _signed(percent: float, low: float, high: float) -> str:
+    return f"{percent:+.3g} ± {0.5 * (high - low):.2g} %"

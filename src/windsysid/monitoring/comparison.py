@@ -1,0 +1,239 @@
+"""What moved between two records of one turbine, and how sure that is.
+
+A result is the posterior N(θ̂, S⁻¹) of a record and its own prior N(θ₀, S₀⁻¹). What the record itself says is the likelihood that is left when the prior is
+divided out, of information J = S − S₀ and vector h = S θ̂ − S₀ θ₀ (`own_information`). It does not depend on the prior, as far as the record is Gaussian in θ. Two
+records, A and B, with a change δ = θ_B − θ_A between them and nothing else known of θ, leave of δ a likelihood of
+
+    information  P = J_A (J_A + J_B)⁺ J_B,        vector  g = J_A (J_A + J_B)⁺ h_B − J_B (J_A + J_B)⁺ h_A.
+
+Both are the same for (B, A), but for the sign of g. What one of the two does not see has no information in P. The odds that a coefficient moved are those of Savage and Dickey: the
+prior density of δ = 0 over the posterior one, with priors N(0, τ²) of changes of the size that damage makes (`TYPICAL`). The change itself is told with a
+prior `VAGUE` times as wide.
+
+Stiffness is compared in ln k. The likelihood of damping is Gaussian in c and not in ln c, and c may be hardly told from zero: damping is compared in c, and its change
+is the ratio c_B / c_A with the limits of Fieller's theorem, which are exact for a ratio of Gaussian estimates. A limit may be nothing (−100 %) or infinite.
+
+Sources: Dickey, Ann. Math. Statist. 42(1), 1971, https://doi.org/10.1214/aoms/1177693507; Verdinelli & Wasserman, J. Am. Stat. Assoc. 90, 1995,
+https://doi.org/10.1080/01621459.1995.10476554; Fieller, J. R. Stat. Soc. B 16(2), 1954, https://doi.org/10.1111/j.2517-6161.1954.tb00159.x.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.compile import compile_model
+from windsysid.modal.analysis import analyse, directions_of
+from windsysid.monitoring.change import UNTOLD, Change, Comparison
+from windsysid.monitoring.own_information import (
+    TYPICAL,
+    Difference,
+    common_frame,
+    difference_between,
+    estimate_of,
+    without_prior,
+)
+from windsysid.results.coercion import PosteriorLike, as_posterior
+from windsysid.results.posterior import SIGMAS, Posterior
+from windsysid.statespace.parameter import Parameter
+from windsysid.units import parameter_unit
+
+__all__ = ["compare"]
+
+VAGUE = 100.0
+"""How many times wider the prior of a change is where its size is estimated."""
+
+
+def compare(before: PosteriorLike, after: PosteriorLike) -> Comparison:
+    """What moved from one record of a turbine to another; the other way round it is the same change backwards.
+
+    Both are posteriors, results, or the folders that results were saved in.
+
+    Raises
+    ------
+    ConfigurationError
+        If the two have no coefficient in common.
+    """
+    before, after = as_posterior(before), as_posterior(after)
+    frame = common_frame(before, after)
+    if not frame:
+        raise ConfigurationError(
+            f"{before.record} and {after.record}: expected coefficients that both identified, got "
+            f"{', '.join(q.name for q in before.parameters)} and {', '.join(q.name for q in after.parameters)}"
+        )
+    difference = difference_between(before, after, frame)
+    coefficients = _changes(before, after, frame, difference)
+    levels = _frame_of_statistics(before, after)
+    both = (*frame, *levels)
+    statistics = _changes(before, after, both, difference_between(before, after, both))[len(frame) :] if levels else ()
+    same, notes = _shared_data(before, after)
+    doubts = [
+        f"the result of {result.record} is not trusted by itself: see its report"
+        for result in (before, after)
+        if not result.trusted
+    ]
+    doubts += _differing_models(before, after)
+    moved = [change.name for change in coefficients if change.moved]
+    if same and moved:
+        sure = _hashed(before, after)
+        same = sure
+        doubts.append(
+            f"both results are of {before.record}{', the same values' if sure else ': if that is one record'}, so nothing moved, and priors, sensors or loads of "
+            f"the two identifications do not agree about {', '.join(moved)}"
+        )
+    return Comparison(
+        (before.record, after.record), coefficients, _modes(before, after, frame, difference), statistics, same,
+        tuple(doubts), notes,
+    )  # fmt: skip
+
+
+def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
+    """The same for the statistics that both learned; those of loads only where both took the loads for the same."""
+    given = [{s.name: s for s in result.statistics} for result in (before, after)]
+    loads = [{name for name in of if name.startswith("load_")} for of in given]
+    return tuple(
+        Parameter(name, math.sqrt(s.estimate * given[1][name].estimate), TYPICAL[name.partition("_")[0]])
+        for name, s in given[0].items()
+        if name in given[1] and (loads[0] == loads[1] or name.startswith("noise_"))
+    )
+
+
+def _changes(
+    before: Posterior, after: Posterior, frame: Sequence[Parameter], difference: Difference
+) -> tuple[Change, ...]:
+    """The changes of what is in `frame`."""
+    delta, cov = difference.with_prior(VAGUE)
+    of_damage, cov_of_damage = difference.with_prior(1.0)
+    said = [without_prior(result, frame) for result in (before, after)]
+    units = {s.name: s.unit for s in before.statistics}
+    changes = []
+    for i, q in enumerate(frame):
+        sigma, post = math.sqrt(cov[i, i]), cov_of_damage[i, i]
+        if q.logarithmic:
+            limits = _growth(delta[i], sigma)
+        else:
+            limits = _ratio(*((float(mean[i]), math.sqrt(c[i, i])) for mean, c in said))
+        log_odds = float(0.5 * math.log(post / q.prior[1] ** 2) + 0.5 * of_damage[i] ** 2 / post)
+        chance = math.erfc(abs(delta[i]) / sigma / math.sqrt(2.0))
+        unit = units[q.name] if q.name in units else parameter_unit(q.name)
+        a, b = (estimate_of(result, q.name) for result in (before, after))
+        changes.append(Change(q.name, unit, a, b, *limits, log_odds, chance))
+    return tuple(changes)
+
+
+def _growth(step: float, sigma: float) -> tuple[float, float, float]:
+    """A change of a logarithm and its ±2σ band [%]."""
+    if SIGMAS * sigma > UNTOLD:
+        return math.nan, -100.0, math.inf
+    percent, low, high = (100.0 * math.expm1(step + k * sigma) for k in (0.0, -SIGMAS, SIGMAS))
+    return percent, low, high
+
+
+def _ratio(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float, float]:
+    """Change from a to b, each an estimate and its standard deviation, and the ±2σ limits of their ratio by Fieller's theorem [%]; what is negative counts as nothing."""
+    low, high = _inverse(_highest_ratio(b, a)), _highest_ratio(a, b)
+    if low == 0.0 and math.isinf(high):
+        return math.nan, -100.0, math.inf
+    middle = max(b[0], 0.0) / a[0] if a[0] > 0.0 else math.inf
+    return 100.0 * (middle - 1.0), 100.0 * (low - 1.0), 100.0 * (high - 1.0)
+
+
+def _highest_ratio(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """The greatest ρ ≥ 0 for which b − ρ a is within ±2σ of zero; infinite where a may be nothing."""
+    below = a[0] ** 2 - (SIGMAS * a[1]) ** 2
+    if a[0] <= 0.0 or below <= 0.0:
+        return math.inf
+    root = (a[0] * b[0]) ** 2 - below * (b[0] ** 2 - (SIGMAS * b[1]) ** 2)
+    return max(a[0] * b[0] + math.sqrt(max(root, 0.0)), 0.0) / below
+
+
+def _inverse(ratio: float) -> float:
+    return math.inf if ratio == 0.0 else 1.0 / ratio
+
+
+def _modes(
+    before: Posterior, after: Posterior, frame: Sequence[Parameter], difference: Difference
+) -> tuple[Change, ...]:
+    """Changes of the modes' frequencies at the mean of the two rotor speeds: those of the coefficients, times d ln f / dθ averaged over both results."""
+    speed = 0.5 * (before.turbine.rotor_speed + after.turbine.rotor_speed)
+    delta, cov = difference.with_prior(VAGUE)
+    found = []
+    for result in (before, after):
+        turbine = result.turbine
+        compiled = compile_model(turbine.model)
+        p = np.array([turbine.values[name] for name in compiled.parameters])
+        theta = np.array([q.coordinate(turbine.values[q.name]) for q in frame])
+        try:
+            spectrum = analyse(
+                turbine.model, compiled, p, speed, directions_of(compiled, frame, theta), method="Coleman"
+            )
+        except ConfigurationError:  # two blades without a periodic motion
+            return ()
+        f = spectrum.frequency
+        slopes = spectrum.frequency_and_damping_slopes()[0] / f[:, None]
+        found.append({name: (float(f[m]), slopes[m]) for m, name in enumerate(spectrum.names)})
+    changes = []
+    for name in (name for name in found[0] if name in found[1]):
+        (f_a, slope_a), (f_b, slope_b) = found[0][name], found[1][name]
+        slope = 0.5 * (slope_a + slope_b)
+        step, sigma = float(slope @ delta), math.sqrt(float(slope @ cov @ slope))
+        chance = math.erfc(abs(step) / sigma / math.sqrt(2.0)) if sigma > 0.0 else 1.0
+        changes.append(Change(name, "Hz", f_a, f_b, *_growth(step, sigma), math.nan, chance))
+    return tuple(changes)
+
+
+def _hashed(before: Posterior, after: Posterior) -> bool:
+    """Whether both results say which values they were identified from."""
+    return before.record_hash is not None and after.record_hash is not None
+
+
+def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, ...]]:
+    """Whether both results are of one record and section, and what to say where sections of one record overlap.
+
+    The hashes of the records tell; their names do where an older version wrote no hash.
+    """
+    names = [result.record.rpartition(", ")[0] for result in (before, after)]
+    if _hashed(before, after):
+        if before.record_hash != after.record_hash:
+            return False, ()
+        if before.section == after.section:
+            return True, ()
+    elif before.record == after.record:
+        return True, ()
+    elif names[0] != names[1] or not names[0]:
+        return False, ()
+    if before.section is None or after.section is None:
+        return False, ()
+    common = min(before.section[1], after.section[1]) - max(before.section[0], after.section[0])
+    if common <= 0.0:
+        return False, ()
+    return False, (
+        f"the two sections of {names[0] or before.record} have {common:.4g} s in common: bands and odds take them for independent, which errs towards no change",
+    )
+
+
+def _differing_models(before: Posterior, after: Posterior) -> list[str]:
+    """What the two turbines take for known and do not agree about, and what only one of them identified, a sentence each."""
+    identified = [{q.name for q in result.parameters} for result in (before, after)]
+    a, b = (result.turbine.values for result in (before, after))
+    fixed = [
+        name for name in a
+        if name in b and name not in identified[0] | identified[1] and not math.isclose(a[name], b[name], rel_tol=1e-9)
+    ]  # fmt: skip
+    told = []
+    if fixed:
+        told.append(
+            f"the turbine files of the two results differ in {_some(fixed)}: what moved may be the files; identify both with one file"
+        )
+    alone = [q.name for r in (before, after) for q in r.parameters if (q.name in identified[0]) != (q.name in identified[1])]  # fmt: skip
+    if alone:
+        told.append(
+            f"only one of the two results identified {_some(alone)}: what the other took for it counts as change"
+        )
+    return told
+
+
+def _some(names: Sequence[str]) -> str:
+    """Up to four names, and how many more there are."""
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")

@@ -1,0 +1,301 @@
+"""What of a damping is the structure's and what the air's, from records of one turbine in several states.
+
+Each record tells the total c of a degree of freedom. Quasi-steady forces on blade sections are of second degree in rotor speed Ω and wind speed V, so that
+what the air adds to c is of first degree in them. To first order of that,
+
+    c = c₀ + a Ω/Ω* + b V/V*,        a parked rotor: c = c₀ + d V/V*,
+
+with c₀ the structure's and Ω*, V* the largest of the records. In attached flow a is mostly lift, ½ ρ c C_lα Ω r across the rotor's plane, and drag in it; b
+is what pitch and twist make of the wind; d is lift on feathered blades that move in the plane, ½ ρ c C_lα V (Burton et al., Wind Energy Handbook; M. H. Hansen 2007,
+https://doi.org/10.1002/we.242). Where parked records do not have winds far apart, d is not told from c₀, and counts as structure.
+
+The records' own estimates, priors taken out, are weighted by their variances, which are proportional to c for a mode under broadband load (σ_c² = c²/(ζωT)) and therefore
+taken at the fitted c: at the estimated one, low estimates would weigh too much. All bands are then wider by one factor φ ≥ 1 of prior density ∝ φ⁻⁴ (beyond 2 in
+one case of eight), learned from how far records scatter about the fits of all degrees of freedom. What the records do not determine, because the row (1, 0, 0, 0) is no combination of theirs, is not given.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+from windsysid.monitoring.own_information import without_prior
+from windsysid.monitoring.separation import Band, Separation, Split, State
+from windsysid.results.coercion import PosteriorLike, as_posterior
+from windsysid.results.posterior import SIGMAS, Posterior
+from windsysid.units import parameter_unit
+
+__all__ = ["separate_damping"]
+
+
+PARKED = 0.1
+"""Share of the fastest record's rotor speed below which a rotor counts as parked or idling."""
+
+STILL = 0.05
+"""Rotor speed below which it does in any case [rad/s]."""
+
+APART = 1.5
+"""Least ratio of the winds of parked records from which these tell what the wind does to a parked rotor."""
+
+TOLERANCE = 1e-6
+"""Of the design, relative: below it a direction counts as not seen."""
+
+WIDER = 4
+"""The prior density of φ falls with this power."""
+
+PASSES = 10
+"""Times that the variances are taken at the fit."""
+
+WISHED = 0.5
+"""A parked record is asked for that would bring ±2σ of structural damping to this share of it."""
+
+SCATTERED = 0.01
+"""Probability of so much scatter about the fits, were the records' own bands all there is, below which it is said."""
+
+STRUCTURE = np.array([1.0, 0.0, 0.0, 0.0])
+"""The row of the structure's part."""
+
+
+def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
+    """Structural and aerodynamic damping from results of one turbine in several states.
+
+    Parameters
+    ----------
+    results
+        Posteriors, results, or the folders they were saved in, with the rotor speed, and best the wind speed, of their records (`Posterior.conditions`).
+
+    Raises
+    ------
+    ConfigurationError
+        If no result says at which rotor speed its record was taken, or they have no damping in common.
+    """
+    posteriors = [as_posterior(result) for result in results]
+    known = [result for result in posteriors if result.conditions.rotor_speed is not None]
+    if not known:
+        raise ConfigurationError(
+            "structural and aerodynamic damping: expected results that say how fast the rotor turned, got "
+            f"{', '.join(result.record for result in posteriors) or 'none'}: record the channel rotor_speed, or identify again where an older version did"
+        )
+    frame = known[0]
+    names = [f"c_{q}" for q in frame.turbine.model.coordinates if all(_identified(r, f"c_{q}") for r in known)]
+    if not names:
+        raise ConfigurationError(
+            f"{', '.join(result.record for result in known)}: expected a damping coefficient that all of them identified, got none"
+        )
+    states = _states(known)
+    design = _design(states)
+    fits = [_Fit(design.rows, *_said(known, name)) for name in names]
+    parked_air = any(state.parked for state in states) and not design.parked_wind
+    free, square = sum(fit.free for fit in fits), sum(fit.square for fit in fits)
+    width = _half_width(free, square)
+    splits = tuple(_split(name, fit, width, frame, states, design) for name, fit in zip(names, fits, strict=True))
+    doubts = [f"the result of {r.record} is not trusted by itself: see its report" for r in known if not r.trusted]
+    doubts += [
+        f"{result.record} is left out: its rotor speed was not recorded"
+        for result in posteriors
+        if result.conditions.rotor_speed is None
+    ]
+    if _scattered(free, square):
+        doubts.append(
+            f"records scatter about the fits by {math.sqrt(square / free):.2g} of their own σ: something else moved too, or their bands are too narrow; the bands "
+            "given here have it in"
+        )
+    return Separation(
+        states,
+        parked_air,
+        splits,
+        tuple(_lacking(states, splits)),
+        tuple(_notes(states, splits, design)),
+        tuple(doubts),
+    )
+
+
+def _identified(result: Posterior, name: str) -> bool:
+    return name in [q.name for q in result.parameters]
+
+
+def _states(results: Sequence[Posterior]) -> tuple[State, ...]:
+    """How the turbine ran in each."""
+    speeds = [abs(result.conditions.rotor_speed or 0.0) for result in results]
+    limit = max(PARKED * max(speeds), STILL)
+    return tuple(
+        State(result.record, speed, result.conditions.wind_speed, speed < limit)
+        for result, speed in zip(results, speeds, strict=True)
+    )
+
+
+class _Design(NamedTuple):
+    """Rows (1, Ω/Ω*, V/V*, 0) of running records and (1, 0, 0, V/V*) of parked ones (T, 4), V* [m/s], and whether the wind counts in either."""
+
+    rows: Array
+    strongest: float
+    running_wind: bool
+    parked_wind: bool
+
+
+def _design(states: Sequence[State]) -> _Design:
+    """The rows of the records; a wind that is not known, or the same for all parked rotors, has a column of zeros."""
+    running, parked = ([state for state in states if state.parked == which] for which in (False, True))
+    running_wind = bool(running) and all(state.wind_speed is not None for state in running)
+    blowing = [state.wind_speed for state in parked if state.wind_speed is not None]
+    parked_wind = len(blowing) > 1 and len(blowing) == len(parked) and max(blowing) > APART * min(blowing)
+    fastest = max((state.rotor_speed for state in running), default=1.0)
+    strongest = max((state.wind_speed or 0.0 for state in states), default=0.0) or 1.0
+    rows = []
+    for state in states:
+        wind = (state.wind_speed or 0.0) / strongest
+        if state.parked:
+            rows.append((1.0, 0.0, 0.0, wind * parked_wind))
+        else:
+            rows.append((1.0, state.rotor_speed / fastest, wind * running_wind, 0.0))
+    return _Design(np.array(rows), strongest, running_wind, parked_wind)
+
+
+class _Fit:
+    """Weighted least squares of what the records say on their states, where these see it."""
+
+    def __init__(self, rows: Array, value: Array, std: Array) -> None:
+        _, sizes, directions = np.linalg.svd(rows)
+        self.seen = directions[: int((sizes > TOLERANCE * sizes[0]).sum())]  # (rank, 4)
+        design = rows @ self.seen.T
+        fitted = value
+        for _ in range(PASSES):
+            s = std * np.sqrt(_stretch(fitted, value))
+            self.cov = np.linalg.inv((design / s[:, None] ** 2).T @ design)
+            self.mean = self.cov @ (design.T @ (value / s**2))
+            fitted = design @ self.mean
+        self.value, self.std = value, std
+        self.free = len(value) - len(self.seen)
+        self.square = float((((value - fitted) / s) ** 2).sum())
+
+    def at(self, row: Array, width: float) -> Band | None:
+        """The combination `row` of c₀, a, b and d with a band of so many standard deviations; None where the records do not determine it."""
+        along = self.seen @ row
+        if np.linalg.norm(row - along @ self.seen) > TOLERANCE * np.linalg.norm(row):
+            return None
+        value, half = float(along @ self.mean), width * math.sqrt(along @ self.cov @ along)
+        return Band(value, value - half, value + half)
+
+
+def _stretch(fitted: Array, value: Array) -> Array:
+    """Variance at the fit over variance at the estimate: both are proportional to c, within reason."""
+    ratio = fitted / np.maximum(value, 0.25 * np.abs(fitted) + 1e-300)
+    return np.where(fitted > 0.0, ratio.clip(0.25, 4.0), 1.0)
+
+
+def _half_width(free: int, square: float) -> float:
+    """Half-width of a 95.45 % band in standard deviations, φ averaged over what `free` squares that add up to `square` say of it."""
+    from scipy.optimize import brentq
+    from scipy.special import erfc
+
+    factor = np.geomspace(1.0, 1e3, 4000)
+    log_weight = (1.0 - WIDER - free) * np.log(factor) - 0.5 * square / factor**2
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
+    outside = math.erfc(SIGMAS / math.sqrt(2.0))
+    return float(brentq(lambda h: weight @ erfc(h / factor / math.sqrt(2.0)) - outside, 1.0, 1e5))
+
+
+def _scattered(free: int, square: float) -> bool:
+    """Whether `free` squares add up to more than chance makes of them."""
+    from scipy.special import gammaincc
+
+    return free > 0 and bool(gammaincc(0.5 * free, 0.5 * square) < SCATTERED)
+
+
+def _split(name: str, fit: _Fit, width: float, frame: Posterior, states: Sequence[State], design: _Design) -> Split:
+    """One coefficient, taken apart."""
+    coordinate = name.removeprefix("c_")
+    frequency = frame.turbine.natural_frequency(coordinate)
+    running = np.array([not state.parked for state in states])
+    structural = fit.at(STRUCTURE, width)
+    air = [
+        structural and fit.at(row - STRUCTURE, width) if design.parked_wind or not state.parked else None
+        for row, state in zip(design.rows, states, strict=True)
+    ]
+    own = zip(fit.value.tolist(), (SIGMAS * fit.std).tolist(), strict=True)
+    return Split(
+        name=name,
+        unit=parameter_unit(name),
+        critical=2.0 * frame.turbine.inertia(coordinate) * frequency,
+        frequency=frequency,
+        measured=tuple(Band(value, value - half, value + half) for value, half in own),
+        structural=structural,
+        aerodynamic=tuple(air),
+        calm=fit.at(np.array([1.0, design.rows[running, 1].mean(), 0.0, 0.0]), width) if design.running_wind else None,
+        per_wind=fit.at(np.array([0.0, 0.0, 1.0, 0.0]) / design.strongest, width),
+        scatter=math.sqrt(fit.square / fit.free) if fit.free else math.nan,
+    )
+
+
+def _said(results: Sequence[Posterior], name: str) -> tuple[Array, Array]:
+    """What the records themselves say of one coefficient: values and standard deviations (T,), SI."""
+    frame = results[0]
+    scale = next(q.reference for q in frame.parameters if q.name == name)
+    found = []
+    for result in results:
+        known = [q for q in frame.parameters if _identified(result, q.name)]
+        mean, cov = without_prior(result, known)
+        i = [q.name for q in known].index(name)
+        found.append((scale * mean[i], scale * math.sqrt(cov[i, i])))
+    value, std = np.array(found).T
+    return value, std
+
+
+def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
+    """What the records do not tell, why, and what would help."""
+    parked = any(state.parked for state in states)
+    if all(state.parked for state in states):
+        return [
+            "no record is of a running rotor, so nothing is known of aerodynamic damping: identify a record of the running machine too"
+        ]
+    wanted = [split for split in splits if not split.resolved]
+    if not wanted:
+        return []
+    minutes = max(_minutes(split) for split in wanted)
+    help_ = (
+        f"a record with the rotor parked or idling in weak wind would help, at least {minutes:.0f} min of it for ±{100 * WISHED:.0f} %, or a recorded stop with the decay "
+        "after it (windsysid inspect finds them)"
+    )
+    if splits[0].structural is None:
+        why = (
+            "one record holds structure and air together" if len(states) == 1
+            else "no rotor is parked, and the rotor speeds and winds of these records are too alike to go back to standstill from"
+        )  # fmt: skip
+        return [f"{why}: {help_}"]
+    names = ", ".join(split.name for split in wanted)
+    how = "the parked records are too short" if parked else "standstill is too far from the records"
+    return [f"the structure's part of {names} is not told from nothing, because {how}: {help_}"]
+
+
+def _minutes(split: Split) -> float:
+    """Length of a parked record that brings structural damping to `WISHED`: σ_c/c = 1/√(ζωT)."""
+    seen = [split.structural.value] if split.structural is not None else [band.value for band in split.measured]
+    ratio = max(min(seen) / split.critical, 1e-3)
+    return math.ceil((SIGMAS / WISHED) ** 2 / (ratio * split.frequency) / 60.0)
+
+
+def _notes(states: Sequence[State], splits: Sequence[Split], design: _Design) -> list[str]:
+    """What a reader must know."""
+    notes = []
+    parked = [state for state in states if state.parked]
+    if parked:
+        blowing = [state.wind_speed for state in parked if state.wind_speed is not None]
+        at = f" ({', '.join(f'{speed:.3g}' for speed in blowing)} m/s)" if blowing else ""
+        notes.append(
+            "the structure's part is where the parked records go back to without wind"
+            if design.parked_wind
+            else f"what the air does to a parked or idling rotor{at} counts as structure, most of it in the rotor's plane, to which feathered blades stand flat: less in weak wind, and parked records in winds {APART:g} times apart tell it"
+        )
+    elif splits[0].structural is not None:
+        notes.append(
+            "no rotor is parked: the structure's part is where a line in rotor speed and wind goes at standstill"
+        )
+    if not design.running_wind and sum(not state.parked for state in states) > 1:
+        notes.append("wind speeds were not recorded with all running records (channel wind_speed): what they change counts as scatter")  # fmt: skip
+    if math.isnan(splits[0].scatter) and splits[0].structural is not None:
+        notes.append("there are no more records than unknowns, so that nothing shows whether their bands are true: bands are wider by what was found elsewhere")  # fmt: skip
+    return notes

@@ -1,0 +1,294 @@
+"""A level that may wander and may jump, seen in blocks through covariates: Kalman filter, and a generalised likelihood ratio for the jump.
+
+    y_t = level_t + slopes · x_t + e_t,    e_t ~ N(0, s² r_t),    level_t = level_{t−1} + w_t,    w_t ~ N(0, q),
+
+with the variance r_t of the block's own estimate, a factor s² on it and a rate q that are learned (`learn_rates`). A unit jump before block k leaves the trace
+G_t(k) = h_tᵀ e_t(k) / √S_t on the whitened innovations z_t, where e_k(k) = (1, 0 … 0) and e_{t+1}(k) = (I − K_t h_tᵀ) e_t(k). The statistic is that of Willsky & Jones,
+
+    ℓ_t = max_k  (|Σ G z| − ν₀ Σ G²)₊² / Σ G²,
+
+twice the logarithm of the likelihood ratio of a jump of the likeliest size before the likeliest block against one of the tolerated size ν₀, which nobody wants to hear of, or none. An innovation counts as ν₀ and
+`CLIP` standard deviations at most, and pulls at the level with `PULL` at most, so that a bad block is no alarm: to pass a threshold of b² it takes more than b² / CLIP² blocks. Of the blocks k, those are kept that are about
+`SPACING` of their age apart, up to an age of `WINDOW` blocks. Missing blocks are NaN.
+
+`threshold` turns a rate of false alarms into b²: Siegmund and Venkatraman's approximation for white innovations, every k,
+no clipping and ν₀ = 0, beside which there are fewer.
+
+Sources: Willsky & Jones, IEEE Trans. AC-21(1), 1976, https://doi.org/10.1109/TAC.1976.1101146; Lai, IEEE Trans. IT-44(7), 1998, https://doi.org/10.1109/18.737522;
+Siegmund & Venkatraman, Ann. Statist. 23(1), 1995, https://doi.org/10.1214/aos/1176324466; Huber, Ann. Math. Statist. 35(1), 1964, https://doi.org/10.1214/aoms/1177703732.
+"""
+
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+
+__all__ = ["CLIP", "WINDOW", "Belief", "Rates", "Track", "learn_rates", "threshold", "track"]
+
+
+CLIP = 3.0
+"""Standard deviations beyond ν₀ that one innovation may count for in the test and in the likelihood."""
+
+PULL = 1.5
+"""Standard deviations of an innovation that may pull at the level: Huber's estimator, 96 % efficient where there are no bad blocks."""
+
+WINDOW = 12_960
+"""Blocks that a jump may lie back when it is found: 90 days of 10 minutes."""
+
+SPACING = 0.1
+"""Distance of the blocks k that are kept, as a share of their age."""
+
+MOST = 400
+"""More blocks k than `WINDOW` and `SPACING` ever keep."""
+
+TYPICAL_WANDER = (math.log(1e-3), math.log(10.0))
+"""Prior of ln(√q / √r): median and standard deviation. A block in a thousand lets the level move by its own σ, give or take a factor of ten."""
+
+TYPICAL_SCATTER = 0.5
+"""Prior standard deviation of ln s."""
+
+
+class Belief(NamedTuple):
+    """Mean (d,) and covariance (d, d) of [level, slopes]."""
+
+    mean: Array
+    cov: Array
+
+
+class Rates(NamedTuple):
+    """What is learned of a series: the variance q that the level gains per block, and the factor s² on the variance of its blocks."""
+
+    wander: float
+    scatter: float
+
+
+class Track(NamedTuple):
+    """What the filter and the test made of T blocks.
+
+    Attributes
+    ----------
+    level, std
+        The level after each block and its standard deviation (T,).
+    whitened
+        Innovations in their standard deviations, not clipped (T,); NaN where a block is missing.
+    statistic
+        ℓ_t (T,).
+    since
+        The block k of the maximum (T,); −1 where there is none.
+    log_likelihood
+        Of the innovations, Huber's beyond `CLIP`.
+    stopped
+        The first block, from `first` on, whose statistic passed the threshold; −1 if none did.
+    belief
+        After the last block that was taken in.
+    """
+
+    level: Array
+    std: Array
+    whitened: Array
+    statistic: Array
+    since: NDArray[np.int64]
+    log_likelihood: float
+    stopped: int
+    belief: Belief
+
+
+def track(
+    y: Array,
+    r: Array,
+    x: Array,
+    prior: Belief,
+    rates: Rates,
+    *,
+    limit: float = math.inf,
+    tolerated: float = 0.0,
+    first: int = 0,
+    freed: Array | None = None,
+    test: bool = True,
+) -> Track:
+    """Follow a level through T blocks and test for a jump.
+
+    Parameters
+    ----------
+    y, r, x
+        Blocks (T,), their variances (T,), covariates (T, m).
+    prior, rates
+        Of [level, slopes] before the first block, d = 1 + m.
+    limit, first
+        Stop at the first block from `first` on with ℓ_t above `limit`.
+    tolerated
+        ν₀.
+    freed
+        (T, d): variance that level and slopes gain before a block where the level is known to have jumped; 0 elsewhere. No jump from before is looked for any more.
+    test
+        Whether ℓ is wanted.
+    """
+    count = len(y)
+    level, std, whitened = np.full((3, count), np.nan)
+    statistic, since = np.zeros(count), np.full(count, -1, dtype=np.int64)
+    mean, cov = prior.mean.copy(), np.ascontiguousarray(prior.cov.copy())
+    h = np.column_stack([np.ones(count), x])
+    freed = np.zeros(h.shape) if freed is None else freed
+    rest = np.array([rates.wander, rates.scatter, limit, CLIP, SPACING, tolerated, PULL])
+    whole = np.array([first, WINDOW if test else 0, MOST], dtype=np.int64)
+    log_likelihood, stopped = _kernel()(y, r, h, freed, rest, whole, mean, cov, level, std, whitened, statistic, since)
+    return Track(level, std, whitened, statistic, since, log_likelihood, stopped, Belief(mean, cov))
+
+
+def learn_rates(y: Array, r: Array, x: Array, prior: Belief, freed: Array | None = None) -> Rates:
+    """Wander and scatter of a series by maximum likelihood, with priors `TYPICAL_WANDER` and `TYPICAL_SCATTER`; the wander averaged over what is likely."""
+    from scipy.optimize import minimize
+
+    usual = float(np.nanmedian(np.where(np.isfinite(y), r, np.nan)))
+
+    def rates(at: Array) -> Rates:
+        return Rates(usual * math.exp(2.0 * at[0]), math.exp(2.0 * at[1]))
+
+    def cost(at: Array) -> float:
+        if abs(at).max() > 30.0:
+            return math.inf
+        off = ((at[0] - TYPICAL_WANDER[0]) / TYPICAL_WANDER[1]) ** 2 + (at[1] / TYPICAL_SCATTER) ** 2
+        return 0.5 * float(off) - track(y, r, x, prior, rates(at), freed=freed, test=False).log_likelihood
+
+    start = np.array([TYPICAL_WANDER[0], 0.0])
+    simplex = start + np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 0.5]])
+    found = minimize(
+        cost,
+        start,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.02, "maxiter": 120},
+    )
+    # The most likely wander is often next to none where it is only not seen yet: its mean over what is likely is what the level needs.
+    around = found.x[0] + np.arange(-3.0, 3.25, 0.5)
+    costs = np.array([cost(np.array([at, found.x[1]])) for at in around])
+    weight = np.exp(costs.min() - costs)
+    tried = [rates(np.array([at, found.x[1]])) for at in around]
+    return Rates(float(weight @ [one.wander for one in tried] / weight.sum()), tried[0].scatter)
+
+
+@lru_cache(maxsize=64)
+def threshold(rate: float) -> float:
+    """The b² that ℓ_t passes `rate` times per block where nothing jumps: b φ(b) ∫ x ν(x)² dx = rate.
+
+    Jumps may lie back 1 to `WINDOW` blocks, which bounds the integral to b/√WINDOW … b.
+    """
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+    from scipy.stats import norm
+
+    def nu(x: float) -> float:  # Siegmund's function of the overshoot
+        half = 0.5 * x
+        return float((norm.cdf(half) - 0.5) / half / (half * norm.cdf(half) + norm.pdf(half)))
+
+    def excess(b: float) -> float:
+        integral = quad(lambda x: x * nu(x) ** 2, b / math.sqrt(WINDOW), b)[0]
+        return math.log(b * norm.pdf(b) * integral / rate)
+
+    return float(brentq(excess, 1.0, 30.0)) ** 2
+
+
+@lru_cache(maxsize=1)
+def _kernel() -> Any:
+    from numba import types
+
+    from windsysid.kernels.jit import compiled
+
+    v, m, i = types.float64[::1], types.float64[:, ::1], types.int64[::1]
+    return compiled(_run, types.Tuple((types.float64, types.int64))(v, v, m, m, v, i, v, m, v, v, v, v, i))
+
+
+def _run(
+    y: Array, r: Array, h: Array, freed: Array, rest: Array, whole: Array, mean: Array, cov: Array,
+    level: Array, std: Array, whitened: Array, statistic: Array, since: Array,
+) -> tuple[float, int]:  # fmt: skip
+    """`track`, compiled; `mean` and `cov` become those after the last block."""
+    wander, scatter, limit, clip, spacing, tolerated, pull = (
+        rest[0],
+        rest[1],
+        rest[2],
+        rest[3],
+        rest[4],
+        rest[5],
+        rest[6],
+    )
+    first, window, most = whole[0], whole[1], whole[2]
+    d = h.shape[1]
+    gain, cross = np.zeros(d), np.zeros(d)
+    trace, energy, product = np.zeros((most, d)), np.zeros(most), np.zeros(most)
+    begun = np.zeros(most, np.int64)
+    kept = 0
+    log_likelihood = 0.0
+    for t in range(len(y)):
+        cov[0, 0] += wander
+        if freed[t, 0] > 0.0:
+            kept = 0
+            for j in range(d):
+                cov[j, j] += freed[t, j]
+        if window > 0:
+            for j in range(d):
+                trace[kept, j] = 0.0
+            trace[kept, 0] = 1.0
+            energy[kept] = 0.0
+            product[kept] = 0.0
+            begun[kept] = t
+            kept += 1
+        if not np.isnan(y[t]):
+            variance, innovation = scatter * r[t], y[t]
+            for i in range(d):
+                cross[i] = 0.0
+                for j in range(d):
+                    cross[i] += cov[i, j] * h[t, j]
+                innovation -= h[t, i] * mean[i]
+            for i in range(d):
+                variance += h[t, i] * cross[i]
+            root = math.sqrt(variance)
+            z = innovation / root
+            whitened[t] = z
+            most_of_it = clip + tolerated / root
+            small = min(max(z, -most_of_it), most_of_it)
+            log_likelihood -= 0.5 * math.log(variance) + 0.5 * small * small + most_of_it * (abs(z) - abs(small))
+            for i in range(d):
+                gain[i] = cross[i] / variance
+                mean[i] += gain[i] * min(max(z, -pull), pull) * root
+            # Joseph's form: (I − K hᵀ) P (I − K hᵀ)ᵀ + K s² r Kᵀ, written out
+            for i in range(d):
+                for j in range(i, d):
+                    value = cov[i, j] - gain[i] * cross[j] - cross[i] * gain[j] + gain[i] * gain[j] * variance
+                    cov[i, j] = value
+                    cov[j, i] = value
+            for c in range(kept):
+                seen = 0.0
+                for j in range(d):
+                    seen += h[t, j] * trace[c, j]
+                for j in range(d):
+                    trace[c, j] -= gain[j] * seen
+                energy[c] += seen * seen / variance
+                product[c] += seen * small / root
+        level[t] = mean[0]
+        std[t] = math.sqrt(cov[0, 0])
+        if window == 0:
+            continue
+        for c in range(kept):
+            excess = abs(product[c]) - tolerated * energy[c]
+            if energy[c] > 0.0 and excess > 0.0 and excess * excess > statistic[t] * energy[c]:
+                statistic[t] = excess * excess / energy[c]
+                since[t] = begun[c]
+        if t >= first and statistic[t] > limit:
+            return log_likelihood, t
+        last = -1  # thinning: the blocks kept lie about `spacing` of their age apart
+        for c in range(kept):
+            age = t - begun[c] + 1
+            crowded = last >= 0 and 0 < c < kept - 1 and begun[c + 1] - begun[last] <= spacing * age
+            if age >= window or crowded:  # one older by the next block
+                continue
+            last += 1
+            if last != c:
+                begun[last], energy[last], product[last] = begun[c], energy[c], product[c]
+                for j in range(d):
+                    trace[last, j] = trace[c, j]
+        kept = last + 1
+    return log_likelihood, -1

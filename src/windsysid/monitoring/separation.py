@@ -1,0 +1,212 @@
+"""Structural and aerodynamic damping told apart: the result and its words."""
+
+import json
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from windsysid.output.answers import Answer
+from windsysid.results.identification import finite
+from windsysid.units import RPM, unit_text
+
+__all__ = ["HEADINGS", "Band", "Separation", "Split", "State"]
+
+
+class Band(NamedTuple):
+    """A value and its ±2σ band, SI."""
+
+    value: float
+    low: float
+    high: float
+
+    def over(self, unit: float) -> "Band":
+        """The same in another unit."""
+        return Band(self.value / unit, self.low / unit, self.high / unit)
+
+    @property
+    def span(self) -> str:
+        """The band."""
+        return f"{self.low:.3g} … {self.high:.3g}"
+
+
+class State(NamedTuple):
+    """How the turbine ran in one record: rotor speed [rad/s], wind speed [m/s] where it was recorded."""
+
+    record: str
+    rotor_speed: float
+    wind_speed: float | None
+    parked: bool
+
+    def __str__(self) -> str:
+        turning = "parked" if self.parked else f"{self.rotor_speed * RPM:.3g} rpm"
+        return turning if self.wind_speed is None else f"{turning}, {self.wind_speed:.3g} m/s"
+
+
+@dataclass(frozen=True)
+class Split:
+    """The damping of one degree of freedom, taken apart; what the records do not determine is None.
+
+    Attributes
+    ----------
+    name, unit
+        Of the coefficient.
+    critical
+        2√(km), to which damping ratios refer.
+    frequency
+        Of the degree of freedom on its own spring [rad/s].
+    measured
+        What each record says of the total by itself.
+    structural
+        c₀.
+    aerodynamic
+        What the air adds in each record's state.
+    calm
+        c₀ + a at the records' mean rotor speed: what does not grow with the wind, where that was recorded.
+    per_wind
+        b/V*, what a metre per second adds.
+    scatter
+        Rms of the records' distances from the fit, in their own σ; NaN where there are no more records than unknowns.
+    """
+
+    name: str
+    unit: str
+    critical: float
+    frequency: float
+    measured: tuple[Band, ...]
+    structural: Band | None
+    aerodynamic: tuple[Band | None, ...]
+    calm: Band | None
+    per_wind: Band | None
+    scatter: float
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the structure's part is told from nothing."""
+        return self.structural is not None and self.structural.low > 0.0
+
+    def percent(self, band: Band) -> str:
+        """A band in % of critical damping."""
+        ratio = band.over(0.01 * self.critical)
+        return f"{ratio.value:.3g} % ({ratio.span} %)"
+
+
+@dataclass(frozen=True)
+class Separation(Answer):
+    """Structural and aerodynamic damping, as far as the records tell them apart.
+
+    Attributes
+    ----------
+    states
+        How the turbine ran in each record.
+    parked_air
+        Whether the structure's part holds what the air does to a parked rotor.
+    splits
+        One for each degree of freedom.
+    lacking
+        What the records do not tell, why, and what would help, in sentences.
+    notes
+        What a reader must know.
+    doubts
+        Why the separation is not to be trusted, in sentences.
+    """
+
+    states: tuple[State, ...]
+    parked_air: bool
+    splits: tuple[Split, ...]
+    lacking: tuple[str, ...]
+    notes: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+    @property
+    def base(self) -> str:
+        """What the structure's part is, in words."""
+        return "structure and a parked rotor's air" if self.parked_air else "structure"
+
+    @property
+    def sentence(self) -> str:
+        """The answer, in % of critical damping."""
+        running = [i for i, state in enumerate(self.states) if not state.parked]
+        fastest = max(running, key=lambda i: (self.states[i].rotor_speed, self.states[i].wind_speed or 0.0), default=0)
+        told = []
+        for split in self.splits:
+            if split.structural is not None:
+                air = split.aerodynamic[fastest] if running else None
+                more = f", air at {self.states[fastest]} {split.percent(air)}" if air is not None else ""
+                told.append(f"{split.name}: {self.base} {split.percent(split.structural)}{more}")
+        if told:
+            return f"of critical damping, {'; '.join(told)}"
+        totals = "; ".join(f"{split.name} {split.percent(split.measured[fastest])}" for split in self.splits)
+        return f"structure and air cannot be told apart; together, at {self.states[fastest]}, they are of critical damping {totals}"
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """As a table under `HEADINGS`."""
+        rows: list[tuple[str, ...]] = []
+        air = "air beyond that" if self.parked_air else "air"
+        for split in self.splits:
+            parts = [(self.base, split.structural)]
+            if split.structural is None:
+                parts = [("structure and what turns with the rotor", split.calm), ("a metre per second of wind more", split.per_wind)]  # fmt: skip
+            parts += [
+                (f"{air}, {state}", band)
+                for state, band in zip(self.states, split.aerodynamic, strict=True)
+            ]  # fmt: skip
+            shown = [(of, band) for of, band in parts if band is not None] or [
+                (f"total, {state}", band) for state, band in zip(self.states, split.measured, strict=True)
+            ]
+            for of, band in shown:
+                ratio = band.over(0.01 * split.critical)
+                head = (split.name, unit_text(split.unit)) if (of, band) == shown[0] else ("", "")
+                rows.append((*head, of, f"{band.value:.4g}", band.span, f"{ratio.value:.3g} %", f"{ratio.span} %"))
+        return rows
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, for ``summary.json``."""
+        return {
+            "sentence": self.sentence,
+            "structural_includes_parked_air": self.parked_air,
+            "records": [state._asdict() for state in self.states],
+            "coefficients": {split.name: _plain(split) for split in self.splits},
+            "lacking": list(self.lacking),
+            "notes": list(self.notes),
+            "doubts": list(self.doubts),
+        }
+
+    def to_json(self) -> str:
+        """`summary` as text."""
+        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
+
+    def __repr__(self) -> str:
+        return f"<Separation: {self.sentence}>"
+
+    def __str__(self) -> str:
+        """The answer, the table, what is lacking."""
+        from rich.table import Table
+
+        from windsysid.console import render
+
+        table = Table(title="structural and aerodynamic damping", title_justify="left")
+        for i, heading in enumerate(HEADINGS):
+            table.add_column(heading, justify="left" if i < 3 else "right")
+        for row in self.rows:
+            table.add_row(*row)
+        doubts = (f"not to be trusted: {doubt}" for doubt in self.doubts)
+        return render(table, self.sentence, *self.lacking, *doubts, *self.notes)
+
+
+HEADINGS = ("", "unit", "of", "c", "±2σ band", "of critical", "±2σ band")
+
+
+def _plain(split: Split) -> dict[str, Any]:
+    def plain(band: Band | None) -> dict[str, float] | None:
+        return None if band is None else band._asdict()
+
+    return {
+        "unit": split.unit,
+        "critical": split.critical,
+        "structural": plain(split.structural),
+        "aerodynamic": [plain(band) for band in split.aerodynamic],
+        "calm": plain(split.calm),
+        "per_wind": plain(split.per_wind),
+        "measured": [plain(band) for band in split.measured],
+        "scatter": split.scatter,
+    }

@@ -1,0 +1,336 @@
+"""What drifts and what jumps over many records of one turbine: season and wind regressed out, alarms at a stated rate, a failing sensor told from a failing tower.
+
+Every record leaves a block: what it says of each coefficient, without its prior, and the covariates of its time (temperature, wind speed, power …). Each coefficient is a
+level that may wander, plus slopes times covariates, plus the block's own error (`windsysid.monitoring.jumps`). Level and slopes are learned as the blocks come, from a prior; how fast the level wanders and
+by how much blocks scatter more than their bands say is learned by maximum likelihood from the first `LEARNING` blocks, and again whenever there are twice as many. A test for a jump
+of any size above `TOLERATED` at any time runs on the whitened innovations of each series; the false alarms of a year are shared out evenly among the series.
+
+After an alarm the jump becomes one more coefficient of the regression, before each block that it may have happened before: their likelihoods are when, their mixture
+is how much. The level is then free to be another, and the watch goes on.
+
+The noise that each record's identification found in its sensors is watched as well. A stiffness that moved between records that their models explain, with the noise as it was, has moved;
+where noise or trust changed with it, the sensor comes first (docs/monitor.md).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+from windsysid.monitoring.changes import Change, Series, Watch
+from windsysid.monitoring.jumps import Belief, Rates, Track, learn_rates, threshold, track
+from windsysid.monitoring.series import DAY, FEWEST, Blocks
+from windsysid.results.posterior import SIGMAS
+from windsysid.units import parameter_unit
+
+__all__ = ["TOLERATED", "YEAR", "watch"]
+
+
+LEARNING = 1008
+"""Blocks before the first alarm: a week of 10 minutes; half of the blocks where there are fewer than twice as many."""
+
+SLOPE = {"k": 0.05, "c": 0.5, "noise": 0.5}
+"""Prior standard deviation of the effect of a covariate's standard deviation, relative: of stiffness (and anything else), damping, noise."""
+
+JUMP = {"k": 0.3, "c": 1.0, "noise": 1.0}
+"""Prior standard deviation of what a jump does to the effects of covariates, relative, and a third of its own."""
+
+TOLERATED = {"k": 0.005, "c": 0.1, "noise": 0.1}
+"""Jumps up to this size, relative, are no alarm however sure they are: they are drift."""
+
+BAD = 5.0
+"""Standard deviations from the median of five from which a block near a jump is left out: it would be taken for the new level."""
+
+PLACES = 200
+"""Blocks at which a jump is tried, where it may have happened before any of more."""
+
+HINDSIGHT = 144
+"""Blocks after an alarm, where there are any, that help to tell when and how much: a day."""
+
+YEAR = 365.25 * DAY
+
+SENSOR, STRUCTURE, NOISE = "check the sensor first", "the turbine", "the sensor"
+
+
+def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED) -> Watch:
+    """What drifted and what jumped.
+
+    Parameters
+    ----------
+    blocks
+        At least `FEWEST` records.
+    alarms_per_year
+        False alarms that are accepted, all series together, in a year of blocks.
+    tolerated
+        Of ``k``, ``c`` and ``noise``: relative jumps up to this size are no alarm, however sure.
+
+    Raises
+    ------
+    ConfigurationError
+        If the rate is not between 1e-6 and 100 a year, or no series can be followed.
+    """
+    missing = [kind for kind in TOLERATED if kind not in tolerated]
+    if missing:
+        raise ConfigurationError(
+            f"tolerated: expected a size for {', '.join(TOLERATED)}, got none for {', '.join(missing)}"
+        )
+    if not 1e-6 <= alarms_per_year <= 100.0:
+        raise ConfigurationError(f"alarms per year: expected 1e-6 to 100, got {alarms_per_year:g}")
+    count = len(blocks.time)
+    begins = min(LEARNING, count // 2)
+    step = float(np.median(np.diff(blocks.time)))
+    x, names, scales, notes = _standardised(blocks, begins)
+    there = np.asarray(np.isfinite(x).all(axis=1))
+    if not there.all():
+        notes.append(f"{int((~there).sum())} of {count} records lack a covariate and were left out")
+    followed = [
+        i for i in range(len(blocks.names)) if np.isfinite(blocks.theta[there][:begins, i]).sum() >= FEWEST // 2
+    ]
+    if not followed:
+        raise ConfigurationError(
+            f"expected at least {FEWEST // 2} estimates to learn from in the first {begins} records"
+        )
+    limit = threshold(alarms_per_year * step / YEAR / len(followed))
+    series, jumps = [], []
+    for i in followed:
+        y = np.where(there, blocks.theta[:, i], np.nan)
+        one = _follow(blocks, i, y, np.where(there[:, None], x, 0.0), begins, limit, tolerated)
+        series.append(_describe(blocks, i, one, y, x, names, scales, begins, step))
+        jumps += [(i, jump) for jump in one.jumps]
+    jumps.sort(key=lambda found: found[1].found)
+    changes = tuple(_change(blocks, i, jump, jumps) for i, jump in jumps)
+    notes = [*blocks.notes, *notes]
+    notes.insert(0, f"alarms from {blocks.when(float(blocks.time[begins]))} on: {begins} records to learn from")
+    return Watch(blocks, tuple(series), changes, alarms_per_year, begins, tuple(notes))
+
+
+class _Jump(NamedTuple):
+    """A jump in filter coordinates: the blocks before which it happened, probably and within the interval, where it was found, size, σ, level before."""
+
+    at: int
+    earliest: int
+    latest: int
+    found: int
+    size: float
+    std: float
+    before: float
+
+
+class _Followed(NamedTuple):
+    track: Track
+    rates: Rates
+    limit: float
+    jumps: list[_Jump]
+    scale: float
+    learned: float
+    least: float
+
+
+def _follow(
+    blocks: Blocks, i: int, y: Array, x: Array, begins: int, limit: float, tolerated: Mapping[str, float]
+) -> _Followed:
+    """Level, rates and jumps of one series from its blocks (T,) and standardised covariates (T, m)."""
+    count = len(y)
+    y, r = y.copy(), np.where(np.isfinite(y), blocks.std[:, i], 1.0) ** 2
+    known = y[np.isfinite(y)][:25]
+    usual = math.sqrt(float(np.median(r[np.isfinite(y)])))
+    centre = float(np.median(known))
+    scale = 1.0 if blocks.logarithmic[i] else max(abs(centre), usual)
+    kind = _kind(blocks.names[i])
+    slopes = np.full(x.shape[1], (SLOPE[kind] * scale) ** 2)
+    prior = Belief(np.append(centre, np.zeros(len(slopes))), np.diag(np.append((10.0 * usual) ** 2, slopes)))
+    jump, freed, jumps = JUMP[kind] * scale, np.zeros((count, 1 + len(slopes))), []
+    begin, first, least = begins, begins, tolerated[kind] * scale
+    tested = np.zeros(count)
+    while True:
+        rates = learn_rates(y[:begin], r[:begin], x[:begin], prior, freed[:begin])
+        end = min(2 * begin, count)
+        while True:
+            whole = track(
+                y[:end],
+                r[:end],
+                x[:end],
+                prior,
+                rates,
+                limit=limit,
+                tolerated=least,
+                first=first,
+                freed=freed[:end],
+            )
+            upto = whole.stopped + 1 or end
+            tested[first:upto] = whole.statistic[first:upto]
+            if whole.stopped < 0:
+                break
+            found = _locate(y, r, x, prior, rates, freed, whole, jump, scale)
+            jumps.append(found)
+            near = slice(max(0, found.earliest - HINDSIGHT), found.found + 1)
+            y[near] = _without_bad(y[near], rates.scatter * r[near])
+            y[found.earliest : found.latest] = np.nan  # nobody knows on which side these are
+            freed[found.latest] = _freedom(whole.belief.mean, jump, scale)
+            first = whole.stopped + 1
+        if end == count:
+            learned = float(whole.level[begins - 1])
+            return _Followed(whole._replace(statistic=tested), rates, limit, jumps, scale, learned, least)
+        begin = first = end
+
+
+def _locate(
+    y: Array, r: Array, x: Array, prior: Belief, rates: Rates, freed: Array, alarm: Track, jump: float, scale: float
+) -> _Jump:
+    """When and how much: jumps of level and slopes are more coefficients, tried before every block that they may have happened before."""
+    found, likely = alarm.stopped, int(alarm.since[alarm.stopped])
+    age = found - likely + 1
+    since = int(np.flatnonzero(freed[: found + 1, 0])[-1]) + 1 if freed[: found + 1].any() else 0
+    start = max(since, likely - max(2 * age, HINDSIGHT))
+    end = min(found + max(age, HINDSIGHT), len(y))
+    before = track(y[:start], r[:start], x[:start], prior, rates, freed=freed[:start], test=False).belief
+    d = len(before.mean)
+    mean, cov = np.append(before.mean, np.zeros(d)), np.zeros((2 * d, 2 * d))
+    cov[:d, :d] = before.cov
+    cov[range(d, 2 * d), range(d, 2 * d)] = _freedom(before.mean, jump, scale)
+    places = np.arange(max(start, likely - 2 * age), found + 1)
+    places = places[:: -(-len(places) // PLACES)]
+    part = slice(start, end)
+    good = _without_bad(y[part], rates.scatter * r[part])
+    levels = np.empty((len(places), 3))
+    likelihoods = np.empty(len(places))
+    for row, place in enumerate(places):
+        after = (np.arange(start, end) >= place)[:, None]
+        stepped = np.hstack([x[part], after, after * x[part]])
+        tried = track(good, r[part], stepped, Belief(mean, cov), rates, test=False)
+        levels[row] = tried.belief.mean[d], tried.belief.cov[d, d], tried.belief.mean[0]
+        likelihoods[row] = tried.log_likelihood
+    weight = np.exp(likelihoods - likelihoods.max())
+    weight /= weight.sum()
+    cumulated, tail = np.cumsum(weight), 0.5 * math.erfc(SIGMAS / math.sqrt(2.0))
+    earliest, latest = (int(places[np.searchsorted(cumulated, p).clip(0, len(places) - 1)]) for p in (tail, 1.0 - tail))
+    size = float(weight @ levels[:, 0])
+    std = math.sqrt(float(weight @ (levels[:, 1] + np.square(levels[:, 0] - size))))
+    return _Jump(int(places[weight.argmax()]), earliest, latest, found, size, std, float(weight @ levels[:, 2]))
+
+
+def _without_bad(y: Array, variance: Array) -> Array:
+    """Blocks (T,), NaN for what is `BAD` beside its neighbours; a step is none."""
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(y, 2, constant_values=np.nan), 5)
+    middle = np.array([np.median(five[np.isfinite(five)]) if np.isfinite(five).any() else np.nan for five in around])
+    return np.where(np.abs(y - middle) > BAD * np.sqrt(variance), np.nan, y)
+
+
+def _freedom(mean: Array, jump: float, scale: float) -> Array:
+    """Prior variances (d,) of what a jump does to level and slopes: effects are expected to grow with the level."""
+    return np.append(3.0 * jump, jump * mean[1:] / max(abs(mean[0]), scale)) ** 2
+
+
+def _describe(
+    blocks: Blocks, i: int, one: _Followed, y: Array, x: Array, names: Sequence[str], scales: Array, begins: int, step: float
+) -> Series:  # fmt: skip
+    """A `Series` in units and percent."""
+    level, std = one.track.level, one.track.std
+    belief, now = one.track.belief, float(level[-1])
+    sigma = np.sqrt(np.diag(belief.cov))
+    name = blocks.names[i]
+
+    def value(theta: Array) -> Array:
+        return blocks.reference[i] * (np.exp(theta) if blocks.logarithmic[i] else theta)
+
+    def share(part: float, spread: float, of: float) -> tuple[float, float, float]:
+        return _percent(blocks, i, part, spread, of)
+
+    day = max(1, round(DAY / step))
+    return Series(
+        name=name,
+        unit=parameter_unit(name) if not name.startswith("noise_") else "1",
+        level=value(level),
+        low=value(level - SIGMAS * std),
+        high=value(level + SIGMAS * std),
+        adjusted=value(y - np.where(np.isfinite(x), x, 0.0) @ belief.mean[1:]),
+        whitened=one.track.whitened,
+        statistic=one.track.statistic,
+        limit=one.limit,
+        drift=share(now - one.learned, math.hypot(std[-1], std[begins - 1]), one.learned),
+        slopes={
+            name: share(belief.mean[1 + j] / scales[j], sigma[1 + j] / scales[j], now) for j, name in enumerate(names)
+        },
+        wander=share(math.sqrt(one.rates.wander * day), 0.0, now)[0],
+        scatter=math.sqrt(one.rates.scatter),
+        smallest=abs(share(_smallest(blocks, i, one, day), 0.0, now)[0]),
+    )
+
+
+def _smallest(blocks: Blocks, i: int, one: _Followed, within: int) -> float:
+    """Jump in filter coordinates that passes the test within so many blocks with a probability of 0.9, the level being as well known as it gets."""
+    r = one.rates.scatter * float(np.nanmedian(blocks.std[:, i])) ** 2
+    q = one.rates.wander
+    spread = 0.5 * (q + math.sqrt(q * (q + 4.0 * r)))  # Riccati's equation of a random walk in noise
+    variance = spread + r
+    left = (r / variance) ** 2  # of a jump's trace, squared, from block to block
+    energy = (within if left > 1.0 - 1e-12 else (1.0 - left**within) / (1.0 - left)) / variance
+    return one.least + (math.sqrt(one.limit) + 1.28) / math.sqrt(energy)
+
+
+def _change(blocks: Blocks, i: int, jump: _Jump, jumps: Sequence[tuple[int, _Jump]]) -> Change:
+    """A jump in words, percent and seconds, and where to look for its cause."""
+    name = blocks.names[i]
+    percent, low, high = _percent(blocks, i, jump.size, jump.std, jump.before)
+    time, earliest, latest, found = (float(blocks.time[k]) for k in (jump.at, jump.earliest, jump.latest, jump.found))
+    noisy = [
+        blocks.names[j]
+        for j, other in jumps
+        if blocks.names[j].startswith("noise_") and other.earliest <= jump.found and jump.earliest <= other.found
+    ]
+    if name.startswith("noise_"):
+        cause, why = NOISE, "a sensor, its cable, or what it hears"
+    elif noisy:
+        cause, why = SENSOR, f"{SENSOR}: {', '.join(noisy)} changed with it"
+    elif _lost_trust(blocks, jump):
+        cause, why = SENSOR, f"{SENSOR}: the model does not explain the records any more"
+    else:
+        cause, why = STRUCTURE, "the sensors are as they were"
+    verb = "rose" if percent > 0.0 else "fell"
+    told = f"{name} {verb} by {abs(percent):.3g} % ({low:+.3g} … {high:+.3g} %) on {blocks.between(earliest, latest)}, found on {blocks.when(found)}: {why}"
+    return Change(name, time, earliest, latest, found, percent, low, high, cause, told)
+
+
+def _lost_trust(blocks: Blocks, jump: _Jump) -> bool:
+    """Whether most results were trusted before the jump and most are not after it."""
+    if blocks.trusted is None:
+        return False
+    before = blocks.trusted[max(0, jump.earliest - HINDSIGHT) : jump.earliest]
+    after = blocks.trusted[jump.latest : jump.found + 1]
+    return bool(len(before) and len(after) and before.mean() > 0.5 > after.mean())
+
+
+def _standardised(blocks: Blocks, begins: int) -> tuple[Array, list[str], Array, list[str]]:
+    """Covariates less their mean and by their standard deviation while learning, names, those deviations, and what was left out."""
+    x = np.asarray(blocks.covariates, dtype=np.float64)
+    missing = [
+        name for name, column in zip(blocks.covariate_names, x.T, strict=True) if np.isfinite(column[:begins]).sum() < 2
+    ]
+    if missing:
+        raise ConfigurationError(
+            f"covariates: expected numbers of {', '.join(missing)} in the first {begins} records, got none: leave the column out"
+        )
+    scales = np.nanstd(x[:begins], axis=0)
+    moves = scales > 0.0
+    notes = [
+        f"{name} was constant while learning and was left out"
+        for name, there in zip(blocks.covariate_names, moves, strict=True) if not there
+    ]  # fmt: skip
+    names = [name for name, there in zip(blocks.covariate_names, moves, strict=True) if there]
+    centred = (x[:, moves] - np.nanmean(x[:begins, moves], axis=0)) / scales[moves]
+    return np.ascontiguousarray(centred), names, scales[moves], notes
+
+
+def _percent(blocks: Blocks, i: int, part: float, std: float, of: float) -> tuple[float, float, float]:
+    """A change in filter coordinates and its ±2σ band in percent of the value at coordinate `of`."""
+    steps = part + std * np.array([0.0, -SIGMAS, SIGMAS])
+    percent = 100.0 * (np.expm1(steps) if blocks.logarithmic[i] else steps / max(abs(of), 1e-300))
+    return float(percent[0]), float(percent[1]), float(percent[2])
+
+
+def _kind(name: str) -> str:
+    kind = name.partition("_")[0]
+    return kind if kind in SLOPE else "k"

@@ -1,0 +1,94 @@
+"""What the times, values and names of a record must be, whether it is whole or still coming from a file in blocks."""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import RecordError
+
+__all__ = ["UNIFORM", "Array", "check_block", "check_channels", "check_rows", "refuse_outside"]
+
+
+UNIFORM = 1e-3
+"""Of a step: within this a time grid counts as uniform."""
+
+_LONGEST_NAME = 200
+
+
+def check_channels(channels: Iterable[str]) -> None:
+    """Refuse names that cannot be told apart or written to a file."""
+    seen = set()
+    for name in channels:
+        if not isinstance(name, str) or not name or name != name.strip() or len(name.splitlines()) > 1:
+            raise RecordError(
+                f"{str(name)[:40]!r} is not a channel name: expected text on one line without spaces around it"
+            )
+        if len(name) > _LONGEST_NAME:
+            raise RecordError(
+                f"the channel name '{name[:40]}…' has {len(name)} characters; expected {_LONGEST_NAME} at most"
+            )
+        if name == "time":
+            raise RecordError("a channel is called 'time', which is the record's own: rename it")
+        if name in seen:
+            raise RecordError(f"channel '{name}' occurs twice: expected each name once; rename one of them")
+        seen.add(name)
+
+
+def check_rows(
+    time: Array, values: Array, channels: tuple[str, ...], place: Callable[[int], str] = "sample {}".format
+) -> None:
+    """Refuse a time that does not increase and infinite values, naming the first place."""
+    if time.size < 2:
+        raise RecordError(f"expected at least 2 samples, got {time.size}; give a longer record")
+    check_block(time, values, channels, place)
+
+
+def check_block(
+    time: Array,
+    values: Array,
+    channels: tuple[str, ...],
+    place: Callable[[int], str] = "sample {}".format,
+    previous: float = np.nan,
+) -> None:
+    """What `check_rows` checks, for rows that follow a sample at `previous` [s] and may be few."""
+    finite = np.isfinite(time)
+    if not finite.any():
+        raise RecordError("the time is missing or infinite everywhere: expected seconds as numbers; write the time")
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise RecordError(f"the time at {place(k)} is {time[k]}: expected seconds; remove that row or write its time")
+    steps = np.diff(time, prepend=previous)  # the first is NaN where nothing went before, and compares as False
+    if np.any(steps <= 0.0):
+        k = int(np.argmax(steps <= 0.0))
+        what = "is repeated" if steps[k] == 0.0 else "runs backwards"
+        before = previous if k == 0 else float(time[k - 1])
+        raise RecordError(
+            f"the time {what} at {place(k)} ({before!r} s, then {float(time[k])!r} s): "
+            "expected strictly increasing; sort the rows and drop the repeated ones"
+        )
+    infinite = np.isinf(values)
+    if infinite.any():
+        row, column = (int(i) for i in np.argwhere(infinite)[0])
+        raise RecordError(
+            f"channel '{channels[column]}' is infinite at {place(row)}: expected a finite number; "
+            "leave the cell empty or write NaN where a value is missing"
+        )
+
+
+def refuse_outside(start: float, end: float, samples: int, first: float, last: float, step: float) -> None:
+    """Refuse a section [s] that holds too little or reaches outside the record, which runs from first to last [s]."""
+    own = f"the record runs from {first:g} to {last:g} s"
+    if not start < end:
+        raise RecordError(
+            f"the section {start:g} to {end:g} s is empty: expected start before end; {own}; choose others"
+        )
+    if start < first - step or end > last + step * (1.0 + UNIFORM):
+        raise RecordError(
+            f"the section {start:g} to {end:g} s reaches outside the record: {own}; choose a section inside"
+        )
+    if samples < 2:
+        raise RecordError(
+            f"the section {start:g} to {end:g} s holds {samples} samples, expected at least 2: {own} "
+            f"at {1.0 / step if step else np.nan:g} Hz; choose a longer section"
+        )

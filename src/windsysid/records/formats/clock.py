@@ -1,0 +1,368 @@
+"""The time column of a file, whatever it counts, as seconds.
+
+A time is *elapsed*, a number in some unit of which only differences mean something, or *absolute*, a moment of the
+calendar: ISO text, text in a pattern that the mapping gives, or a number since a known day. Elapsed seconds stay as
+they are in the file; elapsed days and absolute times become seconds from the first sample. The moment of time 0 is
+kept as ISO text: with the zone as it was given, or without one where nobody said which zone the clock was in.
+An elapsed time may say its zero in its unit, as in the CF conventions: ``s since 2021-07-07T12:00:00Z``.
+
+A number could be seconds or days. Its unit says; if it has none, days are taken only where seconds are out of the
+question (a step below 20 µs), and refused where both could be meant.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.records.formats.mapping import TimeRule
+from windsysid.records.moments import SINCE, has_zone, tidy
+from windsysid.records.record import Array
+from windsysid.units import si_unit, to_si
+
+__all__ = ["Clock", "exact_seconds", "is_stamp", "make_clock", "moments_clock", "split_since", "start_of"]
+
+Moments = npt.NDArray[np.int64]
+
+_DAY = 86_400_000_000_000  # ns
+_SECOND = 1_000_000_000
+_EPOCHS = {  # name: (ns per count, the count's zero in days since 1970)
+    "excel": (_DAY, -25_569),
+    "matlab": (_DAY, -719_529),
+    "unix": (_SECOND, 0),
+    "labview": (_SECOND, -24_107),
+}
+_EXCEL = (36_526.0, 49_700.0)  # 2000 to 2036; above, it could as well be a modified Julian day
+_MATLAB = (730_486.0, 743_700.0)  # the same years
+_DAY_NUMBERS = ((30_000.0, 80_000.0), (693_960.0, 760_000.0))
+_TOO_FAST = 2e-5  # s: nobody records a turbine at more than 50 kHz
+_USUAL = np.array([1, 2, 5, 10, 15, 20, 30, 60, 120, 300, 600, 900, 1200, 1800, 3600]) / 86_400.0  # steps in days
+
+_ISO = re.compile(r"\d{4}-\d{2}-\d{2}[ T]\d{2}:\d{2}(?::\d{2}(?:[.,]\d{1,9})?)?")
+_ISO_ZONED = re.compile(_ISO.pattern + r" ?(?:Z|[+-]\d{2}(?::?\d{2})?)")
+_NOTHING = ("", "nan", "na", "n/a", "null", "none")
+_UTC = ("utc", "gmt", "z")
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How one time column is turned into seconds.
+
+    Attributes
+    ----------
+    textual : bool
+        Whether the column is to be read as text.
+    factor : float
+        Seconds per count of an elapsed time.
+    zero : float
+        Count of an elapsed time at which the record's time is zero.
+    count, epoch : int
+        Nanoseconds per count of an absolute number and of its zero since 1970; `count` is 0 where the time is no such
+        number.
+    pattern : str
+        strptime pattern; empty for ISO.
+    zoned : bool
+        Whether ISO text carries its zone.
+    zone : str
+        Zone of the others; empty for none.
+    origin : int
+        Moment of the first sample, ns since 1970.
+    start : str or None
+        The moment of time 0, as `windsysid.records.record.Record.start`.
+    """
+
+    textual: bool = False
+    factor: float = 1.0
+    zero: float = 0.0
+    count: int = 0
+    epoch: int = 0
+    pattern: str = ""
+    zoned: bool = False
+    zone: str = ""
+    origin: int = 0
+    start: str | None = None
+
+    def seconds(self, raw: Any, place: Callable[[int], str]) -> Array:
+        """Time [s] (n,) from the column's numbers (n,) or texts (n,).
+
+        Raises
+        ------
+        RecordError
+            If a text is no time, or clocks were put back in the middle.
+        """
+        if not self.textual and not self.count:
+            zeroed = raw - self.zero if self.zero else raw
+            return zeroed if self.factor == 1.0 else np.asarray(zeroed * self.factor)
+        moments = self._moments(raw, place)
+        seconds = (moments - self.origin) / 1e9
+        back = np.flatnonzero(np.diff(moments) <= 0)
+        if self.textual and back.size:
+            k = int(back[0]) + 1
+            what = "is repeated" if moments[k] == moments[k - 1] else "runs backwards"
+            raise RecordError(
+                f"the time {what} at {place(k)} ('{raw[k - 1]}', then '{raw[k]}'): expected strictly increasing; if the "
+                "clock was put back there, name its zone in the mapping file ([time] zone) or record in UTC"
+            )
+        return np.asarray(seconds)
+
+    def _moments(self, raw: Any, place: Callable[[int], str]) -> Moments:
+        if self.textual:
+            moments = _parsed(list(raw), self.pattern, self.zoned, place)
+        else:
+            number = np.asarray(raw, dtype=np.float64)
+            whole, zero = np.floor(number), self.epoch // self.count
+            with np.errstate(invalid="ignore", over="ignore"):
+                far = ~(np.abs((whole + zero) * self.count) < 9.2e18)  # NaN too
+            if far.any():
+                k = int(np.argmax(far))
+                raise RecordError(
+                    f"the time at {place(k)} is {number[k]}: expected a date; remove that row or write its time"
+                )
+            part = np.rint((number - whole) * self.count).astype(np.int64)
+            moments = (whole + zero).astype(np.int64) * self.count + part
+        return moments if not self.zone else _to_utc(moments, self.zone, place)
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell is an ISO date and time, with or without a zone."""
+    return bool(_ISO.fullmatch(cell) or _ISO_ZONED.fullmatch(cell))
+
+
+def make_clock(
+    cells: Sequence[str], unit: str | None, rule: TimeRule, place: Callable[[int], str], decimal: str
+) -> Clock:
+    """The clock of a time column, from its first cells.
+
+    Parameters
+    ----------
+    cells : sequence of str
+        The first few cells, as written.
+    unit : str or None
+        What the header says: ``s``, ``d``, ``UTC``, ``TS``, …; None if it says nothing.
+    rule : TimeRule
+        What the mapping says; it goes before.
+    place : callable
+        Place of a cell, for messages.
+    decimal : str
+        Decimal mark of numbers.
+
+    Raises
+    ------
+    RecordError
+        If the cells are neither numbers nor times, or could be seconds as well as days.
+    """
+    if rule.format is not None and "%" in rule.format:
+        return _absolute(Clock(textual=True, pattern=rule.format, zone=rule.zone or ""), cells[:1], place)
+    cells = [cell for cell in cells if cell.lower() not in _NOTHING]
+    if not cells:
+        return Clock()  # the time is missing everywhere, which whoever checks the rows says better
+    numbers = [value for value in (_number(cell, decimal) for cell in cells) if value is not None]
+    if 2 * len(numbers) >= len(cells) and rule.format != "iso":
+        return _numeric(np.array(numbers), unit, rule)
+    stamps = [cell for cell in cells if is_stamp(cell)]
+    if not stamps:
+        cell = cells[0][:40]
+        if re.fullmatch(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?", cell):
+            raise RecordError(f"the time '{cell}' at {place(0)} has no date; write date and time into one column")
+        raise RecordError(
+            f"the time '{cell}' at {place(0)} is not a number and no ISO time such as 2021-07-07T12:00:00Z; say what it "
+            'is in the mapping file: [time] format = "%d.%m.%Y %H:%M:%S"'
+        )
+    zoned = bool(_ISO_ZONED.fullmatch(stamps[0]))
+    zone = "" if zoned else rule.zone or ("UTC" if (unit or "").lower() in _UTC else "")
+    return _absolute(Clock(textual=True, zoned=zoned, zone=zone), stamps[:1], place)
+
+
+def moments_clock(first: int, zone: str | None, rule: TimeRule) -> Clock:
+    """The clock of a column that holds moments already, as int64 nanoseconds since 1970; in UTC if they have a `zone`."""
+    clock = Clock(count=1, zone="" if zone else rule.zone or "", zoned=bool(zone))
+    return _absolute(clock, np.array([first]), "sample {}".format, zone or "")
+
+
+def split_since(unit: str | None) -> tuple[str | None, str | None]:
+    """``s since 2021-07-07T12:00:00Z`` as the unit and the moment of its zero; RecordError if that is none."""
+    found = SINCE.fullmatch(unit.strip()) if unit is not None else None
+    if found is None:
+        return unit, None
+    text = found[2].removesuffix("UTC").strip() + ("Z" if found[2].endswith("UTC") else "")
+    if re.fullmatch(r"\d{4}-\d{2}-\d{2}", text):
+        text += "T00:00:00"
+    try:
+        return found[1], tidy(text)
+    except ValueError as error:
+        raise RecordError(f"the unit of the time is '{unit}': {error}; correct it") from error
+
+
+def start_of(rule: TimeRule, given: str | None) -> str | None:
+    """The moment of time 0 from the mapping's `rule` and from what the file says, in the mapping's zone where it has none.
+
+    Raises
+    ------
+    ConfigurationError
+        If both say it.
+    RecordError
+        If it occurs twice or not at all in that zone.
+    """
+    if rule.start is not None:
+        if given is not None:
+            raise ConfigurationError(
+                f"time.start: the file itself says that it starts at {given}; remove the key from the mapping file"
+            )
+        given = str(rule.start)
+    if given is None or not rule.zone or has_zone(given):
+        return given
+    local = int(np.datetime64(given, "ns").astype(np.int64))
+    origin = int(_to_utc(np.array([local]), rule.zone, "time 0 (row {})".format)[0])
+    return _text(origin, _offset(origin, rule.zone))
+
+
+def exact_seconds(clock: Clock, moments: Moments, place: Callable[[int], str]) -> Array:
+    """Time [s] (n,) of moments (n,) [ns since 1970], without a way through float64."""
+    if clock.zone:
+        moments = _to_utc(moments, clock.zone, place)
+    return np.asarray((moments - clock.origin) / 1e9)
+
+
+def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
+    if rule.format is not None:
+        count, days = _EPOCHS[rule.format]
+        if rule.unit is not None:
+            count = round(to_si(1.0, rule.unit) * _SECOND)
+        clock = Clock(count=count, epoch=days * _DAY, zone=rule.zone or "")
+        zoned = rule.format in ("unix", "labview")  # these count in UTC by definition
+        return _absolute(Clock(count=count, epoch=days * _DAY, zoned=True) if zoned else clock, numbers[:1], str)
+    unit, since = split_since(unit)
+    unit = rule.unit if rule.unit is not None else unit
+    first, steps = float(numbers[0]), np.diff(numbers)
+    if unit is None:
+        unit = _unit_of(first, float(np.median(steps)) if steps.size else np.nan)
+    try:
+        factor = to_si(1.0, unit)
+        if si_unit(unit) != "s":
+            raise ConfigurationError
+    except ConfigurationError:
+        raise RecordError(
+            f"the time is in '{unit}', not in a unit of time; expected 'time [s]', or its unit in the mapping file: "
+            "[time] unit"
+        ) from None
+    if factor != 86_400.0 or since is not None:
+        return Clock(factor=factor, start=since)
+    for name, (low, high) in (("excel", _EXCEL), ("matlab", _MATLAB)):
+        if low <= first < high:
+            return _absolute(Clock(count=_DAY, epoch=_EPOCHS[name][1] * _DAY, zone=rule.zone or ""), numbers[:1], str)
+    return Clock(factor=factor, zero=first)
+
+
+def _unit_of(first: float, step: float) -> str:
+    """The unit of a time that has none: seconds, unless they cannot be meant."""
+    if not any(low <= first < high for low, high in _DAY_NUMBERS) or not step > 0.0:
+        return "s"
+    if step < _TOO_FAST:
+        return "d"
+    if np.any(np.abs(step / _USUAL - 1.0) < 0.01):
+        raise RecordError(
+            f"the time starts at {first:.9g} in steps of {step:.3g} and has no unit: it could be seconds or day numbers; "
+            "write 'time [s]' or 'time [d]' in the header, or its unit in the mapping file: [time] unit"
+        )
+    return "s"
+
+
+def _absolute(clock: Clock, first: Any, place: Callable[[int], str], zone: str = "") -> Clock:
+    """The clock with its origin at the first sample, whose moment is told in `zone` where the moments are in UTC already."""
+    origin = int(clock._moments(first, place)[0])
+    offset: int | None = None
+    if clock.zone or zone:
+        offset = _offset(origin, clock.zone or zone)
+    elif clock.zoned and clock.textual:
+        offset = _written_offset(first[0])
+    elif clock.zoned or "%z" in clock.pattern:
+        offset = 0
+    return replace(clock, origin=origin, start=_text(origin, offset))
+
+
+def _text(origin: int, offset: int | None) -> str:
+    """A moment [ns since 1970, UTC] at `offset` [s] from UTC; of a local clock where that is None."""
+    local = origin + (offset or 0) * _SECOND
+    unit = next(unit for unit, ns in (("s", _SECOND), ("ms", 1_000_000), ("us", 1000), ("ns", 1)) if local % ns == 0)
+    text = str(np.datetime_as_string(np.datetime64(local, "ns"), unit=unit))  # type: ignore[call-overload]
+    if not offset:
+        return text if offset is None else text + "Z"
+    minutes = abs(offset) // 60
+    return f"{text}{'-' if offset < 0 else '+'}{minutes // 60:02d}:{minutes % 60:02d}"
+
+
+def _offset(origin: int, zone: str) -> int:
+    """How far a zone is ahead of UTC [s] at a moment [ns since 1970]."""
+    import pandas as pd
+
+    ahead = pd.Timestamp(origin, unit="ns", tz="UTC").tz_convert(zone).utcoffset()
+    return 0 if ahead is None else int(ahead.total_seconds())
+
+
+def _written_offset(cell: str) -> int:
+    """The zone at the end of an ISO time [s ahead of UTC]."""
+    found = re.search(r"([+-])(\d{2}):?(\d{2})?$", cell)
+    if found is None:
+        return 0
+    return (-60 if found[1] == "-" else 60) * (60 * int(found[2]) + int(found[3] or 0))
+
+
+def _parsed(cells: list[str], pattern: str, zoned: bool, place: Callable[[int], str]) -> Moments:
+    import pandas as pd
+
+    if not pattern:
+        shape = _ISO_ZONED if zoned else _ISO
+        for k, cell in enumerate(cells):
+            if not isinstance(cell, str) or not shape.fullmatch(cell):
+                shown = cell[:40] if isinstance(cell, str) else ""
+                wanted = "with a zone" if zoned else "without a zone"
+                raise RecordError(
+                    f"the time '{shown}' at {place(k)} is not an ISO time {wanted} as in the first row; "
+                    "remove that row or write its time"
+                )
+        if any("," in cell for cell in cells):
+            cells = [cell.replace(",", ".") for cell in cells]
+    try:
+        dates = pd.to_datetime(pd.Series(cells, dtype="object"), format=pattern or "ISO8601", utc=True)
+        if dates.isna().any():
+            raise ValueError
+        return np.asarray(dates.astype("datetime64[ns, UTC]").astype(np.int64).to_numpy())
+    except (ValueError, OverflowError, TypeError):
+        for k, cell in enumerate(cells):
+            one = pd.to_datetime(
+                pd.Series([cell], dtype="object"), format=pattern or "ISO8601", utc=True, errors="coerce"
+            )
+            if one.isna().any():
+                wanted = f"'{pattern}'" if pattern else "a date that exists"
+                raise RecordError(
+                    f"the time '{str(cell)[:40]}' at {place(k)} does not fit, expected {wanted}; correct that row, or "
+                    "the format in the mapping file"
+                ) from None
+        raise RecordError("the time holds dates that are too far away, expected years 1678 to 2262") from None
+
+
+def _to_utc(moments: Moments, zone: str, place: Callable[[int], str]) -> Moments:
+    import pandas as pd
+
+    local = pd.DatetimeIndex(moments.astype("datetime64[ns]")).tz_localize(zone, ambiguous="NaT", nonexistent="NaT")
+    lost = np.asarray(local.isna())
+    if lost.any():
+        k = int(np.argmax(lost))
+        shown = str(np.datetime64(int(moments[k]), "ns"))[:23]
+        raise RecordError(
+            f"the time {shown} at {place(k)} occurs twice or not at all in {zone}, because clocks were changed; leave out "
+            "that hour, or record in UTC"
+        )
+    return np.asarray(local.tz_convert("UTC").as_unit("ns").asi8)
+
+
+def _number(cell: str, decimal: str) -> float | None:
+    try:
+        value = float(cell.replace(decimal, "."))
+    except ValueError:
+        return None
+    return value if np.isfinite(value) and "_" not in cell else None

@@ -1,0 +1,184 @@
+"""From a file's columns to a record's channels: names, units and signs.
+
+A header cell says a name and a unit in one of three ways: ``name [unit]`` or ``name (unit)``; an ending that is
+one of `SUFFIXES` (``pitch_deg`` is the channel ``pitch`` in degrees); or not at all. A column without a unit is
+refused where its name says a quantity (`windsysid.records.quantities`): ``rotor_speed`` could be in rpm as well as in rad/s.
+Where the name says none, the values stay ``as written: unknown``. What a mapping file says about a column goes before.
+"""
+
+import difflib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.records.checks import Array, check_channels
+from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping
+from windsysid.records.quantities import implied_unit, missing_units
+from windsysid.records.record import AS_WRITTEN
+from windsysid.units import is_same_quantity, si_unit, to_si
+
+__all__ = ["SUFFIXES", "TIME_NAMES", "Cell", "Column", "find_time", "name_and_unit", "plan_columns", "split_unit"]
+
+SUFFIXES = {
+    "_mV_per_V": "mV/V", "_V_per_V": "V/V", "_microstrain": "microstrain",
+    "_mm_s2": "mm/s^2", "_m_s2": "m/s^2", "_rad_s2": "rad/s^2", "_deg_s2": "deg/s^2",
+    "_mm_s": "mm/s", "_m_s": "m/s", "_km_h": "km/h", "_rad_s": "rad/s", "_deg_s": "deg/s", "_rpm": "rpm",
+    "_rad": "rad", "_deg": "deg", "_mm": "mm", "_cm": "cm", "_mg": "mg",
+    "_MNm": "MN*m", "_kNm": "kN*m", "_Nm": "N*m", "_MN": "MN", "_kN": "kN", "_MW": "MW", "_kW": "kW",
+    "_W": "W", "_N": "N", "_g": "g", "_m": "m", "_s": "s",
+}  # fmt: skip
+"""Units that may end a column's name when it has none in brackets; longer ones first, capitals matter.
+
+A single letter may mean something else (``tower_acceleration_W`` stands in the west): it counts only where it does not contradict the
+quantity that the name says; ``_N`` and ``_m`` count only where they are of that quantity.
+"""
+
+TIME_NAMES = ("time", "t", "timestamp", "datetime", "date time", "date/time", "zeit", "tid")
+"""Names of a time column, in any case."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One column as the file describes it: the cell as written, its name, and its unit as far as it says one."""
+
+    written: str
+    name: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class Column:
+    """One channel of the record: column `index` of the file times `factor`, in the SI unit `unit`."""
+
+    index: int
+    name: str
+    unit: str
+    factor: float = 1.0
+
+    def values(self, raw: Array) -> Array:
+        """The values in SI, bit for bit the file's own where nothing is to be converted."""
+        return raw if self.factor == 1.0 else -raw if self.factor == -1.0 else raw * self.factor
+
+
+def split_unit(written: str) -> Cell:
+    """A header cell with its unit in brackets taken off."""
+    bracketed = re.fullmatch(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", written)
+    if not bracketed:
+        return Cell(written, written)
+    square, round_ = bracketed[2], bracketed[3]
+    return Cell(written, bracketed[1], square if square is not None else round_)
+
+
+def name_and_unit(written: str) -> Cell:
+    """A header cell with its unit, from brackets or from its ending."""
+    cell = split_unit(written)
+    if cell.unit is None:
+        for suffix, unit in SUFFIXES.items():
+            if written.endswith(suffix) and written != suffix:
+                name = written.removesuffix(suffix)
+                return Cell(written, name, unit) if _is_meant(name, suffix, unit) else cell
+    return cell
+
+
+def _is_meant(name: str, suffix: str, unit: str) -> bool:
+    """Whether the ending of a name is a unit, and not a letter that means something else."""
+    if len(suffix) > 2:
+        return True
+    quantity = implied_unit(name)
+    return suffix not in ("_N", "_m") if quantity is None else is_same_quantity(unit, quantity)
+
+
+def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
+    """The column of the time: the one the mapping names, otherwise the first, if it is called so.
+
+    Raises
+    ------
+    RecordError
+        If neither says which.
+    """
+    wanted = mapping.time.column
+    if wanted is not None:
+        found = [i for i, cell in enumerate(cells) if wanted in (cell.written, cell.name)]
+        if len(found) != 1:
+            raise ConfigurationError(
+                f"{mapping.place}: time.column: the record has {len(found)} columns '{wanted}', expected one: "
+                f"{_hint(wanted, cells)}"
+            )
+        return found[0]
+    if not cells or cells[0].name.lower() not in TIME_NAMES:
+        first = cells[0].written if cells else ""
+        raise RecordError(
+            f"the first column is '{first[:40]}', expected 'time [s]'; put the time first, or name its column in the "
+            "mapping file: [time] column"
+        )
+    return 0
+
+
+def plan_columns(
+    cells: Sequence[Cell], time: int | None, mapping: Mapping, some: Callable[[int], Array], how: str
+) -> tuple[Column, ...]:
+    """Which columns become which channels.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+    time : int or None
+        Index of the time column, None if it is not among them.
+    mapping : Mapping
+    some : callable
+        Some values (n,) of a column, by its index; asked for only where a unit is missing.
+    how : str
+        How a user writes a unit in this format; ``{}`` stands for the name and the unit.
+
+    Raises
+    ------
+    ConfigurationError
+        If the mapping lists a column that is not there.
+    RecordError
+        If a unit is missing or unknown, a name is none or occurs twice, or nothing is left.
+    """
+    for key in mapping.channels:
+        if not any(key in (cell.written, cell.name) for i, cell in enumerate(cells) if i != time):
+            raise ConfigurationError(
+                f'{mapping.place}: channels."{key}": the record has no such column: {_hint(key, cells)}'
+            )
+    columns, unsaid = [], []
+    for index, cell in enumerate(cells):
+        rule = mapping.channels.get(cell.written) or mapping.channels.get(cell.name)
+        if index == time or (rule is None and mapping.only_listed):
+            continue
+        column = _column(index, cell, rule or ChannelRule())
+        columns.append(column)
+        if not (cell.unit or (rule and rule.unit)) and implied_unit(column.name):
+            unsaid.append((column.name, index))
+    if unsaid:
+        advice = f"{how}, or name its unit in a mapping file"
+        raise RecordError(missing_units([(name, some(index)) for name, index in unsaid], advice))
+    if not columns:
+        raise RecordError("holds no channel but the time; expected at least one")
+    check_channels(column.name for column in columns)
+    return tuple(columns)
+
+
+def _column(index: int, cell: Cell, rule: ChannelRule) -> Column:
+    name = rule.name or cell.name
+    unit = rule.unit or cell.unit or AS_IT_IS
+    if unit == AS_IT_IS:
+        return Column(index, name, AS_WRITTEN + (cell.unit or "unknown"), rule.scale)
+    if unit.startswith(AS_WRITTEN):
+        return Column(index, name, unit, rule.scale)
+    try:
+        return Column(index, name, si_unit(unit), to_si(1.0, unit) * rule.scale)
+    except ConfigurationError as error:
+        raise RecordError(
+            f"column '{cell.written}': {error}, give another in the mapping file, or unit = \"{AS_IT_IS}\" there to "
+            "keep the values unconverted"
+        ) from error
+
+
+def _hint(wanted: str, cells: Sequence[Cell]) -> str:
+    names = [cell.name for cell in cells]
+    close = difflib.get_close_matches(wanted, names, n=3)
+    more = f" and {len(names) - 12} more" if len(names) > 12 else ""
+    return f"did you mean {', '.join(close)}?" if close else f"it has {', '.join(names[:12])}{more}"

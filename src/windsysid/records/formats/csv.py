@@ -1,0 +1,334 @@
+"""Records as text: one line per sample, written by windsysid or by a logger.
+
+    time [s],rotor_speed [rad/s],tower_x_acceleration [m/s^2]
+    0.0,1.2671,0.0132
+    0.01,1.2671,
+
+`windsysid.records.formats.dialect` finds out how a file is written, `columns` what its columns are, `clock` what its time
+counts; here rows become numbers. A row that is not exactly as wide as the header is an error, so that columns never
+shift; an empty cell or NaN means missing. A last line that nothing ends may be cut in the middle of a number: it
+is left out, and the attribute ``cut_off`` says so, unless its last number is as long as those above.
+
+Written files use ``name [unit]`` and the shortest digits that give back the same float64; the time says its zero,
+``time [s since 2021-07-07T12:00:00Z]``, where that is known.
+"""
+
+import codecs
+import csv
+import io
+import itertools
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from windsysid.errors import RecordError
+from windsysid.records.formats.clock import Clock, make_clock, start_of
+from windsysid.records.formats.columns import Column, find_time, plan_columns
+from windsysid.records.formats.dialect import Layout, find_layout, is_number, split
+from windsysid.records.formats.files import named_after
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.source import Block, Progress, Source, gather
+from windsysid.records.formats.text import LineBlock, encoding_of, last_line, line_blocks
+from windsysid.records.record import Array, Record
+
+__all__ = ["open_csv", "read_csv", "write_csv"]
+
+Numbers = npt.NDArray[np.int64]
+
+_TRUTHS = (b"True", b"TRUE", b"true", b"False", b"FALSE", b"false")
+_HEAD = 1 << 18  # bytes that tell how a file is written
+
+
+def read_csv(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
+    """Read a record from text.
+
+    Parameters
+    ----------
+    path : str or Path
+    mapping : Mapping, optional
+    progress : callable, optional
+        Called with the fraction read.
+
+    Returns
+    -------
+    Record
+        In SI units, named after the file.
+
+    Raises
+    ------
+    RecordError
+        If the file is missing, empty or no table, could be read in two ways, a cell is not a number (the first is
+        named by column and line), a value is infinite, a unit is unknown, or the time is missing, unsorted or
+        repeated.
+    """
+    path = Path(path)
+    with named_after(path):
+        return gather(open_csv(path, mapping or Mapping()), progress)
+
+
+def open_csv(path: Path, mapping: Mapping) -> Source:
+    """Find out how a file is written; `windsysid.records.formats` is the way in."""
+    encoding = encoding_of(path, mapping.csv.encoding)
+    last = last_line(path, encoding)
+    head = list(_head(path, encoding))
+    if not head:
+        raise RecordError("holds only blank lines; expected a header line and rows of numbers")
+    layout = find_layout(head, mapping.csv)
+    time = find_time(layout.cells, mapping)
+    rows = [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
+    columns = plan_columns(layout.cells, time, mapping, lambda i: _numbers(rows, i, layout), "write '{}' in the header")
+    attributes = dict(layout.attributes)
+    keep = last is None or not last.strip() or _is_complete(last, rows, layout.delimiter)
+    if not keep:
+        attributes["cut_off"] = "the last line has no end and may be cut off; it is left out"
+    width = max(1, len(layout.cells))
+    first = [(number, cells[time]) for number, cells in rows[:20] if len(cells) >= width]
+    if not first:
+        raise RecordError(
+            f"line {rows[0][0] if rows else layout.first_row} has {len(rows[0][1]) if rows else 0} cells, expected {width} "
+            "as in the header; complete or remove that line"
+        )
+    unit = layout.cells[time].unit
+    clock = make_clock([cell for _, cell in first], unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
+    if not layout.headed and mapping.time.column is None:
+        _check_headless_time(first, layout.decimal)
+    reader = _Reader(path, encoding, layout, time, columns, clock, keep)
+    names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
+    start = reader.first_time(first[0][1])
+    return Source(path.name, names, units, reader.blocks, attributes, start, start_of(mapping.time, clock.start))
+
+
+def write_csv(record: Record, file: BinaryIO) -> None:
+    """Write the bare file; `windsysid.records.formats.write_record` is the safe way in."""
+    import pandas as pd
+
+    frame = pd.DataFrame(record.values)
+    frame.insert(0, "time", record.time)
+    header = [
+        "time [s]" if record.start is None else f"time [s since {record.start}]",
+        *(f"{name} [{unit}]" for name, unit in zip(record.channels, record.units, strict=True)),
+    ]
+    frame.to_csv(file, mode="wb", index=False, header=header, lineterminator="\n", encoding="utf-8")
+
+
+def _head(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
+    """Number and text of the first lines that are not blank."""
+    for block in line_blocks(path, encoding, size=_HEAD):
+        for number, line in enumerate(block.text.decode().split("\n"), block.first):
+            if line.strip():
+                yield number, line
+        if number > 1:
+            return
+
+
+def _numbers(rows: list[tuple[int, list[str]]], index: int, layout: Layout) -> Array:
+    """The numbers in the first rows of a column."""
+    cells = [row[index] for _, row in rows if index < len(row)]
+    marked = [cell for cell in cells if cell not in layout.missing and is_number(cell, layout.decimal)]
+    return np.array([float(cell.replace(layout.decimal, ".")) for cell in marked])
+
+
+def _is_complete(last: str, rows: list[tuple[int, list[str]]], delimiter: str) -> bool:
+    """Whether a last line without an end is whole: as wide as the others, its last number with as many decimals."""
+    cells = split(last, delimiter)
+    others = [row for _, row in rows[:20] if row != cells]
+    if last.rstrip().endswith('"') or not others:
+        return bool(others) and len(cells) == len(others[0])
+    if any(len(row) != len(cells) for row in others):
+        return False
+    shape = {re.sub(r"\d", "0", re.sub(r"^[+-]?\d+(?=[.,])", "0", row[-1])) for row in others}
+    mine = re.sub(r"\d", "0", re.sub(r"^[+-]?\d+(?=[.,])", "0", cells[-1]))
+    return shape == {mine} and bool(re.search(r"[.,]\d", cells[-1]))
+
+
+def _check_headless_time(first: list[tuple[int, str]], decimal: str) -> None:
+    try:
+        values = [float(cell.replace(decimal, ".")) for _, cell in first]
+    except ValueError:
+        return  # dates, or a bad cell that is named later
+    if any(b <= a for a, b in itertools.pairwise(values)):
+        raise RecordError(
+            "has no header line, and its first column does not increase, so it is not the time; expected 'time,name "
+            '[unit],...\' above; write it, or name the time in the mapping file: [time] column = "column_1"'
+        )
+
+
+class _Reader:
+    """Rows of one file as numbers, block by block."""
+
+    def __init__(
+        self,
+        path: Path,
+        encoding: str,
+        layout: Layout,
+        time: int,
+        columns: tuple[Column, ...],
+        clock: Clock,
+        keep: bool,
+    ) -> None:
+        self.path, self.encoding, self.layout, self.time = path, encoding, layout, time
+        self.columns, self.clock, self.keep = columns, clock, keep
+        self.wanted = [time, *(column.index for column in columns)]
+        self.width = len(layout.cells)
+
+    def blocks(self, start: float, end: float) -> Iterator[Block]:
+        waiting = None  # a block before `start`, only read if it turns out to be the last one
+        for block in line_blocks(self.path, self.encoding, keep_last=self.keep):
+            text, numbers = self._rows(block)
+            if not numbers.size:
+                continue
+            if start > -np.inf and self._last_time(text, numbers) < start:
+                waiting = (text, numbers, block.done)
+                continue
+            waiting = None
+            rows = self._parsed(text, numbers, block.done)
+            yield rows
+            if rows.time[-1] >= end:
+                return
+        if waiting:
+            yield self._parsed(*waiting)
+
+    def first_time(self, cell: str) -> float:
+        """Time of the first row [s], NaN if its cell is no time."""
+        try:
+            raw = [cell] if self.clock.textual else np.array([float(cell.replace(self.layout.decimal, "."))])
+            return float(self.clock.seconds(raw, "row {}".format)[0])
+        except ValueError:
+            return np.nan
+
+    def _last_time(self, text: bytes, numbers: Numbers) -> float:
+        line = text[text.rfind(b"\n", 0, -1) + 1 : -1].decode()
+        return self.first_time(line.split(self.layout.delimiter)[self.time])
+
+    def _rows(self, block: LineBlock) -> tuple[bytes, Numbers]:
+        """The rows of a block, all as wide as the header, without blanks, quotes and blank lines; and their lines."""
+        text, first, mark = block.text, block.first, self.layout.delimiter.encode()
+        if first < self.layout.first_row:
+            lines = text.split(b"\n", self.layout.first_row - first)
+            text, first = (lines[-1], self.layout.first_row) if len(lines) > self.layout.first_row - first else (b"", 0)
+        if b'"' in text:
+            text = self._without_quotes(text, first)
+        if mark == b" ":
+            text = re.sub(rb"[ \t]+", b" ", text)
+        if b" " in text or (b"\t" in text and mark != b"\t"):
+            text = re.sub(
+                rb"[ \t]*(\n)[ \t]*" if mark in b" \t" else rb"[ \t]*([\n" + mark + rb"])[ \t]*", rb"\1", text
+            )
+            text = text.lstrip(b" ") if mark == b"\t" else text.lstrip(b" \t")
+        symbols = np.frombuffer(text, dtype=np.uint8)
+        ends = np.flatnonzero(symbols == 10)
+        numbers = np.arange(first, first + ends.size)
+        filled = np.diff(ends, prepend=-1) > 1
+        if not filled.all():
+            text = re.sub(rb"\n\n+", b"\n", text).lstrip(b"\n")
+            numbers, symbols = numbers[filled], np.frombuffer(text, dtype=np.uint8)
+            ends = np.flatnonzero(symbols == 10)
+        widths = 1 + np.diff(np.searchsorted(np.flatnonzero(symbols == mark[0]), ends), prepend=0)
+        text = self._without_last_delimiter(text, widths, mark)
+        ragged = np.flatnonzero(widths != self.width)
+        if ragged.size:
+            k = int(ragged[0])
+            raise RecordError(
+                f"line {numbers[k]} has {widths[k]} cells, expected {self.width} as in the header; the file "
+                "may be cut off or have decimal commas; complete or remove that line"
+            )
+        return text, numbers
+
+    def _without_last_delimiter(self, text: bytes, widths: Numbers, mark: bytes) -> bytes:
+        """The text without the delimiter that ends every line, where the header has one too."""
+        if self.layout.closed and np.all(widths == self.width + 1) and text.count(mark + b"\n") == widths.size:
+            widths -= 1
+            return text.replace(mark + b"\n", b"\n")
+        return text
+
+    def _without_quotes(self, text: bytes, first: int) -> bytes:
+        mark = self.layout.delimiter
+        if mark == " ":
+            text = text.replace(b'""', b"nan")  # an empty cell, which is nothing between blanks without its quotes
+        simple = re.compile(
+            rb"(?:^|(?<=[\n" + mark.encode() + rb']))"([^"\n' + mark.encode() + rb']*)"(?=[\n' + mark.encode() + rb"])"
+        )
+        text = simple.sub(rb"\1", text)
+        if b'"' not in text:
+            return text
+        lines = text.decode().split("\n")
+        for i, line in enumerate(lines):
+            if '"' not in line:
+                continue
+            if line.count('"') % 2:
+                raise RecordError(f"line {first + i} has a quote that is not closed; correct that line")
+            cells = split(line, mark)
+            if len(cells) != self.width:
+                continue  # named with its width below
+            for index, cell in enumerate(cells):
+                if index in self.wanted and (mark in cell or '"' in cell):
+                    self._refuse(index, first + i, cell)
+            lines[i] = mark.join(re.sub(rf'["{mark}]', "_", cell) for cell in cells)
+        return "\n".join(lines).encode()
+
+    def _parsed(self, text: bytes, numbers: Numbers, done: float) -> Block:
+        import pandas as pd
+
+        def place(row: int) -> str:
+            return f"line {numbers[row]}"
+
+        if text.startswith(codecs.BOM_UTF8) or any(word in text for word in _TRUTHS):
+            self._refuse_bad_cells(text, numbers)  # pandas leaves out the one and makes numbers of the others
+        textual = self.clock.textual
+        kinds: dict[int, Any] = {i: np.float64 for i in self.wanted if not (textual and i == self.time)}
+        missing: Any = {index: list(self.layout.missing) for index in kinds}
+        try:
+            with warnings.catch_warnings():
+                # Newer pandas reads every digit anyway and warns about the option that older ones need for it.
+                warnings.filterwarnings("ignore", message=".*float_precision", category=Warning)
+                frame = pd.read_csv(
+                    io.BytesIO(text),
+                    header=None,
+                    sep=self.layout.delimiter,
+                    usecols=self.wanted,
+                    dtype={**kinds, **({self.time: object} if textual else {})},
+                    float_precision="round_trip",
+                    quoting=csv.QUOTE_NONE,
+                    decimal=self.layout.decimal,
+                    keep_default_na=False,
+                    na_values=missing,
+                    skip_blank_lines=False,
+                    engine="c",
+                )
+        except (ValueError, OverflowError):
+            self._refuse_bad_cells(text, numbers)
+            raise RecordError(
+                f"lines {numbers[0]} to {numbers[-1]}: some cell is not a number; export the file again"
+            ) from None
+        if len(frame) != numbers.size:
+            raise RecordError(f"lines {numbers[0]} to {numbers[-1]} hold {len(frame)} rows; the file is damaged")
+        raw = frame[self.time].to_list() if textual else frame[self.time].to_numpy()
+        time = self.clock.seconds(raw, place)
+        if len(self.columns) == self.width - 1 and not textual:
+            table = frame.to_numpy()
+            values = np.delete(table, self.time, axis=1) if self.time else table[:, 1:]
+            if any(column.factor != 1.0 for column in self.columns):
+                values = np.column_stack([column.values(values[:, i]) for i, column in enumerate(self.columns)])
+        else:
+            values = np.column_stack([column.values(frame[column.index].to_numpy()) for column in self.columns])
+        return Block(time, np.ascontiguousarray(values), place, done)
+
+    def _refuse_bad_cells(self, text: bytes, numbers: Numbers) -> None:
+        mark = self.layout.decimal
+        for line, number in zip(text.decode().split("\n"), numbers, strict=False):
+            for index, cell in enumerate(line.split(self.layout.delimiter)):
+                wanted = index in self.wanted and not (index == self.time and self.clock.textual)
+                if wanted and cell not in self.layout.missing and not is_number(cell, mark):
+                    self._refuse(index, int(number), cell)
+
+    def _refuse(self, index: int, line: int, cell: str) -> NoReturn:
+        raise RecordError(
+            f"column '{self.layout.cells[index].written}', line {line}: '{cell[:40]}' is not a number; write a number with "
+            f"a decimal '{self.layout.decimal}' and no marks of thousands, or nothing where the value is missing; another "
+            "mark goes into the mapping file: [csv] decimal"
+        )

@@ -1,0 +1,224 @@
+"""A mapping file: what a record does not say about itself, written once by whoever knows.
+
+    [time]
+    column = "Zeit"
+    format = "%d.%m.%Y %H:%M:%S.%f"
+    zone = "Europe/Stockholm"
+
+    [csv]
+    delimiter = ";"
+    decimal = ","
+    encoding = "latin-1"
+    header_row = 3
+
+    [channels."Acc_X_nacelle"]
+    name = "tower_x_acceleration"
+    unit = "g"
+    sign = -1
+
+Channels that are not listed keep their names, unless ``only_listed = true`` drops them. ``docs/records.md``
+tells every key.
+"""
+
+import math
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Literal
+
+from windsysid.configuration import parse_toml
+from windsysid.errors import ConfigurationError
+from windsysid.records.moments import tidy
+from windsysid.units import canonical, si_unit
+
+__all__ = ["AS_IT_IS", "NAMED_FORMATS", "ChannelRule", "CsvRule", "Mapping", "TimeRule", "load_mapping"]
+
+AS_IT_IS = "as written"
+"""The unit of a channel whose values are to be left alone."""
+
+NAMED_FORMATS = ("iso", "excel", "matlab", "unix", "labview")
+"""Formats of time that are no strptime patterns; the last four count days, days, seconds and seconds."""
+
+
+class _Strict:
+    __pydantic_config__ = {"extra": "forbid", "strict": False}  # noqa: RUF012 - read by pydantic from the class
+
+
+@dataclass(frozen=True)
+class TimeRule(_Strict):
+    """Where the time is and what it counts.
+
+    Attributes
+    ----------
+    column
+        Name of the time column.
+    unit
+        Unit of a time that is a number: ``s``, ``ms``, ``min``, ``h``, ``d``.
+    format
+        ``iso``, ``excel``, ``matlab``, ``unix``, ``labview``, or a strptime pattern.
+    zone
+        Zone of times that carry none, as in ``Europe/Stockholm``.
+    start
+        The moment of time 0 in ISO 8601, for a file that does not say it.
+    """
+
+    column: str | None = None
+    unit: str | None = None
+    format: str | None = None
+    zone: str | None = None
+    start: str | datetime | None = None
+
+    def __post_init__(self) -> None:
+        if self.unit is not None and si_unit(self.unit) != "s":
+            raise ValueError(f"unit '{self.unit}' is not a unit of time, expected s, ms, min, h or d")
+        if self.format is not None and self.format not in NAMED_FORMATS and "%" not in self.format:
+            raise ValueError(
+                f"format '{self.format}' is neither a pattern such as '%d.%m.%Y %H:%M:%S' nor one of "
+                f"{', '.join(NAMED_FORMATS)}"
+            )
+        if self.start is not None:
+            text = self.start if isinstance(self.start, str) else self.start.isoformat()
+            try:
+                object.__setattr__(self, "start", tidy(text))
+            except ValueError as error:
+                raise ValueError(f"start: {error}") from None
+        if self.zone is not None:
+            import zoneinfo
+
+            try:
+                zoneinfo.ZoneInfo(self.zone)
+            except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError):
+                raise ValueError(f"unknown zone '{self.zone}', expected one like 'UTC' or 'Europe/Stockholm'") from None
+
+
+@dataclass(frozen=True)
+class CsvRule(_Strict):
+    """How a text file is written, where that cannot be seen from it.
+
+    Attributes
+    ----------
+    delimiter
+        ``,`` ``;`` a tab, or a blank for runs of blanks.
+    decimal
+        ``.`` or ``,``.
+    encoding
+        As Python names it.
+    header_row
+        Number of the line with the names, counted from 1; 0 for none.
+    unit_row
+        Number of the line with the units; 0 for none.
+    missing
+        More cells that mean that a value is missing, such as ``-9999``.
+    """
+
+    delimiter: Literal[",", ";", "\t", " "] | None = None
+    decimal: Literal[".", ","] | None = None
+    encoding: str | None = None
+    header_row: int | None = None
+    unit_row: int | None = None
+    missing: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.delimiter is not None and self.delimiter == self.decimal:
+            raise ValueError("delimiter and decimal are the same, expected two")
+        if self.encoding is not None:
+            import codecs
+
+            try:
+                codecs.getincrementaldecoder(self.encoding)
+                "a".encode(self.encoding)
+            except (LookupError, ValueError):
+                raise ValueError(f"unknown encoding '{self.encoding}', expected one like 'utf-8' or 'cp1252'") from None
+        if min(self.header_row or 0, self.unit_row or 0) < 0:
+            raise ValueError("header_row and unit_row are line numbers, counted from 1")
+
+
+@dataclass(frozen=True)
+class ChannelRule(_Strict):
+    """What one column is.
+
+    Attributes
+    ----------
+    name
+        Its name in the record.
+    unit
+        Its unit in the file, or ``as written`` to leave the values alone.
+    sign
+        1 or -1.
+    factor
+        What the file's values are multiplied by to be in `unit`.
+    """
+
+    name: str | None = None
+    unit: str | None = None
+    sign: Literal[1, -1] = 1
+    factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.unit is not None and self.unit != AS_IT_IS:
+            canonical(self.unit)
+        if not math.isfinite(self.factor) or self.factor == 0.0:
+            raise ValueError(f"factor {self.factor} is not a number other than 0")
+
+    @property
+    def scale(self) -> float:
+        """Sign times factor."""
+        return self.sign * self.factor
+
+
+@dataclass(frozen=True)
+class Mapping(_Strict):
+    """A whole mapping file; the empty one changes nothing.
+
+    Attributes
+    ----------
+    time, csv, channels
+        Its tables.
+    only_listed
+        Whether columns that `channels` does not list are dropped.
+    place
+        Name of the file, for messages.
+    """
+
+    time: TimeRule = field(default_factory=TimeRule)
+    csv: CsvRule = field(default_factory=CsvRule)
+    channels: dict[str, ChannelRule] = field(default_factory=dict)
+    only_listed: bool = False
+    place: str = "mapping"
+
+
+def load_mapping(path: str | Path) -> Mapping:
+    """Read a mapping file.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML, see the module.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is missing, no TOML, or holds an unknown key or a wrong value; the line names the key.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    from windsysid.mechanics.sensors import first_problem
+
+    path = Path(path)
+    try:
+        data = parse_toml(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read ({error.strerror}); check the name of the mapping") from error
+    except ValueError as error:  # neither UTF-8 nor TOML
+        reason = " ".join(str(error).split())[:120]
+        raise ConfigurationError(f"{path}: is no TOML: {reason}; correct it") from error
+    if "place" in data:
+        raise ConfigurationError(f"{path}: unknown key 'place': remove it or correct its spelling")
+    try:
+        return TypeAdapter(Mapping).validate_python({**data, "place": str(path)})
+    except ValidationError as error:
+        for detail in error.errors():
+            if detail["type"] == "unexpected_keyword_argument":
+                key = ".".join(map(str, detail["loc"]))
+                raise ConfigurationError(f"{path}: unknown key '{key}': remove it or correct its spelling") from error
+        raise ConfigurationError(f"{path}: {first_problem(error)}") from error

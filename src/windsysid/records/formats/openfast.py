@@ -1,0 +1,260 @@
+r"""Records from OpenFAST: ``.out`` (text) and ``.outb`` (packed binary), under our names, signs and units.
+
+OpenFAST has x downwind, y to the left looking downwind, z up; we look upwind, with x to the right, y up and
+angles counter-clockwise, which is the way the rotor turns. So our x is +y of OpenFAST, our y its z, our z its x, a
+rotation about its x axis keeps its sign, and an in-plane blade motion changes it, because OpenFAST counts lag
+against the rotation:
+
+    psi = Azimuth + 90 deg                 azimuth of blade 1 from +x; blade b sits at psi + 2 pi (b - 1) / N
+    lag = -IPDefl, -TipALyb, -TipALgyb     positive with the rotation
+
+What OpenFAST calls an acceleration "with gravity" is what an accelerometer reads: the specific force, that is
+the acceleration plus g upwards, along axes that turn with the instrument. With our signs, the roll theta of
+the tower top, the tilt tau of the shaft and psi_b = psi + 2 pi (b - 1) / N,
+
+    YawBrTAgyp = YawBrTAyp + g sin(theta)                               tower_x_acceleration
+    TipALgyb   = TipALyb + g cos(tau) cos(psi_b + theta + alpha_b)      blade_b_tip_lag_acceleration
+
+where alpha_b is the slope of the bent blade at its tip (0.0282 rad per metre of lag for the NREL 5 MW blade):
+the tip's axes turn with it, in TipALyb too. Blade axes also turn with the pitch, which is left as it is: at
+zero pitch TipALyb and RootMxb are in the rotor plane. An instrument at height h above the tower top reads
+NcIMUTAgys = YawBrTAgyp - h times the roll acceleration. A root moment RootMx is what the outboard blade
+exerts on its root about the downwind axis. It is positive with the rotation already: a blade bent forward
+(lag > 0) shows a positive moment.
+
+A channel that `CHANNELS` does not list keeps OpenFAST's own name and sign, in SI.
+
+The date in the header says when the simulation was run, not when the wind blew: it stays in the description, and the record has no start but
+the one that a mapping gives it.
+"""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.records.formats.clock import start_of
+from windsysid.records.formats.columns import Cell, Column, plan_columns
+from windsysid.records.formats.dialect import is_number
+from windsysid.records.formats.files import named_after
+from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.packed import open_packed
+from windsysid.records.formats.source import Progress, Source, gather, indexed_source
+from windsysid.records.record import AS_WRITTEN, Array, Record
+from windsysid.units import canonical
+
+__all__ = ["CHANNELS", "open_openfast", "read_openfast"]
+
+
+CHANNELS: dict[str, tuple[str, float]] = {
+    # OpenFAST, # stands for the blade: (our name, sign)
+    "Azimuth": ("rotor_azimuth", 1.0),  # and a quarter turn, see _azimuth
+    "RotSpeed": ("rotor_speed", 1.0),
+    "TTDspSS": ("tower_x_displacement", 1.0),
+    "YawBrTVyp": ("tower_x_velocity", 1.0),
+    "YawBrTAyp": ("tower_x_acceleration_kinematic", 1.0),
+    "YawBrTAgyp": ("tower_x_acceleration", 1.0),
+    "TTDspFA": ("tower_z_displacement", 1.0),
+    "YawBrTVxp": ("tower_z_velocity", 1.0),
+    "YawBrTAxp": ("tower_z_acceleration_kinematic", 1.0),
+    "YawBrTAgxp": ("tower_z_acceleration", 1.0),
+    "YawBrRDxt": ("tower_roll", 1.0),
+    "NcIMUTAgys": ("nacelle_x_acceleration", 1.0),
+    "TipALyb#": ("blade_#_tip_lag_acceleration_kinematic", -1.0),
+    "TipALgyb#": ("blade_#_tip_lag_acceleration", -1.0),
+    "IPDefl#": ("blade_#_tip_lag_deflection", -1.0),
+    "RootMxb#": ("blade_#_root_lag_moment", 1.0),
+    "RootMxc#": ("blade_#_root_inplane_moment", 1.0),
+    "Wind1VelX": ("wind_speed", 1.0),
+}
+"""OpenFAST's channels that have a name of ours, with the sign that turns the one into the other."""
+
+_INSTALL = 'reading OpenFAST files needs openfast_io; install it with: pip install "windsysid[openfast]"'
+_HEADER_LINES = 8  # of a .out file: names in the seventh, units in the eighth
+
+
+def read_openfast(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
+    """Read OpenFAST output, text or binary, with our names and signs (see the module).
+
+    Parameters
+    ----------
+    path : str or Path
+        Ends in ``.out`` or ``.outb``.
+    mapping : Mapping, optional
+        Goes before our names and signs; its keys are OpenFAST's own names.
+    progress : callable, optional
+        Called with the fraction read.
+
+    Returns
+    -------
+    Record
+        In SI units, named after the file. `rotor_azimuth` is wrapped to [0, 2π). The time is exactly uniform
+        wherever it was so before it was rounded for the file. A unit that windsysid does not know stays with
+        its values as ``"as written: <unit>"``.
+
+    Raises
+    ------
+    RecordError
+        If the file is missing, damaged, cut off or not OpenFAST output, a cell is not a number, a value is
+        infinite, or `openfast_io` is not installed.
+    """
+    path = Path(path)
+    with named_after(path):
+        return gather(open_openfast(path, mapping or Mapping(), whole=True), progress)
+
+
+def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+    """Open OpenFAST output; a binary file is read as far as it is needed, unless `whole`, a text file always whole."""
+    binary = path.suffix.lower() == ".outb"
+    packed = open_packed(path) if binary else None
+    table: Any = None
+    if packed is not None and not whole:
+        names, units, description = packed.names, packed.units, packed.description
+    else:
+        table, info = _read_binary(path) if binary else _read_text(path)
+        names, units, description = info["attribute_names"], info["attribute_units"], str(info["description"])
+    if not names or names[0].lower() != "time" or len(names) != len(units) or (table is not None and table.ndim != 2):
+        raise RecordError("is not OpenFAST output, expected a first channel 'Time'; export it again")
+    if replace(mapping.time, start=None, zone=None) != TimeRule():
+        raise ConfigurationError(
+            f"{mapping.place}: time: the time of OpenFAST output is known; leave only start and zone"
+        )
+    if len(names) < 2:
+        raise RecordError("holds no channel but the time; ask OpenFAST for some in OutList")
+
+    def some(index: int) -> Array:
+        return table[:, index] if table is not None else packed.rows(0, packed.samples)[:, index - 1]  # type: ignore[union-attr]
+
+    cells = [_cell(*cell, mapping) for cell in zip(names, units, strict=True)]
+    columns = plan_columns(cells, 0, mapping, some, "let OpenFAST write its unit")
+    time = _without_rounding(packed.time(0, packed.samples) if packed else np.ascontiguousarray(table[:, 0]))
+
+    def rows(low: int, high: int) -> Array:
+        raw = table[low:high, 1:] if table is not None else packed.rows(low, high)  # type: ignore[union-attr]
+        return np.column_stack([_channel(names[c.index], c, raw[:, c.index - 1], mapping) for c in columns])
+
+    place = (lambda row: f"sample {row}") if binary else (lambda row: f"line {row + _HEADER_LINES + 1}")
+    return indexed_source(
+        path.name,
+        tuple(column.name for column in columns),
+        tuple(column.unit for column in columns),
+        time,
+        rows,
+        {"source": "OpenFAST", "description": description},
+        place=place,
+        rows_at_once=None if table is not None else max(1, (1 << 20) // len(columns)),
+        start=start_of(mapping.time, None),
+    )
+
+
+def _ours(name: str) -> tuple[str, float]:
+    blade = re.fullmatch(r"(.*[A-Za-z])(\d)", name)
+    if blade and blade[1] + "#" in CHANNELS:
+        ours, sign = CHANNELS[blade[1] + "#"]
+        return ours.replace("#", blade[2]), sign
+    return CHANNELS.get(name, (name, 1.0))
+
+
+def _cell(name: str, unit: str, mapping: Mapping) -> Cell:
+    try:
+        canonical(unit)
+    except ConfigurationError:
+        unit = AS_WRITTEN + unit
+    return Cell(name, name if name in mapping.channels else _ours(name)[0], unit)
+
+
+def _channel(name: str, column: Column, raw: Array, mapping: Mapping) -> Array:
+    values = column.values(raw)
+    if name in mapping.channels:  # whoever lists a channel says its sign too
+        return values
+    ours, sign = _ours(name)
+    if ours == "rotor_azimuth":
+        values = _azimuth(values)
+    return values if sign > 0.0 else -values
+
+
+def _azimuth(values: Array) -> Array:
+    turn = 2.0 * np.pi
+    with np.errstate(invalid="ignore"):  # infinity is named by whoever checks the rows
+        wrapped = np.mod(values + 0.5 * np.pi, turn)
+    return np.where(wrapped == turn, 0.0, wrapped)  # the remainder of -1e-17 rounds up to a whole turn
+
+
+def _without_rounding(time: Array) -> Array:
+    """The uniform time that these times are a rounded copy of; the times themselves if they are none."""
+    if time.size < 2:
+        return time
+    index = np.arange(time.size)
+    step = (time[-1] - time[0]) / (time.size - 1)
+    scatter = np.max(np.abs(time - time[0] - step * index))
+    if scatter > 0.02 * step:  # four decimals of a 160 Hz record are 0.8 % of a step, at both ends
+        return time
+    allowed = max(2.0 * scatter, 4.0 * np.spacing(np.max(np.abs(time))))
+    for digits in range(1, 13):  # a step has few digits: 0.01, 0.00625
+        tidy = round(float(step), digits)
+        if np.max(np.abs(time - time[0] - tidy * index)) <= allowed:
+            return np.asarray(time[0] + tidy * index)
+    return np.asarray(time[0] + step * index)
+
+
+def _reader(name: str) -> Any:
+    try:
+        import openfast_io.FAST_output_reader as reader
+    except ImportError:
+        raise RecordError(_INSTALL) from None
+    return getattr(reader, name)
+
+
+def _read_binary(path: Path) -> tuple[Array, dict[str, Any]]:
+    load = _reader("load_binary_output")
+    try:
+        with np.errstate(all="ignore"):
+            table, info, *_ = load(str(path))
+    except Exception as error:
+        raise RecordError(f"is damaged ({error}); run the simulation or copy the file again") from error
+    return np.asarray(table, dtype=np.float64), info
+
+
+def _read_text(path: Path) -> tuple[Array, dict[str, Any]]:
+    load = _reader("load_ascii_output")
+    try:
+        table, info = load(str(path))
+        rows = path.read_bytes().split(b"\n", _HEADER_LINES)[-1]
+        # Python reads 1_000 and the digits of every script as numbers; a file does not mean it.
+        if rows.isascii() and b"_" not in rows and table.ndim == 2 and table.shape[1] == len(info["attribute_names"]):
+            return np.asarray(table, dtype=np.float64), info
+    except Exception:  # what is wrong is found out below, where it can be named
+        pass
+    _name_what_is_wrong(path)
+
+
+def _name_what_is_wrong(path: Path) -> NoReturn:
+    try:
+        lines = path.read_bytes().decode().splitlines()
+        if "\0" in "".join(lines[:_HEADER_LINES]):
+            raise ValueError
+        names = lines[_HEADER_LINES - 2].split()
+    except (ValueError, IndexError):
+        names = []
+    if not names or names[0].lower() != "time":
+        raise RecordError(
+            "is not OpenFAST text output, expected channel names from 'Time' on in line 7; "
+            "give the file the ending of what it is"
+        )
+    rows = lines[_HEADER_LINES:]
+    for number, line in enumerate(rows, _HEADER_LINES + 1):
+        cells = line.split()
+        for name, cell in zip(names, cells, strict=False):
+            if not is_number(cell):
+                raise RecordError(
+                    f"channel '{name}', line {number}: '{cell[:40]}' is not a number; run the simulation again"
+                )
+        if len(cells) != len(names):
+            raise RecordError(
+                f"line {number} has {len(cells)} cells, expected {len(names)}; the file may be "
+                "cut off; remove that line or run the simulation again"
+            )
+    raise RecordError(f"has {len(rows)} samples, expected at least 2; run the simulation again")

@@ -1,0 +1,138 @@
+"""OpenFAST's packed binary output, ``.outb``, read where it is needed.
+
+A header says how many channels and samples follow, then come int16 rows with one scale and offset per channel
+(float64 rows in format 3; formats 1 has packed times before the rows). A row is as long as any other, so the rows of
+a section are one piece of the file. Whole files are read by openfast_io; this reader gives the same numbers.
+"""
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from windsysid.errors import RecordError
+from windsysid.records.record import Array
+
+__all__ = ["Packed", "open_packed"]
+
+
+@dataclass(frozen=True)
+class Packed:
+    """An ``.outb`` file whose header has been read.
+
+    Attributes
+    ----------
+    path : Path
+    names, units : tuple of str
+        Of every channel, the time first; units without brackets.
+    description : str
+    samples : int
+    start, step : float
+        First time [s] and step [s]; NaN in format 1, which has `packed_times`.
+    packed_times : (samples,) array or None
+        Times [s] of format 1.
+    scale, offset : (m,) array
+        value = (packed − offset)/scale.
+    at : int
+        Position of the first row.
+    wide : bool
+        Whether rows are float64 and not packed.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    description: str
+    samples: int
+    start: float
+    step: float
+    packed_times: Array | None
+    scale: Array
+    offset: Array
+    at: int
+    wide: bool
+
+    def time(self, low: int, high: int) -> Array:
+        """Times [s] of the rows low … high − 1, as the file has them."""
+        if self.packed_times is not None:
+            return self.packed_times[low:high]
+        return np.asarray(self.start + self.step * np.arange(low, high))
+
+    def rows(self, low: int, high: int) -> Array:
+        """Values of the rows low … high − 1, (high − low, m)."""
+        kind, channels = ("<f8" if self.wide else "<i2"), len(self.names) - 1
+        with self.path.open("rb") as file:
+            file.seek(self.at + low * channels * np.dtype(kind).itemsize)
+            packed = np.fromfile(file, dtype=kind, count=(high - low) * channels)
+        if packed.size != (high - low) * channels:
+            raise RecordError("became shorter while it was read; read it when the simulation has ended")
+        table = packed.reshape(high - low, channels).astype(np.float64)
+        if self.wide:
+            return table
+        with np.errstate(all="ignore"):  # infinity is named by whoever checks the rows
+            return np.asarray((table - self.offset) / self.scale)
+
+
+def open_packed(path: Path) -> Packed:
+    """Read the header and hold it against the size of the file.
+
+    Raises
+    ------
+    RecordError
+        If it makes no sense, or the file is shorter or longer than it says.
+    """
+    size = path.stat().st_size
+    rubbish = RecordError("is not OpenFAST binary output; give the file the ending of what it is")
+    with path.open("rb") as file:
+        head = file.read(12)
+        if len(head) < 12:
+            raise rubbish
+        (kind,) = struct.unpack_from("<h", head)
+        if kind not in (1, 2, 3, 4):
+            raise rubbish
+        width, at = (struct.unpack_from("<h", head, 2)[0], 4) if kind == 4 else (10, 2)
+        channels, samples = struct.unpack_from("<ii", head, at)
+        if width <= 0 or channels <= 0 or samples < 0:
+            raise rubbish
+        fixed = at + 8 + 16 + (0 if kind == 3 else 8 * channels)  # two counts, two numbers for the time, scales
+        row = channels * (8 if kind == 3 else 2) + (4 if kind == 1 else 0)
+        names_size = width * (channels + 1)
+        needed = fixed + 4 + 2 * names_size + samples * row
+        if size >= fixed + 4:
+            file.seek(fixed)
+            (description_size,) = struct.unpack("<i", file.read(4))
+            if description_size < 0:
+                raise rubbish
+            needed += description_size
+        if size != needed:
+            what = "is cut off" if size < needed else "is too long, its header or rows are damaged"
+            raise RecordError(
+                f"{what}: {samples} samples of {channels} channels need {needed} bytes, got {size}; run the simulation or "
+                "copy the file again"
+            )
+        file.seek(at + 8)
+        first, second = struct.unpack("<dd", file.read(16))
+        scale = offset = np.ones(channels)
+        if kind != 3:
+            scale, offset = np.fromfile(file, "<f4", channels), np.fromfile(file, "<f4", channels)
+            if not (np.isfinite(scale).all() and np.isfinite(offset).all()):
+                raise RecordError(
+                    "has a channel whose scale is not a number; run the simulation or copy the file again"
+                )
+        file.seek(fixed + 4)
+        description = file.read(description_size).decode("latin-1").strip()
+        names, units = (_texts(file.read(names_size), width) for _ in range(2))
+        times = None
+        if kind == 1:
+            with np.errstate(all="ignore"):
+                times = (np.fromfile(file, "<i4", samples) - second) / first
+        start, step = (np.nan, np.nan) if kind == 1 else (first, second)
+        return Packed(
+            path, names, tuple(unit[1:-1] for unit in units), description, samples, start, step, times,
+            scale.astype(np.float64), offset.astype(np.float64), file.tell(), kind == 3,
+        )  # fmt: skip
+
+
+def _texts(cells: bytes, width: int) -> tuple[str, ...]:
+    return tuple(cells[i : i + width].decode("latin-1").strip() for i in range(0, len(cells), width))

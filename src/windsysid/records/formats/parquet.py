@@ -1,0 +1,214 @@
+"""Records as Parquet: one column per channel, its unit in the column's metadata.
+
+A file that pandas wrote is read as well: its time is a column called so, or its index, as numbers or as dates; units
+come from the names, as in text. Needs pyarrow. Rows are written in groups with checksums, so that a section reads
+only its groups and a damaged page is found.
+"""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from windsysid.errors import OutputError, RecordError
+from windsysid.records.formats.clock import Clock, exact_seconds, make_clock, moments_clock, start_of
+from windsysid.records.formats.columns import Cell, find_time, name_and_unit, plan_columns
+from windsysid.records.formats.files import named_after, read_start
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.source import Block, Progress, Source, gather, shifted
+from windsysid.records.moments import split_start
+from windsysid.records.record import Array, Record
+
+__all__ = ["open_parquet", "read_parquet", "write_parquet"]
+
+_INSTALL = 'Parquet files need pyarrow; install it with: pip install "windsysid[parquet]"'
+_GROUP = 1 << 16  # rows
+_SOME = 10_000  # values that show in which units they are plausible
+_VALUES = 1 << 20  # read at once
+
+
+def read_parquet(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
+    """Read a record from Parquet.
+
+    Parameters
+    ----------
+    path : str or Path
+    mapping : Mapping, optional
+    progress : callable, optional
+        Called with the fraction read.
+
+    Returns
+    -------
+    Record
+        In SI units, under the name it was written with, otherwise the file's.
+
+    Raises
+    ------
+    RecordError
+        If the file is missing, damaged or no Parquet, holds no record, or pyarrow is not installed.
+    """
+    path = Path(path)
+    with named_after(path):
+        return gather(open_parquet(path, mapping or Mapping()), progress)
+
+
+def open_parquet(path: Path, mapping: Mapping) -> Source:
+    """Open a file; its row groups are read as far as they are needed."""
+    if read_start(path, 4) != b"PAR1":
+        raise RecordError("is not Parquet; give the file the ending of what it is, or export it again")
+    file = _opened(path)
+    try:
+        schema = file.schema_arrow
+        notes = {key.decode(): text.decode() for key, text in (schema.metadata or {}).items()}
+        cells = [_cell(schema.field(i)) for i in range(len(schema))]
+        index = _pandas_index(notes, [cell.written for cell in cells])
+        time = index if index is not None and mapping.time.column is None else find_time(cells, mapping)
+
+        def some(index: int) -> Array:
+            _check_type(schema.field(index), dates=False)
+            batch = next(file.iter_batches(_SOME, columns=[schema.field(index).name]), None)
+            return np.empty(0) if batch is None else _numbers(batch.column(0))
+
+        columns = plan_columns(cells, time, mapping, some, "name the column '{}'")
+        for i in [time, *(column.index for column in columns)]:
+            _check_type(schema.field(i), dates=i == time)
+        attributes = {str(k): str(v) for k, v in json.loads(notes.get("windsysid_attributes", "{}")).items()}
+        first = next(file.iter_batches(20, columns=[schema.field(time).name]), None)
+        if first is None or not first.num_rows:
+            raise RecordError("expected at least 2 samples, got 0; give a longer record")
+        clock = _clock(first.column(0), cells[time].unit, mapping)
+        start = float(_seconds(clock, first.column(0))[0])
+        said, attributes = split_start(attributes, start)
+    except RecordError:
+        raise
+    except (ValueError, OSError, AttributeError, KeyError, TypeError) as error:
+        raise _damaged(error) from error
+    wanted = [schema.field(i).name for i in (time, *(column.index for column in columns))]
+
+    def blocks(start: float, end: float) -> Iterator[Block]:
+        done, total, waiting = 0, max(file.metadata.num_rows, 1), None
+        for rows in _batches(file, wanted):
+            seconds = _seconds(clock, rows[0])
+            done += seconds.size
+            values = [column.values(_numbers(rows[i])) for i, column in enumerate(columns, 1)]
+            first = done - seconds.size
+            block = Block(seconds, np.column_stack(values), shifted("sample {}".format, first), done / total)
+            waiting = block if seconds.size and seconds[-1] < start else None
+            if waiting is None:
+                yield block
+                if seconds.size and seconds[-1] >= end:
+                    return
+        if waiting is not None:
+            yield waiting
+
+    return Source(
+        notes.get("windsysid_name", path.name),
+        tuple(column.name for column in columns),
+        tuple(column.unit for column in columns),
+        blocks,
+        attributes,
+        start,
+        start_of(mapping.time, clock.start or said),
+    )
+
+
+def write_parquet(record: Record, file: BinaryIO) -> None:
+    """Write the bare file; `windsysid.records.formats.write_record` is the safe way in.
+
+    Raises
+    ------
+    OutputError
+        If pyarrow is not installed.
+    """
+    try:
+        import pyarrow as pa  # type: ignore[import-untyped,unused-ignore]
+        import pyarrow.parquet as pq  # type: ignore[import-untyped,unused-ignore]
+    except ImportError:
+        raise OutputError(_INSTALL) from None
+    fields = [pa.field("time", pa.float64(), metadata={"units": "s"})]
+    for name, unit in zip(record.channels, record.units, strict=True):
+        fields.append(pa.field(name, pa.float64(), metadata={"units": unit}))
+    attributes = {**record.attributes, **({} if record.start is None else {"start_time": record.start})}
+    about = {"windsysid_name": record.name, "windsysid_attributes": json.dumps(attributes)}
+    columns = [record.time, *(record[name] for name in record.channels)]
+    table = pa.table([pa.array(column) for column in columns], schema=pa.schema(fields, metadata=about))
+    pq.write_table(table, file, row_group_size=_GROUP, write_page_checksum=True, use_dictionary=False)
+
+
+def _opened(path: Path) -> Any:
+    try:
+        import pyarrow.parquet as pq  # type: ignore[import-untyped,unused-ignore]
+    except ImportError:
+        raise RecordError(_INSTALL) from None
+    try:
+        return pq.ParquetFile(path, page_checksum_verification=True)
+    except (ValueError, OSError, KeyError, TypeError) as error:
+        raise _damaged(error) from error
+
+
+def _damaged(error: Exception) -> RecordError:
+    reason = " ".join(str(error).split())[:120]
+    return RecordError(f"is damaged, cut off or no Parquet ({reason}); copy or export it again")
+
+
+def _batches(file: Any, names: list[str]) -> Iterator[list[Any]]:
+    try:
+        for batch in file.iter_batches(max(1, min(_GROUP, _VALUES // len(names))), columns=names):
+            yield [batch.column(batch.schema.get_field_index(name)) for name in names]
+    except (ValueError, OSError, KeyError) as error:
+        if isinstance(error, RecordError):
+            raise
+        raise _damaged(error) from error
+
+
+def _cell(field: Any) -> Cell:
+    unit = (field.metadata or {}).get(b"units", b"").decode()
+    return Cell(field.name, field.name, unit) if unit else name_and_unit(field.name)
+
+
+def _pandas_index(notes: dict[str, str], names: list[str]) -> int | None:
+    """The column that pandas says is the index, if that is how the file was written."""
+    try:
+        index = json.loads(notes.get("pandas", "{}")).get("index_columns", [])
+    except ValueError:
+        return None
+    return names.index(index[0]) if len(index) == 1 and index[0] in names else None
+
+
+def _check_type(field: Any, *, dates: bool) -> None:
+    import pyarrow as pa  # type: ignore[import-untyped,unused-ignore]
+
+    kind = field.type
+    if pa.types.is_floating(kind) or pa.types.is_integer(kind) or (dates and pa.types.is_timestamp(kind)):
+        return
+    raise RecordError(f"column '{field.name}' holds {kind}, expected numbers; leave it out or convert it")
+
+
+def _clock(column: Any, unit: str | None, mapping: Mapping) -> Clock:
+    import pyarrow as pa  # type: ignore[import-untyped,unused-ignore]
+
+    if pa.types.is_timestamp(column.type):
+        return moments_clock(int(_moments(column)[0]), column.type.tz, mapping.time)
+    return make_clock([repr(v) for v in _numbers(column).tolist()], unit, mapping.time, "sample {}".format, ".")
+
+
+def _seconds(clock: Clock, column: Any) -> Array:
+    import pyarrow as pa  # type: ignore[import-untyped,unused-ignore]
+
+    if pa.types.is_timestamp(column.type):
+        return exact_seconds(clock, _moments(column), "sample {}".format)
+    return clock.seconds(_numbers(column), "sample {}".format)
+
+
+def _moments(column: Any) -> Any:
+    import pyarrow as pa  # type: ignore[import-untyped,unused-ignore]
+
+    if column.null_count:
+        raise RecordError("the time is missing at some sample; remove those rows")
+    return column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64()).to_numpy()
+
+
+def _numbers(column: Any) -> Array:
+    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)

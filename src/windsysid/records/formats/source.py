@@ -1,0 +1,204 @@
+"""A file that has been opened but not read: what is in it, and its samples block by block.
+
+Every format gives a `Source`. `gather` makes one `Record` of it, `gather_section` reads a part, `pieces` gives
+the record in pieces that fit into memory. Blocks are checked as they pass, so that a file of any size is
+checked whole: time must increase inside a block and from one block to the next.
+"""
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid.errors import RecordError
+from windsysid.records.checks import Array, check_block, check_channels, refuse_outside
+from windsysid.records.record import Record
+
+__all__ = ["Block", "Progress", "Source", "gather", "gather_section", "indexed_source", "pieces", "shifted"]
+
+Progress = Callable[[float], None]
+"""Called with the fraction of the file that has been read."""
+
+
+class Block(NamedTuple):
+    """Consecutive samples of a file, in SI.
+
+    Attributes
+    ----------
+    time : (n,) array
+        [s]
+    values : (n, m) array
+    place : callable
+        What a user calls the place of a row: ``line 17``.
+    done : float
+        Fraction of the file that has been read.
+    """
+
+    time: Array
+    values: Array
+    place: Callable[[int], str]
+    done: float
+
+
+@dataclass(frozen=True)
+class Source:
+    """An opened file.
+
+    Attributes
+    ----------
+    name : str
+    channels, units : tuple of str (m,)
+        Under our names, units SI.
+    blocks : callable
+        ``blocks(start, end)`` iterates over the samples in order. It may leave out blocks that end before
+        `start` [s], and may stop when it has passed `end` [s]; the last block it gives then reaches `end`, or is
+        the file's last one.
+    attributes : mapping of str to str
+    first : float
+        Time of the first sample [s], NaN if only reading tells.
+    start : str or None
+        The moment of time 0, as `Record.start`.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    blocks: Callable[[float, float], Iterator[Block]]
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    first: float = np.nan
+    start: str | None = None
+
+
+def gather(source: Source, progress: Progress | None = None) -> Record:
+    """The whole file as one record."""
+    time, values = [], []
+    for block in _checked(source, -np.inf, np.inf, progress):
+        time.append(block.time)
+        values.append(block.values)
+    return _record(source, time, values)
+
+
+def gather_section(source: Source, start: float, end: float, progress: Progress | None = None) -> Record:
+    """The samples with start ≤ t < end, as `Record.section` gives them; the rest of the file is not kept.
+
+    Raises
+    ------
+    RecordError
+        If the section is empty, holds a single sample, or reaches outside the record.
+    """
+    time: list[Array] = []
+    values: list[Array] = []
+    first, last, steps = source.first, np.nan, np.empty(0)
+    if start < end:
+        for block in _checked(source, start, end, progress):
+            first = block.time[0] if np.isnan(first) else first
+            last = block.time[-1]
+            steps = np.diff(block.time) if block.time.size > 1 else steps
+            low, high = np.searchsorted(block.time, (start, end), side="left")
+            if high > low:
+                time.append(block.time[low:high].copy())  # a view would keep the whole block alive
+                values.append(block.values[low:high].copy())
+    step = float(np.median(steps)) if steps.size else 0.0
+    kept = sum(part.size for part in time)
+    refuse_outside(start, end, kept, float(first), float(last), step)
+    return _record(source, time, values)
+
+
+def pieces(source: Source, seconds: float, progress: Progress | None = None) -> Iterator[Record]:
+    """The file as records of about `seconds` each; every sample is in exactly one of them.
+
+    A sample that would be alone in its piece, beside a gap, joins the piece before it.
+    """
+    held: list[tuple[Array, Array]] = []  # the piece before, kept until the next one has two samples
+    open_time: list[Array] = []
+    open_values: list[Array] = []
+    origin, number = np.nan, 0.0
+
+    def close() -> Iterator[Record]:
+        if sum(part.size for part in open_time) >= 2 and held:
+            yield _record(source, [t for t, _ in held], [v for _, v in held])
+            held.clear()
+        held.extend(zip(open_time, open_values, strict=True))
+        if sum(part.size for part, _ in held) > 0 and len(held) > 1:
+            merged = np.concatenate([t for t, _ in held]), np.concatenate([v for _, v in held])
+            held[:] = [merged]
+        open_time.clear()
+        open_values.clear()
+
+    for block in _checked(source, -np.inf, np.inf, progress):
+        origin = block.time[0] if np.isnan(origin) else origin
+        index = np.floor((block.time - origin) / seconds)
+        edges = [0, *(np.flatnonzero(np.diff(index)) + 1), block.time.size]
+        for low, high in itertools.pairwise(edges):
+            if open_time and index[low] != number:
+                yield from close()
+            number = index[low]
+            open_time.append(block.time[low:high].copy())
+            open_values.append(block.values[low:high].copy())
+    yield from close()
+    yield _record(source, [t for t, _ in held], [v for _, v in held])
+
+
+def indexed_source(
+    name: str,
+    channels: tuple[str, ...],
+    units: tuple[str, ...],
+    time: Array,
+    rows: Callable[[int, int], Array],
+    attributes: Mapping[str, str],
+    *,
+    place: Callable[[int], str] = "sample {}".format,
+    rows_at_once: int | None = None,
+    start: str | None = None,
+) -> Source:
+    """A source whose times (T,) are known and whose ``rows(low, high)`` can be read anywhere, in SI (high − low, m)."""
+
+    def blocks(start: float, end: float) -> Iterator[Block]:
+        low, high = 0, time.size
+        if (start > -np.inf or end < np.inf) and np.all(np.diff(time) > 0.0):
+            low = min(int(np.searchsorted(time, start)), max(time.size - 2, 0))
+            high = min(int(np.searchsorted(time, end)) + 1, time.size)
+        size = rows_at_once or max(high - low, 1)
+        for first in range(low, high, size):
+            last = min(first + size, high)
+            yield Block(time[first:last], rows(first, last), shifted(place, first), last / time.size)
+
+    return Source(name, channels, units, blocks, attributes, float(time[0]) if time.size else np.nan, start)
+
+
+def shifted(place: Callable[[int], str], first: int) -> Callable[[int], str]:
+    """Names the places of rows that are counted from row `first` of the file."""
+    return lambda row: place(first + row)
+
+
+def _checked(source: Source, start: float, end: float, progress: Progress | None) -> Iterator[Block]:
+    check_channels(source.channels)
+    previous = np.nan
+    if progress is not None:
+        progress(0.0)
+    for block in source.blocks(start, end):
+        if block.time.size:
+            check_block(block.time, block.values, source.channels, block.place, previous)
+            previous = float(block.time[-1])
+            yield block
+        if progress is not None:
+            progress(block.done)
+    if progress is not None:
+        progress(1.0)
+
+
+def _record(source: Source, time: list[Array], values: list[Array]) -> Record:
+    if not time:
+        raise RecordError("expected at least 2 samples, got 0; give a longer record")
+    whole = len(time) > 1
+    return Record(
+        np.concatenate(time) if whole else time[0],
+        np.concatenate(values) if whole else values[0],
+        source.channels,
+        source.units,
+        name=source.name,
+        attributes=source.attributes,
+        start=source.start,
+    )

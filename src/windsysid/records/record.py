@@ -1,0 +1,411 @@
+"""A record: what the instruments of one turbine read over time, as one labelled table in SI units.
+
+`Record` holds the time t_k (T,) and the values y_k (T, m), one row per sample and one column per channel.
+NaN means that a channel is missing at that sample, everywhere in this package. Channels are named
+``<point>_<direction>_<quantity>``: ``tower_x_acceleration``, ``blade_1_lag_displacement``, ``rotor_azimuth``.
+Readers and writers of files live in `windsysid.records.formats`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import textwrap
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows, refuse_outside
+from windsysid.records.moments import split_start, tidy
+from windsysid.records.quantities import implied_unit, missing_units
+from windsysid.units import UNITS, canonical, si_unit, to_si
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["AS_WRITTEN", "LOW_PASS", "Array", "Record"]
+
+AS_WRITTEN = "as written: "
+"""Prefix of a unit that windsysid does not know: the values are as the file has them, not converted."""
+
+LOW_PASS = "low_pass_hz"
+"""Attribute of a record that went through a low-pass when its rate was lowered: the frequency [Hz]."""
+
+FINENESS = 64
+"""Ticks per median step to which the times of an unequally sampled record are rounded: 0.08 ms at 100 Hz, at most."""
+
+_OFF_GRID = 0.1  # of a step: beyond this a time stamp does not belong to a uniform grid
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Record:
+    """A labelled time series with units.
+
+    Parameters
+    ----------
+    time : array_like (T,)
+        Time [s], finite and strictly increasing, T ≥ 2.
+    values : array_like (T, m)
+        One column per channel, in the SI unit of `units`; NaN where a channel is missing. Infinity is
+        refused.
+    channels : tuple of str (m,)
+        Names, each once.
+    units : tuple of str (m,)
+        SI units, one per channel, ``"1"`` for a ratio. A unit that windsysid does not know is spelt
+        ``"as written: <unit>"`` and means that nothing was converted.
+    name : str
+        What it is, the file name for instance.
+    attributes : mapping of str to str
+        Free text about the record, kept in netCDF.
+    start : str, optional
+        The moment of time 0 in ISO 8601, with its zone: ``2021-07-07T12:00:00Z``. Without a zone it is local time of which nobody said
+        the zone; None where the moment is not known.
+
+    Raises
+    ------
+    RecordError
+        If shapes disagree, a name occurs twice, a unit is not SI, the time does not increase or a value is
+        infinite.
+
+    Notes
+    -----
+    Arrays are shared, not copied, where their type allows it: do not write into them.
+    """
+
+    time: Array
+    values: Array
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    name: str = "record"
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    start: str | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            time = np.ascontiguousarray(self.time, dtype=np.float64)
+            values = np.ascontiguousarray(self.values, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise RecordError(f"time and values of a record must be numbers: {error}") from error
+        channels, units = tuple(self.channels), tuple(self.units)
+        if time.ndim != 1 or values.shape != (time.size, len(channels)) or len(units) != len(channels):
+            raise RecordError(
+                f"expected time (T,), values (T, m), m channels and m units, got time {time.shape}, "
+                f"values {values.shape}, {len(channels)} channels and {len(units)} units"
+            )
+        check_channels(channels)
+        check_rows(time, values, channels)
+        set_field = object.__setattr__  # the dataclass is frozen
+        set_field(self, "time", time)
+        set_field(self, "values", values)
+        set_field(self, "channels", channels)
+        set_field(self, "units", tuple(map(_checked_unit, units, channels)))
+        set_field(self, "attributes", {str(key): str(text) for key, text in self.attributes.items()})
+        if self.start is not None:
+            try:
+                set_field(self, "start", tidy(self.start))
+            except ValueError as error:
+                raise RecordError(f"start: {error}") from error
+
+    @property
+    def samples(self) -> int:
+        """Number of samples T."""
+        return self.time.size
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]: the mean of all steps that are nearer to the median step than to a gap."""
+        return 1.0 / _step(self.time)
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether every sample lies on one uniform time grid, to a thousandth of a step."""
+        step = self.duration / (self.samples - 1)
+        grid = self.time[0] + step * np.arange(self.samples)
+        return bool(np.max(np.abs(self.time - grid)) <= UNIFORM * step)
+
+    def __contains__(self, channel: object) -> bool:
+        return channel in self.channels
+
+    def __getitem__(self, channel: str) -> Array:
+        """The values (T,) of one channel, as a copy.
+
+        Raises
+        ------
+        RecordError
+            If the record has no such channel.
+        """
+        return np.ascontiguousarray(self.values[:, self._column(channel)])
+
+    def unit(self, channel: str) -> str:
+        """The unit of one channel; RecordError if the record has no such channel."""
+        return self.units[self._column(channel)]
+
+    def __repr__(self) -> str:
+        listed = ", ".join(
+            f"{name}\N{NO-BREAK SPACE}[{unit}]" for name, unit in zip(self.channels, self.units, strict=True)
+        )
+        heading = (
+            f"Record '{self.name}': {self.samples} samples at {self.rate:.6g} Hz, {self.duration:.6g} s, "
+            f"{len(self.channels)} channels"
+        )
+        body = textwrap.wrap(listed, 100, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
+        return "\n".join([heading, *body]).replace("\N{NO-BREAK SPACE}", " ")
+
+    def section(self, start: float, end: float) -> Record:
+        """The samples with start ≤ t < end, their times kept as they are.
+
+        Parameters
+        ----------
+        start, end : float
+            [s], on the record's own clock; inside the record to within one sampling step.
+
+        Raises
+        ------
+        RecordError
+            If the section is empty, holds a single sample, or reaches outside the record.
+        """
+        low, high = np.searchsorted(self.time, (start, end), side="left")
+        first, last = float(self.time[0]), float(self.time[-1])
+        refuse_outside(start, end, int(high - low), first, last, _step(self.time))
+        return replace(self, time=self.time[low:high], values=self.values[low:high])
+
+    def select(self, channels: Iterable[str]) -> Record:
+        """The same record with only these channels, in this order; RecordError for one that is missing."""
+        columns = [self._column(channel) for channel in channels]
+        return replace(
+            self,
+            values=self.values[:, columns],
+            channels=tuple(self.channels[i] for i in columns),
+            units=tuple(self.units[i] for i in columns),
+        )
+
+    def with_channels(self, channels: Mapping[str, tuple[npt.ArrayLike, str]]) -> Record:
+        """A new record with channels replaced, or added at the end.
+
+        Parameters
+        ----------
+        channels : mapping of str to (array_like (T,), str)
+            Name to values and unit; any unit that windsysid knows, the values are converted to SI.
+
+        Raises
+        ------
+        RecordError
+            If an array is not (T,), a unit is unknown or a value is infinite.
+        """
+        columns = {name: (self.values[:, i], self.units[i]) for i, name in enumerate(self.channels)}
+        for name, (values, unit) in channels.items():
+            array = np.asarray(values, dtype=np.float64)
+            if array.shape != self.time.shape:
+                raise RecordError(f"channel '{name}': expected values {self.time.shape}, got {array.shape}")
+            columns[name] = convert(array, unit, f"channel '{name}'")
+        return replace(
+            self,
+            values=_table([values for values, _ in columns.values()], self.samples),
+            channels=tuple(columns),
+            units=tuple(unit for _, unit in columns.values()),
+        )
+
+    def with_name(self, name: str) -> Record:
+        """The same record under another name."""
+        return replace(self, name=name)
+
+    def on_uniform_grid(self) -> Record:
+        """The record on a uniform time grid at its own rate; rows that were not recorded become NaN.
+
+        The grid starts at the first sample. Nothing is interpolated: each sample keeps its values and moves
+        to the grid point it belongs to, at most a tenth of a step away.
+
+        Raises
+        ------
+        RecordError
+            If a sample is farther than that from the grid, or the gaps dwarf the data.
+        """
+        if self.is_uniform:
+            return self
+        step = _step(self.time)
+        elapsed = self.time - self.time[0]
+        index = np.rint(elapsed / step)
+        step = float(elapsed @ index / (index @ index))  # least squares through the first sample
+        index = np.rint(elapsed / step)
+        off = np.abs(elapsed - step * index) / step
+        off[1:][np.diff(index) == 0.0] = 0.5  # two samples on one grid point: one of them is half a step off
+        if np.any(off > _OFF_GRID):
+            k = int(np.argmax(off > _OFF_GRID))
+            raise RecordError(
+                f"irregular sampling: sample {k} at {self.time[k]:.9g} s lies {100 * off[k]:.0f} % of "
+                "a step off the "
+                f"uniform grid at {1 / step:.6g} Hz, expected at most {100 * _OFF_GRID:.0f} %; resample "
+                "the record first"
+            )
+        rows = int(index[-1]) + 1
+        if rows > 10 * self.samples + 1_000_000:
+            raise RecordError(
+                f"the gaps of the record are too long: {self.samples} samples on a grid of {rows}; "
+                "choose a section without the gaps"
+            )
+        values = np.full((rows, len(self.channels)), np.nan)
+        values[index.astype(np.int64)] = self.values
+        return replace(self, time=self.time[0] + step * np.arange(rows), values=values)
+
+    def on_own_times(self) -> Record:
+        """The record for filters: on a uniform grid where its times allow that, else each sample at its own time.
+
+        Such times are rounded to a `FINENESS`-th of the median step, so that few intervals occur; rows that then fall together are kept as
+        one, with the later values where both have some.
+        """
+        try:
+            return self.on_uniform_grid()
+        except RecordError:
+            tick = _step(self.time) / FINENESS
+        index = np.rint((self.time - self.time[0]) / tick).astype(np.int64)
+        first = np.concatenate([[True], np.diff(index) > 0])
+        row = np.cumsum(first) - 1
+        values = np.full((row[-1] + 1, len(self.channels)), np.nan)
+        for target, given in zip(row, self.values, strict=True):
+            values[target] = np.where(np.isnan(given), values[target], given)
+        return replace(self, time=self.time[0] + tick * index[first], values=values)
+
+    def intervals(self) -> tuple[Array, npt.NDArray[np.int64]]:
+        """The sampling intervals that occur (S,) [s], and which of them led to each sample (T,); 0 for the first."""
+        if self.is_uniform:
+            return np.array([1.0 / self.rate]), np.zeros(self.samples, dtype=np.int64)
+        grain = 1e-6 * _step(self.time)
+        steps, which = np.unique(np.rint(np.diff(self.time) / grain).astype(np.int64), return_inverse=True)
+        return np.asarray(grain * steps, dtype=np.float64), np.concatenate([[0], which.ravel()]).astype(np.int64)
+
+    @property
+    def marks(self) -> dict[str, str]:
+        """What a dataset says of a record beside its attributes: its start, its name, and its channels in their order."""
+        return {
+            **({} if self.start is None else {"start_time": self.start}),
+            "windsysid_name": self.name,
+            "windsysid_channels": json.dumps(self.channels, ensure_ascii=False),
+        }
+
+    def to_xarray(self) -> xr.Dataset:
+        """As an `xarray.Dataset`: one variable (time,) with ``units`` per channel, and the attributes."""
+        import xarray as xr
+
+        columns = {
+            name: ("time", self.values[:, i].copy(), {"units": self.units[i]}) for i, name in enumerate(self.channels)
+        }
+        return xr.Dataset(
+            columns,
+            coords={"time": ("time", self.time.copy(), {"units": "s"})},
+            attrs={**self.attributes, **self.marks},
+        )
+
+    @classmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> Record:
+        """A record from a dataset whose variables are (time,), with time [s] as numbers.
+
+        Units other than SI are converted. A variable without ``units`` is refused where its name says a quantity, and kept
+        ``as written: unknown`` where it says none.
+
+        Raises
+        ------
+        RecordError
+            If there is no such time, a variable has other dimensions or is not a number, or a unit is
+            missing or unknown.
+        """
+        if "time" not in dataset.variables or dataset["time"].dims != ("time",):
+            raise RecordError(
+                "not a record: expected a coordinate 'time' (T,) in seconds, got the variables "
+                f"{_listed([str(name) for name in dataset.variables])}"
+            )
+        try:
+            order = [str(name) for name in json.loads(dataset.attrs.get("windsysid_channels", "[]"))]
+        except (TypeError, ValueError):
+            order = []
+        if sorted(order) != sorted(map(str, dataset.data_vars)):
+            order = [str(name) for name in dataset.data_vars]
+        time, unit = convert(_column(dataset["time"], "time"), str(dataset["time"].attrs.get("units", "s")), "time")
+        if unit != "s":
+            raise RecordError(f"time is in '{dataset['time'].attrs['units']}', expected seconds; convert it first")
+        given = {name: str(dataset[name].attrs.get("units", "")) or f"{AS_WRITTEN}unknown" for name in order}
+        unsaid = [name for name in order if given[name] == f"{AS_WRITTEN}unknown" and implied_unit(name)]
+        if unsaid:
+            table = [(name, _column(dataset[name], name)) for name in unsaid]
+            raise RecordError(missing_units(table, "give the variable its attribute units"))
+        columns = [convert(_column(dataset[name], name), given[name], f"'{name}'") for name in order]
+        texts = {str(k): str(v) for k, v in dataset.attrs.items() if not str(k).startswith("windsysid_")}
+        start, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
+        return cls(
+            time,
+            _table([values for values, _ in columns], time.size),
+            tuple(order),
+            tuple(unit for _, unit in columns),
+            name=str(dataset.attrs.get("windsysid_name", "record")),
+            attributes=attributes,
+            start=start,
+        )
+
+    def _column(self, channel: str) -> int:
+        if channel in self.channels:
+            return self.channels.index(channel)
+        close = difflib.get_close_matches(channel, self.channels, n=3)
+        hint = f"did you mean {_listed(close)}?" if close else f"it has {_listed(self.channels)}"
+        raise RecordError(f"record '{self.name}' has no channel '{channel}': {hint}")
+
+
+def convert(values: Array, unit: str, what: str) -> tuple[Array, str]:
+    """`values` in SI and the SI unit; RecordError naming `what` if the unit is unknown."""
+    if unit.startswith(AS_WRITTEN):
+        return values, unit
+    try:
+        factor = to_si(1.0, unit)
+    except ConfigurationError as error:
+        raise RecordError(f"{what}: {error}") from error
+    return (values if factor == 1.0 else values * factor), si_unit(unit)
+
+
+def _checked_unit(unit: str, channel: str) -> str:
+    if unit.startswith(AS_WRITTEN):
+        return unit
+    try:
+        known = canonical(unit)
+    except ConfigurationError as error:
+        raise RecordError(f"channel '{channel}': {error}") from error
+    si, factor = UNITS[known]
+    if factor != 1.0:
+        raise RecordError(
+            f"channel '{channel}' is in '{unit}': a record holds SI, expected '{si}'; "
+            "convert the values, or add them by with_channels, which does"
+        )
+    return si
+
+
+def _step(time: Array) -> float:
+    steps = np.diff(time)
+    median = np.median(steps)
+    # Times written with few digits scatter about the step, so the median alone is wrong by that scatter.
+    near = steps[np.abs(steps - median) < 0.5 * median]
+    return float(np.mean(near)) if near.size else float(median)
+
+
+def _table(columns: list[Array], samples: int) -> Array:
+    return np.column_stack(columns) if columns else np.empty((samples, 0))
+
+
+def _column(variable: xr.DataArray, name: str) -> Array:
+    if variable.dims != ("time",) or variable.dtype.kind not in "fiu":
+        raise RecordError(
+            f"'{name}' is {variable.dtype} with dimensions ({', '.join(map(str, variable.dims))}): "
+            "expected numbers with dimension (time); leave it out or convert it"
+        )
+    return np.asarray(variable.to_numpy(), dtype=np.float64)
+
+
+def _listed(names: Iterable[str], most: int = 12) -> str:
+    names = list(names)
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return (", ".join(names[:most]) + more) or "none"

@@ -1,0 +1,37 @@
+"""Answers as figures and pages. Answers do not know this room: `MODULES` says where the page and the figure of each type are.
+
+A module of an answer has the function ``files(answer)``, which gives the page, its figures and the JSON by name, or ``figure(answer)``, or both.
+"""
+
+from importlib import import_module
+from typing import Any
+
+__all__ = ["MODULES", "figure", "files"]
+
+MODULES = {
+    "Campbell": "campbell",
+    "Comparison": "comparison",
+    "Fit": "histories",
+    "Identification": "histories",
+    "Inspection": "inspection",
+    "Plan": "plan",
+    "Profile": "profile",
+    "Separation": "damping",
+    "Watch": "watch",
+}
+"""The module of each type."""
+
+
+def files(answer: object) -> dict[str, bytes]:
+    """The page of an answer, its figures and its JSON, by name."""
+    found: dict[str, bytes] = _module_of(answer).files(answer)
+    return found
+
+
+def figure(answer: object) -> Any:
+    """An answer as a Matplotlib `Figure`."""
+    return _module_of(answer).figure(answer)
+
+
+def _module_of(answer: object) -> Any:
+    return import_module(f"windsysid.reports.{MODULES[type(answer).__name__]}")

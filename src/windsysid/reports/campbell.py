@@ -1,0 +1,117 @@
+"""A Campbell diagram as a figure and as one page."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from windsysid.modal.campbell import Campbell
+from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
+from windsysid.results.posterior import SIGMAS
+from windsysid.units import RPM
+
+__all__ = ["figure", "files"]
+
+
+BLADES, BLADES_BAND = "#2e7d46", "#b7d9c1"
+"""Modes of the blades; the support's are blue."""
+
+
+def figure(found: Campbell) -> Figure:
+    """Frequencies and damping ratios with ±2σ against rotor speed; harmonics dashed, the operating range shaded."""
+    drawn = Figure(figsize=(10.0, 8.6), layout="constrained")
+    above, below = drawn.subplots(2, 1, sharex=True, height_ratios=[1.9, 1.0])
+    rpm = found.speeds * RPM
+    top = 1.06 * max(float(np.nanmax(curve.frequency + SIGMAS * curve.frequency_std)) for curve in found.curves)
+    ends: list[tuple[Axes, float, str, str]] = []
+    for curve in found.curves:
+        colour, band = (BLADES, BLADES_BAND) if curve.name.startswith("lag") else (ESTIMATE, BAND)
+        for ax, value, std in (
+            (above, curve.frequency, curve.frequency_std), (below, 100.0 * curve.damping, 100.0 * curve.damping_std),
+        ):  # fmt: skip
+            ax.fill_between(rpm, value - SIGMAS * std, value + SIGMAS * std, color=band, alpha=0.55, lw=0)
+            ax.plot(rpm, value, color=colour, lw=1.0)
+            seen = np.flatnonzero(np.isfinite(value))
+            if seen[-1] == len(rpm) - 1:
+                ends.append((ax, float(value[-1]), curve.name, colour))
+            elif np.isfinite(value[found.usual]):
+                ax.annotate(
+                    curve.name, (rpm[seen[-1]], value[seen[-1]]), (5, 0), textcoords="offset points", fontsize=8.5,
+                    color=colour, va="bottom",
+                )  # fmt: skip
+    for order in found.orders:
+        above.plot(rpm, order * rpm / 60.0, color=MEASURED, ls="--", lw=0.9, zorder=1)
+        near = min(0.95 * (rpm[-1] - rpm[0]) + rpm[0], 60.0 * 0.94 * top / order)
+        above.text(
+            near, order * near / 60.0, f"{order}P", ha="center", va="center", fontsize=8.5, color="#555555",
+            bbox={"facecolor": "white", "lw": 0, "pad": 1.2, "alpha": 0.9},
+        )  # fmt: skip
+    above.set(ylim=(0.0, top), ylabel="frequency [Hz]")
+    below.set(xlim=(rpm[0], rpm[-1]), xlabel="rotor speed [rpm]", ylabel="damping ratio [%]")
+    low, high = (value * RPM for value in found.operating)
+    least = min(0.0, 1.1 * min(float(np.nanmin(100.0 * (c.damping - SIGMAS * c.damping_std))) for c in found.curves))
+    below.set_ylim(bottom=least)
+    for ax in (above, below):
+        ax.axvspan(low, high, color="#f2ead9", lw=0, zorder=0)
+        ax.axvline(found.speeds[found.usual] * RPM, color=REFERENCE, ls=":", lw=0.8, zorder=1)
+        for each in found.unstable:
+            ax.axvspan(each.low * RPM, each.high * RPM, color=ERROR, alpha=0.25, lw=0, zorder=0)
+        tidy(ax)
+        _label_ends(ax, [end[1:] for end in ends if end[0] is ax])
+    if least < 0.0:
+        below.axhline(0.0, color=REFERENCE, lw=0.8)
+    words = ("operating range" if found.orders else "parked") + ("; orange: unstable" if found.unstable else "")
+    above.text(0.5 * (low + high), 1.012, words, transform=above.get_xaxis_transform(), ha="center", fontsize=8.5)
+    return drawn
+
+
+def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
+    """Write each curve's name beside its right end, none over another, a thin line to those that had to move."""
+    low, high = ax.get_ylim()
+    height = ax.get_position().height * ax.figure.get_figheight() * 72.0  # type: ignore[union-attr]
+    gap = 11.5 * (high - low) / height
+    ends = sorted(ends)
+    places = [end[0] for end in ends]
+    for _ in range(100):
+        for i in range(len(places) - 1):
+            overlap = gap - (places[i + 1] - places[i])
+            if overlap > 0.0:
+                places[i] -= 0.5 * overlap
+                places[i + 1] += 0.5 * overlap
+        shift = max(0.0, low + 0.4 * gap - places[0])
+        places[0] += shift
+    for place, (value, name, colour) in zip(places, ends, strict=True):
+        moved = abs(place - value) > 0.15 * gap
+        ax.annotate(
+            name, (1.0, value), (1.03 if moved else 1.012, place), xycoords=("axes fraction", "data"),
+            textcoords=("axes fraction", "data"), fontsize=8.5, color=colour, va="center", annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colour, "shrinkA": 0, "shrinkB": 0, "relpos": (0.0, 0.5)} if moved else None,
+        )  # fmt: skip
+
+
+def files(found: Campbell) -> dict[str, bytes]:
+    """``report.html``, ``campbell.png`` and ``summary.json``, by name."""
+    drawn = png(figure(found))
+    bands = (
+        f"; bands: ±{SIGMAS:g}σ of the posterior, those of frequencies often as thin as the lines"
+        if found.banded
+        else ""
+    )
+    caption = (
+        f"Frequencies and damping ratios in the fixed frame. Blue: tower, green: blades{bands}. Dashed: harmonics of the rotor, dotted: "
+        f"{'the record' if found.record else 'the usual speed'}."
+    )
+    low, high = (value * RPM for value in found.operating)
+    where = f"Distance f / nP − 1 where it is least from {low:.3g} to {high:.3g} rpm" if found.orders else "Parked"
+    distances = where + (f", ±{SIGMAS:g}σ" if found.banded else "")
+    sections = [
+        Section("Resonance and stability", text=found.sentences, tables=[Table(found.headings, found.rows, distances)]),
+        Section("Campbell diagram", figures=[(drawn, caption)]),
+        Section("How this was computed", text=found.notes),
+    ]
+    subtitle = f"{found.title} · {found.speeds[0] * RPM:.3g} … {found.speeds[-1] * RPM:.3g} rpm"
+    return {
+        "report.html": report_page("Modes against rotor speed", subtitle, sections),
+        "campbell.png": drawn,
+        "summary.json": found.to_json().encode(),
+    }

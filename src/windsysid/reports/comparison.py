@@ -1,0 +1,88 @@
+"""A comparison of two records as a figure and as one page."""
+
+import math
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from windsysid.monitoring.change import HEADINGS, MOVED, Change, Comparison
+from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
+
+__all__ = ["figure", "files"]
+
+
+def figure(comparison: Comparison) -> Figure:
+    """Every change with its ±2σ band: stiffness and frequencies, damping, loads and noise, each on a scale of its own; orange where a coefficient moved.
+
+    A band that has no end goes to the edge of the drawn; where nothing is told it is dotted and has no dot.
+    """
+    of_damping = [c for c in comparison.coefficients if c.name.startswith("c_")]
+    rest = [c for c in (*comparison.coefficients, *comparison.modes) if c not in of_damping]
+    titles = ("stiffness and frequencies", "damping", "loads and noise")
+    groups = [
+        (title, group) for title, group in zip(titles, (rest, of_damping, comparison.statistics), strict=True) if group
+    ]
+    drawn = Figure(figsize=(12.0, 1.0 + 0.32 * max(len(group) for _, group in groups)), layout="constrained")
+    for ax, (title, group) in zip(drawn.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
+        ends = [end for c in group for end in (c.low, c.percent, c.high) if c.told and math.isfinite(end)] or [
+            -100.0,
+            100.0,
+        ]
+        margin = 0.08 * max(max(ends) - min(ends), 1e-3)
+        left, right = min(*ends, -margin) - margin, max(*ends, margin) + margin
+        rows = np.arange(len(group))[::-1]
+        for row, change in zip(rows, group, strict=True):
+            colour = _colour(change, comparison)
+            band = [max(change.low, left), min(change.high, right)]
+            if change.told:
+                ax.plot(band, [row, row], color=colour, lw=5, alpha=0.45, solid_capstyle="butt")
+                ax.plot(min(change.percent, right), row, "o", color=colour, ms=5)
+            else:
+                ax.plot([left, right], [row, row], color=colour, lw=1.5, ls=":")
+        ax.axvline(0.0, color=REFERENCE, ls="--", lw=0.8)
+        ax.set_yticks(
+            rows, [symbol(c.name) if c.name.startswith(("k_", "c_")) else c.name.replace("_", " ") for c in group]
+        )
+        ax.set_ylim(-0.7, len(group) - 0.3)
+        ax.set_xlim(left, right)
+        ax.set_title(title, fontsize=10, loc="left")
+        ax.set_xlabel("change [%], ±2σ")
+        tidy(ax)
+    return drawn
+
+
+def files(comparison: Comparison) -> dict[str, bytes]:
+    """``report.html``, ``changes.png`` and ``summary.json``, by name."""
+    drawn = png(figure(comparison))
+    before, after = comparison.records
+    caption = (
+        f"From {before} (A) to {after} (B). Orange: a coefficient that moved, at odds of {MOVED:g} : 1 and more; grey: frequencies of modes, loads and noise. "
+        "A band that reaches the edge has no end there; a dotted line: the records do not tell."
+    )
+    sections = [
+        Section(
+            "What moved", text=[comparison.sentence, *comparison.doubts, *comparison.notes], figures=[(drawn, caption)]
+        ),
+        Section("In numbers", text=[READING], tables=[Table(HEADINGS, comparison.rows, words=(0, 1))]),
+    ]
+    return {
+        "report.html": report_page("What moved between two records", f"{before} (A) → {after} (B)", sections),
+        "changes.png": drawn,
+        "summary.json": comparison.to_json().encode(),
+    }
+
+
+READING = (
+    "A and B are the two results, priors included; the change is what the records say without the priors, so that it need not be the difference of A and B where a record "
+    "says little. Change and band are of B over A; a band from −100 % to ∞ tells nothing. Odds are those of a change of the size that damage makes "
+    "(10 % of a stiffness, half of a damping, half of a load or noise) against none, equally likely before. The last column is the probability of a difference this "
+    "large without any change. Frequencies are those of the models at the mean of the two rotor speeds: they move because coefficients do. Loads and noise differ between records "
+    "of a sound turbine too."
+)
+
+
+def _colour(change: Change, comparison: Comparison) -> str:
+    if change.name.startswith(("k_", "c_")):
+        return ERROR if change in comparison.moved else ESTIMATE
+    return MEASURED

@@ -1,0 +1,71 @@
+"""One self-contained HTML page: sections, tables, figures inside, readable without a network."""
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+__all__ = ["Section", "Table", "png", "report_page"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under headings; columns in `words` are set left and may wrap, the others, numbers, are set right."""
+
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    words: Sequence[int] = (0,)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading with paragraphs, tables, figures, each with its caption, and text as a file has it; `folded` until it is clicked at.
+
+    A figure that is also a file of its own comes as PNG.
+    """
+
+    title: str
+    text: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    figures: "Sequence[tuple[Figure | bytes, str]]" = ()
+    file: str = ""
+    folded: bool = False
+
+
+def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes:
+    """Sections as one HTML file."""
+    from jinja2 import Environment
+
+    template = (resources.files("windsysid.reports") / "templates" / "report.html.j2").read_text(encoding="utf-8")
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    shown = [
+        {
+            "title": section.title,
+            "text": section.text,
+            "tables": section.tables,
+            "file": section.file,
+            "folded": section.folded,
+            "figures": [{"data": _embedded(figure), "caption": caption} for figure, caption in section.figures],
+        }
+        for section in sections
+    ]
+    html = environment.from_string(template).render(title=title, subtitle=subtitle, sections=shown)
+    return html.encode()
+
+
+def png(figure: "Figure") -> bytes:
+    """A figure as PNG: drawing is what takes the time, so what is shown twice is drawn once."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return buffer.getvalue()
+
+
+def _embedded(figure: "Figure | bytes") -> str:
+    return base64.b64encode(figure if isinstance(figure, bytes) else png(figure)).decode("ascii")

@@ -1,0 +1,222 @@
+"""Reports: one self-contained HTML file, figures inside, readable without a network."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from windsysid.records.moments import in_words, moved
+from windsysid.records.record import Record
+from windsysid.results.identification import Identification
+from windsysid.results.provenance import Provenance
+from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    pass
+
+from windsysid.reports.html import Section, Table, report_page
+
+__all__ = ["identification_report", "provenance_section"]
+
+
+_HISTORIES = {
+    "joint": "What was known on line after each sample, statistics of loads and noise learned with the coefficients; the dot is the result of the "
+    "whole record.",
+    "force-balance": "What the filter knew after each sample; the dot is where it ended.",
+}
+
+
+def identification_report(identification: Identification, record: Record) -> bytes:
+    """The report of one identification on the section of the record that it used."""
+    from windsysid.reports.plots import coefficient_histories, innovations, record_overview, whiteness
+
+    i = identification
+    channels = [channel for channel in i.sensors if channel in record]
+    spectra = whiteness(i)
+    sections = [
+        Section(
+            "Result",
+            text=[*_trust(i), *i.notes],
+            tables=[coefficient_table(i), *tip_tables(i), *mode_tables(i), *statistic_tables(i)],
+        ),
+        Section(
+            "How the estimates came about",
+            figures=[
+                (
+                    coefficient_histories(i),
+                    _HISTORIES[i.formulation],
+                )
+            ],
+        ),
+        Section(
+            "Does the model explain the record?",
+            text=[
+                "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should stay between "
+                "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow.",
+                *i.diagnosis.remarks,
+            ],
+            tables=diagnosis_tables(i),
+            figures=[
+                *([(spectra, WHITENESS)] if spectra else []),
+                (innovations(i), "Whitened innovations of the result."),
+            ],
+        ),
+        *([_load_section(i)] if i.loads is not None and i.loads.names else []),
+        Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")]),
+        *([provenance_section(i, i.provenance)] if i.provenance is not None else []),
+    ]
+    subtitle = (
+        f"{i.turbine} · {i.record}, {i.section[0]:g}–{i.section[1]:g} s at {i.rate:g} Hz · {i.formulation} formulation, {i.method}, "
+        f"{i.samples} samples in {i.elapsed:.2f} s"
+    )
+    return report_page("Stiffness and damping", subtitle, sections)
+
+
+def _load_section(identification: Identification) -> Section:
+    """The loads as the filter knew them."""
+    from windsysid.reports.plots import plot_loads
+
+    caption = "The loads that moved the structure, as the filter knew them at the result: over the record, and a stretch of it with ±2σ."
+    return Section("The loads", figures=[(plot_loads(identification), caption)])
+
+
+def provenance_section(identification: Identification, provenance: Provenance) -> Section:
+    """Where the result comes from: what is needed to find the record again and to repeat the identification."""
+    import tomli_w
+
+    from windsysid.turbine.tables import as_tables
+
+    start, (begin, end) = provenance.start, identification.section
+    used = f"{begin:g} … {end:g} s"
+    if start is not None:
+        used += f", {moved(start, begin)} … {moved(start, end)}"
+    rows = [
+        ("record", identification.record),
+        ("start of the record", in_words(start)),
+        ("section used", used),
+        ("record, hash of all values", provenance.record_hash),
+        ("turbine, hash of its file", provenance.turbine_hash),
+        ("windsysid", provenance.windsysid),
+        ("identified", provenance.identified),
+        *((f"option {name}", _plain(value)) for name, value in provenance.options.items()),
+        *((f"sensor {i}", _plain(sensor)) for i, sensor in enumerate(provenance.sensors, 1)),
+    ]
+    machine = identification.machine
+    file = "" if machine is None else tomli_w.dumps(as_tables(machine))
+    text = "What is needed to find the record again and to repeat the identification. Below: the turbine as it was identified."
+    return Section("Provenance", text=[text], tables=[Table(("", ""), rows, words=(0, 1))], file=file, folded=True)
+
+
+def _plain(value: object) -> str:
+    """An option in words."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}: {_plain(item)}" for key, item in value.items() if item is not None)
+    return "default" if value is None else str(value)
+
+
+WHITENESS = (
+    "Autocorrelation of the whitened innovations, and their spectrum, which is 1 for white noise. A peak above the orange line condemns the result where it "
+    "lies in the shaded reach of what moves; elsewhere it does little harm. Grey lines: harmonics of the rotor."
+)
+
+
+def _trust(identification: Identification) -> list[str]:
+    """Whether to trust it, a paragraph for every reason not to."""
+    diagnosis = identification.diagnosis
+    return [f"trust: NO: because {reason}" for reason in diagnosis.reasons] or [str(diagnosis)]
+
+
+def coefficient_table(identification: Identification) -> Table:
+    """Estimates with bands, and references where they are known."""
+    rows = []
+    for e in identification.estimates:
+        difference = "" if not e.reference else f"{100.0 * (e.estimate / e.reference - 1.0):+.2f} %"
+        reference = "" if e.reference is None else f"{e.reference:.5g}"
+        band = f"{e.low:.5g} … {e.high:.5g}"
+        rows.append(
+            (
+                e.name,
+                f"{e.estimate:.5g}",
+                band,
+                unit_text(e.unit),
+                f"{100.0 * e.informed_by_data:.1f} %",
+                reference,
+                difference,
+            )
+        )
+    headings = ("coefficient", "estimate", "±2σ band", "unit", "informed by data", "reference", "difference")
+    return Table(headings, rows, "Identified coefficients")
+
+
+def tip_tables(identification: Identification) -> list[Table]:
+    """Blade coefficients per tip deflection, where the turbine has a tip lever."""
+    rows = []
+    for e in identification.estimates:
+        if e.tip is not None:
+            t = e.tip
+            unit = "N/m" if e.kind == "stiffness" else "N·s/m"
+            name = e.name.replace("beta", "tip")
+            difference = f"{100.0 * (t['estimate'] / t['reference'] - 1.0):+.2f} %"
+            band = f"{t['low']:.5g} … {t['high']:.5g}"
+            rows.append((name, f"{t['estimate']:.5g}", band, unit, f"{t['reference']:.5g}", difference))
+    if not rows:
+        return []
+    headings = ("coefficient", "estimate", "±2σ band", "unit", "reference", "difference")
+    return [Table(headings, rows, "Blades in tip coordinates (k_β/ℓ², c_β/ℓ²)")]
+
+
+def mode_tables(identification: Identification) -> list[Table]:
+    """Frequencies and damping ratios of the modes."""
+    rows = [(*mode.cells(), *mode.reference_cells()) for mode in identification.modes]
+    headings = (
+        "mode",
+        "frequency [Hz]",
+        "±2σ band",
+        "damping ratio [%]",
+        "±2σ band",
+        "reference [Hz]",
+        "reference [%]",
+    )
+    return [Table(headings, rows, "Modes at the record's rotor speed, fixed frame")] if rows else []
+
+
+def statistic_tables(identification: Identification) -> list[Table]:
+    """What was learned of loads and noise."""
+    rows = [
+        (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
+        for s in identification.statistics
+    ]
+    headings = ("statistic", "estimate", "±2σ band", "unit", "in the file")
+    return [Table(headings, rows, "Loads and noise, learned from the record")] if rows else []
+
+
+def diagnosis_tables(identification: Identification) -> list[Table]:
+    """The innovations of each channel against white noise, the estimates against their priors."""
+    diagnosis = identification.diagnosis
+    tables = []
+    if diagnosis.whiteness is not None:
+        headings = (
+            *("channel", "missing, gated", "square (95 %)", "highest peak", "level near a mode"),
+            *("colour", "kurtosis", "beyond 5σ"),
+        )
+        rows = [
+            (
+                c.name,
+                f"{100.0 * c.missing:.2g} %, {100.0 * c.gated:.2g} %",
+                f"{c.nis:.3f} ({c.nis_low:.3f} … {c.nis_high:.3f})",
+                f"{c.peak:.2g} at {c.peak_hz:.3g} Hz",
+                f"{c.near:.2g} at {c.near_hz:.3g} Hz",
+                f"{c.colour:.3f}",
+                f"{c.kurtosis:+.2f}",
+                str(c.outliers),
+            )
+            for c in diagnosis.whiteness.channels
+        ]
+        tables.append(
+            Table(
+                headings,
+                rows,
+                "Whitened innovations: 1 is expected of the square, the peak and the level, 0 of colour and kurtosis",
+            )
+        )
+    against = [(c.name, f"{100.0 * c.informed_by_data:.1f} %", f"{c.shift:+.2f}") for c in diagnosis.coefficients]
+    titles = ("coefficient", "informed by data", "estimate − prior [σ expected]")
+    return [*tables, Table(titles, against, "Prior against data (beyond ±4: a contradiction)")]

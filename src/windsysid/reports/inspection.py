@@ -1,0 +1,98 @@
+"""The inspection as one page."""
+
+from typing import TYPE_CHECKING
+
+from windsysid.inspection.inspection import STOPS_TITLE
+from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.reports.inspection_figures import overview, spectra_figure, spectrogram_figure
+
+if TYPE_CHECKING:
+    from windsysid.inspection.inspection import Inspection
+
+__all__ = ["files"]
+
+LEGEND = (
+    "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor stops and starts. Every spike is drawn: each pixel "
+    "shows the least and the greatest value in it."
+)
+
+
+def files(inspection: "Inspection") -> dict[str, bytes]:
+    """``report.html``, ``inspection.json`` and, where there are any, ``overview.png``, ``spectra.png``, ``spectrogram.png``, by name."""
+    i = inspection
+    figures = {"overview": overview(i), "spectra": spectra_figure(i), "spectrogram": spectrogram_figure(i)}
+    pictures = {name: png(figure) for name, figure in figures.items() if figure is not None}
+    good = sum(p.good for p in i.proposals)
+    sections = [
+        Section("What was found", text=[f"{i.verdict[0].upper()}{i.verdict[1:]}.", *_findings(i), *i.notes]),
+        Section(
+            "Which part to use",
+            text=[
+                *([] if good else ["WARNING: no section of this record is good."]),
+                *(
+                    f"{n}. {p.start:g}–{p.end:g} s, {'good' if p.good else 'poor'}: {p}."
+                    for n, p in enumerate(i.proposals, 1)
+                ),
+            ],
+            tables=[Table(("section [s]", "why"), i.stop_rows(), STOPS_TITLE, (0, 1))] if i.stops else [],
+            figures=_with(pictures.get("overview"), _overview_caption(i)),
+        ),
+    ]
+    if i.spectra:
+        peaks = i.peak_rows(most_channels=12)
+        sections.append(
+            Section(
+                "What vibrates",
+                text=[_mode_text(i)] if i.modes else [],
+                tables=[Table(("channel", "frequency [Hz]", "rms", "what it may be"), peaks, "Spectral peaks", (0, 3))] if peaks else [],
+                figures=[*_with(pictures.get("spectra"), _spectra_caption(i)), *_with(pictures.get("spectrogram"), _spectrogram_caption(i))],
+            )
+        )  # fmt: skip
+    return {
+        "report.html": report_page("Inspection of a record", i.heading(), sections),
+        "inspection.json": i.to_json().encode(),
+        **{f"{name}.png": picture for name, picture in pictures.items()},
+    }
+
+
+def _findings(i: "Inspection") -> list[str]:
+    """One paragraph each; what needs a hand is set off by the page's style."""
+    return [
+        (f"WARNING, {severity}: " if severity == "unusable" else "WARNING: " if severity == "warning" else "Note: ")
+        + f"{channels}: {text}."
+        for channels, severity, text in i.finding_rows()
+    ]
+
+
+def _with(picture: bytes | None, caption: str) -> list[tuple[bytes, str]]:
+    return [] if picture is None else [(picture, caption)]
+
+
+def _overview_caption(i: "Inspection") -> str:
+    shown = len(i.shown())
+    more = len(i.record.channels) - shown
+    return LEGEND + (f" {more} more channels are not drawn." if more > 0 else "")
+
+
+def _spectra_caption(i: "Inspection") -> str:
+    n = i.blades
+    harmonics = f" Dotted: 1P, {n}P and {2 * n}P of the rotor." if i.rotor is not None and i.rotor.turns else ""
+    more = len(i.spectra) - 12
+    return (
+        f"Power spectral densities (Welch), resolution {i.spectra[0].resolution:.2g} Hz.{harmonics}"
+        + (f" {more} more channels are in inspection.json only." if more > 0 else "")
+    )  # fmt: skip
+
+
+def _spectrogram_caption(i: "Inspection") -> str:
+    if i.spectrograms and i.spectrograms[0].against == "rotor speed":
+        return "Frequency over rotor speed: a harmonic of the rotor rises with the speed, a mode of the structure stays or splits. Grey: the rotor never turned at that speed."
+    return "Frequency over time: the rotor speed does not vary, or is not known."
+
+
+def _mode_text(i: "Inspection") -> str:
+    listed = ", ".join(f"{name} {frequency:.4g} Hz" for name, frequency, _ in i.modes)
+    return (
+        f"Modes that the values of {i.turbine} give, in the fixed frame: {listed}. They are references: a peak near one may be it. "
+        "An instrument that turns with the rotor sees them shifted by 1P."
+    )

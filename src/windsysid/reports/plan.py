@@ -1,0 +1,78 @@
+"""A plan as a figure and as one page."""
+
+import math
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from windsysid.identification.planning import Plan, percent, spell
+from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
+from windsysid.results.directions import standard_deviations
+from windsysid.results.posterior import SIGMAS
+from windsysid.units import RPM
+
+__all__ = ["figure", "files"]
+
+
+TICKS = (1, 3, 10, 30, 60, 180, 600, 1800, 3600, 10800, 36000, 86400, 259200, 864000, 2592000, 8640000, 31536000)
+"""Durations [s] that the axis may name."""
+
+NEAR = 1.12
+"""Factor within which curves share a label."""
+
+
+def figure(plan: Plan) -> Figure:
+    """±2σ of every parameter against duration: blue for stiffness, orange for damping, grey for the rest; the wish, the planned duration."""
+    seen = [name for name in plan.coefficients if math.isfinite(plan.band(name))]
+    needed = [duration for duration in map(plan.needed, seen) if duration < 100.0 * plan.duration]
+    time = np.geomspace(plan.start_seconds, max(3.0 * max([plan.duration, *needed]), 10.0 * plan.start_seconds), 60)
+    sigmas = np.array([standard_deviations(plan.information(t)) for t in time])
+    drawn = Figure(figsize=(9.0, 5.2), layout="constrained")
+    ax = drawn.subplots()
+    groups: list[tuple[str, float, list[str]]] = []
+    for name in sorted(seen, key=lambda name: sigmas[-1, plan.names.index(name)]):
+        curve = 100.0 * SIGMAS * sigmas[:, plan.names.index(name)]
+        kind = name.partition("_")[0]
+        colour = {"k": ESTIMATE, "c": ERROR}.get(kind, MEASURED)
+        ax.loglog(time, curve, color=colour, lw=1.2, alpha=0.8)
+        label = symbol(name) if kind in ("k", "c") else name
+        if groups and groups[-1][0] == colour and curve[-1] < NEAR * groups[-1][1]:
+            groups[-1][2].append(label)
+        else:
+            groups.append((colour, float(curve[-1]), [label]))
+    for colour, end, labels in groups:
+        text = ", ".join(sorted(labels))
+        ax.annotate(text, (time[-1], end), (6, 0), textcoords="offset points", color=colour, va="center", fontsize=9)
+    ax.axhline(100.0 * plan.within, color=REFERENCE, ls="--", lw=1)
+    ax.text(1.05 * time[0], 103.0 * plan.within, f"wish: ±{percent(plan.within)}", fontsize=8, va="bottom")
+    ax.axvline(plan.duration, color=REFERENCE, ls=":", lw=1)
+    planned = f"planned: {spell(plan.duration)}"
+    ax.text(plan.duration, 1.01, planned, transform=ax.get_xaxis_transform(), ha="center", fontsize=8)
+    ax.set(xlabel="duration", ylabel="±2σ [% of the value]", xlim=(time[0], time[-1]))
+    ticks = [t for t in TICKS if time[0] <= t <= time[-1]]
+    ax.set_xticks(ticks, [spell(t) for t in ticks])
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    tidy(ax)
+    return drawn
+
+
+def files(plan: Plan) -> dict[str, bytes]:
+    """``report.html``, ``plan.png`` and ``summary.json``, by name."""
+    drawn = png(figure(plan))
+    caption = "From the data alone, without a prior. Blue: stiffness, orange: damping."
+    sections = [
+        Section("Will these sensors see it?", text=[plan.sentence, *plan.answers], tables=[Table(plan.headings, plan.rows)]),
+        Section("How long it takes", figures=[(drawn, caption)]),
+        Section("What is told apart, and what is not", text=plan.directions or ["Everything asked for is told apart."]),
+        Section("How this was computed", text=plan.notes),
+    ]  # fmt: skip
+    speed = f"{plan.rotor_speed * RPM:.3g} rpm"
+    subtitle = f"{plan.turbine} at {speed} · {', '.join(plan.sensors)} · {spell(plan.duration)} at {plan.rate:g} Hz"
+    return {
+        "report.html": report_page("Plan of a measurement", subtitle, sections),
+        "plan.png": drawn,
+        "summary.json": plan.to_json().encode(),
+    }

@@ -1,0 +1,313 @@
+"""Diagnostics: is this result to be trusted, and if not, why not.
+
+Where the model explains the record, its whitened innovations z are white noise of variance 1 (Bar-Shalom, Li & Kirubarajan 2001,
+§5.4). What may be wrong is seen in three ways, each against what white noise of that length would show:
+
+    normalised innovation squared   Σ z² over N readings is χ² with N degrees of freedom
+    autocorrelation                 N Σ r_k² over L lags is χ² with L degrees of freedom (Box & Pierce 1970)
+    spectrum                        by Welch's method, 1 everywhere for white noise
+
+A long record makes any test reject, so a departure counts only if it is significant and large, and large is measured in what a
+reader relies on. The score of the likelihood is a sum of innovations weighted by what they say of a coefficient, and a
+coefficient of a vibration listens around its natural frequency: where the spectrum is S there, the score varies by √S more than the bands hold.
+Colour out of reach of every natural frequency does little harm, as ``python -m validation.trust`` shows; it is a remark and no reason.
+
+Estimates are held against their priors: before the record was seen, estimate and centre of the prior were expected to
+differ by √(σ₀² − σ²) (the prior predictive check of Box, J. R. Statist. Soc. A 143, 1980, https://doi.org/10.2307/2982063).
+
+Sources: Box & Pierce, J. Am. Statist. Ass. 65, 1970, https://doi.org/10.1080/01621459.1970.10481180; Welch, IEEE Trans. AU-15(2), 1967,
+https://doi.org/10.1109/TAU.1967.1161901, for the degrees of freedom too.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.filters import Info
+from windsysid.results.directions import describe_directions
+from windsysid.results.whiteness import CHANCE, FAR, FAR_OFF, Whiteness, band_of_interest, chance_limit, examine
+from windsysid.statespace.parameter import Parameter
+
+__all__ = ["CoefficientCheck", "Diagnosis", "diagnose"]
+
+Band = tuple[float, float, float]
+"""Value, and ±2σ around it: low, high."""
+
+PEAK = 3.0
+"""Level of the spectrum from which a peak within reach of a natural frequency condemns a result: bands are √3 too narrow for what
+answers there. Peaks from `NOTABLE` on are remarked."""
+
+NOTABLE = 2.0
+
+LEVEL = 2.0
+
+COLOURED = 0.02
+"""Sum of squared autocorrelations from which colour is remarked: what a correlation of 0.14 from sample to sample gives."""
+
+OFF = 1.25
+"""Factor on normalised innovation squared beyond which all bands are off by more than a tenth; `CHANNEL_OFF` for one channel alone."""
+
+CHANNEL_OFF = 2.0
+
+OUTLYING = 0.1
+"""Share of a channel's squared innovations that outliers may carry before the result hangs on a few readings."""
+
+GATED = 0.05
+"""Share of a channel's readings that a gate may leave out before it hides a wrong model rather than outliers."""
+
+CONFLICT = 4.0
+"""Standard deviations between estimate and prior beyond which one of the two is wrong: one in 16 000."""
+
+
+class CoefficientCheck(NamedTuple):
+    """An estimate against its prior: share of the information from the data, and distance from the prior's centre in the
+    standard deviations that were to be expected.
+    """
+
+    name: str
+    informed_by_data: float
+    shift: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What to think of a result.
+
+    Attributes
+    ----------
+    reasons
+        Why it should not be trusted, in sentences; empty where it may be.
+    remarks
+        What a reader should know though it does not condemn the result.
+    whiteness
+        The innovations against white noise; None where they are not expected to be white.
+    coefficients
+        The estimates against their priors.
+    rotor_hz, blades
+        1P, the mean rotor speed [Hz], and the number N of blades; 0 where nothing turns.
+    reach
+        Frequencies [Hz] between which an unexplained peak matters.
+    """
+
+    reasons: tuple[str, ...]
+    remarks: tuple[str, ...]
+    whiteness: Whiteness | None
+    coefficients: tuple[CoefficientCheck, ...]
+    rotor_hz: float
+    blades: int
+    reach: tuple[float, float]
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing speaks against the result."""
+        return not self.reasons
+
+    def __str__(self) -> str:
+        return "trust: yes" if self.trusted else "trust: NO: because " + "; and because ".join(self.reasons)
+
+    def summary(self) -> dict[str, Any]:
+        """As plain values, for ``summary.json``."""
+        w = self.whiteness
+        innovations = None if w is None else {
+            "nis": w.nis, "nis_interval": [w.nis_low, w.nis_high], "channels": {c.name: c._asdict() for c in w.channels}
+        }  # fmt: skip
+        return {
+            "trusted": self.trusted,
+            "reasons": list(self.reasons),
+            "remarks": list(self.remarks),
+            "innovations": innovations,
+            "prior_against_data": {c.name: c._asdict() for c in self.coefficients},
+        }
+
+
+def diagnose(
+    info: Info,
+    *,
+    readings: Sequence[str],
+    rate: float,
+    frequencies: Sequence[float],
+    parameters: Sequence[Parameter],
+    theta: Array,
+    cov: Array,
+    rotor_speed: float = 0.0,
+    blades: int = 0,
+    white: bool = True,
+    doubts: Sequence[str] = (),
+    damping: Sequence[tuple[str, Band]] = (),
+) -> Diagnosis:
+    """Judge a result by its innovations and its priors.
+
+    Parameters
+    ----------
+    info
+        What came out of the last pass over the record.
+    readings
+        Names of its m readings.
+    rate
+        Samples per second [Hz].
+    frequencies
+        Natural frequencies of what moves [Hz]; empty where they are not known, and every frequency matters.
+    parameters, theta, cov
+        The identified parameters with their priors, their estimates (n_θ,) and covariance (n_θ, n_θ), in filter coordinates.
+    rotor_speed, blades
+        Mean Ω [rad/s] and number of blades, to name frequencies as harmonics.
+    white
+        Whether the innovations are expected to be white; those of the force balance, which is band-passed, are not.
+    doubts
+        Why whoever made the result would not trust it.
+    damping
+        Of each mode, its name and its damping ratio with the ±2σ band.
+    """
+    rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
+    checks = tuple(
+        _against_prior(q, float(t), float(v)) for q, t, v in zip(parameters, theta, np.diag(cov), strict=True)
+    )
+    reasons, remarks = list(doubts), []
+    whiteness = None
+    if white:
+        w = whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
+        for verdict in (_judge_size(w), _judge_spectrum(w, rotor_hz), _judge_outliers(w)):
+            reasons += verdict.reasons
+            remarks += verdict.remarks
+    for check in checks:
+        if abs(check.shift) > CONFLICT:
+            reasons.append(
+                f"{check.name} and its prior contradict each other: they are {abs(check.shift):.1f} standard deviations apart; "
+                "the turbine file, a unit or the model is wrong"
+            )
+    prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
+    names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
+    remarks += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
+    verdict = _judge_damping(_dampers(parameters, theta, cov), damping)
+    reasons += verdict.reasons
+    remarks += verdict.remarks
+    return Diagnosis(tuple(reasons), tuple(remarks), whiteness, checks, rotor_hz, blades, band_of_interest(frequencies))
+
+
+def _against_prior(q: Parameter, theta: float, variance: float) -> CoefficientCheck:
+    mean, std = q.prior
+    informed = float(np.clip(1.0 - variance / std**2, 0.0, 1.0))
+    return CoefficientCheck(q.name, informed, (theta - mean) / (std * math.sqrt(informed)) if informed > 0.0 else 0.0)
+
+
+def _dampers(parameters: Sequence[Parameter], theta: Array, cov: Array) -> list[tuple[str, Band]]:
+    """Name and band of each damping coefficient that may be negative: linear, and expected above zero."""
+    found = []
+    for q, t, v in zip(parameters, theta, np.diag(cov), strict=True):
+        if (q.name == "c" or q.name.startswith("c_")) and not q.logarithmic and q.centre > 0.0:
+            value, low, high = (float(q.physical(t + k * math.sqrt(v))) for k in (0.0, -2.0, 2.0))
+            found.append((q.name, (value, low, high)))
+    return found
+
+
+class _Verdict(NamedTuple):
+    reasons: list[str]
+    remarks: list[str]
+
+
+def _judge_size(w: Whiteness) -> _Verdict:
+    verdict = _Verdict([], [])
+    if _beyond(w.nis, w.used, OFF):
+        verdict.reasons.append(
+            f"the innovations are {math.sqrt(w.nis):.2g} times as large as the model expects (normalised innovation squared {w.nis:.3g} "
+            f"instead of {w.nis_low:.3f} … {w.nis_high:.3f}): noise and loads were not found, and all bands are too "
+            f"{'narrow' if w.nis > 1.0 else 'wide'}"
+        )
+    for c in w.channels:
+        if not verdict.reasons and _beyond(c.nis, c.used, CHANNEL_OFF):
+            verdict.reasons.append(
+                f"the innovations of {c.name} are {math.sqrt(c.nis):.2g} times as large as the model expects: its noise is not that of the other "
+                "sensors of its kind, or its unit or gain is wrong"
+            )
+        if c.missing > 0.5:
+            verdict.remarks.append(f"{c.name} is missing in {100.0 * c.missing:.0f} % of the samples")
+        if abs(c.offset) > max(0.1, 5.0 / math.sqrt(max(c.used, 1))):
+            verdict.remarks.append(
+                f"{c.name} is off by a constant that the model does not have: give its sensor a bias"
+            )
+    return verdict
+
+
+def _beyond(nis: float, used: int, factor: float) -> bool:
+    """Whether a mean square is off by more than a factor, and by more than chance."""
+    if used < 1 or 1.0 / factor < nis < factor:
+        return False
+    return not chance_limit(1.0 - 0.5 * CHANCE, used) < nis * used < chance_limit(0.5 * CHANCE, used)
+
+
+def _judge_damping(dampers: Sequence[tuple[str, Band]], modes: Sequence[tuple[str, Band]]) -> _Verdict:
+    verdict = _Verdict([], [])
+    lost = [f"{name} is {value:.2g}{_surely(high)}" for name, (value, _, high) in dampers if value <= 0.0]
+    lost += [f"{name} has {100.0 * value:.2g} %{_surely(high)}" for name, (value, _, high) in modes if value <= 0.0]
+    if lost:
+        verdict.reasons.append(
+            f"damping is not positive: {', '.join(lost)}; left alone such a motion grows. If it did grow (a stalled blade can), the turbine is at risk and "
+            "needs a look; if it did not, loads were taken for motion: try a longer or calmer section, or another load model"
+        )
+    doubtful = ", ".join(name for name, (value, low, _) in (*dampers, *modes) if low <= 0.0 < value)
+    if doubtful:
+        verdict.remarks.append(f"damping may be zero or negative within its band: {doubtful}; a longer record tells")
+    return verdict
+
+
+def _surely(high: float) -> str:
+    return " (negative over its whole band)" if high < 0.0 else ""
+
+
+def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
+    verdict = _Verdict([], [])
+    kind = "the loads are not of the modelled kind, or motion is missing from the model"
+    notable = max(NOTABLE, w.spectrum_bound)
+    over = sorted((c for c in w.channels if c.peak > notable), key=lambda c: -c.peak)
+    loud = max(w.channels, key=lambda c: np.nan_to_num(c.near))
+    if over:
+        worst, others = over[0], ", ".join(c.name for c in over[1:])
+        sentence = (
+            f"the model does not explain {worst.name} around {_named(worst.peak_hz, rotor_hz)}: its innovations are {worst.peak:.2g} times as strong there "
+            f"as the model expects{f' (and too strong in {others})' if others else ''}, and the bands of what answers at that frequency are "
+            f"{math.sqrt(worst.peak):.1f} times too narrow; {kind}"
+        )
+        (verdict.reasons if worst.peak > PEAK else verdict.remarks).append(sentence)
+    if not verdict.reasons and loud.near > max(LEVEL, w.spectrum_bound):
+        verdict.reasons.append(
+            f"the innovations of {loud.name} are {loud.near:.2g} times as strong as the model expects all around {_named(loud.near_hz, rotor_hz)}, "
+            f"where something answers, and its bands are {math.sqrt(loud.near):.1f} times too narrow; {kind}"
+        )
+    far = max(w.channels, key=lambda c: np.nan_to_num(c.far))
+    if far.far > max(PEAK, w.spectrum_bound):
+        verdict.remarks.append(
+            f"{far.name} is {far.far:.2g} times as strong as the model expects around {_named(far.far_hz, rotor_hz)}, far from every natural frequency"
+        )
+    worst = max(w.channels, key=lambda c: c.colour)
+    if worst.colour > max(COLOURED, w.colour_bound):
+        verdict.remarks.append(
+            f"the innovations of {worst.name} are not white (squared autocorrelations add up to {worst.colour:.2f})"
+        )
+    return verdict
+
+
+def _judge_outliers(w: Whiteness) -> _Verdict:
+    verdict = _Verdict([], [])
+    for c in w.channels:
+        if c.gated > GATED:
+            verdict.reasons.append(
+                f"{100.0 * c.gated:.0f} % of the readings of {c.name} were left out as outliers: so many are none, and the model is wrong"
+            )
+        elif c.gated > 0.0:
+            verdict.remarks.append(f"{100.0 * c.gated:.2g} % of the readings of {c.name} were left out as outliers")
+        if c.outliers >= FAR_OFF:
+            (verdict.reasons if c.outlying > OUTLYING else verdict.remarks).append(
+                f"{c.outliers} readings of {c.name} are more than {FAR:g} standard deviations from what the model expects, and make up "
+                f"{100.0 * c.outlying:.0f} % of its squared innovations: take the spikes out"
+            )
+    return verdict
+
+
+def _named(frequency: float, rotor_hz: float) -> str:
+    """A frequency in words: ``3.48 Hz = 3.0P``."""
+    harmonic = f" = {frequency / rotor_hz:.1f}P" if rotor_hz > 0.0 and frequency / rotor_hz > 0.05 else ""
+    return f"{frequency:.3g} Hz{harmonic}"

@@ -1,0 +1,262 @@
+"""What data can see and what they cannot: singular directions and correlations of an information matrix, in words.
+
+In relative coordinates (∂ ln p) and scaled to unit diagonal, an eigenvector of the Fisher information with eigenvalue zero is a
+combination of parameters that may change without any reading changing: k, m and the level of an unknown load by a common factor, for
+instance. One with a condition index √(λ_max / λ) above 30 is a combination that is hardly seen, and the parameters of whose variance it
+makes up more than half are told apart badly. After an identification the same question is asked of the posterior against the prior: of
+the directions in which the data hold less information than the prior, the bands are the prior's.
+
+Source: Belsley, Kuh & Welsch, Regression Diagnostics (Wiley 1980), ch. 3, https://doi.org/10.1002/0471725153, for indices and shares
+of variance; Rothenberg, Econometrica 39(3), 1971, https://doi.org/10.2307/1913267, for identifiability as a regular information matrix.
+"""
+
+from collections.abc import Collection, Iterator, Sequence
+from fractions import Fraction
+
+import numpy as np
+
+from windsysid._types import Array
+
+__all__ = ["describe_directions", "describe_information", "standard_deviations"]
+
+
+NOTHING = 1e-9
+"""Eigenvalue of the scaled information, 1 on average, below which a direction is not seen at all; differences leave some 1e-15."""
+
+BLIND = 1e-8
+"""Information on ln p, σ = 10⁴, below which a parameter is not seen at all."""
+
+HARMFUL = 30.0
+"""Condition index from which parameters are told apart badly (Belsley, Kuh & Welsch)."""
+
+STRONG = 0.9
+"""Correlation from which two parameters are named."""
+
+NONE, LITTLE = 1e-4, 0.15
+"""Entries of a direction that count as zero: where it is unseen, where it is only badly seen."""
+
+
+def standard_deviations(information: Array) -> Array:
+    """σ of every coordinate (n,) from the information (n, n): the Cramér–Rao bound, infinite where nothing is seen."""
+    scale, values, vectors = _scaled(information)
+    seen = values > NOTHING
+    variance = np.square(vectors[:, seen]) @ (1.0 / values[seen])
+    hidden = np.abs(vectors[:, ~seen]).max(axis=1, initial=0.0) > NONE
+    return np.asarray(np.where(hidden, np.inf, np.sqrt(variance) / scale), dtype=np.float64)
+
+
+def describe_information(names: Sequence[str], information: Array, aside: Collection[str] = ()) -> list[str]:
+    """What a Fisher information leaves unseen or badly told apart, a sentence each; empty where all is well.
+
+    Parameters
+    ----------
+    names
+        Of the n parameters.
+    information
+        (n, n), in relative coordinates: the derivatives are to ln p.
+    aside
+        Names of which nothing is said unless they are mixed up with others: nuisances such as load and noise.
+    """
+    scale, values, vectors = _scaled(information)
+    unseen = values <= NOTHING
+    sentences = []
+    for who, left, moved, _ in _spoken(
+        names, (vectors[:, unseen] / scale[:, None]).T, scale, NONE, np.ones(len(names))
+    ):
+        if not set(who) <= set(aside):
+            some = f"{_list(who)}: only {left} is seen" if left else f"{moved} together: no reading changes"
+            sentences.append(some if len(who) > 1 else f"{who[0]} is not seen at all")
+    covariance = (vectors[:, ~unseen] / values[~unseen]) @ vectors[:, ~unseen].T / np.outer(scale, scale)
+    hidden = np.isinf(standard_deviations(information))
+    told: list[list[int]] = []
+    for weak in np.flatnonzero(~unseen & (values * HARMFUL**2 < values.max())):
+        share = np.square(vectors[:, weak]) / values[weak] / np.maximum(np.diag(covariance) * scale**2, 1e-300)
+        members = [int(i) for i in np.flatnonzero((share > 0.5) & ~hidden)]
+        if len(members) > 1 and not {names[i] for i in members} <= set(aside):
+            told.append(members)
+            sentences.append(
+                _badly(
+                    [names[i] for i in members],
+                    (vectors[:, weak] / scale)[members],
+                    covariance[np.ix_(members, members)],
+                )
+            )
+    for i, j, value in _correlated(covariance):
+        known = hidden[i] or hidden[j] or {names[i], names[j]} <= set(aside)
+        if not (known or any({i, j} <= set(members) for members in told)):
+            sentences.append(f"{names[i]} and {names[j]} are correlated by {value:+.2f}")
+    return sentences  # fmt: skip
+
+
+def describe_directions(
+    names: Sequence[str], cov: Array, prior_cov: Array, logarithmic: Sequence[bool], theta: Array | None = None
+) -> list[str]:
+    """Where a posterior is the prior's rather than the data's, and what is strongly correlated, a sentence each.
+
+    Parameters
+    ----------
+    names
+        Of the n parameters.
+    cov, prior_cov
+        Posterior and prior covariance in filter coordinates (n, n).
+    logarithmic
+        Whether a coordinate is the logarithm of its parameter, or proportional to it.
+    theta
+        The estimate in filter coordinates (n,): a step of a proportional coordinate counts relative to it, or to the prior's spread
+        where it is left out.
+    """
+    root = np.linalg.cholesky(prior_cov)
+    whitened = np.linalg.solve(root, np.linalg.solve(root, cov).T)
+    values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    prior_rules = (root @ vectors[:, values > 0.5]).T
+    spread = np.sqrt(np.diag(prior_cov))
+    size = np.where(logarithmic, 1.0, spread if theta is None else np.where(theta == 0.0, spread, theta))
+    before, after = np.linalg.inv(prior_cov), np.linalg.inv(cov)
+    sentences = []
+    for who, left, moved, rows in _spoken(names, prior_rules, 1.0 / spread, LITTLE, 1.0 / size):
+        share = f"{100.0 * (1.0 - np.trace(np.linalg.solve(rows @ after @ rows.T, rows @ before @ rows.T)) / len(rows)):.0f} % from the data"
+        some = (
+            f"{_list(who)}: the data see only {left}; the rest is the prior's ({share})"
+            if left
+            else f"{moved} together: {share}, the rest is the prior's"
+        )
+        sentences.append(some if len(who) > 1 else f"{who[0]}: {share}, its band is mostly the prior's")
+    return sentences + [f"{names[i]} and {names[j]} are correlated by {value:+.2f}" for i, j, value in _correlated(cov)]  # fmt: skip
+
+
+def _correlated(cov: Array) -> list[tuple[int, int, float]]:
+    """Pairs whose correlation exceeds 0.9 in size, strongest first."""
+    std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    correlation = cov / np.outer(std, std)
+    pairs = [(i, j, float(correlation[i, j])) for j in range(len(cov)) for i in range(j)]
+    return sorted((pair for pair in pairs if abs(pair[2]) > STRONG), key=lambda pair: -abs(pair[2]))
+
+
+def _scaled(information: Array) -> tuple[Array, Array, Array]:
+    """Scale (n,), eigenvalues (n,) and eigenvectors (n, n) of the information with unit diagonal; zero rows stay zero."""
+    diagonal = np.diag(information)
+    seen = diagonal > BLIND
+    scale = np.where(seen, np.sqrt(np.maximum(diagonal, BLIND)), 1.0)
+    scaled = np.where(np.outer(seen, seen), information / np.outer(scale, scale), 0.0)
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    return scale, values, vectors
+
+
+def _spoken(
+    names: Sequence[str], space: Array, scale: Array, tolerance: float, relative: Array
+) -> Iterator[tuple[list[str], str, str, Array]]:
+    """The directions of a space (d, n) taken apart: who moves, what stays, the move in percent, and a basis of that part.
+
+    Entries small in units of `scale` (n,) count as zero; `relative` (n,) turns entries into relative changes.
+    """
+    basis = _reduced(space)
+    sizes = np.abs(basis * scale)
+    rows = np.where(sizes < tolerance * sizes.max(axis=1, keepdims=True, initial=0.0), 0.0, basis * relative)
+    for members, which in _groups(rows):
+        who = [names[i] for i in members]
+        left = _left(who, rows[np.ix_(which, members)])
+        parts = [which] if left else [[i] for i in which]
+        for part in parts:
+            moving = [int(i) for i in np.flatnonzero(rows[part].any(axis=0))]
+            yield [names[i] for i in moving], left, _moved(names, rows[part[0]]), basis[part]
+
+
+def _reduced(rows: Array) -> Array:
+    """A basis of the same space with as many zeros as elimination gives."""
+    rows = rows.copy()
+    free = np.ones(rows.shape[1], dtype=bool)
+    for i in range(len(rows)):
+        rest = np.abs(rows[i:]) * free
+        best, column = (int(k) for k in np.unravel_index(int(np.argmax(rest)), rest.shape))
+        rows[[i, i + best]] = rows[[i + best, i]]
+        free[column] = False
+        rows[i] /= rows[i, column]
+        others = np.arange(len(rows)) != i
+        rows[others] -= np.outer(rows[others, column], rows[i])
+    return rows
+
+
+def _groups(rows: Array) -> list[tuple[list[int], list[int]]]:
+    """Columns and rows of the blocks of which the rows consist."""
+    groups: list[tuple[set[int], list[int]]] = []
+    for i, row in enumerate(rows):
+        columns, members = {int(c) for c in np.flatnonzero(row)}, [i]
+        for other in [group for group in groups if group[0] & columns]:
+            groups.remove(other)
+            columns, members = columns | other[0], other[1] + members
+        groups.append((columns, members))
+    return sorted((sorted(columns), sorted(members)) for columns, members in groups)
+
+
+def _left(who: Sequence[str], rows: Array) -> str:
+    """What stays as it is along all rows: a ratio, a product, a sum, proportions; nothing where it has no short name."""
+    if len(who) == 1:
+        return ""
+    if len(rows) == 1 and len(who) > 2:
+        return (
+            "the proportion between them (not their common factor)"
+            if np.allclose(rows[0], rows[0, 0], rtol=0.01)
+            else ""
+        )
+    if len(rows) != len(who) - 1:
+        return ""
+    kept = _small_integers(np.linalg.svd(rows)[2][-1])
+    if kept is None:
+        return ""
+    alike = len({name.rstrip("0123456789") for name in who}) == 1
+    if all(power == kept[0] for power in kept):
+        return "their sum" if alike else "their product " + "·".join(who)
+    kept = [-power for power in kept] if kept[0] < 0 else kept
+    over, under = (
+        "·".join(name + _SUPERSCRIPTS[abs(p)] for name, p in zip(who, kept, strict=True) if p * sign > 0)
+        for sign in (1, -1)
+    )
+    if not under:
+        return over
+    text = f"{over}/({under})" if "·" in under else f"{over}/{under}"
+    return f"their ratio {text}" if sorted(kept) == [-1, 1] else text  # fmt: skip
+
+
+_SUPERSCRIPTS = ("", "", "²", "³", "⁴")
+
+
+def _moved(names: Sequence[str], row: Array) -> str:
+    """A direction as steps in percent, the largest 10 %."""
+    steps = 10.0 * row / np.abs(row).max() * np.sign(row[np.flatnonzero(row)[0]])
+    return _list(
+        [f"{name} {float(f'{step:.2g}'):+g} %" for name, step in zip(names, steps, strict=True) if step != 0.0]
+    )
+
+
+def _badly(who: Sequence[str], row: Array, cov: Array) -> str:
+    """A direction that is hardly seen: what is seen instead, and how much better."""
+    start = f"{_list(who)} are hard to tell apart"
+    std = np.sqrt(np.diag(cov))
+    each = (
+        _two_sigma(std.min()) if std.max() < 1.1 * std.min() else f"{_two_sigma(std.min())} … {_two_sigma(std.max())}"
+    )
+    rounded = _small_integers(row, 0.1)
+    left = _left(who, np.array([rounded], dtype=np.float64)) if rounded is not None and len(who) == 2 else ""
+    if not left:
+        return f"{start}: {_moved(who, row)} together is hardly seen (2σ of each: {each})"
+    seen = np.array([row[1], -row[0]]) / np.abs(row).max()
+    return f"{start}: {left} is seen to {_two_sigma(np.sqrt(seen @ cov @ seen))}, each alone to {each} (2σ)"
+
+
+def _two_sigma(sigma: float) -> str:
+    return f"±{float(f'{200.0 * sigma:.2g}'):g} %"
+
+
+def _small_integers(row: Array, tolerance: float = 0.005) -> list[int] | None:
+    """The integers up to 4 in size that a row is proportional to, or none."""
+    scaled = row / np.abs(row).max()
+    denominators = [Fraction(float(x)).limit_denominator(4).denominator for x in scaled]
+    factor = int(np.lcm.reduce(denominators))
+    integers = [round(float(x) * factor) for x in scaled]
+    close = all(abs(x * factor - i) <= tolerance * factor for x, i in zip(scaled, integers, strict=True))
+    return integers if close and max(map(abs, integers)) <= 4 else None
+
+
+def _list(items: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"

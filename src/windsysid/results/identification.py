@@ -1,0 +1,403 @@
+"""The result of an identification: estimates with their bands, how they came about, and what to think of them."""
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+from windsysid.loads.statistics import Statistic
+from windsysid.output.answers import Answer
+from windsysid.results.diagnosis import Diagnosis
+from windsysid.results.mode import Mode
+from windsysid.results.provenance import Provenance
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from rich.table import Table
+
+    from windsysid.results.load_history import Loads
+
+from windsysid.results.posterior import NOT_RECORDED, PRIORS, SIGMAS, Conditions, Posterior, section_name
+
+__all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
+
+Variable = tuple[tuple[str, ...], NDArray[Any], dict[str, str]]
+"""Dimensions, values and attributes."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One identified coefficient.
+
+    Attributes
+    ----------
+    name, unit, kind
+        ``k_x`` …, SI unit, ``stiffness``, ``damping`` or ``parameter``.
+    estimate, low, high, std
+        Value and its ±2σ band, computed in filter coordinates, and the standard deviation, all in `unit`.
+    informed_by_data
+        Share of the information that came from the data and not from the prior, 0 … 1.
+    prior
+        Where the prior was centred, in `unit`.
+    reference
+        The turbine file's value, in `unit`; None where it is not known.
+    average_error_percent
+        Eq (24) point by point, averaged over the record; None without a reference.
+    tip
+        The same estimate, low, high, std and reference per tip deflection [N/m or N·s/m], for blades with a tip lever.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    estimate: float
+    low: float
+    high: float
+    std: float
+    informed_by_data: float
+    prior: float
+    reference: float | None
+    average_error_percent: float | None
+    tip: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Identification(Answer):
+    """What an identification found.
+
+    Attributes
+    ----------
+    method, formulation
+        The filter, and ``joint`` or ``force-balance``.
+    record, turbine
+        Names of what it was run on.
+    sensors
+        Channels that were used as measurements.
+    section
+        Start and end [s].
+    rate, samples, elapsed
+        Sampling rate [Hz], samples, seconds in the filter.
+    estimates
+        One `Estimate` per coefficient.
+    modes
+        Modes at the record's mean rotor speed, derived from the estimates.
+    parameters
+        The identified parameters with their filter coordinates.
+    time, mean, std
+        (T,), (T, n_θ), (T, n_θ): what a filter running on line knew after each sample, in filter coordinates.
+    cov
+        (n_θ, n_θ): covariance of the estimates in filter coordinates.
+    readings, innovation, whitened
+        Names of the readings; innovations (T, m) and the same scaled to unit variance.
+    log_likelihood
+        Of all readings.
+    notes
+        What a reader must know: assumptions, warnings, what was left out.
+    statistics
+        Statistics of loads and noise that were learned from the record.
+    loads
+        The loads that were states, as the filter knew them at the result, at the times of the innovations; None where none were.
+    diagnosis
+        Whether to trust it, and why not.
+    machine
+        The turbine as it was identified: with the reference values, the degrees of freedom that were used, the record's mean rotor speed; None for
+        equations of one's own.
+    conditions
+        How the turbine ran.
+    provenance
+        Which record, turbine, sensors, options and version it comes from; None where nobody said it.
+    joint_cov
+        Covariance of the coefficients and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where no statistics were learned.
+    """
+
+    method: str
+    formulation: str
+    record: str
+    turbine: str
+    sensors: tuple[str, ...]
+    section: tuple[float, float]
+    rate: float
+    samples: int
+    elapsed: float
+    estimates: tuple[Estimate, ...]
+    modes: tuple[Mode, ...]
+    parameters: tuple[Parameter, ...]
+    time: Array
+    mean: Array
+    std: Array
+    cov: Array
+    readings: tuple[str, ...]
+    innovation: Array
+    whitened: Array
+    log_likelihood: float
+    notes: tuple[str, ...] = ()
+    statistics: tuple[Statistic, ...] = ()
+    loads: "Loads | None" = None
+    machine: Turbine | None = None
+    conditions: Conditions = NOT_RECORDED
+    provenance: Provenance | None = None
+    joint_cov: Array | None = None
+    diagnosis: Diagnosis = field(kw_only=True)
+
+    def __repr__(self) -> str:
+        trusted = "trusted" if self.diagnosis.trusted else "not trusted"
+        listed = ", ".join(f"{e.name} {e.estimate:.4g}" for e in self.estimates[:4]) + (
+            ", …" if len(self.estimates) > 4 else ""
+        )
+        return (
+            f"<{type(self).__name__} of {self.turbine} from {self.record}: {len(self.estimates)} parameters ({listed}), {trusted}; "
+            "print it for the table>"
+        )
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of one coefficient."""
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise KeyError(f"'{name}' was not identified: expected one of {', '.join(e.name for e in self.estimates)}")
+
+    @property
+    def innovation_time(self) -> Array:
+        """When the readings of `innovation` were taken [s]: all of the record, or of its last piece where it came in pieces."""
+        if len(self.innovation) == len(self.time):
+            return self.time
+        return self.section[1] - np.arange(len(self.innovation))[::-1] / self.rate
+
+    @property
+    def posterior(self) -> Posterior:
+        """The turbine as the record shows it, and how well.
+
+        Raises
+        ------
+        ConfigurationError
+            If equations of one's own were identified, which are no turbine.
+        """
+        if self.machine is None:
+            raise ConfigurationError(f"{self.turbine}: expected a turbine, got equations of one's own")
+        values = {e.name: e.estimate for e in self.estimates}
+        theta = np.array([q.coordinate(values[q.name]) for q in self.parameters])
+        turbine = self.machine.with_values(values)
+        name = section_name(self.record, *self.section)
+        known = self.provenance
+        return Posterior(
+            turbine, self.parameters, theta, self.cov, name, self.diagnosis.trusted, self.conditions,
+            start=None if known is None else known.start, record_hash=None if known is None else known.record_hash,
+            section=self.section, statistics=self.statistics, joint_cov=self.joint_cov,
+        )  # fmt: skip
+
+    def history(self, name: str) -> tuple[Array, Array, Array]:
+        """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
+        i = [parameter.name for parameter in self.parameters].index(self[name].name)
+        middle, spread = self.mean[:, i], SIGMAS * self.std[:, i]
+        values = (self.parameters[i].physical(theta) for theta in (middle, middle - spread, middle + spread))
+        return next(values), next(values), next(values)
+
+    def summary(self) -> dict[str, Any]:
+        """The result as plain values: what ``summary.json`` holds."""
+        return {
+            "method": self.method,
+            "formulation": self.formulation,
+            "record": self.record,
+            "start": None if self.provenance is None else self.provenance.start,
+            "turbine": self.turbine,
+            "sensors": list(self.sensors),
+            "section": list(self.section),
+            "rotor_speed_rad_s": self.conditions.rotor_speed,
+            "wind_speed_m_s": self.conditions.wind_speed,
+            "rate_hz": self.rate,
+            "samples": self.samples,
+            "elapsed_s": self.elapsed,
+            "log_likelihood": self.log_likelihood,
+            "parameters": {e.name: _estimate_summary(e) for e in self.estimates},
+            "modes": [mode.summary() for mode in self.modes],
+            "statistics": {s.name: asdict(s) for s in self.statistics},
+            "diagnosis": self.diagnosis.summary(),
+            "notes": list(self.notes),
+            "provenance": None if self.provenance is None else self.provenance.summary(),
+        }
+
+    def to_json(self) -> str:
+        """`summary` as JSON text; what is not a finite number becomes null."""
+        return json.dumps(finite(self.summary()), indent=2) + "\n"
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Histories, covariance and innovations as a labelled dataset."""
+        import xarray as xr
+
+        return xr.Dataset(self._variables(), attrs=self._attributes())
+
+    def _variables(self) -> dict[str, Variable]:
+        """What ``identification.nc`` holds."""
+        names = [parameter.name for parameter in self.parameters]
+        histories = np.reshape([self.history(name) for name in names], (len(names), 3, len(self.time)))
+        variables: dict[str, Variable] = {"time": (("time",), self.time, {"units": "s"})}
+        variables["parameter"] = ("parameter",), np.array(names, dtype=object), {}
+        for row, label in enumerate(("estimate", "low", "high")):
+            variables[label] = ("time", "parameter"), histories[:, row].T, {}
+        variables["unit"] = ("parameter",), np.array([self[name].unit for name in names], dtype=object), {}
+        for what in ("estimate", "low", "high", "std", "prior", "informed_by_data"):
+            finals = np.array([getattr(self[name], what) for name in names], dtype=np.float64)
+            variables[f"final_{what}"] = ("parameter",), finals, {}
+        note = "in filter coordinates: ln(k / prior_centre) for stiffness, c / coordinate_scale for damping"
+        variables["cov"] = ("parameter", "parameter_2"), self.cov, {"note": note}
+        for key, what in PRIORS.items():
+            variables[key] = ("parameter",), np.array([getattr(q, what) for q in self.parameters], dtype=np.float64), {}
+        if self.joint_cov is not None:
+            note = "of the parameters and then of the statistics' coordinates (windsysid.loads.statistics)"
+            variables["joint_cov"] = ("unknown", "unknown_2"), self.joint_cov, {"note": note}
+        axis = "time" if len(self.innovation) == len(self.time) else "innovation_time"
+        variables["innovation"] = (axis, "reading"), self.innovation, {}
+        variables["whitened"] = (axis, "reading"), self.whitened, {}
+        variables["reading"] = ("reading",), np.array(self.readings, dtype=object), {}
+        if self.loads is not None:
+            variables["load"] = (axis, "load_name"), self.loads.mean, {}
+            variables["load_std"] = (axis, "load_name"), self.loads.std, {}
+            variables["load_name"] = ("load_name",), np.array(self.loads.names, dtype=object), {}
+        if axis != "time":
+            variables[axis] = (axis,), self.innovation_time, {"units": "s"}
+        return variables
+
+    def _attributes(self) -> dict[str, Any]:
+        """What ``identification.nc`` says of the whole."""
+        import tomli_w
+
+        from windsysid._version import __version__
+        from windsysid.turbine.tables import as_tables
+
+        known = self.provenance
+        traced: dict[str, Any] = {}
+        if known is not None:
+            traced = {"record_hash": known.record_hash, "provenance": json.dumps(finite(known.summary()))}
+            if known.start is not None:
+                traced["record_start"] = known.start
+        return {
+            "windsysid_version": __version__,
+            **traced,
+            "statistics": json.dumps(finite([asdict(s) for s in self.statistics])),
+            **{"method": self.method, "formulation": self.formulation, "record": self.record},
+            **{"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)},
+            **{"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)},
+            **{"section_start_s": self.section[0], "section_end_s": self.section[1]},
+            **{f"mean_{what}": mean for what, mean in self.conditions._asdict().items() if mean is not None},
+            **({} if self.machine is None else {"turbine_file": tomli_w.dumps(as_tables(self.machine))}),
+        }
+
+    def files(self) -> dict[str, bytes]:
+        """What `save` writes: ``summary.json``, and ``identification.nc``, which is `to_xarray` as netCDF-4."""
+        import h5netcdf
+        import h5py  # type: ignore[import-untyped,unused-ignore]
+
+        from windsysid.records.formats.netcdf import sealed
+
+        # xarray would write the same; to import it takes longer than to read, write and print.
+        written = io.BytesIO()  # a disk that is full makes HDF5 end the interpreter: it gets none
+        with h5netcdf.File(written, "w") as file:
+            for name, (axes, values, attributes) in self._variables().items():
+                file.dimensions.update(
+                    {axis: n for axis, n in zip(axes, values.shape, strict=True) if axis not in file.dimensions}
+                )
+                text = values.dtype == object
+                variable = file.create_variable(
+                    name, axes, h5py.string_dtype() if text else np.float64, values, fillvalue=None if text else np.nan
+                )
+                variable.attrs.update(attributes)
+            file.attrs.update(self._attributes())
+        return {"summary.json": self.to_json().encode(), "identification.nc": sealed(written.getvalue())}
+
+    def table(self) -> "Table":
+        """The estimates as a Rich table."""
+        from rich.table import Table
+
+        known = any(e.reference is not None for e in self.estimates)
+        table = Table(title=f"{self.turbine}, {self.record}: {self.formulation}, {self.method}", title_justify="left")
+        for heading in ("coefficient", "estimate", "±2σ band", "unit", "from data"):
+            table.add_column(heading, justify="left" if heading in ("coefficient", "unit") else "right")
+        if known:
+            table.add_column("reference", justify="right")
+            table.add_column("difference", justify="right")
+        for e in self.estimates:
+            rows = [
+                (e.name, unit_text(e.unit), e.estimate, e.low, e.high, e.reference, f"{100 * e.informed_by_data:.1f} %")
+            ]
+            if e.tip is not None:
+                t = e.tip
+                unit = "N/m" if e.kind == "stiffness" else "N·s/m"
+                rows.append(("  at the tip", unit, t["estimate"], t["low"], t["high"], t["reference"], ""))
+            for name, unit, estimate, low, high, reference, informed in rows:
+                cells = [name, f"{estimate:.5g}", f"{low:.5g} … {high:.5g}", unit, informed]
+                if known:
+                    difference = f"{100 * (estimate / reference - 1.0):+.2f} %" if reference else ""
+                    cells += ["" if reference is None else f"{reference:.5g}", difference]
+                table.add_row(*cells)
+        return table
+
+    def modes_table(self) -> "Table":
+        """The modes as a Rich table."""
+        from rich.table import Table
+
+        known = any(mode.reference is not None for mode in self.modes)
+        table = Table(title="modes at the record's rotor speed, fixed frame", title_justify="left")
+        headings = ["mode", "frequency [Hz]", "±2σ band", "damping ratio [%]", "±2σ band"]
+        for heading in headings + (["reference [Hz]", "reference [%]"] if known else []):
+            table.add_column(heading, justify="left" if heading == "mode" else "right")
+        for mode in self.modes:
+            table.add_row(*mode.cells(), *(mode.reference_cells() if known else ()))
+        return table
+
+    def statistics_table(self) -> "Table":
+        """What was learned of loads and noise, as a Rich table."""
+        from rich.table import Table
+
+        table = Table(title="loads and noise, learned from the record", title_justify="left")
+        for heading in ("statistic", "estimate", "±2σ band", "unit", "file"):
+            table.add_column(heading, justify="left" if heading in ("statistic", "unit") else "right")
+        for s in self.statistics:
+            table.add_row(
+                s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}"
+            )
+        return table
+
+    def __str__(self) -> str:
+        from windsysid.console import render
+
+        more = [*([self.modes_table()] if self.modes else []), *([self.statistics_table()] if self.statistics else [])]
+        return render(self.table(), *more, str(self.diagnosis), *self.diagnosis.remarks, *self.notes)
+
+
+def coefficient_errors(history: Array, reference: float) -> Array:
+    """Eq (24): |identified − reference| / |reference| · 100 %, point by point."""
+    return np.asarray(np.abs(history - reference) / abs(reference) * 100.0, dtype=np.float64)
+
+
+def _estimate_summary(e: Estimate) -> dict[str, Any]:
+    summary: dict[str, Any] = {
+        "unit": e.unit, "kind": e.kind, "estimate": e.estimate, "low": e.low, "high": e.high, "std": e.std,
+        "informed_by_data": e.informed_by_data, "prior": e.prior,
+    }  # fmt: skip
+    if e.reference is not None:
+        summary["reference"] = e.reference
+    if e.average_error_percent is not None:
+        summary["average_error_percent"] = e.average_error_percent
+    if e.tip is not None:
+        summary["tip"] = dict(e.tip)
+    return summary
+
+
+def finite(value: Any) -> Any:
+    """`value` with every number that JSON cannot hold replaced by None."""
+    if isinstance(value, Mapping):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [finite(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,42 @@
+"""A mode of vibration."""
+
+from typing import Any, NamedTuple
+
+__all__ = ["Mode"]
+
+
+class Mode(NamedTuple):
+    """A mode in the fixed frame.
+
+    Attributes
+    ----------
+    name
+        Where its energy sits: ``tower x``, ``lag backward`` …
+    frequency_hz, damping_ratio
+        (value, low, high) [Hz], [1].
+    reference
+        Frequency and damping ratio that the reference coefficients give; None where they give no such mode.
+    """
+
+    name: str
+    frequency_hz: tuple[float, float, float]
+    damping_ratio: tuple[float, float, float]
+    reference: tuple[float, float] | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """As plain values, for ``summary.json``."""
+        values: dict[str, Any] = {"name": self.name}
+        for i, (key, triple) in enumerate((("frequency_hz", self.frequency_hz), ("damping_ratio", self.damping_ratio))):
+            values[key] = dict(zip(("estimate", "low", "high"), triple, strict=True))
+            if self.reference is not None:
+                values[key]["reference"] = self.reference[i]
+        return values
+
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """Name, frequency [Hz] and damping ratio [%] with their bands, as text for a table."""
+        f, z = self.frequency_hz, [100.0 * value for value in self.damping_ratio]
+        return (self.name, f"{f[0]:.4f}", f"{f[1]:.4f} … {f[2]:.4f}", f"{z[0]:.3f}", f"{z[1]:.3f} … {z[2]:.3f}")
+
+    def reference_cells(self) -> tuple[str, str]:
+        """Reference frequency [Hz] and damping ratio [%] as text for a table."""
+        return ("", "") if self.reference is None else (f"{self.reference[0]:.4f}", f"{100.0 * self.reference[1]:.3f}")

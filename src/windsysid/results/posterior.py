@@ -1,0 +1,166 @@
+"""What a result says about a turbine, and how to read it back from its folder."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.loads.statistics import Statistic
+from windsysid.output.folders import result_file
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+
+if TYPE_CHECKING:
+    pass
+
+
+__all__ = ["Conditions", "Posterior", "load_posterior", "section_name"]
+
+
+SIGMAS = 2.0
+"""Half-width of every band, in standard deviations: ±2σ, 95.45 % of a normal distribution (the paper's choice)."""
+
+
+class Conditions(NamedTuple):
+    """How the turbine ran: means over the section, None where nothing was recorded.
+
+    Attributes
+    ----------
+    rotor_speed
+        [rad/s].
+    wind_speed
+        [m/s], of the channel ``wind_speed``.
+    """
+
+    rotor_speed: float | None = None
+    wind_speed: float | None = None
+
+
+NOT_RECORDED = Conditions()
+
+PRIORS = {"prior_centre": "centre", "prior_spread": "spread", "logarithmic": "logarithmic", "coordinate_scale": "scale"}
+"""What ``identification.nc`` holds of a `Parameter`, and under which names."""
+
+
+class Posterior(NamedTuple):
+    """What a result says about a turbine: all that a question after it needs.
+
+    Attributes
+    ----------
+    turbine
+        With the estimates as its values, the degrees of freedom that were used and the record's mean rotor speed.
+    parameters, theta, cov
+        The identified parameters, their estimates (n_θ,) and covariance (n_θ, n_θ) in filter coordinates.
+    record
+        Name of the record.
+    trusted
+        Whether nothing spoke against the result.
+    conditions
+        How the turbine ran.
+    start
+        The moment of the record's time 0, as `windsysid.records.record.Record.start`; None where it is not known.
+    record_hash
+        `windsysid.results.provenance.record_hash` of the whole record; None where it is not known.
+    section
+        Start and end of what was used [s], on the record's clock; None where it is not known.
+    statistics
+        What was learned of loads and noise.
+    joint_cov
+        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where it was not kept.
+    """
+
+    turbine: Turbine
+    parameters: tuple[Parameter, ...]
+    theta: Array
+    cov: Array
+    record: str
+    trusted: bool
+    conditions: Conditions = NOT_RECORDED
+    start: str | None = None
+    record_hash: str | None = None
+    section: tuple[float, float] | None = None
+    statistics: tuple[Statistic, ...] = ()
+    joint_cov: Array | None = None
+
+    def __repr__(self) -> str:
+        return f"<Posterior of {self.turbine.name} from {self.record}: {len(self.parameters)} parameters, {'' if self.trusted else 'not '}trusted>"
+
+
+def load_posterior(folder: str | Path) -> Posterior:
+    """The posterior that `Identification.save` left in a folder.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none, it was changed after windsysid wrote it, or it was written by a version that did not keep the turbine.
+    """
+
+    from windsysid.records.formats.netcdf import check_seal, open_hdf5
+    from windsysid.turbine.tables import parse_turbine
+
+    path = result_file(folder, "identification.nc")
+    changed = ConfigurationError(
+        f"result {folder}: identification.nc was damaged or changed after windsysid wrote it: copy it again, or identify the record again"
+    )
+    try:
+        sealed = check_seal(path)  # first: HDF5 may hang in a damaged file
+        with open_hdf5(path) as file:
+            text, trusted = file.attrs["turbine_file"], file.attrs["trusted"]
+            if not sealed and "windsysid_version" in file.attrs:  # version 0.1.0 wrote neither
+                raise changed
+            begun, ended = (float(file.attrs[key]) for key in ("section_start_s", "section_end_s"))
+            record = section_name(file.attrs["record"], begun, ended)
+            start, found = (file.attrs.get(key) for key in ("record_start", "record_hash"))
+            learned = _read_statistics(file.attrs.get("statistics", "[]"))  # version 0.1.0 wrote none
+            means = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
+            conditions = Conditions(*(None if mean is None else float(mean) for mean in means))
+            names = file["parameter"][...].tolist()
+            estimate, *columns = (file[key][...].tolist() for key in ("final_estimate", *PRIORS))
+            cov = file["cov"][...]
+            joint_cov = file["joint_cov"][...] if learned and "joint_cov" in file else None
+    except ConfigurationError:
+        raise
+    except RecordError:
+        raise changed from None
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(
+            f"result {folder}: expected a folder that windsysid identify wrote, got no identification.nc that can be read "
+            f"({error.__class__.__name__})"
+        ) from None
+    except KeyError:
+        raise ConfigurationError(
+            f"result {folder}: expected the turbine in identification.nc, got a file of an older version: identify the record again"
+        ) from None
+    turbine = parse_turbine(text, str(path))
+    if "c_hub_blade" in names and "c_hub_blade" not in turbine.values:  # a file of version 0.1
+        turbine = turbine.with_model(replace(turbine.rotor, air_couples=True))
+        turbine = replace(turbine, values={**turbine.values, "c_hub_blade": 0.0})
+    parameters = tuple(
+        Parameter(name, centre, spread, bool(logarithmic), scale)
+        for name, centre, spread, logarithmic, scale in zip(names, *columns, strict=True)
+    )
+    theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
+    identified = turbine.with_values(dict(zip(names, estimate, strict=True)))
+    return Posterior(
+        identified, parameters, theta, cov, record, bool(trusted), conditions,
+        start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov,
+    )  # fmt: skip
+
+
+def _read_statistics(text: str) -> tuple[Statistic, ...]:
+    """What the attribute ``statistics`` says of loads and noise."""
+    found = []
+    for row in json.loads(text):
+        known: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
+        found.append(Statistic(**known))
+    return tuple(found)
+
+
+def section_name(record: str, start: float, end: float) -> str:
+    """A record and the part of it that was used, in words."""
+    return f"{record}, {start:.6g}–{end:.6g} s"

@@ -1,0 +1,335 @@
+"""Whether innovations are white: their size, their spectra and their peaks, channel by channel."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+
+__all__ = ["ChannelCheck", "Whiteness", "band_of_interest", "chance_limit", "examine"]
+
+
+CHANCE = 1e-3
+"""A departure that noise alone would show in one record out of so many is no reason: for each kind of test, all channels and
+frequencies together."""
+
+REACH = (0.4, 2.5)
+"""How far below the lowest and above the highest natural frequency a peak still matters, as factors."""
+
+NEAR = 1.3
+"""Within this factor of a natural frequency the spectrum is averaged, and condemns a result from `LEVEL` on: bands √2 too narrow."""
+
+FAR, FAR_OFF = 5.0, 3
+"""Standard deviations beyond which an innovation is an outlier, one in two million of normal ones, and how many are remarked."""
+
+SEGMENTS = 16
+"""Lengths that a record is cut into for its spectrum; overlapping by half, one less than twice as many segments."""
+
+SHORTEST = 16
+"""Samples in such a segment, below which there is no spectrum."""
+
+MOST_LAGS = 200
+
+
+class ChannelCheck(NamedTuple):
+    """What the innovations of one channel look like.
+
+    Attributes
+    ----------
+    name
+        The channel.
+    used
+        Readings that the filter took in.
+    nis, nis_low, nis_high
+        Mean square of the whitened innovations and the interval in which chance holds it (95.45 %); 1 is expected.
+    offset
+        Their mean, in standard deviations of one innovation.
+    colour
+        Sum of their squared autocorrelations, less what chance gives: half the mean square departure of the spectrum from 1 (Parseval).
+    kurtosis
+        Excess kurtosis; 0 is expected.
+    outliers, outlying
+        How many innovations are more than five of their own standard deviations off, and their share of the squares.
+    missing, gated
+        Shares of the samples without a reading, and with one that the filter left out as an outlier.
+    peak_hz, peak
+        Frequency [Hz] and level of the highest peak of the spectrum (1: their variance spread evenly) within reach of the natural frequencies; NaN for too short a record.
+    far_hz, far
+        The same out of reach.
+    near_hz, near
+        The natural frequency [Hz] around which the spectrum is highest on average, and that average.
+    """
+
+    name: str
+    used: int
+    nis: float
+    nis_low: float
+    nis_high: float
+    offset: float
+    colour: float
+    kurtosis: float
+    outliers: int
+    outlying: float
+    missing: float
+    gated: float
+    peak_hz: float
+    peak: float
+    far_hz: float
+    far: float
+    near_hz: float
+    near: float
+
+
+class Whiteness(NamedTuple):
+    """Innovations against white noise.
+
+    Attributes
+    ----------
+    used, nis, nis_low, nis_high
+        Readings of all channels together, their normalised innovation squared, and the interval in which chance holds it (95.45 %).
+    channels
+        One `ChannelCheck` each.
+    lags, autocorrelation, autocorrelation_bound
+        (L,) [s], (L, m), and what 95.45 % of white noise stays inside.
+    frequency, spectrum, spectrum_bound
+        (F,) [Hz], (F, m), white noise being 1, and what all frequencies and channels of white noise stay below, but for one record in 1000.
+    colour_bound
+        What the colour of white noise stays below, but for one record in 1000.
+    """
+
+    used: int
+    nis: float
+    nis_low: float
+    nis_high: float
+    channels: tuple[ChannelCheck, ...]
+    lags: Array
+    autocorrelation: Array
+    autocorrelation_bound: float
+    frequency: Array
+    spectrum: Array
+    spectrum_bound: float
+    colour_bound: float
+
+
+def examine(
+    whitened: Array,
+    *,
+    names: Sequence[str],
+    rate: float,
+    frequencies: Sequence[float],
+    gated: NDArray[np.bool_] | None = None,
+) -> Whiteness:
+    """Hold whitened innovations (T, m), NaN where missing or gated, against white noise of variance 1.
+
+    Parameters
+    ----------
+    names
+        Of the m readings.
+    rate
+        [Hz].
+    frequencies
+        Natural frequencies [Hz], near which the spectrum matters.
+    gated
+        Where a reading was left out as an outlier (T, m).
+    """
+    gated = np.zeros(whitened.shape, dtype=np.bool_) if gated is None else gated
+    rows = [_own_samples(seen) for seen in (np.isfinite(whitened) | gated).T]
+    parts = {}
+    for own in dict.fromkeys(rows):
+        columns = [c for c, other in enumerate(rows) if other == own]
+        first, step = own
+        parts[tuple(columns)] = _examine_alike(
+            whitened[first::step, columns],
+            gated[first::step, columns],
+            rate / step,
+            [names[c] for c in columns],
+            frequencies,
+        )
+    return _together(parts, len(rows))
+
+
+def _own_samples(seen: NDArray[np.bool_]) -> tuple[int, int]:
+    """First and step of the coarsest grid that holds all samples seen of a channel (T,)."""
+    at = np.flatnonzero(seen)
+    step = max(int(np.gcd.reduce(np.diff(at))), 1) if len(at) > 1 else 1
+    return (int(at[0]) % step if len(at) else 0), step
+
+
+def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
+    """The innovations of all channels, from those of channels read at the same times, by their columns."""
+    if len(parts) == 1:
+        return next(iter(parts.values()))
+    finest = max(parts.values(), key=lambda w: len(w.frequency))
+    lags = np.unique(np.concatenate([w.lags for w in parts.values()]).round(9))
+    correlation, spectrum = np.full((len(lags), m), np.nan), np.full((len(finest.frequency), m), np.nan)
+    channels: list[ChannelCheck | None] = [None] * m
+    for columns, w in parts.items():
+        where = np.ix_(np.searchsorted(lags, w.lags.round(9)), np.array(columns, dtype=np.intp))
+        correlation[where] = w.autocorrelation
+        inside = finest.frequency <= w.frequency[-1:].max(initial=0.0) * (1.0 + 1e-9)
+        for own, column in enumerate(columns):
+            channels[column] = w.channels[own]
+            if len(w.frequency):
+                spectrum[inside, column] = np.interp(finest.frequency[inside], w.frequency, w.spectrum[:, own])
+    total = sum(w.used for w in parts.values())
+    low, high = _chi_square_interval(total)
+    return Whiteness(
+        used=total,
+        nis=sum(w.nis * w.used for w in parts.values()) / max(total, 1),
+        nis_low=low,
+        nis_high=high,
+        channels=tuple(c for c in channels if c is not None),
+        lags=lags,
+        autocorrelation=correlation,
+        autocorrelation_bound=max(w.autocorrelation_bound for w in parts.values()),
+        frequency=finest.frequency,
+        spectrum=spectrum,
+        spectrum_bound=max(w.spectrum_bound for w in parts.values()),
+        colour_bound=max(w.colour_bound for w in parts.values()),
+    )
+
+
+def _examine_alike(
+    whitened: Array, gated: NDArray[np.bool_], rate: float, names: Sequence[str], frequencies: Sequence[float]
+) -> Whiteness:
+    """`examine` for channels that are read at the same times."""
+    samples, m = whitened.shape
+    reach = band_of_interest(frequencies)
+    used = np.isfinite(whitened)
+    number = used.sum(axis=0)
+    z = np.where(used, whitened, 0.0)
+    offset = z.sum(axis=0) / np.maximum(number, 1)
+    centred = np.where(used, z - offset, 0.0)
+    nis = np.square(z).sum(axis=0) / np.maximum(number, 1)
+    variance = np.maximum(np.square(centred).sum(axis=0) / np.maximum(number, 1), 1e-300)
+    scaled = centred / np.sqrt(variance)  # size is one question, colour and spikes are others
+
+    beyond = np.abs(scaled) > FAR
+
+    lags = int(np.clip(rate / max(reach[0], 1e-12), 10, max(10, min(MOST_LAGS, samples // 10))))
+    correlation = _autocorrelation(scaled, used, lags)
+    colour = np.square(correlation).sum(axis=0) - lags / np.maximum(number, 1)
+    frequency, spectrum, freedom = _spectrum(scaled, used, rate)
+    reached = (frequency >= reach[0]) & (frequency <= reach[1])
+    checks = []
+    for c, name in enumerate(names):
+        low, high = _chi_square_interval(int(number[c]))
+        own = frequency <= _highest(used[:, c] | gated[:, c], rate)
+        checks.append(
+            ChannelCheck(
+                name=name,
+                used=int(number[c]),
+                nis=float(nis[c]),
+                nis_low=low,
+                nis_high=high,
+                offset=float(offset[c]),
+                colour=float(colour[c]),
+                kurtosis=float((scaled[:, c] ** 4).sum() / max(number[c], 1) - 3.0),
+                outliers=int(beyond[:, c].sum()),
+                outlying=float(np.square(scaled[beyond[:, c], c]).sum() / max(number[c], 1)),
+                missing=float(1.0 - (used[:, c] | gated[:, c]).mean()),
+                gated=float(gated[:, c].mean()),
+                **dict(zip(("peak_hz", "peak"), _peak(frequency, spectrum[:, c], reached & own), strict=True)),
+                **dict(zip(("far_hz", "far"), _peak(frequency, spectrum[:, c], ~reached & own), strict=True)),
+                **dict(zip(("near_hz", "near"), _near(frequency[own], spectrum[own, c], frequencies), strict=True)),
+            )
+        )
+    total = int(number.sum())
+    low, high = _chi_square_interval(total)
+    fewest = max(int(number.min(initial=total)), 1)
+    return Whiteness(
+        used=total,
+        nis=float(np.square(z).sum() / max(total, 1)),
+        nis_low=low,
+        nis_high=high,
+        channels=tuple(checks),
+        lags=np.arange(1, lags + 1) / rate,
+        autocorrelation=correlation,
+        autocorrelation_bound=2.0 / math.sqrt(fewest),
+        frequency=frequency,
+        spectrum=spectrum,
+        spectrum_bound=chance_limit(CHANCE / max(spectrum.size, 1), freedom) / freedom,
+        colour_bound=(chance_limit(CHANCE / m, lags) - lags) / fewest,
+    )
+
+
+def _highest(seen: NDArray[np.bool_], rate: float) -> float:
+    """Half the rate at which a channel (T,) is mostly read [Hz]: what its spectrum has above is a mirror image."""
+    gaps = np.diff(np.flatnonzero(seen))
+    return 0.5 * rate / float(np.median(gaps)) if len(gaps) else 0.5 * rate
+
+
+def _autocorrelation(z: Array, used: NDArray[np.bool_], lags: int) -> Array:
+    """r_1 … r_L (L, m) of z (T, m) with variance 1, from the pairs that are there."""
+    rows = []
+    for k in range(1, lags + 1):
+        pairs = (used[k:] & used[:-k]).sum(axis=0)
+        rows.append((z[k:] * z[:-k]).sum(axis=0) / np.maximum(pairs, 1))
+    return np.array(rows)
+
+
+def _spectrum(z: Array, used: NDArray[np.bool_], rate: float) -> tuple[Array, Array, float]:
+    """Frequencies (F,), spectra (F, m) by Welch's method, 1 for white noise of variance 1, and their degrees of freedom.
+
+    Samples that are missing are zero, and the spectrum is divided by the share of the others. The lowest two and the last
+    frequency are left out: there the window mixes in the mean and the mirror image.
+    """
+    samples, m = z.shape
+    length = samples // SEGMENTS
+    if length < SHORTEST:
+        return np.empty(0), np.empty((0, m)), 1.0
+    window = np.hanning(length + 1)[:-1]
+    starts = np.arange(0, samples - length + 1, length // 2)
+    total = np.zeros((length // 2 + 1, m))
+    for start in starts:
+        total += np.abs(np.fft.rfft(window[:, None] * z[start : start + length], axis=0)) ** 2
+    share = np.maximum(used.mean(axis=0), 1e-12)
+    spectrum = total / (len(starts) * np.square(window).sum() * share)
+    overlap = (window[: length - length // 2] @ window[length // 2 :] / np.square(window).sum()) ** 2
+    freedom = 2.0 * len(starts) / (1.0 + 2.0 * overlap * (1.0 - 1.0 / len(starts)))
+    kept = slice(2, len(total) - 1)
+    return np.arange(length // 2 + 1)[kept] * (rate / length), spectrum[kept], float(freedom)
+
+
+def _peak(frequency: Array, spectrum: Array, among: NDArray[np.bool_]) -> tuple[float, float]:
+    """Where a spectrum (F,) is highest among some of its frequencies, by a parabola through the neighbours if it is a peak, and how high."""
+    if not among.any():
+        return math.nan, math.nan
+    i = int(np.argmax(np.where(among, spectrum, -math.inf)))
+    at = float(frequency[i])
+    if 0 < i < len(spectrum) - 1 and spectrum[i] >= max(spectrum[i - 1], spectrum[i + 1]):
+        left, top, right = np.log(np.maximum(spectrum[i - 1 : i + 2], 1e-300))
+        bend = left - 2.0 * top + right
+        if bend < 0.0:
+            at += 0.5 * float((left - right) / bend) * float(frequency[i + 1] - frequency[i])
+    return at, float(spectrum[i])
+
+
+def _near(frequency: Array, spectrum: Array, natural: Sequence[float]) -> tuple[float, float]:
+    """The natural frequency [Hz] around which a spectrum (F,) is highest on average, and that average."""
+    inside = [(f, (frequency > f / NEAR) & (frequency < f * NEAR)) for f in natural]
+    levels = [(float(spectrum[band].mean()), f) for f, band in inside if band.any()]
+    level, at = max(levels, default=(math.nan, math.nan))
+    return at, level
+
+
+def band_of_interest(frequencies: Sequence[float]) -> tuple[float, float]:
+    """Lowest and highest frequency [Hz] within reach of the natural ones."""
+    return REACH[0] * min(frequencies, default=0.0), REACH[1] * max(frequencies, default=math.inf)
+
+
+def _chi_square_interval(n: int) -> tuple[float, float]:
+    """What holds χ²_n / n with 95.45 %."""
+    if n < 1:
+        return 0.0, math.inf
+    return chance_limit(0.97725, n) / n, chance_limit(0.02275, n) / n
+
+
+def chance_limit(probability: float, freedom: float) -> float:
+    """The value that χ² exceeds with that probability."""
+    from scipy.special import gammainccinv
+
+    return 2.0 * float(gammainccinv(0.5 * freedom, probability))

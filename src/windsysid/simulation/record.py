@@ -1,0 +1,104 @@
+"""Simulation: the reference response of a model and what its sensors read, by RK4 between samples.
+
+The simulator calls the kernels that the filters call (`windsysid.mechanics.compile`). Inputs and loads run linearly
+between samples.
+"""
+
+import os
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.tower import TowerModel
+from windsysid.records.record import Record
+from windsysid.simulation.integrate import LoadSource, constant_speed_inputs, integrate
+from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.turbine.coercion import TurbineLike, as_turbine
+
+__all__ = ["simulate_record"]
+
+SHARE = 0.7
+"""Of the memory of a machine: what a simulation may take."""
+
+LEAD_IN = 60.0
+"""Seconds simulated before a record starts, so that it starts in stationary vibration."""
+
+
+def simulate_record(
+    turbine: TurbineLike, *, duration: float, rate: float, seed: int = 0, loads: LoadSource = "random"
+) -> Record:
+    """What the turbine's sensors record at its usual rotor speed; SI, reproducible for a seed.
+
+    Parameters
+    ----------
+    duration
+        [s].
+    rate
+        Samples per second [Hz].
+    loads
+        ``"random"``: the turbine file's Gauss–Markov loads. ``"wind"``: turbulent wind on the packaged blades
+        (docs/wind.md), as if tower and blades stood still. ``"wind-feedback"``: with their motion, aerodynamic damping included.
+
+    Raises
+    ------
+    ConfigurationError
+        If duration or rate are out of range, the turbine has no packaged wind, or the motion grows without bound.
+    """
+    turbine = as_turbine(turbine)
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * np.pi)
+    if not (np.isfinite(rate) and 4.0 * fastest <= rate <= 1e5):
+        raise ConfigurationError(
+            f"rate: expected {4.0 * fastest:.3g} to 100000 Hz (four samples per period of the fastest spring), got {rate:g}"
+        )
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise ConfigurationError(f"duration: expected a positive time in seconds, got {duration:g}")
+    columns = 4 * len(turbine.model.states) + 3 * (3 + len(turbine.loads) + len(turbine.sensors))
+    needed, there = 8e-9 * columns * rate * (LEAD_IN + duration), memory()
+    if needed > SHARE * there:
+        raise ConfigurationError(
+            f"{duration:g} s at {rate:g} Hz need about {needed:.3g} GB of memory, and this machine has {there:.3g} GB: "
+            f"simulate {SHARE * there / needed * duration:.2g} s at most, or at a lower rate"
+        )
+    rng = np.random.default_rng(seed)
+    model = compile_model(turbine.model, turbine.sensors)
+    lead = round(LEAD_IN * rate)
+    rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
+    turning, yaw = rotor[:, :2], isinstance(turbine.model, TowerModel)
+    if yaw:  # the nacelle stays where it is
+        rotor = np.hstack([turning, np.zeros((len(turning), 3))])
+    p = np.array([turbine.values[name] for name in model.parameters])
+    start, substeps = np.zeros(len(model.states)), max(1, int(np.ceil(20.0 * fastest / rate)))
+    if loads == "random":
+        drawn = gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, rng, rotor[:, 0])
+        response = integrate(model, p, np.hstack([rotor, drawn]), rate=rate, start=start, substeps=substeps)
+    else:
+        from windsysid.simulation.wind import packaged_wind, wind_loads
+        from windsysid.simulation.wind.feedback import integrate_with_feedback
+
+        wind = wind_loads(turbine, *packaged_wind(turbine.name), rotor, rate=rate, seed=seed)
+        damping = wind.damping if loads == "wind-feedback" else np.zeros_like(wind.damping)
+        response, _ = integrate_with_feedback(
+            model, p, np.hstack([rotor, wind.loads]), damping, rate=rate, start=start, substeps=substeps
+        )
+    noise = rng.standard_normal(response.readings.shape) * [sensor.noise for sensor in turbine.sensors]
+    bias = rng.standard_normal(len(turbine.sensors)) * [sensor.bias for sensor in turbine.sensors]
+    scada = [np.mod(rotor[lead:, :1], 2.0 * np.pi), rotor[lead:, 1:2], *([rotor[lead:, 2:3]] if yaw else [])]
+    values = np.hstack([*scada, (response.readings + noise + bias)[lead:]])
+    known = (("rotor_azimuth", "rad"), ("rotor_speed", "rad/s"), *([("nacelle_yaw", "rad")] if yaw else []))
+    return Record(
+        time=np.arange(len(values)) / rate,
+        values=values,
+        channels=(*(name for name, _ in known), *(sensor.channel for sensor in turbine.sensors)),
+        units=(*(unit for _, unit in known), *(sensor.unit for sensor in turbine.sensors)),
+        name=f"simulated record, seed {seed}",
+        attributes={"source": f"windsysid simulate, turbine {turbine.name}, loads {loads}, seed {seed}"},
+    )
+
+
+def memory() -> float:
+    """Memory of this machine [GB]; 16 where it does not tell."""
+    try:
+        return 1e-9 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return 16.0

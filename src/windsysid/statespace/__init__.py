@@ -1,0 +1,1 @@
+"""Mechanics, loads, biases, parameters and sensors as one state-space model, and one step of it."""

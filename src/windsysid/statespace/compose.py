@@ -1,0 +1,299 @@
+"""Composition: mechanics + loads + biases + parameters + sensors → one state-space model.
+
+The state is [x | z | b | θ] (mechanical states, load states, sensor biases, parameters); any block may be empty.
+`compose` builds it and nothing else does; the filters see only the `StateSpace` it returns.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.compile import CompiledModel, compile_model
+from windsysid.mechanics.model import Model
+from windsysid.statespace.load_model import LoadModel
+from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.workspace import Blocks
+
+__all__ = ["StateSpace", "compose", "parameters_given"]
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """A composed model: what every filter runs.
+
+    Attributes
+    ----------
+    compiled
+        Kernels of rates and readings.
+    blocks
+        The composition as arrays (`windsysid.statespace.workspace.Blocks`).
+    states
+        Names of all n states, in order: mechanical, loads, biases, parameters.
+    parameters
+        The identified parameters.
+    readings
+        Channel names of the m readings.
+    mean, cov
+        Prior (n,), (n, n) at the first sample.
+    """
+
+    compiled: CompiledModel
+    blocks: Blocks
+    states: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    readings: tuple[str, ...]
+    mean: Array
+    cov: Array
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the columns of the input array: known inputs, known loads, and the interval where there are several."""
+        which = ("interval",) if self.blocks.step.size > 1 else ()
+        return (*self.compiled.inputs, *self.compiled.loads, *which)
+
+    @cached_property
+    def parameter_block(self) -> slice:
+        """Where θ sits in the state."""
+        return slice(len(self.states) - len(self.parameters), len(self.states))
+
+
+def compose(
+    model: Model,
+    *,
+    rate: float | None = None,
+    intervals: ArrayLike | None = None,
+    values: Mapping[str, float],
+    parameters: Sequence[Parameter] = (),
+    loads: Sequence[LoadModel] = (),
+    sensors: Sequence[Any] = (),
+    mean: ArrayLike | None = None,
+    cov: ArrayLike | None = None,
+    walk: Mapping[str, float] | None = None,
+    gate: float | None = None,
+) -> StateSpace:
+    """Build the state-space model of `model` seen through `sensors`.
+
+    Parameters
+    ----------
+    model
+        A `RotorModel` or any `Equations`.
+    rate
+        Samples per second [Hz].
+    intervals
+        For unequal sampling, instead of `rate`: the sampling intervals that occur [s], (S,).
+    values
+        Value of every parameter of the model that is not identified, SI.
+    parameters
+        The parameters to identify; their derivatives are compiled.
+    loads
+        Models of the loads that are states; those on one degree of freedom add up. Loads without one are zero or known
+        inputs.
+    sensors
+        Sensors of the readings, with ``channel``, ``noise``, ``bias`` and ``drift`` where there is a bias.
+    mean, cov
+        Prior of the mechanical states (n_x,), (n_x, n_x); zero and the identity by default.
+    walk
+        Standard deviation per √s of a parameter that drifts, in filter coordinates.
+    gate
+        Standard deviations of its own innovation beyond which a reading is left out as if it were missing, and reported
+        (`windsysid.filters.Info`, ``gated``). None leaves nothing out.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate, a noise or the gate is not
+        positive, a channel is read twice, or the prior does not fit the states.
+    """
+    compiled = compile_model(model, sensors, [parameter.name for parameter in parameters])
+    steps = _intervals(rate, intervals)
+    p = np.empty(len(compiled.parameters))
+    known = dict(values) | {parameter.name: parameter.centre for parameter in parameters}
+    for i, name in enumerate(compiled.parameters):
+        if name not in known or not np.isfinite(known[name]):
+            raise ConfigurationError(f"parameter '{name}': expected a finite value, got {known.get(name, 'none')}")
+        p[i] = known[name]
+
+    _check_sensors(sensors)
+    if gate is not None and not gate > 0.0:
+        raise ConfigurationError(f"gate: expected a positive number of standard deviations, got {gate}")
+    drift = dict(walk or {})
+    _check_walk(drift, [parameter.name for parameter in parameters])
+    load_states, load_cov, load_output = _join_loads(loads, compiled)
+    discrete = [[load.discretise(float(step)) for load in loads] for step in steps]
+
+    biased = [sensor for sensor in sensors if sensor.bias > 0.0]
+    bias_of = np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64)
+    nx, nz, nb, nt = len(compiled.states), len(load_states), len(biased), len(parameters)
+    blocks = Blocks(
+        sizes=np.array([nx, nz, nb, nt, len(compiled.inputs), len(compiled.loads)], dtype=np.int64),
+        step=steps,
+        azimuth=np.array([compiled.inputs.index("rotor_azimuth") if len(load_output) > 1 else -1], dtype=np.int64),
+        p=p,
+        chosen=np.array([compiled.parameters.index(q.name) for q in parameters], dtype=np.int64),
+        reference=np.array([q.reference for q in parameters], dtype=np.float64),
+        logarithmic=np.array([q.logarithmic for q in parameters], dtype=np.int64),
+        load_transition=_diagonal([[transition for transition, _ in blocks] for blocks in discrete], nz),
+        load_noise=_diagonal([[noise for _, noise in blocks] for blocks in discrete], nz),
+        load_output=load_output,
+        walk=np.outer(
+            steps,
+            np.square(
+                [*(getattr(sensor, "drift", 0.0) for sensor in biased), *(drift.get(q.name, 0.0) for q in parameters)]
+            ),
+        ),
+        bias_of=bias_of,
+        noise=np.array([sensor.noise**2 for sensor in sensors], dtype=np.float64),
+        gate=np.array([np.inf if gate is None else gate], dtype=np.float64),
+    )
+    prior = [q.prior for q in parameters]
+    full_cov = np.zeros((nx + nz + nb + nt,) * 2)
+    full_cov[:nx, :nx] = _prior("covariance", np.eye(nx) if cov is None else cov, (nx, nx))
+    full_cov[nx : nx + nz, nx : nx + nz] = load_cov
+    spread = [sensor.bias for sensor in biased] + [std for _, std in prior]
+    full_cov[range(nx + nz, nx + nz + nb + nt), range(nx + nz, nx + nz + nb + nt)] = np.square(spread)
+    full_mean = np.zeros(nx + nz + nb + nt)
+    full_mean[:nx] = _prior("mean", np.zeros(nx) if mean is None else mean, (nx,))
+    full_mean[nx + nz + nb :] = [centre for centre, _ in prior]
+    return StateSpace(
+        compiled=compiled,
+        blocks=blocks,
+        states=(
+            *compiled.states,
+            *load_states,
+            *(f"bias_{sensor.channel}" for sensor in biased),
+            *(parameter.name for parameter in parameters),
+        ),
+        parameters=tuple(parameters),
+        readings=tuple(sensor.channel for sensor in sensors),
+        mean=full_mean,
+        cov=full_cov,
+    )
+
+
+def parameters_given(
+    model: StateSpace, compiled: CompiledModel, theta: Array, loads: Sequence[LoadModel], noise: ArrayLike
+) -> StateSpace:
+    """The model with its parameters known to be θ (n_θ,) instead of in the state, and with other loads and noise of the same structure.
+
+    What `compose` would build without parameters, at a fraction of its time: a likelihood is computed at thousands of θ.
+
+    Parameters
+    ----------
+    compiled
+        The kernels without derivatives to parameters.
+    loads
+        Load models with the states of those that `model` has.
+    noise
+        Standard deviation of each reading's noise (m,).
+    """
+    blocks = model.blocks
+    nx, nz, nb, _, nu, nw = blocks.sizes
+    n = nx + nz + nb
+    p = blocks.p.copy()
+    p[blocks.chosen] = blocks.reference * np.where(blocks.logarithmic == 1, np.exp(theta), theta)
+    _, load_cov, load_output = _join_loads(loads, compiled)
+    discrete = [[load.discretise(float(step)) for load in loads] for step in blocks.step]
+    cov = model.cov[:n, :n].copy()
+    cov[nx : nx + nz, nx : nx + nz] = load_cov
+    return StateSpace(
+        compiled=compiled,
+        blocks=blocks._replace(
+            sizes=np.array([nx, nz, nb, 0, nu, nw], dtype=np.int64),
+            p=p,
+            chosen=blocks.chosen[:0],
+            reference=blocks.reference[:0],
+            logarithmic=blocks.logarithmic[:0],
+            load_transition=_diagonal([[transition for transition, _ in parts] for parts in discrete], nz),
+            load_noise=_diagonal([[covariance for _, covariance in parts] for parts in discrete], nz),
+            load_output=load_output,
+            walk=np.ascontiguousarray(blocks.walk[:, :nb]),
+            noise=np.square(np.asarray(noise, dtype=np.float64)),
+        ),
+        states=model.states[:n],
+        parameters=(),
+        readings=model.readings,
+        mean=model.mean[:n].copy(),
+        cov=cov,
+    )
+
+
+def _intervals(rate: float | None, intervals: ArrayLike | None) -> Array:
+    """The sampling intervals (S,) [s]."""
+    if (rate is None) == (intervals is None):
+        raise ConfigurationError("sampling: expected either a rate or the intervals that occur, got both or neither")
+    if rate is not None:
+        if not (np.isfinite(rate) and rate > 0.0):
+            raise ConfigurationError(f"sampling rate: expected a positive number of Hz, got {rate}")
+        return np.array([1.0 / rate])
+    steps = np.asarray(intervals, dtype=np.float64)
+    if steps.ndim != 1 or not steps.size or not (np.isfinite(steps).all() and (steps > 0.0).all()):
+        raise ConfigurationError(f"sampling intervals: expected one or more positive numbers of seconds, got {steps}")
+    return steps.copy()
+
+
+def _join_loads(loads: Sequence[LoadModel], compiled: CompiledModel) -> tuple[list[str], Array, Array]:
+    """Names of all load states, their covariance (n_z, n_z) and H₀, C₁, S₁ … (1 + 2K, n_w, n_z)."""
+    names = [name for load in loads for name in load.states]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f"load '{name}': two load models have a state of this name: expected each once")
+    rows = max((len(matrix) for load in loads for matrix in load.outputs.values()), default=1)
+    if rows > 1 and "rotor_azimuth" not in compiled.inputs:
+        raise ConfigurationError("a load that turns with the rotor needs a model with the input 'rotor_azimuth'")
+    output = np.zeros((rows, len(compiled.loads), len(names)))
+    first = 0
+    for load in loads:
+        for name, matrix in load.outputs.items():
+            if name not in compiled.loads:
+                raise ConfigurationError(f"load '{name}': expected one of {', '.join(compiled.loads) or 'no loads'}")
+            output[: len(matrix), compiled.loads.index(name), first : first + len(load.states)] += matrix
+        first += len(load.states)
+    return names, _diagonal([[load.cov for load in loads]], len(names))[0], output
+
+
+def _diagonal(blocks: Sequence[Sequence[Array]], size: int) -> Array:
+    """Block-diagonal matrices (S, size, size), one for each list of square blocks."""
+    whole = np.zeros((len(blocks), size, size))
+    for matrix, parts in zip(whole, blocks, strict=True):
+        first = 0
+        for part in parts:
+            last = first + len(part)
+            matrix[first:last, first:last] = part
+            first = last
+    return whole
+
+
+def _prior(what: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """The prior of the mechanical states as an array of the shape they need."""
+    array = np.asarray(given, dtype=np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ConfigurationError(
+            f"prior {what}: expected {' × '.join(map(str, shape))} finite numbers, one per mechanical state, "
+            f"got shape {array.shape}"
+        )
+    return array
+
+
+def _check_sensors(sensors: Sequence[Any]) -> None:
+    channels = [sensor.channel for sensor in sensors]
+    for sensor in sensors:
+        if channels.count(sensor.channel) > 1:
+            raise ConfigurationError(f"channel '{sensor.channel}' is read twice: list each channel once")
+        if not (np.isfinite(sensor.noise) and sensor.noise > 0.0):
+            raise ConfigurationError(f"sensor '{sensor.channel}': expected a positive noise, got {sensor.noise}")
+
+
+def _check_walk(walk: Mapping[str, float], identified: Sequence[str]) -> None:
+    for name, deviation in walk.items():
+        if name not in identified:
+            raise ConfigurationError(
+                f"walk: '{name}' is not identified: expected one of {', '.join(identified) or 'no parameters'}"
+            )
+        if not (np.isfinite(deviation) and deviation >= 0.0):
+            raise ConfigurationError(f"walk of '{name}': expected a finite number, 0 or more, got {deviation}")

@@ -1,0 +1,96 @@
+"""The Gauss–Markov load: a first-order process on one degree of freedom, or a wandering harmonic of the rotor."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+from windsysid.statespace.process import Process, discretise_block, rational
+
+__all__ = ["GaussMarkov"]
+
+
+BEYOND = 1.08
+"""Cut-off of a second-order Butterworth filter over the frequency of the low-pass: samples at twice that have the spectrum of a process cut off there to within 5 % rms."""
+
+
+@dataclass(frozen=True)
+class GaussMarkov:
+    """A first-order Gauss–Markov load on one degree of freedom: mean zero, correlation exp(−|t| / time_constant).
+
+    With a `harmonic` n, the line nP whose amplitude wanders: a cos nψ + b sin nψ, where a and b are two such processes.
+
+    Attributes
+    ----------
+    load
+        Name of the model's load.
+    rms
+        Stationary standard deviation [N or N·m].
+    time_constant
+        [s].
+    harmonic
+        n; 0: the process itself.
+    low_pass
+        [Hz]; where the record went through an anti-aliasing low-pass, what it knows of the process did too: a Butterworth filter at `BEYOND` times that frequency.
+        Without it the samples of the process hold power from above half the rate which those of the record do not, and a mode's damping pays for it.
+    """
+
+    load: str
+    rms: float
+    time_constant: float
+    harmonic: int = 0
+    low_pass: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not (self.rms > 0.0 and self.time_constant > 0.0 and np.isfinite(self.rms * self.time_constant)):
+            raise ConfigurationError(
+                f"load '{self.load}': expected a positive rms and time constant, got {self.rms} and {self.time_constant}"
+            )
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The load is its own state; a harmonic has two, a and b."""
+        line = f"{self.load}_{self.harmonic}P"
+        if self.harmonic:
+            return (f"{line}_cosine", f"{line}_sine")
+        return (
+            (self.load,)
+            if math.isinf(self.low_pass)
+            else tuple(f"{self.load}{end}" for end in ("", "_rate", "_acceleration"))
+        )
+
+    @property
+    def _passed(self) -> "Process | None":
+        """The process behind the low-pass, where there is one."""
+        if self.harmonic or math.isinf(self.low_pass):
+            return None
+        pole = 2.0 * math.pi * BEYOND * self.low_pass * complex(-math.sqrt(0.5), math.sqrt(0.5))
+        return rational(self.rms, [-1.0 / self.time_constant, pole, pole.conjugate()])
+
+    @property
+    def cov(self) -> Array:
+        """Stationary covariance (n, n)."""
+        passed = self._passed
+        return self.rms**2 * np.eye(len(self.states)) if passed is None else passed.cov
+
+    @property
+    def outputs(self) -> Mapping[str, Array]:
+        """It drives its own degree of freedom."""
+        if passed := self._passed:
+            return {self.load: passed.value[None]}
+        if not self.harmonic:
+            return {self.load: np.ones((1, 1))}
+        rows = np.zeros((1 + 2 * self.harmonic, 2))
+        rows[-2:] = np.eye(2)
+        return {self.load: rows}
+
+    def discretise(self, step: float) -> tuple[Array, Array]:
+        """Φ and Q (n, n) over `step` seconds, exact."""
+        if passed := self._passed:
+            return discretise_block(passed.drift, passed.cov, step)
+        variance = self.rms**2 * -np.expm1(-2.0 * step / self.time_constant)
+        one = np.eye(len(self.states))
+        return np.exp(-step / self.time_constant) * one, variance * one

@@ -1,0 +1,66 @@
+"""A parameter to identify: physical value, filter coordinate, prior."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+
+__all__ = ["Parameter"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A physical parameter to identify, with its prior in filter coordinates.
+
+    Stiffness and mass are log-scaled, p = scale · exp(θ), and stay positive. Damping is linear, p = scale · θ, and
+    may be negative: a stalled blade is exactly what must be seen.
+
+    Attributes
+    ----------
+    name
+        Name of the model's parameter.
+    centre
+        Prior mean (linear) or median (logarithmic) of the parameter, in SI.
+    spread
+        Prior standard deviation: relative for a logarithmic parameter, in SI for a linear one.
+    logarithmic
+        Whether θ = ln(p / centre).
+    scale
+        Scale of a linear parameter [SI], 2√(km) for a damper; ignored for a logarithmic one.
+    """
+
+    name: str
+    centre: float
+    spread: float
+    logarithmic: bool = True
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.centre) and np.isfinite(self.spread) and self.spread > 0.0):
+            raise ConfigurationError(
+                f"prior of '{self.name}': expected a finite centre and a positive spread, got {self.centre} ± {self.spread}"
+            )
+        if (self.logarithmic and self.centre <= 0.0) or not self.scale > 0.0:
+            raise ConfigurationError(f"prior of '{self.name}': expected a positive value, got {self.centre}")
+
+    @property
+    def reference(self) -> float:
+        """Physical value at θ = 0 (logarithmic) or θ = 1 (linear)."""
+        return self.centre if self.logarithmic else self.scale
+
+    @property
+    def prior(self) -> tuple[float, float]:
+        """Mean and standard deviation of θ."""
+        return (0.0, self.spread) if self.logarithmic else (self.centre / self.scale, self.spread / self.scale)
+
+    def physical(self, theta: ArrayLike) -> Array:
+        """The parameter in SI for values of θ."""
+        theta = np.asarray(theta, dtype=np.float64)
+        return self.reference * (np.exp(theta) if self.logarithmic else theta)
+
+    def coordinate(self, value: float) -> float:
+        """θ of a value in SI."""
+        return float(np.log(value / self.reference) if self.logarithmic else value / self.reference)

@@ -1,0 +1,244 @@
+"""Stationary random processes with rational spectra, and their copies put somewhere."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+
+__all__ = [
+    "LoadBlock",
+    "PlacedProcess",
+    "Process",
+    "discretise_block",
+    "first_order",
+    "load_on",
+    "place_copies",
+    "rational",
+    "second_order",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadBlock:
+    """Any stationary linear block.
+
+    Attributes
+    ----------
+    states
+        Names of its n states, its own among those of all blocks.
+    drift
+        A (n, n) [1/s], all eigenvalues in the left half plane.
+    cov
+        Stationary covariance P (n, n).
+    outputs
+        See `LoadModel`.
+    """
+
+    states: tuple[str, ...]
+    drift: Array
+    cov: Array
+    outputs: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        n, what = len(self.states), "/".join(self.states)
+        for word, array in (("drift", self.drift), ("covariance", self.cov)):
+            if np.shape(array) != (n, n) or not np.isfinite(array).all():
+                raise ConfigurationError(f"load '{what}': expected a finite {word} {n} × {n}, got {np.shape(array)}")
+        for load, rows in self.outputs.items():
+            shape = np.shape(rows)
+            if len(shape) != 2 or shape[1] != n or shape[0] % 2 == 0 or not np.isfinite(rows).all():
+                raise ConfigurationError(
+                    f"load '{what}' on '{load}': expected finite rows H₀, C₁, S₁ … of {n} numbers, got shape {shape}"
+                )
+        poles = self._poles
+        if poles.size and poles.real.max() >= 0.0:
+            raise ConfigurationError(f"load '{what}': expected a block that returns to its mean, got poles {poles}")
+
+    @cached_property
+    def _poles(self) -> NDArray[np.complex128]:
+        return np.asarray(np.linalg.eigvals(self.drift), dtype=np.complex128)
+
+    def discretise(self, step: float) -> tuple[Array, Array]:
+        """Φ and Q (n, n) over `step` seconds, exact."""
+        return discretise_block(np.asarray(self.drift, dtype=np.float64), self.cov, step)
+
+
+class Process(NamedTuple):
+    """A scalar stationary process v = c z, dz = A z dt + noise.
+
+    Attributes
+    ----------
+    drift, cov
+        A and the stationary covariance of z (n, n).
+    value
+        c (n,).
+    """
+
+    drift: Array
+    cov: Array
+    value: Array
+
+    @property
+    def variance(self) -> float:
+        """Of v."""
+        return float(self.value @ self.cov @ self.value)
+
+    def times(self, factor: float) -> "Process":
+        """The process times a factor."""
+        return self._replace(cov=factor**2 * self.cov)
+
+    def spectrum(self, frequency: ArrayLike) -> Array:
+        """Two-sided power spectral density at frequencies [Hz]: its integral from −∞ to ∞ is the variance."""
+        s = 2j * np.pi * np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+        resolvent = np.linalg.solve(s[:, None, None] * np.eye(len(self.value)) - self.drift, self.cov @ self.value)
+        return np.asarray(2.0 * (resolvent @ self.value).real)
+
+
+def first_order(rms: float, time_constant: float) -> Process:
+    """Correlation rms² exp(−|t| / time_constant)."""
+    return rational(rms, [-1.0 / time_constant])
+
+
+def second_order(rms: float, frequency: float, damping: float) -> Process:
+    """White noise through a low-pass of second order with natural frequency [Hz] and damping ratio: S(f) ∝ 1 / |1 − (f/f₀)² + 2iζ f/f₀|²."""
+    w = 2.0 * np.pi * frequency
+    root = w * np.sqrt(complex(damping**2 - 1.0))
+    return rational(rms, [-damping * w + root, -damping * w - root])
+
+
+def rational(rms: float, poles: ArrayLike, zeros: ArrayLike = ()) -> Process:
+    """A process with S(ω) ∝ Π|iω − zero|² / Π|iω − pole|².
+
+    Parameters
+    ----------
+    rms
+        Its standard deviation.
+    poles, zeros
+        [rad/s], fewer zeros than poles, all poles in the left half plane, complex ones in pairs.
+
+    Raises
+    ------
+    ConfigurationError
+        If poles or zeros are not as they must be, or the rms is not positive.
+
+    Notes
+    -----
+    Companion form in units of the poles' geometric mean frequency; P from Lyapunov's equation.
+    """
+    poles, zeros = np.atleast_1d(np.asarray(poles, dtype=np.complex128)), np.asarray(zeros, dtype=np.complex128)
+    paired = all(
+        abs(np.poly(roots).imag).max() <= 1e-9 * abs(np.poly(roots)).max() for roots in (poles, zeros) if roots.size
+    )
+    finite = bool(np.isfinite([*poles, *zeros, rms]).all())
+    if not (finite and paired and len(zeros) < len(poles) and (poles.real < 0.0).all() and rms > 0.0):
+        raise ConfigurationError(
+            "rational spectrum: expected a positive rms, poles in the left half plane, fewer zeros than poles, and complex ones in pairs, got "
+            f"rms {rms}, poles {poles} and zeros {zeros}"
+        )
+    n, unit = len(poles), float(np.exp(np.mean(np.log(np.abs(poles)))))
+    denominator = np.poly(poles / unit).real
+    drift = unit * np.eye(n, k=1)
+    drift[-1] = -unit * denominator[:0:-1]
+    cov = np.diag(denominator[-1] ** np.arange(n)) if n <= 2 else _stationary(drift)
+    value = np.zeros(n)
+    value[: len(zeros) + 1] = np.atleast_1d(np.poly(zeros / unit)).real[::-1]
+    process = Process(drift, cov, value)
+    return process.times(rms / math.sqrt(process.variance))
+
+
+@dataclass(frozen=True)
+class PlacedProcess:
+    """Independent copies of a process, and what they drive.
+
+    Attributes
+    ----------
+    states
+        Names of its states, those of one copy after those of another.
+    process
+        The process.
+    rows
+        For each copy, the rows H₀, C₁, S₁ … (1 + 2K,) of what its value drives.
+    """
+
+    states: tuple[str, ...]
+    process: Process
+    rows: Sequence[Mapping[str, Array]]
+
+    @property
+    def cov(self) -> Array:
+        """Stationary covariance (n, n)."""
+        return self._copied(self.process.cov)
+
+    @property
+    def outputs(self) -> Mapping[str, Array]:
+        """See `LoadModel`."""
+        n, found = len(self.process.value), {}
+        for load in dict.fromkeys(load for rows in self.rows for load in rows):
+            found[load] = np.zeros((max(len(rows.get(load, ())) for rows in self.rows), len(self.states)))
+            for k, rows in enumerate(self.rows):
+                if load in rows:
+                    found[load][: len(rows[load]), k * n : (k + 1) * n] = rows[load][:, None] * self.process.value
+        return found
+
+    def discretise(self, step: float) -> tuple[Array, Array]:
+        """Φ and Q (n, n) over `step` seconds, exact."""
+        transition, noise = discretise_block(self.process.drift, self.process.cov, step)
+        return self._copied(transition), self._copied(noise)
+
+    def _copied(self, matrix: Array) -> Array:
+        n = len(matrix)
+        whole = np.zeros((len(self.states),) * 2)
+        for k in range(len(self.rows)):
+            whole[k * n : (k + 1) * n, k * n : (k + 1) * n] = matrix
+        return whole
+
+
+def load_on(load: str, process: Process) -> PlacedProcess:
+    """A process on one degree of freedom."""
+    return place_copies(load, process, [{load: np.ones(1)}])
+
+
+def place_copies(name: str, process: Process, rows: Sequence[Mapping[str, Array]]) -> PlacedProcess:
+    """Copies of a process under a name."""
+    order = ("",) if len(process.value) == 1 else tuple(f"_{k}" for k in range(len(process.value)))
+    phases = ("", "_sine")[: len(rows)]
+    return PlacedProcess(tuple(f"{name}{phase}{k}" for phase in phases for k in order), process, rows)
+
+
+def discretise_block(drift: Array, cov: Array, step: float) -> tuple[Array, Array]:
+    """exp(A h) and P − exp(A h) P exp(A h)ᵀ."""
+    transition = _exponential(drift * step)
+    noise = cov - transition @ cov @ transition.T
+    return transition, 0.5 * (noise + noise.T)
+
+
+def _exponential(A: Array) -> Array:
+    """exp(A); for two states by Cayley and Hamilton, exp(A) = e^μ (cosh δ I + sinh δ/δ (A − μ I)), μ = tr A/2, δ² = μ² − det A."""
+    if len(A) > 2:
+        from scipy.linalg import expm
+
+        return np.asarray(expm(A))
+    if len(A) == 1:
+        return np.asarray(np.exp(A), dtype=np.float64)
+    mean = 0.5 * (A[0, 0] + A[1, 1])
+    root = np.sqrt(complex(mean**2 - A[0, 0] * A[1, 1] + A[0, 1] * A[1, 0]))
+    slope = np.sinh(root) / root if abs(root) > 1e-8 else 1.0 + 0.0j
+    even = np.exp(mean) * (np.cosh(root).real * np.eye(2) + slope.real * (A - mean * np.eye(2)))
+    return np.asarray(even, dtype=np.float64)
+
+
+def _stationary(drift: Array) -> Array:
+    """P of white noise that enters the last state."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    noise = np.zeros_like(drift)
+    noise[-1, -1] = 1.0
+    cov = np.asarray(solve_continuous_lyapunov(drift, -noise), dtype=np.float64)
+    return np.asarray(0.5 * (cov + cov.T), dtype=np.float64)

@@ -1,0 +1,1 @@
+"""A turbine as numbers, and the TOML file that says them."""

@@ -1,0 +1,62 @@
+"""A turbine as numbers: masses, dimensions, reference coefficients, usual instruments; TOML in and out.
+
+Everything is SI inside; how a turbine file is written, `windsysid.turbine.tables` says. Coefficients are references: the prior is
+centred on them, and results are compared with them.
+"""
+
+from importlib import resources
+from pathlib import Path
+
+from windsysid.errors import ConfigurationError
+from windsysid.output.files import claim_file
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["load_turbine", "packaged_turbines", "write_turbine"]
+
+
+def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False) -> None:
+    """Write a turbine as TOML, every value with its unit, so that `load_turbine` gives it back; a folder that is missing is made.
+
+    Raises
+    ------
+    OutputError
+        If the file is there already and `overwrite` is off, or it cannot be written.
+    """
+    import tomli_w
+
+    from windsysid.turbine.tables import as_tables
+
+    content = tomli_w.dumps(as_tables(turbine)).encode()
+    with claim_file(path, overwrite=overwrite) as write:
+        write(lambda file: file.write(content))
+
+
+def packaged_turbines() -> tuple[str, ...]:
+    """Names of the turbines that come with windsysid."""
+    folder = resources.files("windsysid.turbine") / "packaged"
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
+
+
+def load_turbine(name_or_path: str | Path) -> Turbine:
+    """Load a packaged turbine by name, or any turbine from a TOML file.
+
+    Raises
+    ------
+    ConfigurationError
+        In one line: what was wrong, what was expected, what was got.
+    """
+    from windsysid.turbine.tables import parse_turbine
+
+    text = str(name_or_path)
+    if text in packaged_turbines():
+        source = resources.files("windsysid.turbine") / "packaged" / f"{text}.toml"
+        return parse_turbine(source.read_text(encoding="utf-8"), text)
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        raise ConfigurationError(
+            f"no turbine '{text}': expected one of {', '.join(packaged_turbines())}, or the path of a .toml file"
+        )
+    try:
+        return parse_turbine(path.read_text(encoding="utf-8"), text)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"turbine file {text}: cannot be read ({error}); check the path") from None

@@ -1,0 +1,119 @@
+"""A turbine as numbers: masses, dimensions, reference coefficients, usual instruments."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.sensors import Sensor
+from windsysid.mechanics.tower import TowerModel
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.units import RPM
+
+__all__ = ["Turbine"]
+
+PARKED_PERIODS = 3
+"""Of the slowest mode: the least that a record of a parked machine must hold."""
+
+
+@dataclass(frozen=True)
+class Turbine:
+    """A turbine in SI units.
+
+    Attributes
+    ----------
+    name, description, source
+        Text; `source` says where the numbers come from.
+    assumed
+        Names of the values that nobody published.
+    model
+        Which degrees of freedom move.
+    values
+        Every parameter of the model: masses [kg], first moments [kg·m], inertias [kg·m²], stiffness, damping, geometry.
+    rotor_speed
+        Usual rotor speed [rad/s]; 0: parked.
+    spread
+        Relative prior standard deviation of stiffness and of damping.
+    loads
+        Random loads for simulation and the joint formulation.
+    sensors
+        The instruments usually fitted.
+    tip_lever
+        ℓ [m]: lag angles times ℓ are in-plane tip deflections; 0 where the tip coordinate is not used.
+    """
+
+    name: str
+    description: str
+    source: str
+    assumed: tuple[str, ...]
+    model: RotorModel | TowerModel
+    values: Mapping[str, float]
+    rotor_speed: float
+    spread: tuple[float, float]
+    loads: tuple[GaussMarkov, ...]
+    sensors: tuple[Sensor, ...]
+    tip_lever: float = 0.0
+
+    def __repr__(self) -> str:
+        free = ", ".join(self.model.coordinates)
+        return f"<Turbine {self.name}: {free} free, {self.rotor_speed * RPM:.4g} rpm, {len(self.sensors)} sensors>"
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """Reference value of every coefficient of the free degrees of freedom, SI."""
+        return {name: self.values[name] for name in self.model.coefficients}
+
+    @property
+    def rotor(self) -> RotorModel:
+        """The model, where it has a rotor with blades of its own.
+
+        Raises
+        ------
+        ConfigurationError
+            If the rotor is rigid: a `TowerModel`.
+        """
+        if isinstance(self.model, RotorModel):
+            return self.model
+        raise ConfigurationError(
+            f"turbine '{self.name}' is a tower under a rigid rotor: expected one with blades; choose another turbine file, "
+            "or the joint formulation, which takes either"
+        )
+
+    def inertia(self, coordinate: str) -> float:
+        """Mass [kg] or inertia [kg·m²] that moves with one degree of freedom when the others are held."""
+        return self.model.inertia(coordinate, self.values)
+
+    def natural_frequency(self, coordinate: str) -> float:
+        """ω [rad/s] of one degree of freedom on its own spring (and, for a blade, its centrifugal stiffening)."""
+        stiffness = self.values[f"k_{coordinate}"]
+        if coordinate.startswith("beta_"):
+            i = coordinate.removeprefix("beta_")
+            stiffness += self.values[f"blade_first_moment_{i}"] * self.values["hinge_offset"] * self.rotor_speed**2
+        return math.sqrt(stiffness / self.inertia(coordinate))
+
+    @property
+    def slowest_frequency(self) -> float:
+        """The least natural frequency ω [rad/s] of a degree of freedom on its own spring, of those that have one."""
+        frequencies = (self.natural_frequency(name) for name in self.model.coordinates)
+        return min((w for w in frequencies if w > 0.0), default=1.0)
+
+    @property
+    def least_duration(self) -> tuple[float, str]:
+        """The shortest record [s] that is worth judging, and why: one revolution, or, parked, periods of the slowest mode."""
+        if self.rotor_speed > 0.0:
+            turn = 2.0 * math.pi / self.rotor_speed
+            return turn, f"one revolution ({turn:.3g} s at {self.rotor_speed * RPM:.3g} rpm)"
+        shortest = PARKED_PERIODS * 2.0 * math.pi / self.slowest_frequency
+        return shortest, f"{PARKED_PERIODS} periods of the slowest mode ({shortest:.3g} s; the rotor is parked)"
+
+    def with_values(self, values: Mapping[str, float]) -> "Turbine":
+        """The same turbine with other values, such as identified coefficients."""
+        unknown = set(values) - set(self.values)
+        if unknown:
+            raise ConfigurationError(f"turbine '{self.name}' has no parameter '{min(unknown)}'")
+        return replace(self, values={**self.values, **values})
+
+    def with_model(self, model: RotorModel | TowerModel) -> "Turbine":
+        """The same turbine with other degrees of freedom."""
+        return replace(self, model=model)

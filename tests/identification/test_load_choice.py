@@ -1,0 +1,50 @@
+"""Which load model: the evidence, and whether loads matter, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy.stats import multivariate_normal
+
+from tests.mechanics.models import Reads, symbols
+from windsysid.filters.protocol import empty_info
+from windsysid.identification.load_choice import _driven, _log_evidence
+from windsysid.identification.recursive import begin
+from windsysid.mechanics.equations import Equations
+from windsysid.statespace.compose import compose
+from windsysid.statespace.gauss_markov import GaussMarkov
+
+
+def test_the_evidence_of_a_linear_model_is_the_density_of_its_readings():
+    rng = np.random.default_rng(3)
+    rows, noise = rng.standard_normal((6, 2)), np.diag(rng.uniform(0.5, 2.0, 6))
+    prior_mean, prior_cov = np.array([0.3, -1.0]), np.array([[2.0, 0.5], [0.5, 1.0]])
+    readings = rng.standard_normal(6)
+    precision = np.linalg.inv(prior_cov) + rows.T @ np.linalg.solve(noise, rows)
+    pull = np.linalg.solve(prior_cov, prior_mean) + rows.T @ np.linalg.solve(noise, readings)
+    mode = np.linalg.solve(precision, pull)
+    known = begin(prior_mean, prior_cov, 1, (0, 1))._replace(theta=mode, precision=precision)
+    found = _log_evidence(float(multivariate_normal(rows @ mode, noise).logpdf(readings)), known)
+    # Laplace's approximation counts (2π)^(n/2) of the prior against that of the posterior: they cancel.
+    whole = multivariate_normal(rows @ prior_mean, rows @ prior_cov @ rows.T + noise)
+    assert found == pytest.approx(float(whole.logpdf(readings)), rel=1e-12)
+
+
+def test_loads_matter_from_a_tenth_of_the_motion_on():
+    # An oscillator under a first-order load: the variance that the load makes, by Lyapunov's equation.
+    mass, stiffness, damping, rms, tau = 2.0, 800.0, 16.0, 5.0, 0.5
+    x, v, w = symbols("x v w")
+    model = compose(
+        Equations("mass", (x, v), (), (), (w,), (v, (w - stiffness * x - damping * v) / mass)),
+        rate=50.0, values={}, loads=[GaussMarkov("w", rms, tau)], sensors=(Reads("position", x, 0.001),),
+    )  # fmt: skip
+    drift = np.array([[0.0, 1.0, 0.0], [-stiffness / mass, -damping / mass, 1.0 / mass], [0.0, 0.0, -1.0 / tau]])
+    noise = np.diag([0.0, 0.0, 2.0 * rms**2 / tau])
+    made = math.sqrt(scipy.linalg.solve_continuous_lyapunov(drift, -noise)[0, 0])
+    samples = 3000  # 60 s, of which the way from rest is a hundredth
+    for share, matters in ((0.09, False), (0.11, True), (0.3, True), (0.03, False)):
+        motion = np.zeros((samples, len(model.states)))
+        motion[:, 0] = made / share
+        info = empty_info(samples, len(model.states), 1)._replace(mean=motion)
+        assert _driven(model, np.zeros((samples, 1)), info) == matters, share

@@ -1,0 +1,160 @@
+"""A record in pieces: the same answer as on line at once, in bounded memory, interrupted or not."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.identification.identify import identify
+from windsysid.identification.pieces import identify_pieces
+from windsysid.identification.prior import Prior
+from windsysid.records.record import Record
+from windsysid.results.identification import Identification
+from windsysid.results.provenance import record_hash
+from windsysid.simulation.record import simulate_record
+from windsysid.turbine.turbine import Turbine
+
+
+@pytest.fixture(scope="module")
+def whole(verne555: Turbine) -> Record:
+    return simulate_record(verne555, duration=24.0, rate=50.0, seed=4)
+
+
+def pieces(record: Record, length: float) -> Iterator[Record]:
+    edges = np.arange(0.0, record.duration + length, length)
+    for start, end in pairwise(edges):
+        inside = (record.time >= start - 1e-9) & (record.time < end - 1e-9)
+        if inside.sum() > 1:
+            yield Record(
+                record.time[inside], record.values[inside], record.channels, record.units, name=f"from {start:g} s"
+            )
+
+
+def test_pieces_give_the_online_answer_of_the_whole(verne555: Turbine, whole: Record, tmp_path: Path):
+    # The model is posed on the first piece, whose loudest second sets the initial state's prior: hence not bit for bit.
+    one = identify(whole, verne555)
+    found = identify_pieces(pieces(whole, 8.0), verne555)
+    assert found.samples == whole.samples
+    assert found.section == pytest.approx((0.0, 23.98))
+    for i, e in enumerate(found.estimates):
+        assert abs(e.estimate - one[e.name].estimate) < 0.25 * e.std, e.name
+        assert found.std[-1, i] == pytest.approx(np.sqrt(found.cov[i, i]))
+    assert np.all(np.diff(found.time) > 0.0)
+    found.save(tmp_path)
+    found.plot()
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(verne555: Turbine, whole: Record, tmp_path: Path):
+    checkpoint = tmp_path / "checkpoint.npz"
+
+    def interrupted() -> Iterator[Record]:
+        for count, piece in enumerate(pieces(whole, 8.0)):
+            if count == 2:
+                raise KeyboardInterrupt
+            yield piece
+
+    with pytest.raises(KeyboardInterrupt):
+        identify_pieces(interrupted(), verne555, checkpoint=checkpoint)
+    assert checkpoint.exists()
+    resumed = identify_pieces(pieces(whole, 8.0), verne555, checkpoint=checkpoint)
+    straight = identify_pieces(pieces(whole, 8.0), verne555)
+    assert not checkpoint.exists()
+    np.testing.assert_array_equal(resumed.mean, straight.mean)
+    np.testing.assert_array_equal(resumed.cov, straight.cov)
+    np.testing.assert_array_equal(resumed.time, straight.time)
+
+
+@pytest.fixture(scope="module")
+def stopped(verne555: Turbine, whole: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a run left that was interrupted after two pieces."""
+    checkpoint = tmp_path_factory.mktemp("stopped") / "checkpoint.npz"
+    with pytest.raises(KeyboardInterrupt):
+        identify_pieces(_stopping(pieces(whole, 8.0), 2), verne555, checkpoint=checkpoint)
+    return checkpoint
+
+
+def _changed(record: Record, sample: int) -> Record:
+    values = record.values.copy()
+    values[sample, record.channels.index("tower_x_acceleration")] += 1e-9
+    return replace(record, values=values)
+
+
+Call = Callable[[Record, Turbine, Path], Identification]
+
+
+@pytest.mark.parametrize(
+    ("call", "differs"),
+    [
+        (lambda r, t, c: identify_pieces(pieces(_changed(r, 3), 8.0), t, checkpoint=c), "record"),
+        (lambda r, t, c: identify_pieces(pieces(_changed(r, 790), 8.0), t, checkpoint=c), "record"),
+        (lambda r, t, c: identify_pieces(pieces(r.section(0.0, 12.0), 8.0), t, checkpoint=c), "record"),
+        (lambda r, t, c: identify_pieces(pieces(r.section(0.0, 8.0), 8.0), t, checkpoint=c), "record"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t, checkpoint=c, prior=Prior(1.1, 1.1)), "prior"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t, checkpoint=c, parameters=["k_x"]), "parameters"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t, checkpoint=c, sensors=t.sensors[:-1]), "sensors"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t, checkpoint=c, options={"mapping": {"a": 1}}), "mapping"),
+        (lambda r, t, c: identify_pieces(pieces(r, 8.0), t.with_values({"k_y": 9000.0}), checkpoint=c), "turbine"),
+    ],
+)  # fmt: skip
+def test_a_checkpoint_is_not_taken_up_by_another_call(
+    verne555: Turbine, whole: Record, stopped: Path, tmp_path: Path, call: Call, differs: str
+):
+    checkpoint = tmp_path / "checkpoint.npz"
+    checkpoint.write_bytes(stopped.read_bytes())
+    with pytest.raises(ConfigurationError, match=rf"another call, which differs in {differs}: .* delete") as caught:
+        call(whole, verne555, checkpoint)
+    assert "\n" not in str(caught.value)
+    assert checkpoint.read_bytes() == stopped.read_bytes()
+
+
+def test_a_record_that_has_grown_since_is_the_same_record(
+    verne555: Turbine, whole: Record, stopped: Path, tmp_path: Path
+):
+    checkpoint = tmp_path / "checkpoint.npz"
+    with pytest.raises(KeyboardInterrupt):  # the record ended at 16 s when the run was interrupted
+        identify_pieces(_stopping([*pieces(whole.section(0.0, 16.0), 8.0)] * 2, 2), verne555, checkpoint=checkpoint)
+    grown = identify_pieces(pieces(whole, 8.0), verne555, checkpoint=checkpoint)
+    assert grown.samples == whole.samples
+    assert grown.provenance is not None
+    assert grown.provenance.record_hash == record_hash(whole)
+
+
+def test_other_pieces_than_those_of_the_interrupted_run_are_refused(verne555: Turbine, whole: Record, tmp_path: Path):
+    checkpoint = tmp_path / "checkpoint.npz"
+    with pytest.raises(KeyboardInterrupt):
+        identify_pieces(_stopping(pieces(whole, 8.0), 2), verne555, checkpoint=checkpoint)
+    with pytest.raises(ConfigurationError, match=r"another call, which differs in length of pieces\b"):
+        identify_pieces(pieces(whole, 6.0), verne555, checkpoint=checkpoint)
+
+
+def _stopping(records: Iterable[Record], after: int) -> Iterator[Record]:
+    for count, record in enumerate(records):
+        if count == after:
+            raise KeyboardInterrupt
+        yield record
+
+
+def test_what_is_missing_between_pieces_is_missing_readings(verne555: Turbine, whole: Record):
+    parts = list(pieces(whole, 8.0))
+    gap = Record(parts[1].time[100:], parts[1].values[100:], whole.channels, whole.units, name="late")
+    found = identify_pieces([parts[0], gap, parts[2]], verne555)
+    assert found.samples == whole.samples
+    for e in found.estimates:
+        assert e.reference is not None
+        assert abs(e.estimate - e.reference) < 4.0 * e.std
+
+
+def test_pieces_that_do_not_go_on_are_refused(verne555: Turbine, whole: Record):
+    parts = list(pieces(whole, 8.0))
+    with pytest.raises(RecordError, match="begins after the one before"):
+        identify_pieces([parts[0], parts[0]], verne555)
+    with pytest.raises(RecordError, match="expected the channels of the first piece, got none of tower_x_acceleration"):
+        identify_pieces(
+            [parts[0], parts[1].select([c for c in whole.channels if c != "tower_x_acceleration"])], verne555
+        )
+    with pytest.raises(RecordError, match="no pieces"):
+        identify_pieces([], verne555)

@@ -1,0 +1,111 @@
+"""The posterior on line: equal to the posterior of the whole record, however the record comes."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
+from windsysid.errors import ConfigurationError
+from windsysid.identification.posterior_mode import posterior_mode
+from windsysid.identification.recursive import History, Online, advance, begin, finish, restore, save
+from windsysid.simulation.integrate import integrate
+from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.statespace.compose import StateSpace, compose
+from windsysid.statespace.gauss_markov import GaussMarkov
+
+Array = np.ndarray
+FIRST = 200
+PRIOR = np.array([0.2, -0.2, 1.0]), np.diag([0.3, 0.3, 1.5]) ** 2
+"""ln of k_1, of the load's rms and of the noise, relative to the truth."""
+
+
+MODEL, SENSORS = chain(), chain_sensors()
+
+
+def build(theta: Array) -> StateSpace:
+    return compose(
+        MODEL,
+        rate=50.0,
+        values=CHAIN_VALUES | {"k_1": CHAIN_VALUES["k_1"] * np.exp(theta[0])},
+        loads=[GaussMarkov("load_1", 5.0 * np.exp(theta[1]), 0.5), GaussMarkov("load_3", 5.0 * np.exp(theta[1]), 0.5)],
+        sensors=[s if i == 2 else type(s)(s.channel, s.expression, s.noise * np.exp(theta[2])) for i, s in enumerate(SENSORS)],
+        cov=0.01 * np.eye(6),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def record() -> tuple[Array, Array]:
+    truth = build(np.zeros(3))
+    rng = np.random.default_rng(6)
+    loads = [GaussMarkov("load_1", 5.0, 0.5), GaussMarkov("load_3", 5.0, 0.5)]
+    drawn = gauss_markov_loads(loads, truth.compiled.loads, 2100, 50.0, rng)
+    clean = integrate(truth.compiled, truth.blocks.p, drawn, rate=50.0, start=np.zeros(6), substeps=4).readings
+    readings = clean + np.sqrt(truth.blocks.noise) * rng.standard_normal(clean.shape)
+    readings[rng.random(readings.shape) < 0.05] = np.nan
+    return np.zeros((2100, 3)), readings
+
+
+@pytest.fixture(scope="module")
+def whole(record: tuple[Array, Array]) -> tuple[Online, History]:
+    return advance(build, begin(*PRIOR, FIRST, (3, 3)), *record)
+
+
+def test_on_line_is_as_good_as_the_whole_record_at_once(record: tuple[Array, Array], whole: tuple[Online, History]):
+    online, history = whole
+    online, last = finish(build, online)
+    assert online.samples == 2100
+    assert last.samples.tolist() == [2100]
+    mode = posterior_mode(build, *record, prior_mean=PRIOR[0], prior_cov=PRIOR[1], start=PRIOR[0], start_cov=PRIOR[1])
+    std = np.sqrt(np.diag(mode.cov))
+    assert np.all(np.abs(online.theta - mode.mean) < 0.1 * std)
+    np.testing.assert_allclose(np.sqrt(np.diag(online.cov)), std, rtol=0.15)
+    assert np.all(np.abs(online.theta) < 3.5 * std)
+    assert history.samples[0] == FIRST
+    assert {200, 400, 800, 1600} <= set(history.samples.tolist())
+    assert np.all(np.diff(history.samples) > 0)
+
+
+def test_pieces_of_any_length_give_the_same_bit_for_bit(record: tuple[Array, Array], whole: tuple[Online, History]):
+    online, history = whole
+    pieces, rows = begin(*PRIOR, FIRST, (3, 3)), []
+    cuts = [0, 1, 37, 199, 200, 504, 1599, 1603, 2099, 2100]
+    for first, last in pairwise(cuts):
+        pieces, part = advance(build, pieces, record[0][first:last], record[1][first:last])
+        rows.append(part)
+    for field in ("theta", "precision", "inputs", "readings", "samples"):
+        np.testing.assert_array_equal(getattr(pieces, field), getattr(online, field))
+    for field, expected in zip(History._fields, history, strict=True):
+        np.testing.assert_array_equal(np.concatenate([getattr(part, field) for part in rows]), expected)
+
+
+@pytest.mark.parametrize("cut", [100, 300, 1800])
+def test_a_run_that_was_interrupted_goes_on_bit_for_bit(
+    record: tuple[Array, Array], whole: tuple[Online, History], tmp_path: Path, cut: int
+):
+    online, history = whole
+    stopped, before = advance(build, begin(*PRIOR, FIRST, (3, 3)), record[0][:cut], record[1][:cut])
+    save(stopped, before, tmp_path / "checkpoint.npz")
+    restored, kept, _ = restore(build, tmp_path / "checkpoint.npz")
+    assert restored.reached == cut
+    resumed, after = advance(build, restored, record[0][cut:], record[1][cut:])
+    np.testing.assert_array_equal(resumed.theta, online.theta)
+    np.testing.assert_array_equal(resumed.precision, online.precision)
+    np.testing.assert_array_equal(np.concatenate([kept.mean, after.mean]), history.mean)
+
+
+def test_memory_does_not_grow_with_the_record(whole: tuple[Online, History]):
+    online, _ = whole
+    assert online.samples >= 8 * FIRST
+    assert len(online.readings) < online.samples // 20 + FIRST
+
+
+def test_a_file_that_is_no_checkpoint_is_refused(whole: tuple[Online, History], tmp_path: Path):
+    path = tmp_path / "checkpoint.npz"
+    save(*whole, path)
+    whole_file = path.read_bytes()
+    for content in (b"", b"not a checkpoint", whole_file[:300], whole_file[: len(whole_file) // 2]):
+        path.write_bytes(content)
+        with pytest.raises(ConfigurationError, match=r"expected where an earlier run .* stopped"):
+            restore(build, path)

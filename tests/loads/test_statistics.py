@@ -1,0 +1,95 @@
+"""Statistics of loads and noise: coordinates, and what they do to loads and sensors."""
+
+import numpy as np
+import pytest
+
+from windsysid.identification.prior import Prior
+from windsysid.identification.problem import pose
+from windsysid.loads.statistics import (
+    coordinates_of,
+    learned_statistics,
+    load_groups,
+    moved_loads,
+    moved_sensors,
+    noise_groups,
+    values_of,
+)
+from windsysid.simulation.record import simulate_record
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.turbine.turbine import Turbine
+
+
+@pytest.fixture
+def statistics(verne555: Turbine):
+    return (*load_groups(verne555.loads), *noise_groups(verne555.sensors))
+
+
+def test_hub_and_blades_have_an_rms_each_and_each_kind_of_sensor_its_noise(statistics):
+    assert [(s.name, s.unit, s.given) for s in statistics] == [
+        ("load_rms_support", "N", 15.0),
+        ("load_rms_blades", "N*m", 15.0),
+        ("load_time_constant", "s", 1.0),
+        ("noise_tower_acceleration", "m/s^2", 0.05),
+        ("noise_blade_acceleration", "rad/s^2", 0.1),
+    ]
+
+
+def test_levels_may_be_wrong_by_a_factor_of_four_or_five_and_a_time_constant_by_two(statistics, verne555: Turbine):
+    # exp 1.5 = 4.5 and exp 0.7 = 2.0 at one standard deviation: what the problem of a record takes for its prior.
+    factors = {"load_rms_support": 4.5, "load_rms_blades": 4.5, "load_time_constant": 2.0, "noise_tower_acceleration": 4.5,
+               "noise_blade_acceleration": 4.5}  # fmt: skip
+    assert {s.name: np.exp(s.spread) for s in statistics} == pytest.approx(factors, rel=0.01)
+    record = simulate_record(verne555, duration=2.0, rate=50.0, seed=0)
+    problem = pose(record, verne555, verne555.sensors, Prior())
+    n = len(problem.parameters)
+    mean, cov = problem.prior
+    np.testing.assert_array_equal(mean[n:], 0.0)
+    np.testing.assert_allclose(np.exp(np.sqrt(np.diag(cov)[n:])), list(factors.values()), rtol=0.01)
+    harmonic = load_groups([GaussMarkov("load_x", 4.0, 8.0, harmonic=3)])
+    assert [np.exp(s.spread) for s in harmonic] == pytest.approx([4.5, 2.0], rel=0.01)
+
+
+def test_the_level_of_the_spectrum_is_a_coordinate_of_its_own(statistics):
+    # Above its corner a load's spectrum is 2 rms²/τ ω⁻²: it must not move with the time constant's coordinate.
+    for eta_tau in (-1.0, 0.0, 2.0):
+        values = values_of(statistics, np.array([0.3, 0.0, eta_tau, 0.0, 0.0]))
+        assert values["load_time_constant"] == pytest.approx(np.exp(eta_tau))
+        assert values["load_rms_support"] ** 2 / values["load_time_constant"] == pytest.approx(225.0 * np.exp(0.6))
+
+
+def test_coordinates_and_values_are_each_others_inverse(statistics):
+    eta = np.array([0.3, -1.0, 0.7, 0.2, -0.4])
+    np.testing.assert_allclose(coordinates_of(statistics, values_of(statistics, eta)), eta, atol=1e-14)
+    np.testing.assert_allclose(coordinates_of(statistics, {}), 0.0, atol=1e-15)
+    louder = coordinates_of(statistics, {"load_rms_blades": 30.0})
+    assert values_of(statistics, louder)["load_rms_blades"] == pytest.approx(30.0)
+
+
+def test_loads_and_sensors_move_by_the_factors_of_their_groups(verne555: Turbine, statistics):
+    values = {s.name: s.given for s in statistics} | {"load_rms_blades": 30.0, "load_time_constant": 0.5}
+    loads = moved_loads(statistics[:3], values, verne555.loads)
+    assert [(load.rms, load.time_constant) for load in loads] == [(15.0, 0.5)] * 2 + [(30.0, 0.5)] * 3
+    sensors = moved_sensors(statistics[3:], values | {"noise_tower_acceleration": 0.2}, verne555.sensors)
+    assert [sensor.noise for sensor in sensors] == pytest.approx([0.2, 0.2, 0.1, 0.1, 0.1])
+
+
+def test_a_harmonic_of_the_file_has_an_rms_and_a_time_constant_of_its_own():
+    loads = (GaussMarkov("load_x", 2.0, 1.0), GaussMarkov("load_x", 4.0, 8.0, harmonic=3))
+    statistics = load_groups(loads)
+    assert [s.name for s in statistics] == [
+        "load_rms_support", "load_rms_support_3P", "load_time_constant", "load_time_constant_3P",
+    ]  # fmt: skip
+    slow, line = moved_loads(statistics, values_of(statistics, np.array([0.0, 0.5, 0.0, 1.0])), loads)
+    assert (slow.rms, slow.time_constant) == (2.0, 1.0)
+    assert line.rms == pytest.approx(4.0 * np.exp(0.5 + 0.5))
+    assert line.time_constant == pytest.approx(8.0 * np.e)
+
+
+def test_bands_are_two_standard_deviations_of_the_logarithm(statistics):
+    cov = np.diag(np.square([0.1, 0.2, 0.3, 0.05, 0.06]))
+    learned = {s.name: s for s in learned_statistics(statistics, np.array([0.0, 0.0, 0.4, 0.1, 0.0]), cov)}
+    rms = learned["load_rms_support"]  # ln rms = η + η_τ / 2
+    assert rms.estimate == pytest.approx(15.0 * np.exp(0.2))
+    assert np.log(rms.high / rms.low) == pytest.approx(4.0 * np.hypot(0.1, 0.15))
+    noise = learned["noise_tower_acceleration"]
+    assert np.log(noise.high / noise.estimate) == pytest.approx(0.1)

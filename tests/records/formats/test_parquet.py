@@ -1,0 +1,77 @@
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.records.formats.helpers import refused, write
+from windsysid.errors import OutputError
+from windsysid.records.formats import read_record, write_record
+from windsysid.records.record import Record
+
+pa = pytest.importorskip("pyarrow", reason="the extra windsysid[parquet] is not installed")
+
+
+@pytest.fixture
+def record():
+    time = np.arange(500.0, 1500.0) * 0.01
+    values = np.column_stack([np.sin(time), np.where(time > 6, np.nan, time)])
+    return Record(time, values, ("a", "b [x]"), ("m", "as written: foo"), "made up", {"site": "hill"})
+
+
+def test_parquet_keeps_everything(tmp_path, record):
+    write_record(record, tmp_path / "x.parquet")
+    again = read_record(tmp_path / "x.parquet")
+    assert (again.channels, again.units, again.name) == (record.channels, record.units, record.name)
+    assert again.attributes == record.attributes
+    assert again.time.tobytes() == record.time.tobytes()
+    np.testing.assert_array_equal(again.values, record.values)
+    field = pa.parquet.read_schema(tmp_path / "x.parquet").field("a") if hasattr(pa, "parquet") else None
+    assert field is None or field.metadata[b"units"] == b"m"
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+@pytest.mark.parametrize("zone", [None, "Europe/Stockholm"])
+def test_a_frame_that_pandas_wrote_is_read(tmp_path, unit, zone):
+    index = pd.date_range("2021-07-07 12:00", periods=5, freq="2s", tz=zone).as_unit(unit)
+    frame = pd.DataFrame(
+        {"a [mm]": range(5), "speed_rpm": np.array([60, 60, np.nan, 60, 60], dtype=np.float32)}, index=index
+    )
+    frame.to_parquet(tmp_path / "index.parquet")
+    frame.rename_axis("time").reset_index().to_parquet(tmp_path / "column.parquet")
+    for name in ("index", "column"):
+        record = read_record(tmp_path / f"{name}.parquet")
+        assert record.time.tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
+        assert record.channels == ("a", "speed")
+        assert record["a"].tolist() == [0.0, 1e-3, 2e-3, 3e-3, 4e-3]
+        assert np.isnan(record["speed"][2])
+        assert record.start == ("2021-07-07T12:00:00+02:00" if zone else "2021-07-07T12:00:00")
+
+
+def test_a_time_as_numbers_or_text_is_read_or_refused(tmp_path):
+    pd.DataFrame({"time [ms]": [0, 500], "a": [1, None]}).to_parquet(tmp_path / "x.parquet", index=False)
+    assert read_record(tmp_path / "x.parquet").time.tolist() == [0.0, 0.5]
+    pd.DataFrame({"time": [0.0, 1.0], "a": ["x", "y"]}).to_parquet(tmp_path / "y.parquet", index=False)
+    refused(tmp_path / "y.parquet", "column 'a' holds .*string, expected numbers")
+    pd.DataFrame({"b": [0.0, 1.0], "a": [1, 2]}).to_parquet(tmp_path / "z.parquet", index=False)
+    refused(tmp_path / "z.parquet", "first column is 'b'")
+    pd.DataFrame({"time": [], "a": []}, dtype=float).to_parquet(tmp_path / "e.parquet", index=False)
+    refused(tmp_path / "e.parquet", "at least 2 samples")
+
+
+def test_a_changed_byte_is_found(tmp_path, record):
+    write_record(record, tmp_path / "x.parquet")
+    data = bytearray((tmp_path / "x.parquet").read_bytes())
+    data[2000] ^= 4
+    refused(write(tmp_path, bytes(data), "y.parquet"), "damaged")
+    refused(write(tmp_path, bytes(data[:-9]), "y.parquet"), "damaged")
+    refused(write(tmp_path, "time,a\n0,1\n1,2\n", "y.parquet"), "is not Parquet")
+
+
+def test_without_pyarrow_the_line_says_how_to_get_it(tmp_path, record, monkeypatch):
+    write_record(record, tmp_path / "x.parquet")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    refused(tmp_path / "x.parquet", r'pip install "windsysid\[parquet\]"')
+    with pytest.raises(OutputError, match=r'pip install "windsysid\[parquet\]"'):
+        write_record(record, tmp_path / "z.parquet")

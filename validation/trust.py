@@ -1,0 +1,223 @@
+"""Does the diagnosis find what is wrong, and nothing where all is well? Records of the scale model with one thing wrong at a time.
+
+Each record of 100 s is identified from priors drawn 30 % off, with the broadband load model, which does not hold what was added. Beside how often ±2σ held the reference and how large the errors were
+in standard deviations stands how often the result was trusted: where the errors are those that the bands say (1.0, and 95 %),
+an untrusted result is a false alarm; where they are larger, a trusted one is a miss.
+``python -m validation.trust [--runs N]`` prints the table; a run takes some seconds.
+"""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.console import render
+from windsysid.errors import WindsysidError
+from windsysid.identification.conclude import conclude
+from windsysid.identification.joint import identify_jointly
+from windsysid.identification.prepare import usable_sensors
+from windsysid.identification.prior import Prior
+from windsysid.mechanics.compile import compile_model
+from windsysid.records.record import Record
+from windsysid.results.identification import Identification
+from windsysid.simulation.integrate import constant_speed_inputs, integrate
+from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.record import LEAD_IN
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.study.drawn_prior import DrawnPrior
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["FAULTS", "Judged", "faulty_record", "identify_broadband", "judge"]
+
+Rng = np.random.Generator
+
+
+class Fault(NamedTuple):
+    """One thing wrong: with the loads (T, n_w) at azimuths ψ (T,), or with the readings (T, m) and their noise (m,)."""
+
+    loads: Callable[[Turbine, Array, Array, float, float, Rng], Array] | None = None
+    readings: Callable[[Array, Array, float, Rng], Array] | None = None
+
+
+class Judged(NamedTuple):
+    """Of R runs: share of coefficients inside ±2σ, rms of error over σ; medians of the highest peak within reach, of the highest
+    level around a natural frequency, and of colour; share of results that were trusted.
+    """
+
+    covered: float
+    error: float
+    peak: float
+    near: float
+    colour: float
+    trusted: float
+
+
+def _harmonic(order: int) -> Fault:
+    def loads(turbine: Turbine, drawn: Array, psi: Array, rate: float, size: float, rng: Rng) -> Array:
+        del rate
+        drawn = drawn.copy()
+        for j in range(2):
+            drawn[:, j] += size * turbine.loads[j].rms * np.cos(order * psi + rng.uniform(0.0, 2.0 * np.pi))
+        return drawn
+
+    return Fault(loads=loads)
+
+
+def _turning(turbine: Turbine, drawn: Array, psi: Array, rate: float, size: float, rng: Rng) -> Array:
+    """What a load that stands still does to something that turns: 1P, with an amplitude that wanders within seconds."""
+    drawn = drawn.copy()
+    for j, load in enumerate(turbine.loads):
+        names = ("cos", "sin")
+        pair = gauss_markov_loads(
+            [GaussMarkov(name, size * load.rms, 2.0) for name in names], names, len(psi), rate, rng
+        )
+        drawn[:, j] += pair[:, 0] * np.cos(psi) + pair[:, 1] * np.sin(psi)
+    return drawn
+
+
+def _second_time_constant(turbine: Turbine, drawn: Array, psi: Array, rate: float, size: float, rng: Rng) -> Array:
+    faster = [replace(load, rms=size * load.rms, time_constant=0.03 * load.time_constant) for load in turbine.loads]
+    return drawn + gauss_markov_loads(faster, turbine.model.loads, len(psi), rate, rng)
+
+
+def _coloured(readings: Array, noise: Array, size: float, rng: Rng) -> Array:
+    from scipy.signal import lfilter
+
+    white = rng.standard_normal(readings.shape)
+    return np.asarray(readings + noise * lfilter([np.sqrt(1.0 - size**2)], [1.0, -size], white, axis=0))
+
+
+def _spiked(readings: Array, noise: Array, size: float, rng: Rng) -> Array:
+    spikes = 20.0 * rng.standard_normal(readings.shape) * (rng.random(readings.shape) < size)
+    return np.asarray(readings + noise * (rng.standard_normal(readings.shape) + spikes))
+
+
+def _shifted(readings: Array, noise: Array, size: float, rng: Rng) -> Array:
+    readings = readings + noise * rng.standard_normal(readings.shape)
+    readings[:, 0] += size * noise[0]
+    return readings
+
+
+def _miscalibrated(readings: Array, noise: Array, size: float, rng: Rng) -> Array:
+    readings = readings + noise * rng.standard_normal(readings.shape)
+    readings[:, 0] *= 1.0 + size
+    return readings
+
+
+FAULTS: dict[str, tuple[Fault, tuple[float, ...]]] = {
+    "none": (Fault(), (0.0,)),
+    "3P on the hub, amplitude × rms": (_harmonic(3), (0.1, 0.2, 0.3, 1.0)),
+    "1P on the hub, amplitude × rms": (_harmonic(1), (0.5, 1.0)),
+    "wandering 1P on everything, × rms": (Fault(loads=_turning), (0.2, 0.35, 0.7)),
+    "second load, 30 ms, × rms": (Fault(loads=_second_time_constant), (0.2, 0.5)),
+    "sensor noise correlated by": (Fault(readings=_coloured), (0.5, 0.9)),
+    "spikes of 20σ, share": (Fault(readings=_spiked), (0.001, 0.01)),
+    "one sensor off by, × its noise": (Fault(readings=_shifted), (0.5, 2.0)),
+    "one sensor's gain off by": (Fault(readings=_miscalibrated), (0.1, 0.3)),
+}
+"""What is wrong, and how much."""
+
+
+def faulty_record(fault: Fault, size: float, seed: int, *, duration: float = 100.0, rate: float = 100.0) -> Record:
+    """A record of the scale model with one thing wrong, as `simulate_record` makes it without."""
+    turbine = load_turbine("verne555")
+    rng = np.random.default_rng([seed, 7])
+    model = compile_model(turbine.model, turbine.sensors)
+    rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
+    drawn = gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, rng)
+    if fault.loads is not None:
+        drawn = fault.loads(turbine, drawn, rotor[:, 0], rate, size, rng)
+    p = np.array([turbine.values[name] for name in model.parameters])
+    response = integrate(model, p, np.hstack([rotor, drawn]), rate=rate, start=np.zeros(len(model.states)))
+    noise = np.array([sensor.noise for sensor in turbine.sensors])
+    if fault.readings is not None:
+        readings = fault.readings(response.readings, noise, size, rng)
+    else:
+        readings = response.readings + noise * rng.standard_normal(response.readings.shape)
+    lead = round(LEAD_IN * rate)
+    return Record(
+        time=np.arange(len(rotor) - lead) / rate,
+        values=np.hstack([np.mod(rotor[lead:, :1], 2.0 * np.pi), rotor[lead:, 1:2], readings[lead:]]),
+        channels=("rotor_azimuth", "rotor_speed", *(sensor.channel for sensor in turbine.sensors)),
+        units=("rad", "rad/s", *(sensor.unit for sensor in turbine.sensors)),
+        name=f"faulty record, seed {seed}",
+    )
+
+
+def identify_broadband(record: Record, turbine: Turbine, prior: Prior) -> Identification:
+    """Identify with the load model of the turbine file and no other, however well another would do."""
+    outcome = identify_jointly(record, turbine, usable_sensors(record, turbine, None), prior, loads="broadband")
+    return conclude(outcome, record, "joint")
+
+
+def judge(fault: Fault, size: float, runs: int) -> Judged:
+    """Identify `runs` faulty records, seeds 0, 1, …; one that ends in an error counts as not trusted and not covered."""
+    turbine = load_turbine("verne555")
+    rows: list[tuple[float, ...]] = []
+    for seed in range(runs):
+        prior = DrawnPrior(seed=seed)
+        try:
+            found = identify_broadband(faulty_record(fault, size, seed), turbine, prior)
+        except WindsysidError:
+            rows.append((0.0, np.inf, np.inf, np.inf, np.inf, 0.0))
+            continue
+        assert found.diagnosis.whiteness is not None
+        truth = [turbine.values[e.name] for e in found.estimates]
+        inside = [e.low <= value <= e.high for e, value in zip(found.estimates, truth, strict=True)]
+        squares = [((e.estimate - value) / e.std) ** 2 for e, value in zip(found.estimates, truth, strict=True)]
+        channels = found.diagnosis.whiteness.channels
+        worst = [max(values) for values in zip(*((c.peak, c.near, c.colour) for c in channels), strict=True)]
+        rows.append((float(np.mean(inside)), float(np.mean(squares)), *worst, float(found.diagnosis.trusted)))
+    covered, squares, peak, near, colour, trusted = np.array(rows).T
+    return Judged(
+        covered=float(covered.mean()),
+        error=float(np.sqrt(squares.mean())),
+        peak=float(np.median(peak)),
+        near=float(np.median(near)),
+        colour=float(np.median(colour)),
+        trusted=float(trusted.mean()),
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    from rich.table import Table
+
+    parser = argparse.ArgumentParser(prog="python -m validation.trust", description=__doc__)
+    parser.add_argument("--runs", type=int, default=10, help="records for each fault (10)")
+    parser.add_argument("--none", type=int, default=50, help="records without a fault (50)")
+    options = parser.parse_args()
+    table = Table(title="what is wrong, and whether the diagnosis says so", title_justify="left")
+    for heading in (
+        "fault",
+        "size",
+        "runs",
+        "±2σ covers",
+        "rms of error/σ",
+        "highest peak",
+        "near a mode",
+        "colour",
+        "trusted",
+    ):
+        table.add_column(heading, justify="left" if heading == "fault" else "right")
+    for name, (fault, sizes) in FAULTS.items():
+        for size in sizes:
+            runs = options.runs if size else options.none
+            j = judge(fault, size, runs)
+            numbers = (
+                f"{100 * j.covered:.0f} %",
+                f"{j.error:.2f}",
+                f"{j.peak:.2g}",
+                f"{j.near:.2g}",
+                f"{j.colour:.3f}",
+            )
+            table.add_row(name, f"{size:g}" if size else "", str(runs), *numbers, f"{100 * j.trusted:.0f} %")
+    print(render(table))
+
+
+if __name__ == "__main__":
+    main()
