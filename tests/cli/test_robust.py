@@ -166,6 +166,10 @@ def test_tables_nested_deeper_than_python_follows_are_refused(refusal, tmp_path:
     assert "nested too deeply" in refusal("inspect", tmp_path / "record.csv", "--mapping", deep)
 
 
+def test_control_characters_of_a_name_do_not_reach_the_terminal(refusal):
+    assert "?[31mred" in refusal("inspect", "\x1b[31mred.csv")
+
+
 # how a run ends
 
 

@@ -151,3 +151,12 @@ def test_a_record_gets_nacelle_axes():
     np.testing.assert_allclose(turned["tower_z_acceleration"], wave(t), atol=1e-12)
     with pytest.raises(RecordError, match="already"):
         with_nacelle_axes(turned, "tower_n_acceleration", "tower_w_acceleration")
+
+
+def test_values_that_overflow_a_curve_are_refused_and_name_their_channel():
+    time = np.arange(50.0) * 0.1
+    values = np.ones((50, 1))
+    values[20] = 1e305
+    record = Record(time, values, ("somebody's",), ("1",))
+    with pytest.raises(RecordError, match="'somebody's' reaches 1e\\+305, too large to be resampled"):
+        resample(record, 4.0)

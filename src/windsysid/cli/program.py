@@ -44,7 +44,8 @@ def main() -> None:
 
 def _refuse(message: str) -> NoReturn:
     """Say in one line what was wrong."""
-    print(f"windsysid: {' '.join(message.split())}", file=sys.stderr)
+    shown = "".join(sign if sign.isprintable() else "?" for sign in " ".join(message.split()))
+    print(f"windsysid: {shown}", file=sys.stderr)
     sys.exit(2)
 
 

@@ -52,6 +52,10 @@ class Level(NamedTuple):
     gravity: float
 
 
+_LARGEST = 1e100
+"""Beyond this the slopes of a curve through the values overflow; no instrument reads it."""
+
+
 def resample(
     record: Record, rate: float, *, start: float | None = None, end: float | None = None, max_gap: int = 3
 ) -> Record:
@@ -100,6 +104,10 @@ def resample(
         wraps = unit == "rad" and bool({"azimuth", "yaw", "direction"} & set(name.split("_")))
         low = -math.pi if wraps and known.any() and float(values[known].min()) < 0.0 else 0.0
         time, values = record.time[known], values[known]
+        if known.any() and np.abs(values).max() > _LARGEST:
+            raise RecordError(
+                f"channel '{name}' reaches {np.abs(values).max():.3g}, too large to be resampled; correct its values, or leave the column out"
+            )
         column = _interpolated(time, _unwrapped(values, time, limit) if wraps else values, fine, limit)
         if factor > 1:
             column = _decimated(column, factor, margin)
