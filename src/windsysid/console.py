@@ -1,6 +1,7 @@
 """Text for a terminal, a pipe or a notebook: the one place that knows how wide they are and what they can show."""
 
 import codecs
+import re
 import shutil
 import sys
 import textwrap
@@ -63,6 +64,10 @@ def show_what_can_be_shown() -> None:
             stream.reconfigure(errors="windsysid")
 
 
+_CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""Control characters of somebody's names, which a terminal would obey."""
+
+
 def render(*parts: Any, width: int | None = None) -> str:
     """Rich tables and plain lines as text: tables as wide as `width` or the terminal at most, wrapped and never cut off."""
     from rich.console import Console
@@ -76,7 +81,8 @@ def render(*parts: Any, width: int | None = None) -> str:
             if isinstance(part, Table):
                 _fit(part, console, encoding)
             console.print(part if isinstance(part, Table) else _wrapped(str(part), width))
-    return "\n".join(line.rstrip() for line in capture.get().split("\n")).rstrip("\n")
+    text = "\n".join(line.rstrip() for line in capture.get().split("\n")).rstrip("\n")
+    return _CONTROLS.sub("?", text)
 
 
 def _fit(table: "Table", console: "Console", encoding: str) -> None:

@@ -170,6 +170,12 @@ def test_control_characters_of_a_name_do_not_reach_the_terminal(refusal):
     assert "?[31mred" in refusal("inspect", "\x1b[31mred.csv")
 
 
+def test_control_characters_of_a_channel_are_not_printed():
+    from windsysid.console import render
+
+    assert render("channel \x1b[31mred", "a\nb") == "channel ?[31mred\na\nb"
+
+
 # how a run ends
 
 
