@@ -303,6 +303,9 @@ def test_student_sensors_weigh_as_scipys_density_says():
     expected += scipy.stats.norm.logpdf(readings[0, 1] - a * inputs[0, 0], scale=0.3)
     np.testing.assert_allclose(np.log(cloud.weights), scipy.special.log_softmax(expected), rtol=1e-10, atol=1e-10)
     assert info.log_likelihood[0] == pytest.approx(scipy.special.logsumexp(expected) - np.log(400), rel=1e-10)
+    scatter = np.array([scipy.stats.t.var(3.0, scale=0.3), scipy.stats.norm.var(scale=0.3)])
+    scatter += np.var([a + b * inputs[0, 0], a * inputs[0, 0]], axis=1)
+    np.testing.assert_allclose(info.innovation_std[0], np.sqrt(scatter), rtol=1e-10)
 
 
 def test_outliers_carry_a_gaussian_filter_away_and_not_one_with_student_sensors():
