@@ -94,8 +94,14 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self.copy, self.cache = folder / "copy", folder / "cache"
         shutil.rmtree(self.copy, ignore_errors=True)
-        hidden = shutil.ignore_patterns(".*", "results", "__pycache__", "*.egg-info")
-        shutil.copytree(ROOT, self.copy, ignore=hidden)  # with the files' times, by which Numba knows them
+        hidden = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info")
+        self.copy.mkdir(parents=True)
+        for part in ("src", "tests", "validation", "benchmarks", "examples", "docs"):
+            shutil.copytree(
+                ROOT / part, self.copy / part, ignore=hidden
+            )  # with the files' times, by which Numba knows them
+        for path in (*ROOT.glob("*.md"), *ROOT.glob("*.toml"), *ROOT.glob("*.txt"), ROOT / "Makefile"):
+            shutil.copy2(path, self.copy)
 
     def try_(self, mutant: Mutant, tests: Sequence[str], killer: str) -> tuple[str, str]:
         """Put a fault in and run tests: ``killed``, ``survived`` or ``error``, and the test that failed or what went wrong."""
@@ -113,6 +119,8 @@ class Bench:
         if kernels and mutant.module in COMPILED:
             for folder in set(self.cache.glob("kernels_*")) - kernels:  # a fault's own
                 shutil.rmtree(folder)
+        if code == 1 and found.endswith(".py"):  # tests that could not be collected have noticed nothing
+            code = 2
         return {0: ("survived", ""), 1: ("killed", found)}.get(code, ("error", said[-500:]))
 
     def failing(self, tests: Sequence[str]) -> set[str]:
