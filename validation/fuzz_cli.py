@@ -33,6 +33,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from windsysid import __main__
 from windsysid.units import RPM
 
 __all__ = ["Input", "Outcome", "Workshop", "judge", "run_inputs"]
@@ -113,7 +114,7 @@ class Workshop:
         from windsysid.simulation.record import simulate_record
         from windsysid.turbine.file import load_turbine
 
-        self.folder, self.cli = folder, cli
+        self.folder = folder
         packaged = Path(cli.__file__).parents[1] / "turbine" / "packaged"
         self.turbines = {name: (packaged / f"{name}.toml").read_text("utf-8") for name in ("tower", "verne555")}
         self.record: Record = simulate_record(load_turbine("tower"), duration=40.0, rate=10.0, seed=1)
@@ -134,7 +135,7 @@ class Workshop:
             "plain",
             ["identify", str(folder / "r.csv"), "--turbine", "tower", "--output", str(self.results), "--no-report"],
         )
-        ended = run(first, folder, self.cli)
+        ended = run(first, folder)
         if ended.code != 0:
             raise SystemExit(f"the plain record is refused, so there is nothing to fuzz: {ended.err}")
         self.truth = estimates(self.results)
@@ -462,7 +463,7 @@ def _outb(record: Any) -> bytes:
 # Running
 
 
-def run(given: Input, folder: Path, cli: Any, *, real: bool = False, limit: float = LIMIT) -> Outcome:
+def run(given: Input, folder: Path, *, real: bool = False, limit: float = LIMIT) -> Outcome:
     """Run one input in `folder`, in a fork of this process or (`real`) in a new one."""
     out, err = folder / ".stdout", folder / ".stderr"
     if real:
@@ -476,7 +477,7 @@ def run(given: Input, folder: Path, cli: Any, *, real: bool = False, limit: floa
         sys.stderr.flush()
         pid = os.fork()
         if pid == 0:
-            _child(given, folder, cli, out, err)
+            _child(given, folder, out, err)
     code = _wait(pid, given, limit)
     texts = [path.read_bytes().decode(given.encoding, "replace") for path in (out, err)]
     out.unlink()
@@ -484,7 +485,7 @@ def run(given: Input, folder: Path, cli: Any, *, real: bool = False, limit: floa
     return Outcome(code, *texts)
 
 
-def _child(given: Input, folder: Path, cli: Any, out: Path, err: Path) -> NoReturn:
+def _child(given: Input, folder: Path, out: Path, err: Path) -> NoReturn:
     code = 70
     try:
         os.chdir(folder)
@@ -501,7 +502,7 @@ def _child(given: Input, folder: Path, cli: Any, out: Path, err: Path) -> NoRetu
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         try:
-            cli.main()
+            __main__.main()
             code = 0
         except SystemExit as ended:
             code = ended.code if isinstance(ended.code, int) else (0 if ended.code is None else 1)
@@ -620,7 +621,7 @@ def run_inputs(
                 (folder / file).write_bytes(content if isinstance(content, bytes) else content.read_bytes())
             folder.mkdir(exist_ok=True)
             real = given.kind in ("terminal", "signal") and np.random.default_rng([seed, index, 1]).random() < REAL
-            ended = run(given, folder, shop.cli, real=real)
+            ended = run(given, folder, real=real)
             wrong = judge(given, ended, folder, shop.truth)
             counts = table.setdefault(given.kind, Counter())
             counts["inputs"] += 1

@@ -1,9 +1,15 @@
 """`windsysid` as a program: Ctrl-C ends it quietly, even while its modules are still being loaded."""
 
+import os
 import signal
 import sys
+import threading
+from typing import Any
 
 __all__ = ["main"]
+
+SECONDS_TO_PRESS_AGAIN = 0.05
+"""How long after an interrupt was dropped it is sent again."""
 
 
 def main() -> None:
@@ -12,10 +18,21 @@ def main() -> None:
     from windsysid.cli import main as run
 
     signal.signal(signal.SIGINT, usual)
+    sys.unraisablehook = _interrupt_again
     try:
         run()
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def _interrupt_again(dropped: Any) -> None:
+    """Send an interrupt again that Python dropped, because it arrived inside a destructor or a callback of a weak reference."""
+    if not issubclass(dropped.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(dropped)
+        return
+    again = threading.Timer(SECONDS_TO_PRESS_AGAIN, os.kill, (os.getpid(), signal.SIGINT))
+    again.daemon = True
+    again.start()
 
 
 if __name__ == "__main__":
