@@ -1,15 +1,18 @@
-"""Do other people's filters say the same? filterpy and dynamax on the joint model of the scale model's rotor, at equal settings.
+"""Do other people's filters say the same? filterpy and dynamax on the joint model of the scale model's rotor, at equal
+settings.
 
     python benchmarks/agreement.py [--samples 500]        in an environment made from benchmarks/peers.txt
 
-The model is the filters' own: 25 states (5 displacements, 5 velocities, 5 loads, 10 coefficients), 5 accelerometers, 100 Hz. Both peers
-know additive noise only, so that the load noise η, which reaches the motion inside its step, becomes a part of the state that is forgotten
-and drawn anew at every sample: exactly the same model with 30 states. filterpy gets the step and the readings as black boxes,
-and the Jacobians by differences; dynamax gets the SymPy equations lambdified for JAX, and differentiates them itself. States and readings
-are scaled to unit size for the peers, because dynamax adds 1e-9 to the diagonal of every matrix it solves with. That is all of its
-difference: with 1e-12 instead it falls a thousandfold.
+The model is the filters' own: 25 states (5 displacements, 5 velocities, 5 loads, 10 coefficients), 5 accelerometers,
+100 Hz. Both peers know additive noise only, so that the load noise η, which reaches the motion inside its step, becomes
+a part of the state that is forgotten and drawn anew at every sample: exactly the same model with 30 states. filterpy
+gets the step and the readings as black boxes, and the Jacobians by differences; dynamax gets the SymPy equations
+lambdified for JAX, and differentiates them itself. States and readings are scaled to unit size for the peers, because
+dynamax adds 1e-9 to the diagonal of every matrix it solves with. That is all of its difference: with 1e-12 instead it
+falls a thousandfold.
 
-Differences are the largest over all samples and states: of the means in standard deviations, of the standard deviations as a ratio.
+Differences are the largest over all samples and states: of the means in standard deviations, of the standard deviations
+as a ratio.
 """
 
 import argparse
@@ -41,7 +44,10 @@ Function = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 class Problem:
-    """The model in the peers' form: state [x | z | θ | η] over `size`, readings over the standard deviation of their noise."""
+    """The model in the peers' form.
+
+    Its state is [x | z | θ | η] over `size`; its readings are over the standard deviation of their noise.
+    """
 
     def __init__(self, turbine: Turbine, samples: int) -> None:
         machine, start, lead_in, motion = scenarios(turbine)["reference"]
@@ -86,7 +92,7 @@ def black_boxes(problem: Problem) -> tuple[Function, Function]:
 
 
 def in_jax(problem: Problem) -> tuple[Callable, Callable]:
-    """Step and readings from the SymPy equations: M a = F solved, RK4, loads and parameters as windsysid composes them."""
+    """Step and readings from the SymPy equations: M a = F solved, RK4, loads and parameters as in windsysid."""
     blocks = problem.model.blocks
     equations = problem.turbine.model.equations()
     arguments = (equations.states, equations.inputs, equations.parameters, equations.loads)
@@ -189,7 +195,7 @@ def filterpy_unscented(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def dynamax_all(problem: Problem, boost: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Means and standard deviations (T, n) of its filters and smoothers, with `boost` on the diagonals it solves with."""
+    """Means and standard deviations (T, n) of its filters and smoothers; `boost` is on the diagonals it solves with."""
     psd_solve.__defaults__ = (boost,)
     step, read = in_jax(problem)
     params = ParamsNLGSSM(
@@ -263,8 +269,8 @@ def main() -> None:
     table.add_row("unscented", "our own extended, for scale", f"{moved:.1e}", "")
     Console(width=100).print(table)
     print(
-        f"dynamax's num_iter=2 leaves a variance of {iterations_in_dynamax():.3f} where one reading leaves 0.5: it takes the reading in "
-        "twice, so there is\nno iterated filter to compare with."
+        f"dynamax's num_iter=2 leaves a variance of {iterations_in_dynamax():.3f} where one reading leaves 0.5: it"
+        " takes the reading in twice, so there is\nno iterated filter to compare with."
     )
 
 

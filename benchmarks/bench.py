@@ -2,10 +2,11 @@
 
     python benchmarks/bench.py --peers .venv-peers/bin/python [--short]
 
-Every part runs in a process of its own, one after the other: those that compare with other libraries in the peers' environment. The tables go to
-docs/performance_tables.md, the numbers to benchmarks/results.json. Before it replaces that file it compares windsysid's costs with those
-committed there, both as ratios to the C reference of their own run, which takes the machine out, and names what got slower by more than 15 %.
-`--short` leaves out the long cases, compares, and writes nothing.
+Every part runs in a process of its own, one after the other: those that compare with other libraries in the peers'
+environment. The tables go to docs/performance_tables.md, the numbers to benchmarks/results.json. Before it replaces
+that file it compares windsysid's costs with those committed there, both as ratios to the C reference of their own run,
+which takes the machine out, and names what got slower by more than 15 %. `--short` leaves out the long cases, compares,
+and writes nothing.
 """
 
 import argparse
@@ -157,7 +158,10 @@ def _peer_versions(python: str | None) -> Iterable[str]:
         return
     pins = (HERE / "peers.txt").read_text(encoding="utf-8").splitlines()
     names = [pin.split("==")[0] for pin in pins if pin and not pin.startswith("#")]
-    script = "import sys; from importlib.metadata import version; print(', '.join(f'{n} {version(n)}' for n in sys.argv[1:]))"
+    script = (
+        "import sys; from importlib.metadata import version; print(', '.join(f'{n} {version(n)}' for n in"
+        " sys.argv[1:]))"
+    )
     yield subprocess.run([python, "-c", script, *names], capture_output=True, text=True, check=True).stdout.strip()
 
 

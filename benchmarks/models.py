@@ -1,8 +1,10 @@
-"""Both formulations in the form that other libraries take, with windsysid's own compiled equations and exact Jacobians for those that call Python.
+"""Both formulations in the form that other libraries take, with windsysid's own compiled equations and exact Jacobians
+for those that call Python.
 
-*Joint*: `agreement.Problem`, 25 states. Its load noise η reaches the motion inside its step. A filter that takes a new Q at every step gets
-Γ Q Γᵀ; one that knows a constant Q only, or draws sigma points, gets η as five states more that are forgotten and drawn anew (30 states).
-*Force balance*: ten constant coefficients, five readings s_k = Φ_k θ + noise; a linear model.
+*Joint*: `agreement.Problem`, 25 states. Its load noise η reaches the motion inside its step. A filter that takes a new
+Q at every step gets Γ Q Γᵀ; one that knows a constant Q only, or draws sigma points, gets η as five states more that
+are forgotten and drawn anew (30 states). *Force balance*: ten constant coefficients, five readings s_k = Φ_k θ + noise;
+a linear model.
 """
 
 import warnings
@@ -28,11 +30,14 @@ __all__ = ["Balance", "Differences", "Kernels", "Written"]
 Array = np.ndarray
 
 TINY = 1e-30
-"""Length of a complex step: the derivative is the imaginary part over it, and no numbers that nearly agree are subtracted."""
+"""Length of a complex step: the imaginary part over it is the derivative, without a difference that cancels."""
 
 
 class Balance:
-    """The force balance of a simulated record: `regressors` Φ (T, m, n) and `readings` s (T, m), scaled to unit noise and unit uncertainty."""
+    """The force balance of a simulated record, scaled to unit noise and unit uncertainty.
+
+    `regressors` Φ are (T, m, n), `readings` s (T, m).
+    """
 
     def __init__(self, turbine: Turbine, samples: int) -> None:
         rate, band = 100.0, analysis_band(turbine)
@@ -133,7 +138,9 @@ def _rows(expressions: list[Any], like: Array) -> Array:
 
 
 class Differences(Written):
-    """The same by central differences, one direction after the other, as those do who have the equations as a function only."""
+    """The same by central differences, one direction after the other, for users who have the equations as a function
+    only.
+    """
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)

@@ -1,14 +1,16 @@
-"""Time per sample of other people's filters, on the same model, data and settings, and whether they end with the same estimates.
+"""Time per sample of other people's filters, on the same model, data and settings, and whether they end with the same
+estimates.
 
     python benchmarks/peers.py               in an environment made from benchmarks/peers.txt (make bench)
 
-Every library is taken at its best. Those on JAX (dynamax, cuthbert) run in one compiled scan, in float64, warmed, on SymPy's equations
-written out for XLA, with derivatives of their own, and give out no more than the moments. Those that call Python for each sample (filterpy,
-Stone-Soup, pykalman) compile no equations and know no derivatives. They are timed with the same equations in NumPy and exact Jacobians
-(`models.Written`; filterpy also with central differences, as it is used where nobody derives any), and once more with windsysid's compiled
-kernels (`models.Kernels`), where what is left of them is their algebra.
-All run in turns, pinned to one core, and are charged for the processor time of all their threads; slow ones get fewer samples.
-The final means and standard deviations of the ten coefficients are compared with windsysid's after the same samples; where they differ, there is no table.
+Every library is taken at its best. Those on JAX (dynamax, cuthbert) run in one compiled scan, in float64, warmed, on
+SymPy's equations written out for XLA, with derivatives of their own, and give out no more than the moments. Those that
+call Python for each sample (filterpy, Stone-Soup, pykalman) compile no equations and know no derivatives. They are
+timed with the same equations in NumPy and exact Jacobians (`models.Written`; filterpy also with central differences, as
+it is used where nobody derives any), and once more with windsysid's compiled kernels (`models.Kernels`), where what is
+left of them is their algebra. All run in turns, pinned to one core, and are charged for the processor time of all their
+threads; slow ones get fewer samples. The final means and standard deviations of the ten coefficients are compared with
+windsysid's after the same samples; where they differ, there is no table.
 """
 
 import os

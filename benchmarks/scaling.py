@@ -2,12 +2,12 @@
 
     python benchmarks/scaling.py             (make bench)
 
-The joint extended Kalman filter on 100 Hz records of the scale model; the particle filter on its force balance. Every case runs in a process of
-its own, because the peak memory of a process only grows. "µs per sample" is processor time; what one and two threads are compared by is the
-clock.
+The joint extended Kalman filter on 100 Hz records of the scale model; the particle filter on its force balance. Every
+case runs in a process of its own, because the peak memory of a process only grows. "µs per sample" is processor time;
+what one and two threads are compared by is the clock.
 
-*Turbines*: each has coefficients, a belief and readings of its own; every second of data each filter takes in a hundred samples and
-the belief is all that stays. "× real time" is how many seconds of data of all turbines go through in one.
+*Turbines*: each has coefficients, a belief and readings of its own; every second of data each filter takes in a hundred
+samples and the belief is all that stays. "× real time" is how many seconds of data of all turbines go through in one.
 """
 
 import json
@@ -142,7 +142,10 @@ def turbines(_: str, count: int, threads: int) -> dict[str, float]:
 
 
 def online(_: str, count: int, settled: int) -> dict[str, float]:
-    """µs per sample of the on-line posterior, statistics of loads and noise learned, from the start or once the first samples are no longer held."""
+    """µs per sample of the on-line posterior; statistics of loads and noise are learned.
+
+    The time counts from the start, or once the first samples are no longer held.
+    """
     turbine = load_turbine("verne555")
     problem = posed(turbine, count)
     first = first_estimate(turbine, RATE)

@@ -1,4 +1,5 @@
-"""What every part of the benchmark hands on: a table as text, and windsysid's own costs as numbers for the next benchmark to compare with.
+"""What every part of the benchmark hands on: a table as text, and windsysid's own costs as numbers for the next
+benchmark to compare with.
 
     python benchmarks/sheets.py PART [--short] [--json FILE]
 
@@ -22,7 +23,7 @@ __all__ = ["Sheet", "medians", "number", "present"]
 
 
 class Sheet(NamedTuple):
-    """A table; `costs` are windsysid's own times by name, in the unit of the table, whatever that is: only their ratios are compared."""
+    """A table; `costs` are windsysid's own times by name, in any unit: only their ratios are compared."""
 
     title: str
     headings: tuple[str, ...]
@@ -58,7 +59,10 @@ def present(doc: str | None, sheets: Callable[[bool], Iterable[Sheet]]) -> None:
 
 
 def printed(main: Callable[[], None]) -> Iterator[Sheet]:
-    """The Rich tables that a program prints. windsysid's costs are those under its name or "seconds", and the first of a row called so."""
+    """The Rich tables that a program prints.
+
+    windsysid's costs stand under its name or "seconds"; the first row of a name counts.
+    """
     tables: list[Table] = []
     usual, arguments = Console.print, sys.argv
 
@@ -87,7 +91,10 @@ def printed(main: Callable[[], None]) -> Iterator[Sheet]:
 def medians(
     runs: dict[str, Callable[[], object]], repeats: int, clock: Callable[[], float] = time.process_time
 ) -> dict[str, float]:
-    """Median time of each [s], after one run that does not count. Runs take turns, so that a busy machine is busy for all."""
+    """Median time of each [s], after one run that does not count.
+
+    Runs take turns, so that a busy machine is busy for all.
+    """
     for run in runs.values():
         run()
     times: dict[str, list[float]] = {name: [] for name in runs}

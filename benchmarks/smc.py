@@ -1,13 +1,16 @@
-"""The particle filter beside `particles`, on the same model with the same scheme in one run: time, and what both end at.
+"""The particle filter beside `particles`, on the same model with the same scheme in one run: time, and what both end
+at.
 
     python benchmarks/smc.py [--runs 5]        in an environment made from benchmarks/peers.txt
 
-The model is the published one: ten static coefficients, five filtered force balances at 100 Hz, 100 s of the reference record, loads known.
-Both filters begin at the Kalman posterior of the second before, resample systematically where the effective sample size falls below half,
-and draw anew from Liu and West's kernel (a custom transition of `particles`, which has none; ours takes the error of that draw's
-mean and covariance out, which is a part of what is timed). Both give means and variances after each sample; `particles` is timed without, too.
-The peer works on NumPy arrays with one matrix product per sample, and once more with the distributions of its manual. What is timed is processor time, so that a busy machine is busy for all; the
-least of several runs counts. Errors are those against the Kalman filter, in its standard deviations, over seeds.
+The model is the published one: ten static coefficients, five filtered force balances at 100 Hz, 100 s of the reference
+record, loads known. Both filters begin at the Kalman posterior of the second before, resample systematically where the
+effective sample size falls below half, and draw anew from Liu and West's kernel (a custom transition of `particles`,
+which has none; ours takes the error of that draw's mean and covariance out, which is a part of what is timed). Both
+give means and variances after each sample; `particles` is timed without, too. The peer works on NumPy arrays with one
+matrix product per sample, and once more with the distributions of its manual. What is timed is processor time, so that
+a busy machine is busy for all; the least of several runs counts. Errors are those against the Kalman filter, in its
+standard deviations, over seeds.
 """
 
 import argparse

@@ -2,10 +2,11 @@
 
     python benchmarks/speed.py       (make bench)
 
-The record is 100 s at 100 Hz of the scale model, five accelerometers, some readings missing. `reference.c` is compiled with gcc, where there is
-one, for the model's sizes; its equations of motion are windsysid's own, translated. The results of both are compared before anything is
-timed. Filters run in turns on one core and are charged for processor time, so that a busy machine is busy for all; of each the least
-of many runs counts. Searches for the mode use the library's own threads, and are charged for what the clock shows.
+The record is 100 s at 100 Hz of the scale model, five accelerometers, some readings missing. `reference.c` is compiled
+with gcc, where there is one, for the model's sizes; its equations of motion are windsysid's own, translated. The
+results of both are compared before anything is timed. Filters run in turns on one core and are charged for processor
+time, so that a busy machine is busy for all; of each the least of many runs counts. Searches for the mode use the
+library's own threads, and are charged for what the clock shows.
 """
 
 import ast
@@ -75,7 +76,10 @@ def surroundings() -> Iterable[str]:
     compiler = _said("gcc", "-dumpfullversion")
     yield f"Python {platform.python_version()}, {versions}, gcc {compiler or 'missing'}"
     changed = ", with changes" if _said("git", "status", "--porcelain", "--untracked-files=no") else ""
-    yield f"windsysid {metadata.version('windsysid')}, commit {_said('git', 'rev-parse', '--short', 'HEAD') or 'unknown'}{changed}"
+    yield (
+        f"windsysid {metadata.version('windsysid')}, commit"
+        f" {_said('git', 'rev-parse', '--short', 'HEAD') or 'unknown'}{changed}"
+    )
 
 
 def _said(*command: str) -> str:
@@ -159,7 +163,8 @@ def searches(problem: Problem, readings: Array) -> Table:
             begun = time.perf_counter()
             start, start_cov = problem.start(problem.inputs, readings)
             mode = posterior_mode(
-                lambda unknowns: problem.build(np.concatenate([unknowns, given])[: len(mean)]), problem.inputs, readings,
+                lambda unknowns: problem.build(np.concatenate([unknowns, given])[: len(mean)]),
+                problem.inputs, readings,
                 prior_mean=mean[:n], prior_cov=cov[:n, :n], start=start[:n], start_cov=start_cov[:n, :n],
             )  # fmt: skip
             least = min(least, time.perf_counter() - begun)
@@ -174,12 +179,14 @@ class Reference:
         blocks, self.model = model.blocks, model
         diagonal = [np.diag(np.diag(matrix)) for matrix in (blocks.load_transition[0], blocks.load_noise[0])]
         fits = (
-            len(blocks.step) == 1 and np.array_equal(blocks.load_output, np.eye(blocks.sizes[1])[None]) and blocks.sizes[2] == 0
+            len(blocks.step) == 1 and np.array_equal(blocks.load_output,
+            np.eye(blocks.sizes[1])[None]) and blocks.sizes[2] == 0
             and np.array_equal(diagonal, [blocks.load_transition[0], blocks.load_noise[0]]) and not blocks.walk.any()
         )  # fmt: skip
         if not fits:
             raise ValueError(
-                "reference.c expects one interval, one first-order load on each degree of freedom, no biases and no walks"
+                "reference.c expects one interval, one first-order load on each degree of freedom, no biases and no"
+                " walks"
             )
         library.with_suffix(".d").mkdir()
         (library.with_suffix(".d") / "model.h").write_text(header(model.compiled.module), encoding="utf-8")
@@ -201,7 +208,8 @@ class Reference:
         subprocess.run(["gcc", "-shared", library.with_suffix(".o"), "-o", library, "-lm"], check=True)
         self._run = ctypes.CDLL(str(library)).run
         self._arrays = [
-            blocks.p, blocks.chosen, blocks.reference, blocks.logarithmic, *(np.diag(matrix).copy() for matrix in diagonal), blocks.noise,
+            blocks.p, blocks.chosen, blocks.reference, blocks.logarithmic,
+            *(np.diag(matrix).copy() for matrix in diagonal), blocks.noise,
         ]  # fmt: skip
         self._numbers = _Model(blocks.step[0], *(array.ctypes.data for array in self._arrays))
 

@@ -1,18 +1,23 @@
-"""Frequencies of tower and blades under wind, window by window: pyOMA-2's stochastic subspace identification beside windsysid.
+"""Frequencies of tower and blades under wind, window by window: pyOMA-2's stochastic subspace identification beside
+windsysid.
 
     PYTHONPATH=. python benchmarks/subspace.py --openfast FOLDER      in an environment made from benchmarks/peers.txt
 
-Both read the same sensors of two OpenFAST records (`validation.field`): the tower-top accelerometer, an accelerometer at each blade's tip, and the azimuth. For the
-subspace method each blade's 1P line, which is gravity, is taken out by least squares, and the blades go into multi-blade coordinates, in which the whirling modes stand still:
+Both read the same sensors of two OpenFAST records (`validation.field`): the tower-top accelerometer, an accelerometer
+at each blade's tip, and the azimuth. For the subspace method each blade's 1P line, which is gravity, is taken out by
+least squares, and the blades go into multi-blade coordinates, in which the whirling modes stand still:
 
     a_0 = ⅓ Σ a_i,      a_c = ⅔ Σ a_i cos ψ_i,      a_s = ⅔ Σ a_i sin ψ_i.
 
-It is given every advantage. Rates, block rows, orders and variants are tried (`SETTINGS`), and the setting with the least error, the truth being known, is the one that is shown, for each length
-of window anew. The limits on the complexity of a mode shape, which would throw out both whirls, are off. Of a mode are taken the poles that its stabilisation diagram calls
-stable, of each order the one nearest to the truth within `REACH`, and of those the median over the orders.
+It is given every advantage. Rates, block rows, orders and variants are tried (`SETTINGS`), and the setting with the
+least error, the truth being known, is the one that is shown, for each length of window anew. The limits on the
+complexity of a mode shape, which would throw out both whirls, are off. Of a mode are taken the poles that its
+stabilisation diagram calls stable, of each order the one nearest to the truth within `REACH`, and of those the median
+over the orders.
 
-windsysid is what `validation.field` has it: packaged turbine files and priors up to 1.5 times off, `tower` for the tower, the rotor's file for the blades, which
-takes minutes for a window. Windows are disjoint, from 60 s to 600 s. Identifications in the output folder are used again, those of the field study among them.
+windsysid is what `validation.field` has it: packaged turbine files and priors up to 1.5 times off, `tower` for the
+tower, the rotor's file for the blades, which takes minutes for a window. Windows are disjoint, from 60 s to 600 s.
+Identifications in the output folder are used again, those of the field study among them.
 """
 
 import argparse
@@ -85,10 +90,13 @@ def windows(length: float) -> list[Window]:
 
 
 def multi_blade(blades: Array, azimuth: Array) -> Array:
-    """Collective, cosine and sine coordinate (T, 3) of the readings of three blades (T, 3), blade 1 at the azimuth (T,) [rad]."""
+    """Collective, cosine and sine coordinate (T, 3) of three blades' readings (T, 3); blade 1 is at the azimuth (T,)
+    [rad].
+    """
     angle = azimuth[:, None] + 2.0 * np.pi * np.arange(3) / 3.0
     return np.column_stack(
-        [blades.mean(axis=1), 2.0 / 3.0 * (blades * np.cos(angle)).sum(axis=1), 2.0 / 3.0 * (blades * np.sin(angle)).sum(axis=1)]
+        [blades.mean(axis=1), 2.0 / 3.0 * (blades * np.cos(angle)).sum(axis=1),
+        2.0 / 3.0 * (blades * np.sin(angle)).sum(axis=1)]
     )  # fmt: skip
 
 

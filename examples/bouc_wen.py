@@ -1,9 +1,10 @@
-"""A mass on a hysteretic spring (Bouc–Wen) on shaking ground: stiffness, damping and the shape of its loops from one accelerometer.
+"""A mass on a hysteretic spring (Bouc–Wen) on shaking ground: stiffness, damping and the shape of its loops from one
+accelerometer.
 
 Run:  python examples/bouc_wen.py [FILE]
 
-FILE holds the ground acceleration: time [s] and acceleration [g], El Centro for instance. Without it the ground is made up.
-Source: Wu & Smyth 2007, https://doi.org/10.1002/stc.186.
+FILE holds the ground acceleration: time [s] and acceleration [g], El Centro for instance. Without it the ground is made
+up. Source: Wu & Smyth 2007, https://doi.org/10.1002/stc.186.
 """
 
 import sys

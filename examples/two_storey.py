@@ -2,8 +2,8 @@
 
 Run:  python examples/two_storey.py [FILE]
 
-FILE holds the ground acceleration: time [s] and acceleration [g], El Centro for instance. Without it the ground is made up.
-Frames of this kind: Yang et al. 2006, https://doi.org/10.1002/stc.84.
+FILE holds the ground acceleration: time [s] and acceleration [g], El Centro for instance. Without it the ground is made
+up. Frames of this kind: Yang et al. 2006, https://doi.org/10.1002/stc.84.
 """
 
 import sys

@@ -26,7 +26,10 @@ def test_importing_the_package_loads_nothing_heavy():
 
 
 def test_importing_the_command_line_loads_no_numerics():
-    code = "import sys, windsysid.cli; print(sorted({'numba', 'sympy', 'scipy', 'pandas', 'xarray', 'matplotlib'} & set(sys.modules)))"
+    code = (
+        "import sys, windsysid.cli; print(sorted({'numba', 'sympy', 'scipy', 'pandas', 'xarray', 'matplotlib'} &"
+        " set(sys.modules)))"
+    )
     assert in_a_new_process(code) == "[]"
 
 

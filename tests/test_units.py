@@ -50,11 +50,15 @@ PI = Fraction(3141592653589793238462643383279502884197, 10**39)
 DEGREE = PI / 180  # SI brochure, 9th edition, table 8
 G = Fraction(980665, 100000)  # m/s², exact: 3rd CGPM (1901)
 
-# Written from the SI brochure (BIPM, 9th edition): prefixes of table 7, units of tables 4 and 8, and no factor of the package.
+# Written from the SI brochure (BIPM, 9th edition): prefixes of table 7, units of tables 4 and 8, and no factor of the
+# package.
 BROCHURE: dict[str, tuple[str, Fraction | int]] = {
-    "1": ("1", 1), "-": ("1", 1), "": ("1", 1), "%": ("1", Fraction(1, 100)), "V/V": ("1", 1), "mV/V": ("1", Fraction(1, 1000)),
-    "strain": ("1", 1), "microstrain": ("1", Fraction(1, 10**6)), "ue": ("1", Fraction(1, 10**6)), "µε": ("1", Fraction(1, 10**6)),
-    "s": ("s", 1), "µs": ("s", Fraction(1, 10**6)), "ms": ("s", Fraction(1, 1000)), "min": ("s", 60), "h": ("s", 60 * 60),
+    "1": ("1", 1), "-": ("1", 1), "": ("1", 1), "%": ("1", Fraction(1, 100)), "V/V": ("1", 1),
+    "mV/V": ("1", Fraction(1, 1000)),
+    "strain": ("1", 1), "microstrain": ("1", Fraction(1, 10**6)), "ue": ("1", Fraction(1, 10**6)),
+    "µε": ("1", Fraction(1, 10**6)),
+    "s": ("s", 1), "µs": ("s", Fraction(1, 10**6)), "ms": ("s", Fraction(1, 1000)), "min": ("s", 60),
+    "h": ("s", 60 * 60),
     "d": ("s", 24 * 60 * 60),
     "m": ("m", 1), "mm": ("m", Fraction(1, 1000)), "cm": ("m", Fraction(1, 100)), "km": ("m", 1000),
     "m/s": ("m/s", 1), "mm/s": ("m/s", Fraction(1, 1000)), "km/h": ("m/s", Fraction(1000, 3600)),
@@ -70,7 +74,8 @@ BROCHURE: dict[str, tuple[str, Fraction | int]] = {
     "N*m/rad": ("N*m/rad", 1), "kN*m/rad": ("N*m/rad", 1000),
     "N*s": ("N*s", 1), "N*m*s/rad": ("N*m*s/rad", 1), "kN*m*s/rad": ("N*m*s/rad", 1000),
     "W": ("W", 1), "kW": ("W", 1000), "MW": ("W", 10**6), "degC": ("degC", 1),
-    "Pa": ("Pa", 1), "hPa": ("Pa", 100), "mbar": ("Pa", 100), "kPa": ("Pa", 1000), "MPa": ("Pa", 10**6), "bar": ("Pa", 10**5),
+    "Pa": ("Pa", 1), "hPa": ("Pa", 100), "mbar": ("Pa", 100), "kPa": ("Pa", 1000), "MPa": ("Pa", 10**6),
+    "bar": ("Pa", 10**5),
     "V": ("V", 1), "mV": ("V", Fraction(1, 1000)), "A": ("A", 1), "mA": ("A", Fraction(1, 1000)),
 }  # fmt: skip
 
@@ -97,9 +102,12 @@ def test_every_ending_of_a_name_is_the_unit_that_it_spells(ending: str, unit: st
 @pytest.mark.parametrize(
     ("name", "unit"),
     [
-        ("k_x", "N/m"), ("k_y", "N/m"), ("k_side_side", "N/m"), ("k_fore_aft", "N/m"), ("k_beta_1", "N*m/rad"), ("k_roll", "N*m/rad"),
-        ("c_x", "N*s/m"), ("c_y", "N*s/m"), ("c_side_side", "N*s/m"), ("c_fore_aft", "N*s/m"), ("c_beta_2", "N*m*s/rad"),
-        ("mass_x", "kg"), ("hub_mass", "kg"), ("blade_mass", "kg"), ("blade_first_moment", "kg*m"), ("blade_inertia", "kg*m^2"),
+        ("k_x", "N/m"), ("k_y", "N/m"), ("k_side_side", "N/m"), ("k_fore_aft", "N/m"), ("k_beta_1", "N*m/rad"),
+        ("k_roll", "N*m/rad"),
+        ("c_x", "N*s/m"), ("c_y", "N*s/m"), ("c_side_side", "N*s/m"), ("c_fore_aft", "N*s/m"),
+        ("c_beta_2", "N*m*s/rad"),
+        ("mass_x", "kg"), ("hub_mass", "kg"), ("blade_mass", "kg"), ("blade_first_moment", "kg*m"),
+        ("blade_inertia", "kg*m^2"),
     ],
 )  # fmt: skip
 def test_a_parameter_has_the_unit_of_its_equation(name: str, unit: str):

@@ -1,15 +1,20 @@
 """Benchmarks of structural identification that others designed, through the interface that users have.
 
-- **Bouc–Wen**: a mass on a hysteretic spring, m ẍ + c ẋ + k z = −m a_g with ż = ẋ − β |ẋ| |z|ⁿ⁻¹ z − γ ẋ |z|ⁿ. m = 1, k = 9, c = 0.3, β = 2, γ = 1, n = 2;
+- **Bouc–Wen**: a mass on a hysteretic spring, m ẍ + c ẋ + k z = −m a_g with ż = ẋ − β |ẋ| |z|ⁿ⁻¹ z − γ ẋ |z|ⁿ. m = 1, k
+= 9, c = 0.3, β = 2, γ = 1, n = 2;
   k, c, β, γ and n are identified. Wu & Smyth, Struct. Control Health Monit. 14, 2007, https://doi.org/10.1002/stc.186.
-- **Two-storey shear frame**: m₁ = m₂ = 1, k = 12 and 10, c = 0.6 and 0.5; the ks and cs are identified. The linear companion; frames of this kind are
+- **Two-storey shear frame**: m₁ = m₂ = 1, k = 12 and 10, c = 0.6 and 0.5; the ks and cs are identified. The linear
+companion; frames of this kind are
   tracked in Yang et al., Struct. Control Health Monit. 13, 2006, https://doi.org/10.1002/stc.84.
 
-The ground moves as at El Centro, 1940, N–S, linear between samples; absolute accelerations are recorded with 5 % noise; k starts at 2 to 5, c at 0.2. Public code
-for both problems, from which the other starts are: https://github.com/sejaramillomo/Implementation-of-some-Bayesian-Filters-for-structural-system-identification.
-It scales the ground to a peak of 5 g for the hysteretic spring, which leaves no doubt of its loops; as recorded (0.35 g) they are thin. Both are run.
+The ground moves as at El Centro, 1940, N–S, linear between samples; absolute accelerations are recorded with 5 % noise;
+k starts at 2 to 5, c at 0.2. Public code for both problems, from which the other starts are:
+https://github.com/sejaramillomo/Implementation-of-some-Bayesian-Filters-for-structural-system-identification. It scales
+the ground to a peak of 5 g for the hysteretic spring, which leaves no doubt of its loops; as recorded (0.35 g) they are
+thin. Both are run.
 
-``python -m validation.benchmarks --ground FILE --output DIR`` prints the tables and writes the figures. El Centro is not part of windsysid.
+``python -m validation.benchmarks --ground FILE --output DIR`` prints the tables and writes the figures. El Centro is
+not part of windsysid.
 """
 
 import argparse

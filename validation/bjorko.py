@@ -1,15 +1,20 @@
-"""Pull and release of a real tower: frequency and damping with bands from one strain channel at 10 Hz, beside a plain damped cosine.
+"""Pull and release of a real tower: frequency and damping with bands from one strain channel at 10 Hz, beside a plain
+damped cosine.
 
-A rope pulled the 30 m wooden tower of the 45 kW turbine at Björkö and let it go. Strain at the base is proportional to the top's displacement in the first mode, so that
+A rope pulled the 30 m wooden tower of the 45 kW turbine at Björkö and let it go. Strain at the base is proportional to
+the top's displacement in the first mode, so that
 
     s̈ + 2 ζ ω ṡ + ω² s = f,    ω = 2π × frequency_hz,
 
-with f a broadband load of unknown level (the wind did not pause) and a reading s + s₂ + offset + noise, offset and noise unknown too. s₂ is a second mode of the same
-form, with a load of its own: the record shows one between 4 and 5 Hz, which may be the alias of a higher one, and with the first mode alone the result is not trusted.
-The equations run at 40 Hz, where the fourth-order Runge–Kutta method damps the first mode by 10⁻⁶ of the critical; the three samples in four that were not taken are missing
-data. Beside it, `scipy.optimize.curve_fit` fits a e^(−ζωt) cos(ω√(1−ζ²) t + φ) + offset to the same samples; its bands take what is left for white noise.
+with f a broadband load of unknown level (the wind did not pause) and a reading s + s₂ + offset + noise, offset and
+noise unknown too. s₂ is a second mode of the same form, with a load of its own: the record shows one between 4 and 5
+Hz, which may be the alias of a higher one, and with the first mode alone the result is not trusted. The equations run
+at 40 Hz, where the fourth-order Runge–Kutta method damps the first mode by 10⁻⁶ of the critical; the three samples in
+four that were not taken are missing data. Beside it, `scipy.optimize.curve_fit` fits a e^(−ζωt) cos(ω√(1−ζ²) t + φ) +
+offset to the same samples; its bands take what is left for white noise.
 
-``python -m validation.bjorko --data FILE`` prints the table. Source of the record: Fogelström et al. 2023, Zenodo record 8230330. It is not part of windsysid.
+``python -m validation.bjorko --data FILE`` prints the table. Source of the record: Fogelström et al. 2023, Zenodo
+record 8230330. It is not part of windsysid.
 """
 
 import argparse
@@ -138,7 +143,8 @@ def damped_cosine(record: Record) -> tuple[Band, Band]:
 def decay(
     frequency: float, ratio: float, *, load: float, noise: float, seconds: float, rate: float, seed: int
 ) -> Record:
-    """A simulated record of the same kind: release from 10, broadband load of that rms relative to ω² × 10, white noise.
+    """A simulated record of the same kind: release from 10, broadband load of that rms relative to ω² × 10, white
+    noise.
 
     Exact for a load that is constant between its samples, 20 to each of the record's.
     """
@@ -162,7 +168,7 @@ def decay(
 
 
 def coverage(runs: int = RUNS) -> dict[str, tuple[int, int]]:
-    """In how many simulated decays like the measured one the bands of frequency and damping ratio hold the truth, by method."""
+    """How many simulated decays have bands of frequency and damping ratio that hold the truth, by method."""
     held = {"windsysid": [0, 0], "damped cosine": [0, 0]}
     for seed in range(runs):
         record = decay(*TRUTH, load=0.05, noise=0.02, seconds=28.0, rate=10.0, seed=seed)

@@ -1,10 +1,11 @@
-"""Are the bands true? Monte Carlo: how often ±2σ holds the truth, and how far the errors are from the least that is possible.
+"""Are the bands true? Monte Carlo: how often ±2σ holds the truth, and how far the errors are from the least that is
+possible.
 
-Every run simulates a record of the scale model, draws priors 30 % off, and identifies it as a user would: nobody tells the statistics of
-loads and noise. ``python -m validation.calibration [--scenario NAME] [--runs N]`` prints the table.
+Every run simulates a record of the scale model, draws priors 30 % off, and identifies it as a user would: nobody tells
+the statistics of loads and noise. ``python -m validation.calibration [--scenario NAME] [--runs N]`` prints the table.
 
-Beside the errors stands the Bayesian Cramér–Rao bound (van Trees 1968, ch. 2.4): the inverse of the expected Fisher information of
-coefficients and statistics together, at the truth, plus the prior's.
+Beside the errors stands the Bayesian Cramér–Rao bound (van Trees 1968, ch. 2.4): the inverse of the expected Fisher
+information of coefficients and statistics together, at the truth, plus the prior's.
 """
 
 import argparse
@@ -71,7 +72,8 @@ class Run(NamedTuple):
     deviation
         (estimate − truth) / σ of the result, and of the on-line estimate at `ONLINE` (1 + 2, n).
     error
-        The same, not divided: relative error of stiffness, difference over 2√(km) of damping, as the filter's coordinates have them.
+        The same, not divided: relative error of stiffness, difference over 2√(km) of damping, as the filter's
+        coordinates have them.
     relative
         Relative errors (1 + 2, n).
     """
@@ -125,7 +127,7 @@ def quieter(turbine: Turbine, loads: float, noise: float) -> Turbine:
 
 @lru_cache(maxsize=1)
 def scenarios() -> dict[str, Scenario]:
-    """``reference``, and ``free-decay``: very informative, loads twenty and noise ten times weaker than the file says."""
+    """``reference``; and ``free-decay``, very informative: loads twenty and noise ten times weaker than the file's."""
     turbine = load_turbine("verne555")
     return {
         "reference": Scenario(stationary, turbine),
@@ -224,7 +226,8 @@ def main() -> None:
         table.add_row("all", *pooled, end_section=True)
         print(render(table))
     print(
-        f"A single coefficient is held in {100 * low:.1f} … {100 * high:.1f} % by true bands, 999 times of 1000 (! marks what is not)."
+        f"A single coefficient is held in {100 * low:.1f} … {100 * high:.1f} % by true bands, 999 times of 1000 (!"
+        " marks what is not)."
     )
 
 

@@ -1,17 +1,21 @@
 """Is `windsysid compare` right? False alarms, detections and bands, on pairs of simulated records that share nothing.
 
-Every seed is four records of the packaged tower, each with loads and noise of its own: A, and B of the same turbine; a third whose two damping coefficients are halved, and a
-fourth whose are doubled. Each is identified as a user would, with statistics of loads and noise learned, and A compared with the other three. For every other seed the
-two sides have priors that were moved apart. Side-side damping (0.6 % of critical) is hardly told by so short a record, fore-aft damping (12 %) is, and stiffness always.
+Every seed is four records of the packaged tower, each with loads and noise of its own: A, and B of the same turbine; a
+third whose two damping coefficients are halved, and a fourth whose are doubled. Each is identified as a user would,
+with statistics of loads and noise learned, and A compared with the other three. For every other seed the two sides have
+priors that were moved apart. Side-side damping (0.6 % of critical) is hardly told by so short a record, fore-aft
+damping (12 %) is, and stiffness always.
 
-Odds are a ratio of two probabilities of the data, so that without a change they exceed x : 1 in no more than one case of x, whatever the truth
-(Markov's inequality: their mean without a change is 1). That is the promise to be kept: no more than 1 % of coefficients beyond 100 : 1, and 10 % beyond 10 : 1.
+Odds are a ratio of two probabilities of the data, so that without a change they exceed x : 1 in no more than one case
+of x, whatever the truth (Markov's inequality: their mean without a change is 1). That is the promise to be kept: no
+more than 1 % of coefficients beyond 100 : 1, and 10 % beyond 10 : 1.
 
     python -m validation.comparison --pairs 500
 
-takes about a third of a second a record on an idle machine. Results are kept in ``--cache`` by seed, so that a run that was stopped goes on where it was. ``--reuse 5``
-compares each A with the others of five seeds, its own and the next ones: five times as many pairs, which are not independent of each other, though the two sides of each pair are. Standard errors are those of the
-number of seeds.
+takes about a third of a second a record on an idle machine. Results are kept in ``--cache`` by seed, so that a run that
+was stopped goes on where it was. ``--reuse 5`` compares each A with the others of five seeds, its own and the next
+ones: five times as many pairs, which are not independent of each other, though the two sides of each pair are. Standard
+errors are those of the number of seeds.
 """
 
 import argparse
@@ -43,11 +47,11 @@ PRIORS = (Prior(), Prior(stiffness=1.3, damping=0.5), Prior(stiffness=0.8, dampi
 """Of an unmoved result, and of the two sides of every other pair."""
 
 INFORMED = 0.5
-"""Share of the information from the data, in the less informed of the two results, from which a coefficient counts as informed."""
+"""Least share of the information from the data, in the less informed result, that makes a coefficient informed."""
 
 
 def tower() -> Turbine:
-    """The packaged tower with fore-aft damping of 12 %, and without its blade-passing lines, which take most of the time."""
+    """The packaged tower with 12 % fore-aft damping and without blade-passing lines, which take most of the time."""
     turbine = load_turbine("tower")
     turbine = replace(turbine, loads=tuple(load for load in turbine.loads if not load.harmonic))
     return turbine.with_values({"c_fore_aft": 2.0 * turbine.values["c_fore_aft"]})
@@ -107,7 +111,7 @@ def outcomes_of(before: Posterior, others: Sequence[Posterior], apart: bool) -> 
 
 
 def _share(result: Posterior, name: str) -> float:
-    """Share of what is known that comes from the data and not from the prior, as `windsysid.results.identification.Estimate` has it."""
+    """Share of the knowledge that comes from the data, as `windsysid.results.identification.Estimate` has it."""
     i = [q.name for q in result.parameters].index(name)
     return 1.0 - float(result.cov[i, i]) / result.parameters[i].prior[1] ** 2
 
@@ -134,8 +138,10 @@ def tables(outcomes: Sequence[Outcome], seeds: int, reuse: int) -> list[Any]:
     for label, group in _groups(still):
         beyond = [sum(o.change.log_odds > math.log(odds) for o in group) for odds in (100.0, 10.0)]
         alarms.add_row(
-            label, str(len(group)), str(beyond[0]), f"≤ {len(group) / 100.0:.3g}", str(beyond[1]), f"≤ {len(group) / 10.0:.3g}",
-            f"{_percent(sum(o.held for o in group), len(group), reuse)}", f"{sum(_z(o) ** 2 for o in group) / len(group):.2f}",
+            label, str(len(group)), str(beyond[0]), f"≤ {len(group) / 100.0:.3g}", str(beyond[1]),
+            f"≤ {len(group) / 10.0:.3g}",
+            f"{_percent(sum(o.held for o in group), len(group), reuse)}",
+            f"{sum(_z(o) ** 2 for o in group) / len(group):.2f}",
         )  # fmt: skip
     moved = Table(title=f"{made}, both damping coefficients moved", title_justify="left")
     for heading in ("", "compared", "beyond 100 : 1", "beyond 10 : 1", "truth in ±2σ", "median band B/A", "endless"):

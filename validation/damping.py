@@ -1,11 +1,14 @@
 """Is the structure's damping told from the air's? Records with known parts, simulated, identified and separated.
 
-A tower top moves with the damping of its structure, 0.6 % of critical either way, and that of the NREL 5 MW rotor's air, in sets of records ("campaigns") of several rotor speeds and
-winds. The air's part side-side is the mean of C in steady wind (`windsysid.simulation.wind.blades`), no straight line in Ω and V; fore-aft it is that of attached lift, N Σ ½ ρ c C_lα Ω r Δr (Burton
-et al., Wind Energy Handbook). A parked rotor's blades are feathered. In the campaign "a stop" both parts come from one record in which the rotor stops, its section found by `windsysid.inspection`.
+A tower top moves with the damping of its structure, 0.6 % of critical either way, and that of the NREL 5 MW rotor's
+air, in sets of records ("campaigns") of several rotor speeds and winds. The air's part side-side is the mean of C in
+steady wind (`windsysid.simulation.wind.blades`), no straight line in Ω and V; fore-aft it is that of attached lift, N Σ
+½ ρ c C_lα Ω r Δr (Burton et al., Wind Energy Handbook). A parked rotor's blades are feathered. In the campaign "a stop"
+both parts come from one record in which the rotor stops, its section found by `windsysid.inspection`.
 
-With ``--wind N`` the scale model stands N times in simulated turbulent wind with its aerodynamic feedback, parked and running, where the truth is the mean of C on its diagonal.
-``python -m validation.damping [--runs N] [--wind N]`` prints the tables; ``--stop FILE`` writes a record with a stop.
+With ``--wind N`` the scale model stands N times in simulated turbulent wind with its aerodynamic feedback, parked and
+running, where the truth is the mean of C on its diagonal. ``python -m validation.damping [--runs N] [--wind N]`` prints
+the tables; ``--stop FILE`` writes a record with a stop.
 """
 
 import argparse
@@ -114,7 +117,10 @@ def structure() -> Turbine:
 
 @lru_cache(maxsize=64)
 def air_of_the_tower(rotor_speed: float, wind_speed: float) -> dict[str, float]:
-    """Aerodynamic damping of the tower top under the NREL 5 MW rotor [N·s/m] at Ω [rad/s] and V [m/s], feathered where it is parked."""
+    """Aerodynamic damping of the tower top under the NREL 5 MW rotor [N·s/m].
+
+    At Ω [rad/s] and V [m/s]; the blades are feathered where it is parked.
+    """
     rotor, (_, blade) = load_turbine("nrel5mw"), packaged_wind("nrel5mw")
     if rotor_speed == 0.0:
         blade = replace(blade, pitch_deg=90.0, induction=0.0)
@@ -195,7 +201,7 @@ def _state(index: int, rpm: float, wind: str) -> str:
 
 
 def stop_record(seed: int) -> Record:
-    """The tower's record of a running rotor that is stopped: blades feather in `FEATHERS_IN`, the rotor stands after `STOPS_IN`."""
+    """The tower's record of a stop: blades feather within `FEATHERS_IN`, the rotor stands after `STOPS_IN`."""
     turbine, rng = structure(), np.random.default_rng(seed)
     model = compile_model(turbine.model, turbine.sensors)
     time = np.arange(round((STOPS_AT + PARKED_FOR) * RATE)) / RATE

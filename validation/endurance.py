@@ -1,7 +1,7 @@
 """A day of vibration through the on-line estimate: time, memory, and what is known at its end.
 
-``python -m validation.endurance [--hours 24]`` simulates the reference scenario at 100 Hz piece by piece, never held as a whole,
-and identifies it as it comes. With ``--checkpoint FILE`` it can be interrupted and goes on when started again.
+``python -m validation.endurance [--hours 24]`` simulates the reference scenario at 100 Hz piece by piece, never held as
+a whole, and identifies it as it comes. With ``--checkpoint FILE`` it can be interrupted and goes on when started again.
 """
 
 import argparse

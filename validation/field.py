@@ -1,15 +1,17 @@
-"""Somebody else's physics: identified from three records of an aeroelastic simulation, beside the truth, the bound, and what was asked for.
+"""Somebody else's physics: identified from three records of an aeroelastic simulation, beside the truth, the bound, and
+what was asked for.
 
-OpenFAST's NREL 5 MW turbine has flexible blades and tower, tilt, cone and aerodynamics that no model here has. Three records of it are identified as a user would,
-from accelerometers and the azimuth: ``a2``, a free decay; ``c2``, turbulent wind of 12 m/s; ``d1``, the same wind on a tower whose elastic stiffness is 0.90 of the other's.
-The turbine file must not be its own answer: priors are centred up to 1.5 times off, uniformly in the logarithm (`LogUniformPrior`), with several seeds, and the share of the information
-that came from the data stands beside every estimate.
+OpenFAST's NREL 5 MW turbine has flexible blades and tower, tilt, cone and aerodynamics that no model here has. Three
+records of it are identified as a user would, from accelerometers and the azimuth: ``a2``, a free decay; ``c2``,
+turbulent wind of 12 m/s; ``d1``, the same wind on a tower whose elastic stiffness is 0.90 of the other's. The turbine
+file must not be its own answer: priors are centred up to 1.5 times off, uniformly in the logarithm (`LogUniformPrior`),
+with several seeds, and the share of the information that came from the data stands beside every estimate.
 
-Least standard deviations of a mode that a broadband load of unknown level drives for T seconds: σ_f/f = √(ζ/(ωT)), σ_ζ/ζ = 1/√(ζωT), and σ_k/k = 2 σ_f/f
-for the stiffness behind it.
+Least standard deviations of a mode that a broadband load of unknown level drives for T seconds: σ_f/f = √(ζ/(ωT)),
+σ_ζ/ζ = 1/√(ζωT), and σ_k/k = 2 σ_f/f for the stiffness behind it.
 
-``python -m validation.field --openfast FOLDER [--output DIR]`` prints the table, and writes it with every number and a figure; results that DIR holds already are taken from there.
-The records are not part of windsysid.
+``python -m validation.field --openfast FOLDER [--output DIR]`` prints the table, and writes it with every number and a
+figure; results that DIR holds already are taken from there. The records are not part of windsysid.
 """
 
 import argparse
@@ -60,7 +62,7 @@ FACTOR = 1.5
 """How far off priors are centred at most."""
 
 AIR = 1.0
-"""Relative standard deviation of damping that the prior is given under wind, where the file knows of the structure's alone."""
+"""Relative prior standard deviation of damping under wind; the file knows the structure's damping alone."""
 
 NOISE = 1.0
 """[%] Added to the accelerometers of a2, of the standard deviation of each."""
@@ -94,18 +96,20 @@ TRUTH: Mapping[str, Mapping[str, float]] = {
         "lag backward": 0.8907, "lag collective": 1.0323, "lag forward": 1.2988,
     },
 }  # fmt: skip
-"""From the simulator's input and linearisation, blades at the tip, frequencies in Hz; the damping under wind from a decay in steady wind of 12 m/s. Those of d1 are linearised with its
-own tower: a softer tower takes the collective mode down, too, because the tower's top rolls."""
+"""From the simulator's input and linearisation, blades at the tip, frequencies in Hz; the damping under wind from a
+decay in steady wind of 12 m/s. Those of d1 are linearised with its own tower: a softer tower takes the collective mode
+down, too, because the tower's top rolls."""
 
 LAGS = ("lag backward", "lag collective", "lag forward")
 
 
 @dataclass(frozen=True)
 class LogUniformPrior(Prior):
-    """Priors whose centres are drawn anew for each seed, uniformly between the reference ÷ and × `FACTOR` in the logarithm.
+    """Priors whose centres are drawn anew for each seed, uniformly between the reference ÷ and × `FACTOR` in the
+    logarithm.
 
-    The declared standard deviation is that of the same distribution: ln F/√3 for what is identified in logarithms; for damping that of the reference over the centre less one,
-    E(e^u − 1)² = sinh(2a)/2a − 2 sinh(a)/a + 1 with a = ln F.
+    The declared standard deviation is that of the same distribution: ln F/√3 for what is identified in logarithms; for
+    damping that of the reference over the centre less one, E(e^u − 1)² = sinh(2a)/2a − 2 sinh(a)/a + 1 with a = ln F.
 
     Attributes
     ----------
@@ -158,7 +162,7 @@ class Case(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A quantity as one identification found it: estimate, standard deviation, share of the information from the data."""
+    """A quantity as one identification found it: estimate, standard deviation, share of information from data."""
 
     estimate: float
     std: float
@@ -265,12 +269,13 @@ HEADINGS = (
 
 
 def frequency_bound(frequency: float, ratio: float, seconds: float) -> float:
-    """Least σ_f/f of a mode [Hz, 1] that a broadband load of unknown level drives for so long [s]; that of ζ is 1/ζ of it."""
+    """Least σ_f/f of a mode [Hz, 1] under a broadband load of unknown level for so long [s]; σ_ζ/ζ is 1/ζ of it."""
     return math.sqrt(ratio / (2.0 * math.pi * frequency * seconds))
 
 
 def judge(
-    record: str, model: str, quantity: str, unit: str, truth: float | None, found: Sequence[Found], bound: float | None, target: Target
+    record: str, model: str, quantity: str, unit: str, truth: float | None, found: Sequence[Found], bound: float | None,
+    target: Target
 ) -> Row:  # fmt: skip
     """A row of the table: a part of the target is missed where any of the seeds misses it."""
     missed = []
@@ -407,16 +412,41 @@ def wind_rows(record: str, turbine: str, found: Sequence[Result]) -> list[Row]:
     ratio = truth.get("tower damping", max(float(np.mean([v.estimate for v in ratios])), 1e-6))
     bound = frequency_bound(truth["tower"], ratio, seconds)
     rows = [
-        judge(record, turbine, "tower, frequency", "Hz", truth["tower"], _of_mode(found, name, "frequency_hz"), bound, Target(0.005, HELD, WIDEST)),
-        judge(record, turbine, "tower, damping ratio", "", truth.get("tower damping"), ratios, bound / ratio, Target(None, HELD, WIDEST)),
+        judge(record, turbine, "tower, frequency", "Hz", truth["tower"], _of_mode(found, name, "frequency_hz"), bound,
+        Target(0.005, HELD, WIDEST)),
+        judge(record, turbine, "tower, damping ratio", "", truth.get("tower damping"), ratios, bound / ratio,
+        Target(None, HELD, WIDEST)),
     ]  # fmt: skip
     if turbine == TOWER:
         return rows
-    rows.append(judge(record, turbine, "k_x", "N/m", truth["k_x"], [coefficient(r, "k_x") for r in found], 2.0 * bound, Target(None, HELD, WIDEST)))  # fmt: skip
+    rows.append(
+        judge(
+            record,
+            turbine,
+            "k_x",
+            "N/m",
+            truth["k_x"],
+            [coefficient(r, "k_x") for r in found],
+            2.0 * bound,
+            Target(None, HELD, WIDEST),
+        )
+    )
     for lag in LAGS:
         f, z = _of_mode(found, lag, "frequency_hz"), _of_mode(found, lag, "damping_ratio")
         if len(f) < len(found):
-            rows.append(Row(record, turbine, f"{lag}, frequency", "Hz", truth[lag], tuple(f) or (Found(math.nan, math.nan, 0.0),), None, Target(0.01, HELD, WIDEST), ("mode not found",)))  # fmt: skip
+            rows.append(
+                Row(
+                    record,
+                    turbine,
+                    f"{lag}, frequency",
+                    "Hz",
+                    truth[lag],
+                    tuple(f) or (Found(math.nan, math.nan, 0.0),),
+                    None,
+                    Target(0.01, HELD, WIDEST),
+                    ("mode not found",),
+                )
+            )
             continue
         total = max(float(np.mean([v.estimate for v in z])), 1e-6)
         least = frequency_bound(truth[lag], total, seconds)
@@ -477,7 +507,7 @@ def _nearest(comparison: Comparison) -> str:
 
 
 def figure(rows: Sequence[Row]) -> "Figure":
-    """Estimates over the truth with ±2σ bands, a mark for each seed; stiffness and frequencies on the left, damping on the right."""
+    """Estimates over the truth with ±2σ bands, a mark per seed; left stiffness and frequencies, right damping."""
     from matplotlib.figure import Figure
 
     from windsysid.reports.plots import ESTIMATE, REFERENCE, tidy
@@ -572,7 +602,8 @@ def main() -> None:
     turbines = (TOWER,) if given.without_rotor else (TOWER, ROTOR)
     rows, changed, told = study(given.openfast, given.output / "identifications", max(given.seeds, 1), turbines)
     sheets: list[tuple[str, Sequence[str], list[tuple[str, ...]]]] = [
-        (f"{given.seeds} priors, each ×/÷ {FACTOR:g} off; of every quantity the seed that errs most", HEADINGS, [row.cells() for row in rows]),
+        (f"{given.seeds} priors, each ×/÷ {FACTOR:g} off; of every quantity the seed that errs most", HEADINGS,
+        [row.cells() for row in rows]),
         (
             "What changed", CHANGED_HEADINGS,
             [(c.question, c.turbine, "; ".join(c.answers), c.target, "met" if c.met else "missed") for c in changed],

@@ -2,16 +2,18 @@
 
     python -m validation.fuzz_cli --inputs 1000 --seed 1
 
-Each input is a folder of files and a command. It runs in a forked child of a process that has imported windsysid and compiled its kernels, so that
-a crash or a hang stays in the child; signals and terminals also run in new processes. An input is a violation unless
+Each input is a folder of files and a command. It runs in a forked child of a process that has imported windsysid and
+compiled its kernels, so that a crash or a hang stays in the child; signals and terminals also run in new processes. An
+input is a violation unless
 
-- it ends with exit code 0 and finite numbers, or with 2 and one line on standard error (a wrong option: the usage message), or with 130
+- it ends with exit code 0 and finite numbers, or with 2 and one line on standard error (a wrong option: the usage
+message), or with 130
   or 143 after a signal;
 - nothing that it prints is a traceback or a Python warning;
 - every file that was there is there unchanged, and a refusal leaves no file behind.
 
-Records that are written in another way (units, order, delimiter, format, a mapping) must give the estimates of the plain one. Violating inputs are kept, with
-the command and what it printed, in the folder given by ``--keep``.
+Records that are written in another way (units, order, delimiter, format, a mapping) must give the estimates of the
+plain one. Violating inputs are kept, with the command and what it printed, in the folder given by ``--keep``.
 """
 
 import argparse
@@ -47,9 +49,12 @@ REAL = 0.1
 """Share of signals and terminals that run in a new process and not in a fork."""
 
 NASTY = [
-    "", "x", "-1", "0", "1e400", "-1e400", "1e308", "1e-320", "nan", "inf", "-inf", "true", "[]", "{}", "[1, 2]", '""', '"x"', '"1 kg"', '"-3 N/m"', '"1e999 kg"',
-    '"nan kg"', '"0 N/m"', '"5 furlong"', '"12 rpm"', '"1 kg kg"', '"[red]markup[/red]"', '"[/]"', '"[bold"', '"\\u0000"', '"\\n"', '"\\u001b[31m"', '"ü漢字🌀"',
-    "9" * 400, "2020-01-01", "0x10", "1_000", "'", '"', "1e5", "1000000", '"../../etc"', "1979-05-27T07:32:00Z", '"1e308 kg"', '"1e-308 m"', "0.999999999999",
+    "", "x", "-1", "0", "1e400", "-1e400", "1e308", "1e-320", "nan", "inf", "-inf", "true", "[]", "{}", "[1, 2]", '""',
+    '"x"', '"1 kg"', '"-3 N/m"', '"1e999 kg"',
+    '"nan kg"', '"0 N/m"', '"5 furlong"', '"12 rpm"', '"1 kg kg"', '"[red]markup[/red]"', '"[/]"', '"[bold"',
+    '"\\u0000"', '"\\n"', '"\\u001b[31m"', '"ü漢字🌀"',
+    "9" * 400, "2020-01-01", "0x10", "1_000", "'", '"', "1e5", "1000000", '"../../etc"', "1979-05-27T07:32:00Z",
+    '"1e308 kg"', '"1e-308 m"', "0.999999999999",
 ]  # fmt: skip
 """Values that somebody could write into TOML, or a slip of the hand."""
 
@@ -174,7 +179,8 @@ def turbine_input(shop: Workshop, rng: Rng) -> Input:
     text = damaged_toml(shop.turbines[str(rng.choice(["tower", "tower", "verne555"]))], rng)
     command = [["identify", "r.csv", "--turbine", "t.toml", "--output", "out", "--no-report"],
                ["modes", "t.toml"], ["inspect", "r.csv", "--turbine", "t.toml"],
-               ["simulate", "--turbine", "t.toml", "--output", "new.csv", "--duration", "2", "--rate", "20"]][rng.choice(4, p=[0.4, 0.3, 0.15, 0.15])]  # fmt: skip
+               ["simulate", "--turbine", "t.toml", "--output", "new.csv", "--duration", "2", "--rate",
+               "20"]][rng.choice(4, p=[0.4, 0.3, 0.15, 0.15])]  # fmt: skip
     return Input("turbine", command, {"t.toml": text, "r.csv": shop.records["csv"]})
 
 
@@ -186,7 +192,10 @@ def sensors_input(shop: Workshop, rng: Rng) -> Input:
 
 def mapping_input(shop: Workshop, rng: Rng) -> Input:
     """A mapping with slips."""
-    text = 'only_listed = true\n[time]\ncolumn = "time"\nunit = "s"\n[csv]\ndelimiter = ","\ndecimal = "."\nheader_row = 1\nmissing = ["-9999"]\n'
+    text = (
+        'only_listed = true\n[time]\ncolumn = "time"\nunit = "s"\n[csv]\ndelimiter = ","\ndecimal = "."\nheader_row ='
+        ' 1\nmissing = ["-9999"]\n'
+    )
     for channel, unit in zip(shop.record.channels, shop.record.units, strict=True):
         text += f'[channels.{channel}]\nname = "{channel}"\nunit = "{unit}"\nsign = 1\nfactor = 1.0\n'
     argv = ["inspect", "r.csv", "--mapping", "m.toml"]
@@ -287,7 +296,8 @@ def options_input(shop: Workshop, rng: Rng) -> Input:
     """Good files and options that are not."""
     commands: list[tuple[list[str], list[str]]] = [
         (["identify", "r.csv", "--turbine", "tower", "--output", "out", "--no-report"],
-         ["--section", "--rate", "--loads", "--prior-scale", "--add-noise", "--seed", "--in-pieces", "--formulation", "--sensors", "--mapping", "--turbine"]),
+         ["--section", "--rate", "--loads", "--prior-scale", "--add-noise", "--seed", "--in-pieces", "--formulation",
+         "--sensors", "--mapping", "--turbine"]),
         (["inspect", "r.csv"], ["--section-length", "--turbine", "--mapping", "--output"]),
         (["simulate", "--turbine", "tower", "--output", "new.csv", "--duration", "2", "--rate", "20"],
          ["--duration", "--rate", "--seed", "--loads", "--turbine", "--output"]),
@@ -313,9 +323,11 @@ def options_input(shop: Workshop, rng: Rng) -> Input:
 def terminal_input(shop: Workshop, rng: Rng) -> Input:
     """A terminal of another width, encoding or kind."""
     commands = [["identify", "r.csv", "--turbine", "tower", "--output", "out", "--no-report"], ["inspect", "r.csv"],
-                ["turbines"], ["modes", "tower"], ["identify", "none.csv", "--turbine", "tower", "--output", "out"]]  # fmt: skip
+                ["turbines"], ["modes", "tower"],
+                ["identify", "none.csv", "--turbine", "tower", "--output", "out"]]  # fmt: skip
     environment = {
-        "COLUMNS": str(rng.choice([1, 20, 79, 80, 300])), "TERM": str(rng.choice(["dumb", "xterm-256color", "", "unknown"])),
+        "COLUMNS": str(rng.choice([1, 20, 79, 80, 300])),
+        "TERM": str(rng.choice(["dumb", "xterm-256color", "", "unknown"])),
         "LC_ALL": str(rng.choice(["C", "C.UTF-8", "xx_XX"])), "NO_COLOR": str(rng.choice(["", "1"])),
     }  # fmt: skip
     encoding = str(rng.choice(["utf-8", "ascii", "latin-1", "cp1252", "cp437", "utf-16"]))
@@ -326,7 +338,8 @@ def terminal_input(shop: Workshop, rng: Rng) -> Input:
 def signal_input(shop: Workshop, rng: Rng) -> Input:
     """A signal at a random instant."""
     pieces = ["--in-pieces", "10 s"] if rng.random() < 0.3 else []
-    commands = [["identify", "r.csv", "--turbine", "tower", "--output", "out", *pieces], ["inspect", "r.csv", "--output", "out"],
+    commands = [["identify", "r.csv", "--turbine", "tower", "--output", "out", *pieces],
+                ["inspect", "r.csv", "--output", "out"],
                 ["simulate", "--turbine", "tower", "--output", "new.csv", "--duration", "600"]]  # fmt: skip
     files: dict[str, bytes | Path] = {"r.csv": shop.records["csv"]}
     chosen = signal.SIGINT if rng.random() < 0.5 else signal.SIGTERM
@@ -335,7 +348,8 @@ def signal_input(shop: Workshop, rng: Rng) -> Input:
 
 
 KINDS: dict[Callable[[Workshop, Rng], Input], float] = {
-    turbine_input: 0.22, sensors_input: 0.12, mapping_input: 0.12, record_input: 0.2, values_input: 0.08, same_input: 0.04, result_input: 0.08,
+    turbine_input: 0.22, sensors_input: 0.12, mapping_input: 0.12, record_input: 0.2, values_input: 0.08,
+    same_input: 0.04, result_input: 0.08,
     options_input: 0.08, terminal_input: 0.03, signal_input: 0.03,
 }  # fmt: skip
 
@@ -446,7 +460,8 @@ def _outb(record: Any) -> bytes:
     """The record as OpenFAST would have written it: packed binary, format 2."""
     import struct
 
-    ours = {"rotor_speed": ("RotSpeed", "(rad/s)"), "rotor_azimuth": ("Azimuth", "(rad)"), "tower_x_acceleration": ("YawBrTAgyp", "(m/s^2)"),
+    ours = {"rotor_speed": ("RotSpeed", "(rad/s)"), "rotor_azimuth": ("Azimuth", "(rad)"),
+            "tower_x_acceleration": ("YawBrTAgyp", "(m/s^2)"),
             "tower_z_acceleration": ("YawBrTAgxp", "(m/s^2)")}  # fmt: skip
     chosen = [channel for channel in record.channels if channel in ours]
     names, units = [ours[c][0] for c in chosen], [ours[c][1] for c in chosen]
@@ -455,7 +470,8 @@ def _outb(record: Any) -> bytes:
     text = b"".join(cell.ljust(10).encode() for cell in ["Time", *names, "(s)", *units])
     head = struct.pack("<hiidd", 2, len(names), len(values), 0.0, 1.0 / record.rate)
     return bytes(
-        head + scale.astype("<f4").tobytes() + np.zeros(len(names), "<f4").tobytes() + struct.pack("<i", 4) + b"fuzz" + text
+        head + scale.astype("<f4").tobytes() + np.zeros(len(names), "<f4").tobytes() + struct.pack("<i",
+        4) + b"fuzz" + text
         + np.round(values * scale).astype("<i2").tobytes()
     )  # fmt: skip
 
@@ -470,7 +486,8 @@ def run(given: Input, folder: Path, *, real: bool = False, limit: float = LIMIT)
         environment = {**os.environ, **given.environment, "PYTHONIOENCODING": given.encoding}
         with out.open("wb") as o, err.open("wb") as e:
             pid = subprocess.Popen(
-                [sys.executable, "-m", "windsysid", *given.argv], cwd=folder, env=environment, stdout=o, stderr=e, stdin=subprocess.DEVNULL
+                [sys.executable, "-m", "windsysid", *given.argv], cwd=folder, env=environment, stdout=o, stderr=e,
+                stdin=subprocess.DEVNULL
             ).pid  # fmt: skip
     else:
         sys.stdout.flush()
@@ -634,8 +651,9 @@ def run_inputs(
                 if keep is not None:
                     kept = keep / f"{seed}_{index}_{given.kind}"
                     shutil.copytree(folder, kept, dirs_exist_ok=True)
-                    about = {"argv": given.argv, "environment": given.environment, "encoding": given.encoding, "signal": given.signal,
-                             "after": given.after, "code": ended.code, "wrong": wrong}  # fmt: skip
+                    about = {"argv": given.argv, "environment": given.environment, "encoding": given.encoding,
+                             "signal": given.signal, "after": given.after, "code": ended.code,
+                             "wrong": wrong}  # fmt: skip
                     (kept / "FUZZ.json").write_text(json.dumps(about, indent=2), encoding="utf-8")
                     (kept / "FUZZ_stdout.txt").write_text(ended.out, encoding="utf-8", errors="replace")
                     (kept / "FUZZ_stderr.txt").write_text(ended.err, encoding="utf-8", errors="replace")
@@ -662,7 +680,8 @@ def main() -> None:
             total += counts
         signals = counts["exit 130"] + counts["exit 143"]
         print(
-            f"{kind:<12}{counts['inputs']:>8}{counts['exit 0']:>8}{counts['exit 2']:>8}{signals:>9}{counts['violations']:>12}"
+            f"{kind:<12}{counts['inputs']:>8}{counts['exit 0']:>8}{counts['exit 2']:>8}{signals:>9}"
+            f"{counts['violations']:>12}"
         )
     print(
         f"{time.monotonic() - began:.0f} s; violating inputs: {options.keep}"

@@ -1,8 +1,10 @@
-"""Ground resonance of Hammond's helicopter: where it is unstable, and how Coleman's transform and Floquet's theory agree.
+"""Ground resonance of Hammond's helicopter: where it is unstable, and how Coleman's transform and Floquet's theory
+agree.
 
-Three states of the lag dampers on two hubs: the table's, softer to move in y than in x, and an isotropic one whose y is its x in mass, spring and damper. With one lag
-damper out the blades differ and only Floquet's theory applies. Every rotor speed from 20 to 500 rpm is looked at in steps of 2 rpm; ends of unstable
-ranges are then found to 0.01 rpm. ``python -m validation.hammond`` prints the table.
+Three states of the lag dampers on two hubs: the table's, softer to move in y than in x, and an isotropic one whose y is
+its x in mass, spring and damper. With one lag damper out the blades differ and only Floquet's theory applies. Every
+rotor speed from 20 to 500 rpm is looked at in steps of 2 rpm; ends of unstable ranges are then found to 0.01 rpm.
+``python -m validation.hammond`` prints the table.
 
 Source: C. E. Hammond, J. American Helicopter Society 19(4), 1974, https://doi.org/10.4050/JAHS.19.14.
 """
@@ -34,9 +36,11 @@ HUBS = ("table", "isotropic")
 
 
 class Case(NamedTuple):
-    """One state of the helicopter: how it was analysed, where it is unstable, and the greatest difference between the two methods.
+    """One state of the helicopter: how it was analysed, where it is unstable, and the greatest difference between the
+    two methods.
 
-    The difference is that of exponents in units of Ω, at every tenth speed; None where Coleman's transform does not apply.
+    The difference is that of exponents in units of Ω, at every tenth speed; None where Coleman's transform does not
+    apply.
     """
 
     dampers: str

@@ -4,8 +4,8 @@
 (windsysid's simulator; tower and blade) and, where the data are at hand, of OpenFAST's NREL 5 MW tower (a2: free decay;
 c2: turbulent wind, from 60 s on). White noise, and a bias with a drift, are added to the exact acceleration.
 
-Errors are relative to the rms of the true motion without its mean: ``total``, with all that lies below the cut-off and is
-not knowable, and ``band``, both sides high-passed at 1.5 times the cut-off. The cut-off is half the rotor frequency.
+Errors are relative to the rms of the true motion without its mean: ``total``, with all that lies below the cut-off and
+is not knowable, and ``band``, both sides high-passed at 1.5 times the cut-off. The cut-off is half the rotor frequency.
 """
 
 import sys
@@ -131,7 +131,7 @@ def simulated_truths(*, duration: float = 600.0, seed: int = 0) -> list[Truth]:
 
 
 def openfast_truths(folder: Path) -> Iterator[Truth]:
-    """The 5 MW tower's side-side motion in OpenFAST's records a2 and c2: without gravity, and with it, as an accelerometer reads."""
+    """The 5 MW tower's side-side motion in OpenFAST's records a2 and c2, without gravity and as sensors read it."""
     from windsysid.records.formats import read_record
     from windsysid.turbine.file import load_turbine
 
@@ -149,7 +149,7 @@ def openfast_truths(folder: Path) -> Iterator[Truth]:
 
 
 def tabulate(rows: Sequence[Row]) -> object:
-    """A Rich table: a line per case, a column per method, each "velocity / displacement" in percent, total and in band."""
+    """A Rich table: a line per case, a column per method; "velocity / displacement" in %, total and in band."""
     from rich import box
     from rich.table import Table
 

@@ -1,9 +1,10 @@
 """Is anything lost when a process is killed while it writes? ``python -m validation.kills --runs 100``.
 
-A process saves results, records and checkpoints in a loop, each version over the one before, in a folder that holds files of the user's too.
-It is killed (signal 9) at a random instant. After each kill the old version or the new one must be read, whole and unmixed; a version that
-was reported as saved must not be lost; the user's files must be as they were. POSIX only: the writer is a fork. That a crash of the whole machine
-loses nothing is not tried here: for that, files and folders are flushed to the disk before each rename and after it.
+A process saves results, records and checkpoints in a loop, each version over the one before, in a folder that holds
+files of the user's too. It is killed (signal 9) at a random instant. After each kill the old version or the new one
+must be read, whole and unmixed; a version that was reported as saved must not be lost; the user's files must be as they
+were. POSIX only: the writer is a fork. That a crash of the whole machine loses nothing is not tried here: for that,
+files and folders are flushed to the disk before each rename and after it.
 """
 
 import argparse
@@ -57,8 +58,8 @@ class Tally:
 
     def __str__(self) -> str:
         return (
-            f"{self.kills} runs killed, {self.half_done} of them with something half written; {self.versions} versions saved; "
-            f"lost or mixed: {len(self.lost)}" + "".join(f"\n  {loss}" for loss in self.lost)
+            f"{self.kills} runs killed, {self.half_done} of them with something half written; {self.versions} versions"
+            f" saved; lost or mixed: {len(self.lost)}" + "".join(f"\n  {loss}" for loss in self.lost)
         )
 
 
@@ -201,8 +202,10 @@ def _result(version: int) -> _Result:
     samples = 100 + version
     history = np.ones((samples, 1))
     found = Identification(
-        method="EKF", formulation="joint", record=f"version {version}", turbine="tower", sensors=("a",), section=(0.0, 10.0),
-        rate=10.0, samples=samples, elapsed=0.1, estimates=(estimate,), modes=(), parameters=(Parameter("k_x", 1.0, 0.3, True),),
+        method="EKF", formulation="joint", record=f"version {version}", turbine="tower", sensors=("a",),
+        section=(0.0, 10.0),
+        rate=10.0, samples=samples, elapsed=0.1, estimates=(estimate,), modes=(),
+        parameters=(Parameter("k_x", 1.0, 0.3, True),),
         time=np.arange(samples) / 10.0, mean=history, std=history, cov=np.eye(1), readings=("a",), innovation=history,
         whitened=history, log_likelihood=0.0, machine=load_turbine("tower"), diagnosis=diagnosis,
     )  # fmt: skip

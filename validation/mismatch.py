@@ -1,11 +1,14 @@
 """Are the bands true under wind that no rational load model matches?
 
-The scale model stands in turbulent wind on its turning blades (`windsysid.simulation.wind`): Kaimal's spectrum falls with f^{−5/3}, its coherence is no rational function
-either, and the blades sample it. Every run simulates a record, draws priors 30 % off around the truth, and identifies it twice, with one independent first-order
-process on each degree of freedom ("broadband"), and with the load model that the record chooses ("auto"). Nobody tells the statistics of loads and noise.
+The scale model stands in turbulent wind on its turning blades (`windsysid.simulation.wind`): Kaimal's spectrum falls
+with f^{−5/3}, its coherence is no rational function either, and the blades sample it. Every run simulates a record,
+draws priors 30 % off around the truth, and identifies it twice, with one independent first-order process on each degree
+of freedom ("broadband"), and with the load model that the record chooses ("auto"). Nobody tells the statistics of loads
+and noise.
 
-Without feedback the wind pushes a machine as if that stood still. With it, the air damps the motion, and the truth is the total coefficient: that of the
-structure plus the mean of C on its diagonal (`windsysid.simulation.wind.blades`). ``python -m validation.mismatch [--runs N]`` prints the table.
+Without feedback the wind pushes a machine as if that stood still. With it, the air damps the motion, and the truth is
+the total coefficient: that of the structure plus the mean of C on its diagonal (`windsysid.simulation.wind.blades`).
+``python -m validation.mismatch [--runs N]`` prints the table.
 """
 
 import argparse
@@ -74,7 +77,7 @@ def total_coefficients(turbine: Turbine, wind: str, seed: int, *, duration: floa
 
 
 def mismatch(runs: int, winds: Sequence[str] = WINDS, models: Sequence[str] = MODELS) -> Iterator[Run]:
-    """Identify `runs` records of each wind, seeds 0, 1, …, with each load model; the same on any number of processors."""
+    """Identify `runs` records of each wind with each load model; the same on any number of processors."""
     with ProcessPoolExecutor() as pool:
         yield from pool.map(_one_run, product(range(runs), winds, models))
 
@@ -131,7 +134,8 @@ def main() -> None:
             counts = ", ".join(f"{name} {chosen.count(name)}" for name in dict.fromkeys(chosen))
             seconds = float(np.median([run.seconds for run in of[model]]))
             print(
-                f"{model}: took {counts}; trusted {sum(run.trusted for run in of[model])} of {len(of[model])}; median {seconds:.0f} s"
+                f"{model}: took {counts}; trusted {sum(run.trusted for run in of[model])} of {len(of[model])}; median"
+                f" {seconds:.0f} s"
             )
 
 

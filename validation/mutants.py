@@ -1,6 +1,8 @@
-"""120 deliberate faults: sign flips, wrong factors and indices, lost terms, wrong units, steps in time, widths of priors.
+"""120 deliberate faults: sign flips, wrong factors and indices, lost terms, wrong units, steps in time, widths of
+priors.
 
-Each changes a number that a user would read. None is equivalent to the code as it is, and none moves a constant that its specification leaves open.
+Each changes a number that a user would read. None is equivalent to the code as it is, and none moves a constant that
+its specification leaves open.
 """
 
 from typing import NamedTuple
@@ -665,9 +667,11 @@ _CHANGES = (
 
 _EDGES = (
     Mutant("milli-g", "units.py", '"mg": ("m/s^2", 1e-3 * _G)', '"mg": ("m/s^2", 1e-3)', "a factor of 9.8"),
-    Mutant("degrees per second squared", "units.py", '"deg/s^2": ("rad/s^2", _DEGREE)', '"deg/s^2": ("rad/s^2", 1.0)', "a factor of 57"),
+    Mutant("degrees per second squared", "units.py", '"deg/s^2": ("rad/s^2", _DEGREE)', '"deg/s^2": ("rad/s^2", 1.0)',
+    "a factor of 57"),
     Mutant("meganewton metres", "units.py", '"MN*m": ("N*m", 1e6)', '"MN*m": ("N*m", 1e3)', "a factor of 1000"),
-    Mutant("damping in kilonewtons", "units.py", '"kN*s/m": ("N*s/m", 1e3)', '"kN*s/m": ("N*s/m", 1e6)', "a factor of 1000"),
+    Mutant("damping in kilonewtons", "units.py", '"kN*s/m": ("N*s/m", 1e3)', '"kN*s/m": ("N*s/m", 1e6)',
+    "a factor of 1000"),
     Mutant("millibar", "units.py", '"mbar": ("Pa", 100.0)', '"mbar": ("Pa", 1.0)', "a factor of 100"),
     Mutant(
         "sign of a nacelle's sensor", "openfast.py",

@@ -2,12 +2,14 @@
 
     python -m validation.mutation [--only MODULE] [--list] [--sample N] [--jobs N] [--full]
 
-Every mutant of `validation.mutants` is put into a copy of the sources, and the tests most likely to notice it run on that copy until the first one fails.
-With --full those that survive meet the whole default suite. What was found is kept in results/mutation/results.jsonl under a hash of the mutant, the
-sources and the tests that ran, so that an interrupted run goes on, and only what changed runs again; the test that noticed a mutant last time goes first.
+Every mutant of `validation.mutants` is put into a copy of the sources, and the tests most likely to notice it run on
+that copy until the first one fails. With --full those that survive meet the whole default suite. What was found is kept
+in results/mutation/results.jsonl under a hash of the mutant, the sources and the tests that ran, so that an interrupted
+run goes on, and only what changed runs again; the test that noticed a mutant last time goes first.
 
-In the end all tests that noticed something run without any fault. Each job has a folder for its copy, which stays, and a cache of kernels: Numba finds kernels by where their
-sources lie. Mutants of sources that kernels hold come last, for they compile anew.
+In the end all tests that noticed something run without any fault. Each job has a folder for its copy, which stays, and
+a cache of kernels: Numba finds kernels by where their sources lie. Mutants of sources that kernels hold come last, for
+they compile anew.
 """
 
 import argparse
@@ -37,7 +39,8 @@ PATIENCE = 1200.0
 """Seconds after which tests that still run have noticed something."""
 
 COMPILED = (
-    "bank_kernel.py", "ekf.py", "gaussian.py", "iekf.py", "particle.py", "particlekernels.py", "raoblackwell.py", "smoother.py", "transition.py", "ukf.py",
+    "bank_kernel.py", "ekf.py", "gaussian.py", "iekf.py", "particle.py", "particlekernels.py", "raoblackwell.py",
+    "smoother.py", "transition.py", "ukf.py",
 )  # fmt: skip
 """Sources whose change compiles all kernels of filters anew."""
 
@@ -50,7 +53,8 @@ class NotFoundOnceError(Exception):
 
 
 def locate(mutant: Mutant, root: Path = ROOT) -> Path:
-    """The one source file, relative to `root`, that holds the mutant's text: one called `module` or, where files were renamed, any other.
+    """The one source file, relative to `root`, that holds the mutant's text: one called `module` or, where files were
+    renamed, any other.
 
     Raises
     ------
@@ -104,7 +108,7 @@ class Bench:
             shutil.copy2(path, self.copy)
 
     def try_(self, mutant: Mutant, tests: Sequence[str], killer: str) -> tuple[str, str]:
-        """Put a fault in and run tests: ``killed``, ``survived`` or ``error``, and the test that failed or what went wrong."""
+        """Put a fault in and run tests: ``killed``, ``survived`` or ``error``, and the failed test or the error."""
         path = self.copy / locate(mutant, self.copy)
         text, times = path.read_text(encoding="utf-8"), (path.stat().st_atime_ns, path.stat().st_mtime_ns)
         kernels = set(self.cache.glob("kernels_*"))
@@ -182,7 +186,8 @@ def judge(mutants: Sequence[Mutant], results: Results, jobs: int, *, full: bool)
         tests = files_of_tests(mutant, full=full)
         row, key = results.known.get(mutant.name, {}), hash_of(mutant, tests)
         if row.get("key") == key or (full and row.get("status") == "killed"
-                                                       and row["key"] == hash_of(mutant, files_of_tests(mutant, full=False))):  # fmt: skip
+                                                       and row["key"] == hash_of(mutant,
+                                                       files_of_tests(mutant, full=False))):  # fmt: skip
             yield row
         else:
             waiting.append((mutant.module in COMPILED, mutant, key, tests, row.get("killer", "")))

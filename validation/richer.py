@@ -1,10 +1,15 @@
-"""What a hinged blade on a leaning tower cannot represent, what that costs, and which degree of freedom earns its place.
+"""What a hinged blade on a leaning tower cannot represent, what that costs, and which degree of freedom earns its
+place.
 
-OpenFAST's NREL 5 MW turbine is the truth: its own numbers, and its linearisation at 12.1 rpm, of the small model of record a2 (the tower's first side-side mode, one edgewise mode per blade) and of the
-full one of c2 (two tower modes in each direction, two flap modes and one edgewise per blade). Three models meet them: roll locked, roll tied to the tower's lean, and roll partly free.
+OpenFAST's NREL 5 MW turbine is the truth: its own numbers, and its linearisation at 12.1 rpm, of the small model of
+record a2 (the tower's first side-side mode, one edgewise mode per blade) and of the full one of c2 (two tower modes in
+each direction, two flap modes and one edgewise per blade). Three models meet them: roll locked, roll tied to the
+tower's lean, and roll partly free.
 
-First the modes at the program's own numbers. What is then left in the whirl modes is put on the blade's stiffness, and what that leaves is weighed against the least standard deviation that a
-record of T seconds allows a mode under broadband load, σ_f/f = √(ζ / (ω T)): a degree of freedom that moves the modes by less cannot be told from none. Then what the accelerometer at a blade's tip reads that the model cannot, and last the records themselves, from tower-top and
+First the modes at the program's own numbers. What is then left in the whirl modes is put on the blade's stiffness, and
+what that leaves is weighed against the least standard deviation that a record of T seconds allows a mode under
+broadband load, σ_f/f = √(ζ / (ω T)): a degree of freedom that moves the modes by less cannot be told from none. Then
+what the accelerometer at a blade's tip reads that the model cannot, and last the records themselves, from tower-top and
 blade-tip accelerometers: errors of what is identified.
 
 ``python -m validation.richer --openfast FOLDER`` prints the tables; FOLDER holds the records a2 and c2.
@@ -59,7 +64,7 @@ MODES = ("tower x", "lag backward", "lag collective", "lag forward")
 
 
 class Truth(NamedTuple):
-    """Frequencies [Hz] and damping ratios of OpenFAST's linearisation at 12.1 rpm, in the order of `MODES`, and the record's file."""
+    """Frequencies [Hz] and damping ratios of OpenFAST's linearisation at 12.1 rpm, as in `MODES`, and its file."""
 
     frequency: tuple[float, float, float, float]
     damping: tuple[float, float, float, float]
@@ -108,7 +113,8 @@ def edge_factor(turbine: Turbine, truth: Truth) -> float:
 
 
 class TowerTop(NamedTuple):
-    """The side-side bending of a tower with masses on it, seen from its top: displacement x, roll κ x + ρ towards the lean.
+    """The side-side bending of a tower with masses on it, seen from its top: displacement x, roll κ x + ρ towards the
+    lean.
 
     Attributes
     ----------
@@ -124,7 +130,10 @@ class TowerTop(NamedTuple):
 
 
 def published_tower() -> TowerTop:
-    """From the published distribution and the simulator's two side-side shapes (NREL/TP-500-38060, table 6-1; ElastoDyn's file): nothing is fitted."""
+    """Modes from the published distribution and the simulator's two side-side shapes; nothing is fitted.
+
+    Source: NREL/TP-500-38060, table 6-1; ElastoDyn's file.
+    """
     height, points = 87.6, np.linspace(0.0, 1.0, 2001)
     density = np.interp(points, np.linspace(0.0, 1.0, 11), _TOWER_DENSITY)
     bending = np.interp(points, np.linspace(0.0, 1.0, 11), _TOWER_BENDING)
@@ -166,7 +175,8 @@ def resolution(truth: Truth, seconds: float) -> Array:
 
 
 def identified(folder: Path, name: str, roll: Roll, *, flap: bool = True) -> Identification:
-    """What the record `name` gives with that roll: a2 with 1 % noise, c2 as `study.field` reads it, the tips' sensors told of flap or not.
+    """What the record `name` gives with that roll: a2 with 1 % noise, c2 as `study.field` reads it, the tips' sensors
+    told of flap or not.
 
     Raises
     ------
@@ -245,7 +255,8 @@ def _path(folder: Path, truth: Truth) -> Path:
     path = folder / truth.file
     if not path.is_file():
         raise RecordError(
-            f"{folder}: expected OpenFAST's record {truth.file}, found none: name the folder that holds it with --openfast"
+            f"{folder}: expected OpenFAST's record {truth.file}, found none: name the folder that holds it with"
+            " --openfast"
         )
     return path
 
@@ -272,9 +283,9 @@ def main() -> int:
 def _of_the_tower() -> str:
     top, given = published_tower(), load_turbine("nrel5mw_full").values
     return (
-        f"roll without the blades, published tower (turbine file): κ {top.kappa:.5f} ({abs(given['kappa']):.5f}) rad/m, "
-        f"spring {top.k_roll:.3g} ({given['k_roll']:.3g}) N·m/rad, inertia {top.inertia[1, 1]:.3g} ({given['roll_inertia']:.3g}) kg·m², "
-        f"coupled to x by {top.inertia[0, 1]:.2g} (0) kg·m"
+        f"roll without the blades, published tower (turbine file): κ {top.kappa:.5f} ({abs(given['kappa']):.5f}) rad/m,"
+        f" spring {top.k_roll:.3g} ({given['k_roll']:.3g}) N·m/rad, inertia {top.inertia[1, 1]:.3g}"
+        f" ({given['roll_inertia']:.3g}) kg·m², coupled to x by {top.inertia[0, 1]:.2g} (0) kg·m"
     )
 
 
@@ -307,7 +318,10 @@ def _what_is_left() -> "Table":
 def _in_the_reading(folder: Path) -> "Table":
     from rich.table import Table
 
-    title = "c2, the accelerometer at the tip of blade 1: what edgewise bending, roll, tower and gravity leave of its reading"
+    title = (
+        "c2, the accelerometer at the tip of blade 1: what edgewise bending, roll, tower and gravity leave of its"
+        " reading"
+    )
     table = Table(title=title, title_justify="left")
     for heading in ("Hz", "reading [m/s²]", "left [m/s²]", "out-of-plane acceleration in it", "share of its power"):
         table.add_column(heading, justify="right")

@@ -1,7 +1,8 @@
 """What bad records cost: the reference scenario, damaged in one way after another.
 
-``python -m validation.robustness [--runs N] [--speed FILE]`` prints the table. Every row has the same seeds and priors as the clean
-case; FILE is a record of the rotor speed of a real turbine in operation (time_s, rotor_speed_rpm), scaled to the scale model's mean speed.
+``python -m validation.robustness [--runs N] [--speed FILE]`` prints the table. Every row has the same seeds and priors
+as the clean case; FILE is a record of the rotor speed of a real turbine in operation (time_s, rotor_speed_rpm), scaled
+to the scale model's mean speed.
 """
 
 import argparse

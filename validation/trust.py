@@ -1,9 +1,11 @@
-"""Does the diagnosis find what is wrong, and nothing where all is well? Records of the scale model with one thing wrong at a time.
+"""Does the diagnosis find what is wrong, and nothing where all is well? Records of the scale model with one thing wrong
+at a time.
 
-Each record of 100 s is identified from priors drawn 30 % off, with the broadband load model, which does not hold what was added. Beside how often ±2σ held the reference and how large the errors were
-in standard deviations stands how often the result was trusted: where the errors are those that the bands say (1.0, and 95 %),
-an untrusted result is a false alarm; where they are larger, a trusted one is a miss.
-``python -m validation.trust [--runs N]`` prints the table; a run takes some seconds.
+Each record of 100 s is identified from priors drawn 30 % off, with the broadband load model, which does not hold what
+was added. Beside how often ±2σ held the reference and how large the errors were in standard deviations stands how often
+the result was trusted: where the errors are those that the bands say (1.0, and 95 %), an untrusted result is a false
+alarm; where they are larger, a trusted one is a miss. ``python -m validation.trust [--runs N]`` prints the table; a run
+takes some seconds.
 """
 
 import argparse
@@ -44,8 +46,8 @@ class Fault(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """Of R runs: share of coefficients inside ±2σ, rms of error over σ; medians of the highest peak within reach, of the highest
-    level around a natural frequency, and of colour; share of results that were trusted.
+    """Of R runs: share of coefficients inside ±2σ, rms of error over σ; medians of the highest peak within reach, of
+    the highest level around a natural frequency, and of colour; share of results that were trusted.
     """
 
     covered: float
@@ -155,7 +157,7 @@ def identify_broadband(record: Record, turbine: Turbine, prior: Prior) -> Identi
 
 
 def judge(fault: Fault, size: float, runs: int) -> Judged:
-    """Identify `runs` faulty records, seeds 0, 1, …; one that ends in an error counts as not trusted and not covered."""
+    """Identify `runs` faulty records, seeds 0, 1, …; an error counts as not trusted and not covered."""
     turbine = load_turbine("verne555")
     rows: list[tuple[float, ...]] = []
     for seed in range(runs):

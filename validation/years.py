@@ -1,19 +1,24 @@
 """Years of 10-minute records: how often a watch alarms for nothing, and how soon it sees what is wrong.
 
-A year is simulated as what its records would say: one estimate per coefficient and 10 minutes, with the covariance of a record of that length by `windsysid.plan` for that turbine at a
-load scale, loads and noise unknown. Two winds: mean 6 m/s (load scale 0.3) and 12 m/s (load scale 1). On top:
+A year is simulated as what its records would say: one estimate per coefficient and 10 minutes, with the covariance of a
+record of that length by `windsysid.plan` for that turbine at a load scale, loads and noise unknown. Two winds: mean 6
+m/s (load scale 0.3) and 12 m/s (load scale 1). On top:
 
-- temperature: a season of ±10 K, a day of ±4 K, weather of 3 K that lasts three days. Support stiffness falls by 0.03 %, blade stiffness by 0.1 % per K.
+- temperature: a season of ±10 K, a day of ±4 K, weather of 3 K that lasts three days. Support stiffness falls by 0.03
+%, blade stiffness by 0.1 % per K.
 - wind: about its mean by 30 % with a memory of 12 hours; damping is proportional to 1 + 0.5 (v / mean − 1).
-- what no covariate explains: stiffness wanders by 0.02 %, damping by 1 % in a day; blocks scatter 1.2 times as much as their bands say.
+- what no covariate explains: stiffness wanders by 0.02 %, damping by 1 % in a day; blocks scatter 1.2 times as much as
+their bands say.
 - bad data: one block in 200 is off by 10 σ on average, 3 % and one whole fortnight are missing.
 
-Changes come after 30 days: 2, 5 and 10 % of k_x, 20 % of one blade's k_beta, c_x halved and doubled. The watch (`windsysid.monitoring.watch.watch`) is told temperature and wind speed, and 0.1 false alarms
-a year; each trial follows the coefficient that changes, at the threshold that all of the turbine's together have.
+Changes come after 30 days: 2, 5 and 10 % of k_x, 20 % of one blade's k_beta, c_x halved and doubled. The watch
+(`windsysid.monitoring.watch.watch`) is told temperature and wind speed, and 0.1 false alarms a year; each trial follows
+the coefficient that changes, at the threshold that all of the turbine's together have.
 
-``python -m validation.years [--years N] [--turbine NAME]`` prints the tables. With ``--raw N`` it simulates and identifies N raw records of 10 minutes instead, k_x 5 % less in the second
-half, and holds their scatter against that of the compressed years. With ``--faults`` it identifies one raw record of verne555 as it is, with a softer support, and with
-faults of its sensors.
+``python -m validation.years [--years N] [--turbine NAME]`` prints the tables. With ``--raw N`` it simulates and
+identifies N raw records of 10 minutes instead, k_x 5 % less in the second half, and holds their scatter against that of
+the compressed years. With ``--faults`` it identifies one raw record of verne555 as it is, with a softer support, and
+with faults of its sensors.
 """
 
 import argparse
@@ -63,7 +68,7 @@ BEFORE, AFTER = 30.0, 15.0
 
 
 class Site(NamedTuple):
-    """A turbine in a wind: names of its coefficients, relative standard deviations of a block, mean wind speed [m/s]."""
+    """A turbine in a wind: its coefficients' names, relative standard deviations of a block, mean wind [m/s]."""
 
     turbine: str
     names: tuple[str, ...]
@@ -72,7 +77,9 @@ class Site(NamedTuple):
 
 
 class Delay(NamedTuple):
-    """How a change was seen in many trials: delays to the alarm [s], infinite where there was none; whether the bands of when and how much held the truth."""
+    """How many trials saw a change: delays to the alarm [s], infinite without one, and whether the bands held the
+    truth.
+    """
 
     seconds: Array
     when: float
@@ -123,7 +130,8 @@ def simulate_blocks(
         lost[out : out + int(14.0 * DAY / BLOCK)] = True
     theta[lost] = np.nan
     return Blocks(
-        names, np.asarray(time, dtype=np.float64), theta, std, tuple(name.startswith("k_") for name in names), (1.0,) * len(names),
+        names, np.asarray(time, dtype=np.float64), theta, std, tuple(name.startswith("k_") for name in names),
+        (1.0,) * len(names),
         np.column_stack([temperature, wind]), ("temperature", "wind_speed"),
     )  # fmt: skip
 
@@ -161,7 +169,7 @@ def delays(place: Site, change: tuple[str, float], trials: int, *, seed: int = 1
 
 
 def raw(turbine: str, records: int, *, factor: float = 0.95) -> tuple[Blocks, Watch]:
-    """Raw records of 10 minutes, simulated and identified, k_x multiplied by `factor` in the second half: blocks, and the watch over them."""
+    """Simulate and identify raw records of 10 minutes, k_x times `factor` in the second half; watch their blocks."""
     from rich.console import Console
     from rich.progress import track
 
@@ -241,7 +249,8 @@ def main() -> None:
             found = delays(place, change, 5 * options.years, seed=1000 * (i + 1))
             sigma = place.sigma[place.names.index(change[0])]
             seen.add_row(
-                f"{change[0]} × {change[1]:g}", f"{wind:g}", f"{100.0 * sigma:.2g} %", _hours(found.seconds, 0.5), _hours(found.seconds, 0.9),
+                f"{change[0]} × {change[1]:g}", f"{wind:g}", f"{100.0 * sigma:.2g} %", _hours(found.seconds, 0.5),
+                _hours(found.seconds, 0.9),
                 f"{100.0 * found.when:.0f} %", f"{100.0 * found.size:.0f} %",
             )  # fmt: skip
     print(
@@ -270,7 +279,8 @@ def _fault_table() -> str:
     )
     cases = [("none", healthy), ("none, support 5 % softer", damaged)]
     for fault, channel, gain, more in (
-        (f"noise × 5, {tower}", tower, 1.0, 0.05 * math.sqrt(24.0)), (f"gain × 0.8, {tower}", tower, 0.8, 0.0), (f"gain × 0.8, {blade}", blade, 0.8, 0.0),
+        (f"noise × 5, {tower}", tower, 1.0, 0.05 * math.sqrt(24.0)), (f"gain × 0.8, {tower}", tower, 0.8, 0.0),
+        (f"gain × 0.8, {blade}", blade, 0.8, 0.0),
     ):  # fmt: skip
         values = healthy.values.copy()
         column = healthy.channels.index(channel)

@@ -98,7 +98,11 @@ _WHERE = {
     "turbine.file": "load_turbine packaged_turbines write_turbine",
     "turbine.turbine": "Turbine",
 }
-"""The public names of each module. A function that answers what a command answers has the command's name here, and a verb's where it stands: `modes=find_modes`."""
+"""The public names of each module.
+
+A function that answers what a command answers has the command's name here and a verb's name in its module:
+`modes=find_modes`.
+"""
 
 _PUBLIC = {
     public: (module, name or public)

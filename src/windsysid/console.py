@@ -18,14 +18,16 @@ WIDTH = 120
 """Columns where there is no terminal: a pipe, a file or a notebook gets the same text everywhere."""
 
 _PLAIN = {
-    "±": "+/-", "…": "...", "–": "-", "—": "-", "−": "-", "·": "*", "×": "x", "÷": "/", "→": "->", "≤": "<=", "≥": ">=", "≈": "~", "≠": "!=",
-    "°": "deg", "²": "^2", "³": "^3", "µ": "u", "√": "sqrt ", "∞": "inf", "∂": "d", "“": '"', "”": '"', "„": '"', "’": "'", "‘": "'", "•": "*",
+    "±": "+/-", "…": "...", "–": "-", "—": "-", "−": "-", "·": "*", "×": "x", "÷": "/", "→": "->", "≤": "<=", "≥": ">=",
+    "≈": "~", "≠": "!=",
+    "°": "deg", "²": "^2", "³": "^3", "µ": "u", "√": "sqrt ", "∞": "inf", "∂": "d", "“": '"', "”": '"', "„": '"',
+    "’": "'", "‘": "'", "•": "*",
     "─": "-", "━": "-", "│": "|", "┃": "|", "═": "=", "║": "|",
 }  # fmt: skip
 
 
 def plain(text: str, encoding: str = "ascii") -> str:
-    """`text` as an encoding can show it: σ becomes sigma, ± becomes +/-, é becomes e; what has no such name becomes ?."""
+    """Spell `text` as an encoding can show it: σ becomes sigma, ± becomes +/-, é becomes e, anything else ?."""
     try:
         text.encode(encoding)
         return text
@@ -69,7 +71,10 @@ _CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 def render(*parts: Any, width: int | None = None) -> str:
-    """Rich tables and plain lines as text: tables as wide as `width` or the terminal at most, wrapped and never cut off."""
+    """Render Rich tables and plain lines as text.
+
+    Tables are at most as wide as `width` or the terminal; cells are wrapped and never cut off.
+    """
     from rich.console import Console
     from rich.table import Table
 
@@ -86,7 +91,10 @@ def render(*parts: Any, width: int | None = None) -> str:
 
 
 def _fit(table: "Table", console: "Console", encoding: str) -> None:
-    """Spell what cannot be shown, and fold cells instead of cutting them; no frame where it would not fit, and no number over two lines."""
+    """Spell what the encoding cannot show, and fold cells instead of cutting them.
+
+    A table that is too wide for its frame has none. A number stays on one line.
+    """
     from rich import box
     from rich.measure import Measurement
 

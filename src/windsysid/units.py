@@ -48,7 +48,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "N*m/rad": ("N*m/rad", 1.0), "kN*m/rad": ("N*m/rad", 1e3),
     "N*m*s/rad": ("N*m*s/rad", 1.0), "kN*m*s/rad": ("N*m*s/rad", 1e3),
     "W": ("W", 1.0), "kW": ("W", 1e3), "MW": ("W", 1e6), "degC": ("degC", 1.0),
-    "Pa": ("Pa", 1.0), "hPa": ("Pa", 100.0), "mbar": ("Pa", 100.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6), "bar": ("Pa", 1e5),
+    "Pa": ("Pa", 1.0), "hPa": ("Pa", 100.0), "mbar": ("Pa", 100.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6),
+    "bar": ("Pa", 1e5),
     "V": ("V", 1.0), "mV": ("V", 1e-3), "A": ("A", 1.0), "mA": ("A", 1e-3),
 }  # fmt: skip
 
@@ -159,8 +160,10 @@ def parameter_unit(name: str) -> str:
 
 _OF_PARAMETERS = {
     "k_x": "N/m", "k_y": "N/m", "k_side_side": "N/m", "k_fore_aft": "N/m", "k_": "N*m/rad",
-    "c_x": "N*s/m", "c_y": "N*s/m", "c_side_side": "N*s/m", "c_fore_aft": "N*s/m", "c_hub_blade": "N*s", "c_": "N*m*s/rad", "mass_": "kg", "tilt": "rad/m",
-    "hub_mass": "kg", "blade_mass": "kg", "blade_first_moment": "kg*m", "blade_inertia": "kg*m^2", "roll_inertia": "kg*m^2",
+    "c_x": "N*s/m", "c_y": "N*s/m", "c_side_side": "N*s/m", "c_fore_aft": "N*s/m", "c_hub_blade": "N*s",
+    "c_": "N*m*s/rad", "mass_": "kg", "tilt": "rad/m",
+    "hub_mass": "kg", "blade_mass": "kg", "blade_first_moment": "kg*m", "blade_inertia": "kg*m^2",
+    "roll_inertia": "kg*m^2",
     "kappa": "rad/m", "eccentricity_angle": "rad", "eccentricity": "m", "gravity": "m/s^2", "hinge_offset": "m",
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The command line loses nothing of the user's: not what is there already, not what it has found when the disk is full."""
+"""The command line loses nothing of the user's: neither files that exist nor results when the disk is full."""
 
 import os
 import signal
@@ -59,7 +59,8 @@ def test_overwriting_keeps_what_is_the_users_and_leaves_the_new_result(run, reco
     assert run("inspect", record, "--output", ".", "--overwrite", "--section-length", "5").code == 0
     assert {name: (out / name).read_text() for name in mine} == mine
     assert {path.name for path in out.glob("[!.]*")} == {
-        "inspection.json", "report.html", "overview.png", "spectra.png", "spectrogram.png", "good.txt", "notes", "figures",
+        "inspection.json", "report.html", "overview.png", "spectra.png", "spectrogram.png", "good.txt",
+        "notes", "figures",
     }  # fmt: skip
 
 

@@ -87,7 +87,10 @@ def identified_table():
 def test_a_table_fits_the_terminal_and_nothing_is_cut_off(monkeypatch: pytest.MonkeyPatch, columns: int, encoding: str):
     monkeypatch.setenv("COLUMNS", str(columns))
     monkeypatch.setattr(sys, "stdout", Terminal(encoding))
-    sentence = "Every mode is damped from 6.96 to 90.5 rpm: the least by 0.53 %, and so on and on for many words more than fit."
+    sentence = (
+        "Every mode is damped from 6.96 to 90.5 rpm: the least by 0.53 %, and so on and on for many words more than"
+        " fit."
+    )
     text = render(identified_table(), sentence)
     assert max(map(len, text.splitlines())) <= columns
     assert "".join(text.split()).count("99.9%") == 3
@@ -127,7 +130,8 @@ def test_brackets_in_names_are_no_markup(refusal, monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize(
     ("stiffness", "complaint"),
-    [("1e40 N/m", "makes x vibrate at"), ("0 N/m", "expected a positive k_x, got 0"), ("1e-300 N/m", "one period of the turbine's slowest")],
+    [("1e40 N/m", "makes x vibrate at"), ("0 N/m", "expected a positive k_x, got 0"),
+    ("1e-300 N/m", "one period of the turbine's slowest")],
 )  # fmt: skip
 def test_a_stiffness_that_cannot_be_is_refused(refusal, tmp_path: Path, stiffness: str, complaint: str):
     from windsysid.records.formats import write_record
@@ -194,7 +198,8 @@ def test_an_interrupt_while_modules_are_loaded_ends_it_quietly(tmp_path: Path, a
     code = (
         "from windsysid.__main__ import main\n"
         "import os, signal, sys, threading\n"
-        f"sys.argv = ['windsysid', 'simulate', '--turbine', 'verne555', '--duration', '5000', '--output', {str(tmp_path / 'x.csv')!r}]\n"
+        f"path = {str(tmp_path / 'x.csv')!r}\n"
+        "sys.argv = ['windsysid', 'simulate', '--turbine', 'verne555', '--duration', '5000', '--output', path]\n"
         f"threading.Timer({after}, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
         "main()"
     )

@@ -1,4 +1,4 @@
-"""Filters, smoothers and the bank against NumPy, on what drifts: a load of two correlated states, a bias and a parameter that wander."""
+"""Filters, smoothers and the bank against NumPy where a two-state load, a bias and a parameter drift."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ PUSH = np.array([1.0, 0.2])  # of the load's two states on the first mass
 
 
 def gusty_chain() -> tuple[StateSpace, np.ndarray, np.ndarray, np.ndarray]:
-    """The chain under a swinging load, one accelerometer with a wandering bias; and F, Q and H of its state, written out."""
+    """The chain under a swinging load, with one accelerometer whose bias wanders; and its F, Q and H, written out."""
     first, last, middle = chain_sensors()
     sensors = (first, Drifts(last.channel, last.expression, last.noise, BIAS, DRIFT), middle)
     gust = LoadBlock(("gust", "gust_rate"), SWING, SPREAD, {"load_1": PUSH[None]})

@@ -14,8 +14,9 @@ from windsysid.turbine.turbine import Turbine
 
 
 def test_normalised_innovations_have_mean_square_one_when_the_model_is_right():
-    # 20 records of 200 samples and 3 readings, a tenth missing: the sum of squares is χ² with 10 700 degrees of freedom, whose mean
-    # square has the standard error √(2/10700) = 0.0137. Bounds: four of them; neighbours must be uncorrelated too.
+    # 20 records of 200 samples and 3 readings, a tenth missing: the sum of squares is χ² with 10 700 degrees of
+    # freedom, whose mean square has the standard error √(2/10700) = 0.0137. Bounds: four of them; neighbours must be
+    # uncorrelated too.
     model = composed()
     whitened = np.stack([
         EKF.run(model, EKF.init(model), *simulated(model, 200, seed=100 + run))[1].whitened for run in range(20)
@@ -55,9 +56,11 @@ def joint(verne555: Turbine) -> StateSpace:
         rate=100.0,
         values=turbine.values,
         parameters=[
-            Parameter(name, 1.2 * value, 0.3)
-            if name[0] == "k"
-            else Parameter(name, 0.8 * value, 0.3 * value, False, 300.0)
+            (
+                Parameter(name, 1.2 * value, 0.3)
+                if name[0] == "k"
+                else Parameter(name, 0.8 * value, 0.3 * value, False, 300.0)
+            )
             for name, value in turbine.coefficients.items()
         ],
         loads=turbine.loads,
@@ -141,7 +144,8 @@ def test_load_noise_reaches_the_motion_within_its_own_step(joint: StateSpace):
 
 
 def test_the_reading_jacobian_equals_central_differences(joint: StateSpace):
-    # With P = e_j e_jᵀ and one reading alone the mean's entry j moves by h_j ν / (h_j² + r): h_j follows, with its sign.
+    # With P = e_j e_jᵀ and one reading alone the mean's entry j moves by h_j ν / (h_j² + r): h_j follows, with its
+    # sign.
     mean, size = somewhere(joint)
     n, m = len(mean), len(joint.readings)
     zero = np.zeros((n, n))
@@ -163,9 +167,9 @@ def test_the_reading_jacobian_equals_central_differences(joint: StateSpace):
 
 
 def test_joint_estimation_finds_a_wrong_stiffness_and_is_honest_about_it():
-    # k_2 starts 5 % off; 20 records of 10 s drawn from the true chain. Every ±4σ band must hold the truth (6e-5 expected
-    # outside each), and the record must have taught much more than the prior knew. From 20 % off the linearisation costs
-    # certainty: the error is then 1.2 times what the filter says on average.
+    # k_2 starts 5 % off; 20 records of 10 s drawn from the true chain. Every ±4σ band must hold the truth (6e-5
+    # expected outside each), and the record must have taught much more than the prior knew. From 20 % off the
+    # linearisation costs certainty: the error is then 1.2 times what the filter says on average.
     model = compose(
         chain(),
         intervals=STEPS,

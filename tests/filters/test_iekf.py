@@ -1,4 +1,4 @@
-"""The iterated filter finds the mode where readings bend, never runs away, and is the extended filter where they do not."""
+"""The iterated filter finds the mode of bent readings, never runs away, and else equals the extended filter."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Where theory is exact: on a linear model every filter and smoother equals a Kalman filter and smoother that we did not write for it."""
+"""On a linear model every filter and smoother equals a textbook Kalman filter and smoother."""
 
 import numpy as np
 import pytest
@@ -105,7 +105,7 @@ def wandering() -> StateSpace:
 
 
 def wandering_by_hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Covariances (T, T) of w, b and the readings, and nothing of a filter: e^{−|t|/τ}, the lesser of two times, and white noise."""
+    """Covariances (T, T) of w, b and the readings without a filter: e^{−|t|/τ}, min(t, t'), and white noise."""
     time = STEP * np.arange(SAMPLES)
     w = RMS**2 * np.exp(-np.abs(time[:, None] - time) / TAU)
     b = OFFSET**2 + DRIFT**2 * np.minimum(time[:, None], time)

@@ -85,8 +85,8 @@ def test_a_motion_without_any_uncertainty_stays_the_filters(filter_: Filter):
 
 @every_filter
 def test_one_uncertain_number_is_smoothed_as_by_least_squares(filter_: Filter):
-    # Only q_2's start is uncertain and nothing shakes the chain: every covariance has rank one, every state is a line in that
-    # start, and the whole record is one least-squares problem for it.
+    # Only q_2's start is uncertain and nothing shakes the chain: every covariance has rank one, every state is a line
+    # in that start, and the whole record is one least-squares problem for it.
     cov = np.zeros((6, 6))
     cov[1, 1] = 0.3**2
     inputs, readings = record(chain_with())

@@ -1,4 +1,4 @@
-"""The unscented filter where readings and steps bend: exact moments, Monte Carlo, and the transform as its inventors write it."""
+"""The unscented filter on bent readings and steps: exact moments, Monte Carlo, and its inventors' transform."""
 
 from dataclasses import replace
 
@@ -80,7 +80,8 @@ def test_a_state_that_does_nothing_leaves_the_others_where_they_are():
 
 
 def test_load_noise_that_enters_squared_is_not_linearised():
-    # ẋ = w²: over a step x gains h/6 (w₀² + (w₀ + w₁)² + w₁²), of which the mean is exact; an additive noise would lose η².
+    # ẋ = w²: over a step x gains h/6 (w₀² + (w₀ + w₁)² + w₁²), of which the mean is exact; an additive noise would lose
+    # η².
     (x,), (w,) = symbols("x"), symbols("w")
     model = compose(
         Equations("power", (x,), (), (), (w,), (w**2,)),
@@ -158,8 +159,8 @@ def moved(model: StateSpace, state: np.ndarray, eta: np.ndarray, before: np.ndar
 
 
 def test_the_filter_is_the_unscented_transform_as_its_inventors_write_it():
-    # 25 coefficients, loads and motions, two biases: sigma points and their weights, the one of the centre negative, with
-    # nothing but NumPy around the model's own step and reading. Three samples, one reading missing.
+    # 25 coefficients, loads and motions, two biases: sigma points and their weights, the one of the centre negative,
+    # with nothing but NumPy around the model's own step and reading. Three samples, one reading missing.
     model = rotor_with_everything()
     still = replace(model, blocks=model.blocks._replace(load_noise=np.zeros((1, 5, 5)), walk=0.0 * model.blocks.walk))
     inputs, _ = record(model)

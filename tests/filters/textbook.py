@@ -1,7 +1,7 @@
 """An independent Kalman filter and smoother for the chain of masses, in plain NumPy from the chain's springs.
 
-The transition is written out as a matrix polynomial; filter and smoother are the textbook's formulas; and `dense` treats
-a whole record as one Gaussian vector, without any recursion.
+The transition is written out as a matrix polynomial; filter and smoother are the textbook's formulas; and `dense`
+treats a whole record as one Gaussian vector, without any recursion.
 """
 
 from dataclasses import dataclass
@@ -108,7 +108,7 @@ def simulated(model: StateSpace, samples: int, seed: int) -> tuple[np.ndarray, n
 
 @dataclass(frozen=True)
 class Filtered:
-    """What the textbook's filter knows after a sample; prediction and innovation of that sample with their covariances."""
+    """What the textbook's filter knows after a sample, and that sample's prediction and innovation with covariances."""
 
     mean: np.ndarray
     cov: np.ndarray
@@ -157,7 +157,7 @@ def rauch_tung_striebel(samples: list[Filtered]) -> tuple[np.ndarray, np.ndarray
 
 
 def dense(model: StateSpace, inputs: np.ndarray, samples: int) -> tuple[np.ndarray, ...]:
-    """All states (T n) and all readings (T m) as one Gaussian vector: means, cov of states, H of all, cov of all readings."""
+    """All states (T n) and readings (T m) as one Gaussian vector: means, cov of states, H of all, cov of readings."""
     books = [textbook(STEPS[int(which)]) for which in inputs[:samples, 3]]
     n = len(model.mean)
     mean, cov = np.zeros((samples, n)), np.zeros((samples, n, samples, n))

@@ -166,11 +166,13 @@ def test_a_converter_that_sees_no_motion_is_told(healthy):
     [
         (TOWER, lambda r: 1.0 + r[TOWER] / 98.0665, "unit", TOWER, "g marked as m/s²"),
         (TOWER, lambda r: 1000.0 * r[TOWER], "unit", TOWER, "raw counts"),
-        ("rotor_speed", lambda r: r["rotor_speed"] * 30.0 / np.pi, "contradiction", "rotor_azimuth", "rpm marked as rad/s"),
+        ("rotor_speed", lambda r: r["rotor_speed"] * 30.0 / np.pi, "contradiction", "rotor_azimuth",
+        "rpm marked as rad/s"),
         ("rotor_speed", lambda r: r["rotor_speed"] * 1.1, "contradiction", "rotor_azimuth", "1.1 times as fast"),
         ("rotor_azimuth", lambda r: np.degrees(r["rotor_azimuth"]), "unit", "rotor_azimuth", "degrees marked as rad"),
         ("rotor_azimuth", lambda r: r["rotor_azimuth"] / (2.0 * np.pi), "unit", "rotor_azimuth", "turns marked as rad"),
-        ("rotor_azimuth", lambda r: 2.0 * np.pi - r["rotor_azimuth"], "contradiction", "rotor_azimuth", "runs backwards"),
+        ("rotor_azimuth", lambda r: 2.0 * np.pi - r["rotor_azimuth"], "contradiction", "rotor_azimuth",
+        "runs backwards"),
     ],
 )  # fmt: skip
 def test_a_unit_that_cannot_be_right_is_named(healthy, verne555, channel, wrong, kind, on, said):

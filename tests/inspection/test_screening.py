@@ -1,4 +1,4 @@
-"""Every identification checks what it reads: it refuses what would make each number wrong, and notes what makes them worse."""
+"""Every identification checks its record: it refuses what makes numbers wrong, and notes what makes them worse."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The cache of compiled models: damaged files are made again, processes share it, and changed sources never meet old machine code."""
+"""The cache of compiled models: damaged files are made again, processes share it, old code never meets new sources."""
 
 import importlib
 import multiprocessing

@@ -83,7 +83,8 @@ def test_hub_forces_are_the_blades_moments_over_the_lever(verne555: Turbine):
 
 
 @pytest.mark.parametrize(("rise", "levers"), [
-    (0.5, {1: 1.28, 2: 1.371429, 4: 1.454545, 5: 1.476923, 7: 1.505882}), (3.0, {1: 0.64, 2: 0.8, 4: 1.0, 5: 1.066667, 7: 1.163636}),
+    (0.5, {1: 1.28, 2: 1.371429, 4: 1.454545, 5: 1.476923, 7: 1.505882}),
+    (3.0, {1: 0.64, 2: 0.8, 4: 1.0, 5: 1.066667, 7: 1.163636}),
 ])  # fmt: skip
 def test_the_smaller_the_eddies_the_further_out_they_push(verne555: Turbine, rise: float, levers: dict[int, float]):
     # ℓ (m+1)/(m+1+ρ) for ℓ = 1.6 m, worked out by hand; single eddies push where the last term does.
@@ -107,7 +108,7 @@ def test_the_smaller_the_eddies_the_further_out_they_push(verne555: Turbine, ris
 
 
 def ring_spectrum(m: int, radius: float, frequency: Array, wind: WindConditions) -> Array:
-    """Spectrum of the m-th term in azimuth of the wind on a ring: the Fourier coefficient of its coherence, by quadrature."""
+    """Spectrum of the m-th term in azimuth of the wind on a ring: a Fourier coefficient of its coherence."""
     angle = (np.arange(4096) + 0.5) * np.pi / 4096
     separation = 2.0 * radius * np.sin(0.5 * angle)
     share = np.array([np.mean(coherence(f, separation, wind) * np.cos(m * angle)) for f in frequency])
@@ -115,8 +116,8 @@ def ring_spectrum(m: int, radius: float, frequency: Array, wind: WindConditions)
 
 
 def test_spectra_of_the_terms_have_the_shape_that_turbulence_gives_them(verne555: Turbine):
-    # Kaimal's spectrum and the IEC's coherence on the ring of the scale model's outer station; one level, corner, fall and knee for all terms but the
-    # slowest. The spectra fall by a factor of 25 to 700 between 0.1 and 2.5 Hz.
+    # Kaimal's spectrum and the IEC's coherence on the ring of the scale model's outer station; one level, corner, fall
+    # and knee for all terms but the slowest. The spectra fall by a factor of 25 to 700 between 0.1 and 2.5 Hz.
     wind, blade = packaged_wind("verne555")
     model = hypothesis("rotor-wind", verne555, verne555.loads)
     blocks = {
@@ -133,7 +134,10 @@ def test_spectra_of_the_terms_have_the_shape_that_turbulence_gives_them(verne555
 
 
 def blade_spectra(name: str, frequency: Array) -> tuple[Array, Array]:
-    """Of a blade's moment, and of what its force has beside it: spectra of the terms m = 0 … 7 under Kaimal's wind with the IEC's coherence, by quadrature."""
+    """Spectra of the terms m = 0 … 7 of a blade's moment, and of the force beside it, by quadrature.
+
+    The wind is Kaimal's with the IEC's coherence.
+    """
     turbine = load_turbine(name)
     wind, blade = packaged_wind(name)
     radii = np.array(blade.radii)
@@ -150,7 +154,8 @@ def blade_spectra(name: str, frequency: Array) -> tuple[Array, Array]:
         for m in range(8):
             share = np.mean(together * np.cos(m * angle), axis=2)
             of_moment, cross, of_force = (a @ share @ b for a, b in
-                                          ((force * levers, force * levers), (force * levers, force), (force, force)))  # fmt: skip
+                                          ((force * levers, force * levers), (force * levers, force),
+                                          (force, force)))  # fmt: skip
             moment[m, k], rest[m, k] = of_moment, of_force - cross**2 / of_moment
     moment[1:] *= 2.0
     return moment, 2.0 * rest
@@ -167,7 +172,8 @@ def blade_force_per_metre(blade: BladeAerodynamics, across: float, along: Array)
 
 @pytest.mark.parametrize(("name", "off"), [("verne555", 0.15), ("nrel5mw", 0.2)])
 def test_one_corner_knee_and_fall_describe_the_moments_of_a_whole_blade(name: str, off: float):
-    # Three and four stations from root to tip, thirty times apart in size: the same constants serve, and what the force has beside the moment falls later.
+    # Three and four stations from root to tip, thirty times apart in size: the same constants serve, and what the force
+    # has beside the moment falls later.
     turbine = load_turbine(name)
     turn = turbine.rotor_speed / (2.0 * np.pi)
     frequency = np.geomspace(0.03, 2.0, 15) * turn

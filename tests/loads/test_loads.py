@@ -119,7 +119,8 @@ def test_a_first_order_process_is_the_turbine_files_load():
 
 @pytest.mark.parametrize("time_constant", [0.1, 1.0, 5.0])
 def test_behind_a_low_pass_the_samples_have_the_spectrum_of_a_process_cut_off_there(time_constant: float):
-    # Closed form of Gauss–Markov, gain of the resampler, all that folds back. Without the filter the samples hold twice as much near half the rate.
+    # Closed form of Gauss–Markov, gain of the resampler, all that folds back. Without the filter the samples hold twice
+    # as much near half the rate.
     rate, f = 4.0, np.linspace(0.02, 1.98, 50)
     block = GaussMarkov("load_x", 1.0, time_constant, low_pass=0.5 * rate)
     transition, noise = block.discretise(1.0 / rate)
@@ -148,8 +149,10 @@ def test_behind_a_low_pass_the_samples_have_the_spectrum_of_a_process_cut_off_th
 @pytest.mark.parametrize(
     ("rms", "poles", "zeros"),
     [
-        (1.0, [1.0], []), (1.0, [0.0], []), (1.0, [-1.0], [-2.0]), (1.0, [-1.0 + 1.0j], []), (1.0, [-1.0, -2.0], [1.0j]),
-        (0.0, [-1.0], []), (-1.0, [-1.0], []), (float("nan"), [-1.0], []), (1.0, [float("-inf")], []), (1.0, [float("nan")], []),
+        (1.0, [1.0], []), (1.0, [0.0], []), (1.0, [-1.0], [-2.0]), (1.0, [-1.0 + 1.0j], []),
+        (1.0, [-1.0, -2.0], [1.0j]),
+        (0.0, [-1.0], []), (-1.0, [-1.0], []), (float("nan"), [-1.0], []), (1.0, [float("-inf")], []),
+        (1.0, [float("nan")], []),
     ],
 )  # fmt: skip
 def test_a_spectrum_that_makes_no_sense_is_refused(rms: float, poles: list[complex], zeros: list[complex]):

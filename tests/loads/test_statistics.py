@@ -36,8 +36,8 @@ def test_hub_and_blades_have_an_rms_each_and_each_kind_of_sensor_its_noise(stati
 
 def test_levels_may_be_wrong_by_a_factor_of_four_or_five_and_a_time_constant_by_two(statistics, verne555: Turbine):
     # exp 1.5 = 4.5 and exp 0.7 = 2.0 at one standard deviation: what the problem of a record takes for its prior.
-    factors = {"load_rms_support": 4.5, "load_rms_blades": 4.5, "load_time_constant": 2.0, "noise_tower_acceleration": 4.5,
-               "noise_blade_acceleration": 4.5}  # fmt: skip
+    factors = {"load_rms_support": 4.5, "load_rms_blades": 4.5, "load_time_constant": 2.0,
+               "noise_tower_acceleration": 4.5, "noise_blade_acceleration": 4.5}  # fmt: skip
     assert {s.name: np.exp(s.spread) for s in statistics} == pytest.approx(factors, rel=0.01)
     record = simulate_record(verne555, duration=2.0, rate=50.0, seed=0)
     problem = pose(record, verne555, verne555.sensors, Prior())

@@ -186,7 +186,8 @@ def everything() -> Equations:
         "everything", (x, v), (u,), (a, b), (w,),
         (
             sp.exp(-(x**2)) * abs(v) ** a + sp.tanh(b * v) + sp.sin(x + u) * sp.cos(u) ** 2 / (2 + sp.cos(3 * x)),
-            sp.Max(x, u) ** 3 + sp.sqrt(a + v**2) * sp.log(b) - sp.Heaviside(v) * sp.atan2(v, a) + sp.sign(x) * branch + w,
+            sp.Max(x, u) ** 3 + sp.sqrt(a + v**2) * sp.log(b) - sp.Heaviside(v) * sp.atan2(v,
+            a) + sp.sign(x) * branch + w,
         ),
     )  # fmt: skip
 
@@ -308,7 +309,8 @@ def test_a_hysteretic_oscillator_agrees_with_scipy_and_dissipates():
 
 
 def test_powers_of_a_magnitude_have_derivatives_where_it_vanishes():
-    # d/dz |z|ⁿ⁻¹ z = n |z|ⁿ⁻¹ and d/dn |z|ⁿ = |z|ⁿ log |z| go to 0 with z; written naively they are 0/0 and 0 · −∞ there
+    # d/dz |z|ⁿ⁻¹ z = n |z|ⁿ⁻¹ and d/dn |z|ⁿ = |z|ⁿ log |z| go to 0 with z; written naively they are 0/0 and 0 · −∞
+    # there
     z, v = symbols("z v")
     n = sp.Symbol("n", positive=True)
     model = compile_model(
@@ -364,8 +366,10 @@ def test_text_is_never_executed_as_an_expression(tmp_path: Path):
         lambda: Equations("text", (x,), (), (), (), (sp.Symbol(code),)),
         lambda: Equations("text", (x,), (), (), (), (sp.Function(code)(x),)),
         lambda: Equations("text", (x,), (), (), (), (a,), (a,), code, sp.ones(1, 1)),
-        lambda: lagrange("text", lagrangian=code, dissipation=v**2, coordinates=[(x, v, a)], loads=[0], inputs={}, parameters=()),
-        lambda: lagrange("text", lagrangian=v**2, dissipation=code, coordinates=[(x, v, a)], loads=[0], inputs={}, parameters=()),
+        lambda: lagrange("text", lagrangian=code, dissipation=v**2, coordinates=[(x, v, a)], loads=[0], inputs={},
+        parameters=()),
+        lambda: lagrange("text", lagrangian=v**2, dissipation=code, coordinates=[(x, v, a)], loads=[0], inputs={},
+        parameters=()),
         lambda: compile_model(Equations("text", (x,), (), (), (), (-x,)), (Reads("reads", code),)),
         lambda: compile_model(Equations("text", (x,), (), (), (), (-x,)), (Reads("reads", sp.Symbol(code)),)),
         lambda: Equations(f'"""\n{code}\n"""', (x,), (), (), (), (x,)),

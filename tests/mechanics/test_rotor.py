@@ -157,9 +157,10 @@ def test_newton_and_euler_give_the_same_for_a_roll_that_leans_and_a_varying_spee
 def test_air_that_falls_with_a_sections_velocity_couples_hub_and_blades_by_its_virtual_work(
     rolling: Literal["locked", "tied", "free"],
 ):
-    # The force −c_a v t on each blade, c_a = c/R, acts at R = I/S from the link of the blade; t is the tangent there and v the velocity
-    # along it. Its work on a displacement of q is −c_a v t·∂r/∂q, with v = Σ t·∂r/∂q q̇. The position r is written here and differentiated
-    # numerically, without the model's velocities. The model has the part between hub and blades; the rest is in c_x … c_β.
+    # The force −c_a v t on each blade, c_a = c/R, acts at R = I/S from the link of the blade; t is the tangent there
+    # and v the velocity along it. Its work on a displacement of q is −c_a v t·∂r/∂q, with v = Σ t·∂r/∂q q̇. The
+    # position r is written here and differentiated numerically, without the model's velocities. The model has the part
+    # between hub and blades; the rest is in c_x … c_β.
     model = RotorModel(3, roll=rolling, air_couples=True)
     equations, names = model.equations(), model.coordinates
     rng = np.random.default_rng(5)
@@ -285,8 +286,8 @@ def test_the_jacobi_integral_is_conserved_over_1000_revolutions_and_energy_is_no
 
 
 def test_at_rest_a_partly_free_roll_has_the_modes_of_a_mass_matrix_written_by_hand():
-    # Small motion about ψ = 0.4 without gravity: T = ½ m_x ẋ² + ½ J r² + Σ ½ I β̇² + β̇ [(I + d S) ṙ − S sin θ ẋ] with ṙ = κ ẋ + ρ̇; the hub's
-    # own coupling of x and ṙ is Σ −(d m + S) sin θ = 0. V is diagonal.
+    # Small motion about ψ = 0.4 without gravity: T = ½ m_x ẋ² + ½ J r² + Σ ½ I β̇² + β̇ [(I + d S) ṙ − S sin θ ẋ] with
+    # ṙ = κ ẋ + ρ̇; the hub's own coupling of x and ṙ is Σ −(d m + S) sin θ = 0. V is diagonal.
     turbine = load_turbine("nrel5mw_full").with_values({"gravity": 0.0})
     v, psi = turbine.values, 0.4
     d, kappa, m, S, inertia = (

@@ -17,7 +17,8 @@ KAPPA = -0.3
 
 TOWER = Sensor(channel="tower", quantity="acceleration", point="tower", axis="x", noise=1.0)
 BLADE = Sensor(
-    channel="blade", quantity="acceleration", point="blade_2", axis="tangential", frame="blade", position=(2.0, 0.15), noise=1.0
+    channel="blade", quantity="acceleration", point="blade_2", axis="tangential", frame="blade",
+    position=(2.0, 0.15), noise=1.0
 )  # fmt: skip
 
 
@@ -151,7 +152,8 @@ def test_lag_rate_moment_and_strain_read_what_they_say(values: dict[str, float])
         )
 
     sensors = [
-        made("displacement"), made("velocity"), made("acceleration"), made("angular_rate"), made("angular_rate", "tower", "x"),
+        made("displacement"), made("velocity"), made("acceleration"), made("angular_rate"),
+        made("angular_rate", "tower", "x"),
         made("moment"), made("strain", gain=2e-6), made("moment", "tower", "y", gain=17.0),
     ]  # fmt: skip
     motion, readings = simulated(values, sensors)

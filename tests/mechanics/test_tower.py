@@ -45,7 +45,8 @@ def test_the_azimuth_and_the_yaw_itself_are_in_no_equation():
 
 
 def test_a_free_vibration_keeps_its_plane_while_the_nacelle_turns_under_it():
-    # A round tower with equal masses and no damping does not know where the nacelle points: A cos ωt along one bearing for ever.
+    # A round tower with equal masses and no damping does not know where the nacelle points: A cos ωt along one bearing
+    # for ever.
     omega, amplitude, rate, bearing = 2.0, 0.3, 100.0, math.radians(25.0)
     values = VALUES | {"mass_fore_aft": 400.0, "k_fore_aft": 1600.0, "c_side_side": 0.0, "c_fore_aft": 0.0, "tilt": 0.0}
     along, across = (sensor("bearing", "displacement", bearing_deg=b) for b in (25.0, 115.0))
@@ -67,7 +68,8 @@ def test_a_free_vibration_keeps_its_plane_while_the_nacelle_turns_under_it():
 
 
 def test_readings_are_the_derivatives_of_the_position_over_ground():
-    # Position in fixed axes (east, north), differentiated by SymPy as a function of time: nothing of the model's own kinematics.
+    # Position in fixed axes (east, north), differentiated by SymPy as a function of time: nothing of the model's own
+    # kinematics.
     t = sp.Symbol("t")
     x, z = sp.Rational(3, 10) * sp.sin(2 * t + 1), sp.cos(3 * t) / 5
     yaw = sp.Rational(7, 10) + t / 50 + sp.sin(t) / 30
@@ -91,7 +93,8 @@ def test_readings_are_the_derivatives_of_the_position_over_ground():
 
 
 def test_sensors_fixed_to_the_tower_are_what_the_yaw_signal_turns_back():
-    # `signals.to_nacelle` takes a pair along b and a quarter turn counter-clockwise from it: the two must be each other's inverse.
+    # `signals.to_nacelle` takes a pair along b and a quarter turn counter-clockwise from it: the two must be each
+    # other's inverse.
     x, z, yaw = 0.3, -1.7, 0.9
     pair = [sensor("bearing", "displacement", bearing_deg=b) for b in (40.0, -50.0)]
     numbers = {real("side_side"): x, real("fore_aft"): z, real("nacelle_yaw"): yaw}

@@ -49,7 +49,7 @@ def test_on_a_stiff_support_the_blades_vibrate_on_their_own_seen_from_the_ground
 
 
 OPENFAST = ([0.3155, 0.8955, 1.1112, 1.3052], [0.349, 0.582, 0.482, 0.404])
-"""Frequencies [Hz] and damping ratios [%] of OpenFAST's linearisation at 12.1 rpm, tower side-side and first edgewise modes free."""
+"""Frequencies [Hz] and damping ratios [%] of OpenFAST's linearisation at 12.1 rpm; side-side and edgewise free."""
 
 
 @pytest.mark.parametrize("method", ["Coleman", "Floquet"])
@@ -83,8 +83,9 @@ def test_hammond_without_dampers_is_unstable_where_lag_and_support_coalesce():
 
 @pytest.mark.parametrize(("name", "tolerance"), [("nrel5mw", 1e-9), ("verne555", 1e-6), ("hammond", 1e-9)])
 def test_modes_are_the_floquet_exponents_of_one_revolution(name: str, tolerance: float):
-    # The monodromy matrix knows nothing of multi-blade coordinates: its exponents are the modes' eigenvalues but for multiples
-    # of iΩ. The imbalance of verne555 leaves a trace of azimuth in the fixed frame, averaged by `modes`: 2e-7 there.
+    # The monodromy matrix knows nothing of multi-blade coordinates: its exponents are the modes' eigenvalues but for
+    # multiples of iΩ. The imbalance of verne555 leaves a trace of azimuth in the fixed frame, averaged by `modes`: 2e-7
+    # there.
     turbine = load_turbine(name)
     model, p = compiled(turbine)
     p[model.parameters.index("gravity")] = 0.0
@@ -124,9 +125,9 @@ def isotropic_hub(turbine: Turbine) -> Turbine:
 def test_hammond_on_an_isotropic_hub_has_the_roots_of_colemans_characteristic_equation(
     rpm: int, damping: float, method: Literal["Coleman", "Floquet"]
 ):
-    # With z = x + i y and Z = ξ_c + i ξ_s, the hub and the whirling lag of N blades obey (derived by hand, turned to the fixed frame)
-    #   M z″ + c z′ + k z + i (N/2) S Z″ = 0,
-    #   I (Z″ − 2iΩ Z′ − Ω² Z) + c_β (Z′ − iΩ Z) + (k_β + S d Ω²) Z − i S z″ = 0:  a quartic in λ.
+    # With z = x + i y and Z = ξ_c + i ξ_s, the hub and the whirling lag of N blades obey (derived by hand, turned to
+    # the fixed frame) M z″ + c z′ + k z + i (N/2) S Z″ = 0, I (Z″ − 2iΩ Z′ − Ω² Z) + c_β (Z′ − iΩ Z) + (k_β + S d Ω²) Z
+    # − i S z″ = 0: a quartic in λ.
     hammond = isotropic_hub(load_turbine("hammond"))
     hammond = hammond.with_values(
         {name: damping * hammond.values[name] for name in ("c_x", "c_y", *(f"c_beta_{i}" for i in range(1, 5)))}
@@ -187,8 +188,9 @@ def test_two_blades_vibrate_as_their_nonlinear_equations_do():
     n = 2 * len(turbine.model.coordinates)
     settled = simulated(turbine, speed, np.zeros(n), np.array([0.0, 200 * turn]))[-1]
     step = 1e-5
+    turns = np.array([turn])
     monodromy = np.column_stack([
-        (simulated(turbine, speed, settled + d, np.array([turn]))[-1] - simulated(turbine, speed, settled - d, np.array([turn]))[-1])
+        (simulated(turbine, speed, settled + d, turns)[-1] - simulated(turbine, speed, settled - d, turns)[-1])
         / (2 * step)
         for d in step * np.eye(n)
     ])  # fmt: skip
@@ -201,7 +203,8 @@ def test_two_blades_vibrate_as_their_nonlinear_equations_do():
 
 
 def test_two_blades_are_felt_where_the_notes_say():
-    # A free decay of the blades against each other: they feel f; the ground feels f + Ω forward, f − Ω backward (Ω − f forward where f < Ω).
+    # A free decay of the blades against each other: they feel f; the ground feels f + Ω forward, f − Ω backward (Ω − f
+    # forward where f < Ω).
     turbine = isotropic_hub(two_blades())
     for speed in (12.0, 24.0):
         found = analyse(turbine.model, *compiled(turbine), speed)

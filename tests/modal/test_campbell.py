@@ -32,9 +32,11 @@ def uncertain(turbine: Turbine, **relative: float) -> Posterior:
     """A turbine whose coefficients are known to some relative standard deviations."""
     names = list(relative)
     parameters = tuple(
-        Parameter(n, turbine.values[n], 0.3)
-        if n.startswith("k_")
-        else Parameter(n, turbine.values[n], 0.3, False, turbine.values[n])
+        (
+            Parameter(n, turbine.values[n], 0.3)
+            if n.startswith("k_")
+            else Parameter(n, turbine.values[n], 0.3, False, turbine.values[n])
+        )
         for n in names
     )
     theta = np.array([q.coordinate(turbine.values[q.name]) for q in parameters])
@@ -146,7 +148,8 @@ def test_ground_resonance_is_told_with_its_distance_and_band(verne555: Turbine):
     assert (x.support, y.support) == ("x", "y")
     assert x.growing
     assert x.margin[0] == pytest.approx(x.speed[0] / found.operating[1] - 1.0)
-    # Ω = ω_s + ω_β(Ω), ω_s by half of k_x's 2 %, ω_β by a sixth of k_β1's (a third of the mean, half of it as a root), Ω′ being 1/(1 − ν²Ω/ω_β)
+    # Ω = ω_s + ω_β(Ω), ω_s by half of k_x's 2 %, ω_β by a sixth of k_β1's (a third of the mean, half of it as a root),
+    # Ω′ being 1/(1 − ν²Ω/ω_β)
     v, Omega = verne555.values, x.speed[0]
     lag = replace(verne555, rotor_speed=Omega).natural_frequency("beta_1")
     steeper = 1.0 - v["blade_first_moment_1"] * v["hinge_offset"] * Omega / (v["blade_inertia_1"] * lag)
@@ -188,8 +191,8 @@ def test_a_saved_result_gives_the_bands_of_the_one_in_memory(tmp_path: Path, ver
 def test_an_identification_and_the_diagram_give_one_answer_however_narrow_the_bands(
     name: str, values: dict[str, float]
 ):
-    # Posteriors as narrow as a free decay's: stiffness to 1e-5, damping to 1e-3. At every speed the diagram has Floquet's theory,
-    # which test_modal.py holds against SciPy's integrator.
+    # Posteriors as narrow as a free decay's: stiffness to 1e-5, damping to 1e-3. At every speed the diagram has
+    # Floquet's theory, which test_modal.py holds against SciPy's integrator.
     turbine = load_turbine(name)
     turbine = turbine.with_values({key: factor * turbine.values[key] for key, factor in values.items()})
     names = [n for n in turbine.model.coefficients if turbine.values[n] != 0.0]
@@ -211,7 +214,8 @@ def test_an_identification_and_the_diagram_give_one_answer_however_narrow_the_ba
 
 
 def test_a_turn_too_slow_for_floquet_still_has_modes_in_an_identification(verne555: Turbine):
-    # An idling rotor, 0.001 rpm: the diagram leaves it out at once, and the average over a turn is a standing rotor's but for gravity.
+    # An idling rotor, 0.001 rpm: the diagram leaves it out at once, and the average over a turn is a standing rotor's
+    # but for gravity.
     posterior = uncertain(verne555, k_x=1e-2)
     model = compile_model(verne555.model)
     p = np.array([verne555.values[n] for n in model.parameters])
@@ -224,8 +228,8 @@ def test_a_turn_too_slow_for_floquet_still_has_modes_in_an_identification(verne5
 
 
 def test_stepping_aside_from_a_lock_does_not_move_the_other_modes():
-    # One mode of verne555 is put on 1.5P by its spring, where it is held. A whirl goes with the speed, so that stepping to one
-    # side by 1e-3 would move it by 1e-3 Ω; the others hardly know of the mode that is held.
+    # One mode of verne555 is put on 1.5P by its spring, where it is held. A whirl goes with the speed, so that stepping
+    # to one side by 1e-3 would move it by 1e-3 Ω; the others hardly know of the mode that is held.
     turbine = load_turbine("verne555").with_values({"c_x": 0.01})
     model = compile_model(turbine.model)
 
@@ -328,10 +332,14 @@ def test_the_summary_as_json_is_all_that_is_printed(run):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("nowhere",), "no turbine and no result 'nowhere': expected one of hammond, nrel5mw, nrel5mw_full, tower, verne555, the path of a .toml file"),
-        (("verne555", "--speeds", "2", "3 rpm"), "--speeds: the unit is missing: write it behind the number, in rad/s; got '2'"),
-        (("verne555", "--operating", "2 rpm", "3 kg"), "--operating: expected a unit of the same quantity as rad/s; got '3 kg'"),
-        (("verne555", "--speeds", "3 rpm", "2 rpm"), "speeds: expected two rotor speeds from 0 on, the lower first, got 3 and 2 rpm"),
+        (("nowhere",),
+         "no turbine and no result 'nowhere': expected one of hammond, nrel5mw, nrel5mw_full, tower, verne555"),
+        (("verne555", "--speeds", "2", "3 rpm"),
+         "--speeds: the unit is missing: write it behind the number, in rad/s; got '2'"),
+        (("verne555", "--operating", "2 rpm", "3 kg"),
+         "--operating: expected a unit of the same quantity as rad/s; got '3 kg'"),
+        (("verne555", "--speeds", "3 rpm", "2 rpm"),
+         "speeds: expected two rotor speeds from 0 on, the lower first, got 3 and 2 rpm"),
         (("src",), "result src: expected a folder that windsysid identify wrote, got no identification.nc"),
     ],
 )  # fmt: skip

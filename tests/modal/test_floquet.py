@@ -31,7 +31,8 @@ def mathieu(a: float, q: float, damping: float = 0.0) -> System:
     ("order", "family"), [(0, mathieu_a), (1, mathieu_a), (1, mathieu_b), (2, mathieu_b), (3, mathieu_a)]
 )
 def test_multipliers_are_one_on_the_boundaries_of_mathieus_equation(order: int, family: Callable[..., float], q: float):
-    # On a characteristic value there is a solution of period π (even order) or 2π (odd): the multipliers sum to 2 or −2.
+    # On a characteristic value there is a solution of period π (even order) or 2π (odd): the multipliers sum to 2 or
+    # −2.
     found = floquet(mathieu(float(family(order, q)), q), math.pi)
     total = np.exp(found.exponents * math.pi).sum()
     assert total == pytest.approx(2.0 * (-1.0) ** order, abs=1e-9)
@@ -68,7 +69,8 @@ def test_exponents_do_not_see_the_frame():
 
 
 def test_a_frequency_is_raised_to_that_of_its_largest_harmonic():
-    # In the turning frame the nearly circular orbit is moved by Ω; back in the fixed frame it stands at its own frequency.
+    # In the turning frame the nearly circular orbit is moved by Ω; back in the fixed frame it stands at its own
+    # frequency.
     rate = 1.3
     system, M = turning(rate)
     found = floquet(system, 2.0 * math.pi / rate)
@@ -109,7 +111,8 @@ def test_a_push_is_answered_by_the_settled_motion():
     push = np.zeros((len(found.time), 2, 1))
     push[:, 1, 0] = np.cos(4.0 * found.time) + 0.5
     settled = solve_ivp(
-        lambda t, x: system(np.array([t]))[0] @ x + np.array([0.0, math.cos(4.0 * t) + 0.5]), (0.0, 80.0 * math.pi), np.zeros(2),
+        lambda t, x: system(np.array([t]))[0] @ x + np.array([0.0, math.cos(4.0 * t) + 0.5]), (0.0, 80.0 * math.pi),
+        np.zeros(2),
         method="DOP853", rtol=1e-11, atol=1e-12, t_eval=79.0 * math.pi + found.time,
     ).y.T  # fmt: skip
     np.testing.assert_allclose(found.response(push)[:, :, 0], settled, atol=1e-8)

@@ -55,7 +55,7 @@ def posterior(
 
 
 def bayes(turbine: Turbine, parameters: tuple[Parameter, ...], said, information, record: str = "") -> Posterior:
-    """What the parameters' priors and a likelihood of this mean and information, in their coordinates, leave together."""
+    """What the parameters' priors and a likelihood of this mean and information leave together."""
     centre, spread = np.array([q.prior for q in parameters]).T
     precision = information + np.diag(spread**-2.0)
     theta = np.linalg.solve(precision, information @ said + centre / spread**2)
@@ -66,12 +66,14 @@ def bayes(turbine: Turbine, parameters: tuple[Parameter, ...], said, information
 
 
 def support(turbine: Turbine, k: float = 1.0, c: float = 1.0, critical: float = 200.0) -> tuple[Parameter, ...]:
-    """Priors of the support's coefficients, moved by factors and as wide as they are moved, in coordinates of their own."""
+    """Priors of the support's coefficients, moved by factors and as wide as they are moved."""
     v = turbine.values
     return tuple(
-        Parameter(name, k * v[name], max(0.3, abs(math.log(k))))
-        if name.startswith("k")
-        else Parameter(name, c * v[name], max(0.3 * c, abs(c - 1.0)) * v[name], False, critical)
+        (
+            Parameter(name, k * v[name], max(0.3, abs(math.log(k))))
+            if name.startswith("k")
+            else Parameter(name, c * v[name], max(0.3 * c, abs(c - 1.0)) * v[name], False, critical)
+        )
         for name in NAMES
     )
 
@@ -79,7 +81,7 @@ def support(turbine: Turbine, k: float = 1.0, c: float = 1.0, critical: float = 
 def said_in(
     parameters: tuple[Parameter, ...], values: np.ndarray, relative: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A likelihood of SI values [ln k, c] with covariance `relative` of (ln k, c / c_file), in the parameters' coordinates."""
+    """A likelihood of SI values [ln k, c] with covariance `relative` of (ln k, c / c_file), in filter coordinates."""
     gain = np.array([1.0 if q.logarithmic else TRUE[q.name] / q.scale for q in parameters])
     mean = np.array([q.coordinate(value) for q, value in zip(parameters, values, strict=True)])
     return mean, np.linalg.inv(relative * np.outer(gain, gain))
@@ -97,7 +99,7 @@ def correlated(rng: np.random.Generator, sigma: np.ndarray = SIGMA) -> np.ndarra
 
 
 def drawn(rng: np.random.Generator, cov: np.ndarray, factor: np.ndarray | float = 1.0) -> np.ndarray:
-    """What a record with this covariance of (ln k, c / c_file) says, in SI, the truth being the file's values times `factor`."""
+    """What a record with this covariance of (ln k, c / c_file) says in SI; the truth is `factor` times the file."""
     error = np.linalg.cholesky(cov) @ rng.standard_normal(4)
     truth = np.array(list(TRUE.values())) * factor
     return np.where(
@@ -255,7 +257,7 @@ def test_the_change_is_that_of_the_likelihoods_alone(verne555):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_odds_of_many_coefficients_are_ratios_of_evidences(verne555, seed):
-    """With nothing known of the level, d = y_B − y_A is all there is: N(0, C_A + C_B + T), and T without the coefficient in question."""
+    """Of an unknown level only d = y_B − y_A is known: N(0, C_A + C_B + T), with or without the coefficient's T."""
     rng = np.random.default_rng(20 + seed)
     covs = [correlated(rng) for _ in range(2)]
     said = [drawn(rng, cov, rng.uniform(0.9, 1.1, 4)) for cov in covs]
@@ -300,7 +302,8 @@ def test_a_coefficient_that_is_expected_about_zero_is_as_large_as_its_priors_are
     """So that the damping between hub and blades moves by half of what it may be, and not by half of nothing."""
     sigma = 0.5
     a, b = (
-        bayes(verne555, (Parameter("c_x", 0.0, wide, False, 200.0),), np.array([said / 200.0]), np.eye(1) * (200.0 / sigma) ** 2)
+        bayes(verne555, (Parameter("c_x", 0.0, wide, False, 200.0),), np.array([said / 200.0]),
+        np.eye(1) * (200.0 / sigma) ** 2)
         for said, wide in ((-1.0, 4.0), (1.5, 9.0))
     )  # fmt: skip
     (change,) = compare(a, b).coefficients
@@ -430,7 +433,7 @@ def test_bands_of_a_rotors_modes_are_those_of_finite_differences_at_the_mean_rot
 
 
 def learned(result: Posterior, said, information, given: float, model: str = "load_time_constant") -> Posterior:
-    """`result`, and what it would have learned of a load and a noise: a likelihood of θ and η together of this mean and information."""
+    """`result`, and what it would have learned of a load and a noise from a likelihood of θ and η together."""
     n = len(result.parameters)
     statistics: tuple[Statistic, ...] = (
         Statistic("load_rms_support", "N", given),
@@ -449,7 +452,9 @@ def learned(result: Posterior, said, information, given: float, model: str = "lo
     return result._replace(theta=mean[:n], cov=cov[:n, :n], statistics=found_out, joint_cov=cov)
 
 
-def with_statistics(turbine: Turbine, given: float, k: float, said: np.ndarray, cov: np.ndarray, model: str = "load_time_constant") -> Posterior:  # fmt: skip
+def with_statistics(
+    turbine: Turbine, given: float, k: float, said: np.ndarray, cov: np.ndarray, model: str = "load_time_constant"
+) -> Posterior:
     """A result of k_x and three statistics; `said` and `cov` are of ln(k/1800), ln(rms / √τ), ln τ and ln noise."""
     q = (Parameter("k_x", 1800.0 * k, max(0.3, abs(math.log(k)))),)
     result = bayes(turbine, q, np.zeros(1), np.eye(1), record=f"given {given}, prior {k}")
@@ -527,7 +532,10 @@ def test_overlapping_sections_files_that_differ_and_coefficients_of_one_result_a
 
 def test_results_of_one_name_that_disagree_are_not_called_the_same_record(verne555):
     """Two files may have one name."""
-    a, b = (posterior(verne555, ["k_x"], np.array([at]), np.eye(1) * 1e-4)._replace(record="vibration, 0–600 s") for at in (0.0, 0.2))  # fmt: skip
+    a, b = (
+        posterior(verne555, ["k_x"], np.array([at]), np.eye(1) * 1e-4)._replace(record="vibration, 0–600 s")
+        for at in (0.0, 0.2)
+    )
     found = compare(a, b)
     assert not found.same
     assert found.sentence.startswith("moved: k_x rose by")
@@ -598,8 +606,10 @@ def test_an_identified_record_under_other_priors_has_not_moved_in_either_order(r
             assert not change.log_odds > 0.0
             if change.told:
                 assert abs(growth(change.percent)) < 0.02 * (growth(change.high) - growth(change.low)), change
-        assert found.sentence == (
-            f"nothing moved: both results are of the same record and section ({a.record}), and one record cannot differ from itself"
+        assert (
+            found.sentence
+            == f"nothing moved: both results are of the same record and section ({a.record}), and one record cannot"
+            " differ from itself"
         )
 
 

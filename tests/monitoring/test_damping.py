@@ -79,7 +79,8 @@ def test_the_prior_of_the_file_plays_no_part():
 
 
 def test_records_of_one_length_count_alike_whatever_they_say():
-    # A likelihood's variance grows with c: taken at the fit, two parked records of one length have one weight, and their mean is the answer.
+    # A likelihood's variance grows with c: taken at the fit, two parked records of one length have one weight, and
+    # their mean is the answer.
     k = 900.0**2 / 8000.0
     said = (6000.0, 10000.0)
     (split,) = separate_damping([result(c, math.sqrt(k * c), 0.0, 4.0, prior=(8e3, 1e6)) for c in said]).splits

@@ -30,7 +30,8 @@ def vague(d: int, variance: float = 4.0) -> Belief:
 
 
 def test_tracking_is_the_gaussian_conditional_of_the_whole_series(monkeypatch: pytest.MonkeyPatch):
-    # Level, slopes and blocks are jointly Gaussian: the filter's end is the conditional mean, its likelihood the joint density (SciPy).
+    # Level, slopes and blocks are jointly Gaussian: the filter's end is the conditional mean, its likelihood the joint
+    # density (SciPy).
     unclipped(monkeypatch)
     count, q, s2 = 40, 0.3, 1.7
     y, r, x = series(count, slopes=(0.8, -0.5), wander=q)
@@ -50,7 +51,8 @@ def test_tracking_is_the_gaussian_conditional_of_the_whole_series(monkeypatch: p
 
 
 def test_the_statistic_is_the_likelihood_ratio_of_a_regression(monkeypatch: pytest.MonkeyPatch):
-    # Without wander a jump before block k is one more column: the drop of the sum of squares by generalised least squares is ℓ.
+    # Without wander a jump before block k is one more column: the drop of the sum of squares by generalised least
+    # squares is ℓ.
     unclipped(monkeypatch)
     monkeypatch.setattr(glr, "SPACING", 0.0)
     y, r, x = series(60, slopes=(0.5,))
@@ -103,7 +105,8 @@ def test_false_alarms_come_as_often_as_stated_or_less(
         y, at = rng.standard_normal(count), 0
         while at < count:
             done = track(
-                y[at:], np.ones(count - at), np.empty((count - at, 0)), vague(1, 100.0), Rates(0.0, 1.0), limit=threshold(rate)
+                y[at:], np.ones(count - at), np.empty((count - at, 0)), vague(1, 100.0), Rates(0.0, 1.0),
+                limit=threshold(rate)
             )  # fmt: skip
             at += done.stopped + 1 if done.stopped >= 0 else count
             alarms += done.stopped >= 0
@@ -147,7 +150,7 @@ def test_a_tolerated_jump_is_no_alarm_however_sure():
 
 
 def brute_force(y: np.ndarray, r: np.ndarray, x: np.ndarray, n: int, window: int) -> tuple[float, int]:
-    """The highest drop of the sum of squares, by least squares (NumPy), of one more column: a jump in the last 1 … `window` of n blocks."""
+    """The highest drop of the sum of squares, by NumPy, for a jump in the last 1 … `window` of n blocks."""
     weight = 1.0 / np.sqrt(r[:n])
     b = y[:n] * weight
 
@@ -184,6 +187,7 @@ def test_a_jump_is_looked_for_ninety_days_back_and_no_longer():
     done = track(y, np.ones(count), np.empty((count, 0)), vague(1, 1e8), Rates(0.0, 1.0))
     age = np.arange(1, count + 1) - done.since
     assert age[jump:].max() <= ninety_days
-    # The blocks k that are kept lie a tenth of their age apart, so that one near the jump is the likeliest until it is too old.
+    # The blocks k that are kept lie a tenth of their age apart, so that one near the jump is the likeliest until it is
+    # too old.
     assert abs(done.since[jump + ninety_days - ninety_days // 5] - jump) < 0.1 * ninety_days
     assert done.since[-1] >= count - ninety_days > jump

@@ -1,4 +1,4 @@
-"""Many records of one turbine: a season is no alarm, damage is one, a failing sensor is not taken for a failing tower."""
+"""Many records of one turbine: a season is no alarm, damage is one, a failing sensor is no failing tower."""
 
 import json
 import math
@@ -34,7 +34,8 @@ def quiet(names: tuple[str, ...], count: int = 3000, *, seed: int = 0, sigma: fl
     rng = np.random.default_rng(seed)
     n = len(names)
     return Blocks(
-        names, np.asarray(600.0 * np.arange(count)), sigma * rng.standard_normal((count, n)), np.full((count, n), sigma), (True,) * n, (1.0,) * n,
+        names, np.asarray(600.0 * np.arange(count)), sigma * rng.standard_normal((count, n)),
+        np.full((count, n), sigma), (True,) * n, (1.0,) * n,
         np.empty((count, 0)),
     )  # fmt: skip
 
@@ -105,7 +106,8 @@ def test_false_alarms_of_a_year_are_shared_out_among_the_series():
 
 
 def test_the_smallest_jump_passes_the_test_nine_times_in_ten():
-    # The filter and the trace of a unit jump, settled by repetition; the statistic's root is then normal about √energy times the jump.
+    # The filter and the trace of a unit jump, settled by repetition; the statistic's root is then normal about √energy
+    # times the jump.
     found = watch(quiet(("k_x",), 300))
     (series,) = found.series
     within, sigma = 144, 0.004 * series.scatter
@@ -144,7 +146,8 @@ def test_posteriors_give_what_their_records_say_without_the_prior(verne555: Turb
     inverse = np.asarray(np.linalg.inv(np.linalg.inv(cov) + np.eye(2) / 0.09), dtype=np.float64)
     said = np.random.default_rng(0).normal(0.1, 0.02, (14, 2))
     posteriors = [
-        Posterior(verne555, parameters, np.asarray(inverse @ np.linalg.solve(cov, one)), inverse, "r", True) for one in said
+        Posterior(verne555, parameters, np.asarray(inverse @ np.linalg.solve(cov, one)), inverse, "r",
+        True) for one in said
     ]  # fmt: skip
     blocks = gather(posteriors, noise=[{"noise_a": (2.0, 0.1)}] * 14)
     np.testing.assert_allclose(blocks.theta[:, :2], said, rtol=1e-5)
@@ -155,7 +158,8 @@ def test_posteriors_give_what_their_records_say_without_the_prior(verne555: Turb
 
 @pytest.mark.parametrize("name", ["nrel5mw", "tower"])
 def test_what_coefficients_share_adds_less_than_a_hundredth_to_the_information_on_one(name: str):
-    # The reason to test them one by one. Loads and noise are unknown; of a precision matrix, 1/Σ_ii is what one knows, (Σ⁻¹)_ii what it would with all others given.
+    # The reason to test them one by one. Loads and noise are unknown; of a precision matrix, 1/Σ_ii is what one knows,
+    # (Σ⁻¹)_ii what it would with all others given.
     planned = plan(load_turbine(name), duration=600.0)
     cov = np.linalg.inv(planned.information(600.0))[: planned.unknown, : planned.unknown]
     assert (np.diag(cov) * np.diag(np.linalg.inv(cov)) < 1.01).all()

@@ -1,4 +1,4 @@
-"""The diagnosis against noise whose law is known: white, coloured, spiked, and against results that are right and wrong."""
+"""The diagnosis against noise of known law (white, coloured, spiked), and against results right and wrong."""
 
 import math
 import re
@@ -50,8 +50,8 @@ def test_white_noise_is_trusted_and_nothing_is_remarked():
 
 def test_white_noise_passes_at_the_stated_rate():
     # Normalised innovation squared: 95.45 % by the χ² law. Peaks and colour: one record in 1000 each, so that 300
-    # records hold more than three false alarms with a chance of 1e-3. The bound of the autocorrelation holds 95.45 % (at short lags, where
-    # no pairs are lost).
+    # records hold more than three false alarms with a chance of 1e-3. The bound of the autocorrelation holds 95.45 %
+    # (at short lags, where no pairs are lost).
     runs = 300
     w = [examined(white(800, 2, seed)) for seed in range(runs)]
     inside = sum(one.nis_low < one.nis < one.nis_high for one in w)
@@ -252,7 +252,8 @@ def test_damping_that_may_be_negative_within_its_band_is_remarked():
 
 
 def test_what_cannot_be_negative_or_may_be_is_not_called_negative_damping():
-    # A damper whose logarithm is identified is positive, below its prior's median or not; a coupling is centred on zero.
+    # A damper whose logarithm is identified is positive, below its prior's median or not; a coupling is centred on
+    # zero.
     logarithmic, coupling = Parameter("c_1", 0.25, 0.5), Parameter("c_hub_blade", 0.0, 1.0, False, 10.0)
     found = diagnosed(
         white(), parameters=(logarithmic, coupling), theta=np.array([-0.2, -0.05]), cov=np.diag([0.02**2, 0.01**2])
@@ -263,7 +264,8 @@ def test_what_cannot_be_negative_or_may_be_is_not_called_negative_damping():
 
 
 def test_a_channel_that_is_read_rarely_is_judged_on_its_own_samples():
-    # 50 Hz, and one channel read every 25th sample: 2 Hz. Its line at 0.5 Hz has mirror images at 1.5, 2.5 Hz …, where natural frequencies are.
+    # 50 Hz, and one channel read every 25th sample: 2 Hz. Its line at 0.5 Hz has mirror images at 1.5, 2.5 Hz …, where
+    # natural frequencies are.
     z = white(20_000)
     slow = np.full(20_000, np.nan)
     slow[7::25] = z[7::25, 1] + 1.5 * np.sin(2 * math.pi * 0.5 * np.arange(20_000) / RATE)[7::25]

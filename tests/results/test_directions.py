@@ -39,7 +39,8 @@ def test_what_is_mixed_up_has_no_standard_deviation_and_the_rest_keeps_its_own()
         (("a", "b"), [(1, 1)], ["a and b: only their product a·b is seen"]),
         (("a", "b", "c"), [(2, -1, -1)], ["a, b and c: only a²/(b·c) is seen"]),
         (("a", "b"), [(3, 2)], ["a and b: only a³·b² is seen"]),
-        (("c_beta_1", "c_beta_2", "c_beta_3"), [(1, 1, 1)], ["c_beta_1, c_beta_2 and c_beta_3: only their sum is seen"]),
+        (("c_beta_1", "c_beta_2", "c_beta_3"), [(1, 1, 1)],
+        ["c_beta_1, c_beta_2 and c_beta_3: only their sum is seen"]),
         (("a", "b"), [(1, 0)], ["b is not seen at all"]),
         (
             NAMES,
@@ -124,7 +125,8 @@ def test_of_stiffness_and_mass_only_the_ratio_comes_from_the_data():
     ratio, correlated = describe_directions(("k_x", "hub_mass_x"), cov, prior, (True, True))
     assert (
         ratio
-        == "k_x and hub_mass_x: the data see only their ratio k_x/hub_mass_x; the rest is the prior's (0 % from the data)"
+        == "k_x and hub_mass_x: the data see only their ratio k_x/hub_mass_x; the rest is the prior's (0 % from the"
+        " data)"
     )
     assert correlated == "k_x and hub_mass_x are correlated by +1.00"
 

@@ -75,11 +75,15 @@ def test_a_result_says_where_it_comes_from(found: Identification, record: Record
     assert datetime.now(UTC) - datetime.fromisoformat(about["identified"]) < timedelta(hours=1)
     assert about["record_hash"] == record_hash(record)
     assert about["options"] == {
-        "formulation": "joint", "section": [2.0, 20.0], "prior": None, "parameters": None, "rate": None, "loads": "auto",
+        "formulation": "joint", "section": [2.0, 20.0], "prior": None, "parameters": None, "rate": None,
+        "loads": "auto",
     }  # fmt: skip
     assert [sensor["channel"] for sensor in about["sensors"]] == [sensor.channel for sensor in verne555.sensors]
     other = replace(record, values=record.values * 1.0, start=None)
-    assert identify(other, verne555.with_values({"k_y": 1700.0})).summary()["provenance"]["turbine_hash"] != about["turbine_hash"]  # fmt: skip
+    assert (
+        identify(other, verne555.with_values({"k_y": 1700.0})).summary()["provenance"]["turbine_hash"]
+        != about["turbine_hash"]
+    )
 
 
 def test_a_posterior_knows_its_start_and_its_record(found: Identification, record: Record, tmp_path: Path):
@@ -279,7 +283,19 @@ def test_the_command_keeps_mapping_options_and_start_and_refuses_a_checkpoint_of
     rules = tmp_path / "mast.toml"
     rules.write_text('[time]\nstart = "2026-03-01T12:00:00"\nzone = "Europe/Berlin"\n')
     output = tmp_path / "result"
-    command = ["identify", tmp_path / "mast.csv", "--turbine", "verne555", "--output", output, "--in-pieces", "8 s", "--no-report", "--mapping", rules]  # fmt: skip
+    command = [
+        "identify",
+        tmp_path / "mast.csv",
+        "--turbine",
+        "verne555",
+        "--output",
+        output,
+        "--in-pieces",
+        "8 s",
+        "--no-report",
+        "--mapping",
+        rules,
+    ]
 
     def run(*more: object) -> tuple[int, list[str]]:
         monkeypatch.setattr(sys, "argv", ["windsysid", *map(str, command), *map(str, more)])
@@ -296,7 +312,8 @@ def test_the_command_keeps_mapping_options_and_start_and_refuses_a_checkpoint_of
     code, (line,) = run("--prior-scale", "1.2")
     assert code == 2
     assert line.endswith(
-        "was left by another call, which differs in prior: repeat that call, choose another output, or delete the checkpoint to begin anew"
+        "was left by another call, which differs in prior: repeat that call, choose another output, or delete the"
+        " checkpoint to begin anew"
     )
     assert checkpoint.read_bytes() == left
     assert run()[0] == 0

@@ -111,7 +111,8 @@ def test_a_table_of_an_array_that_is_no_channel_is_refused():
 
 @needs_openfast
 def test_openfast_displacement_is_found_to_a_few_percent_ends_included():
-    # Table in docs/signals.md: 2.9 % of the displacement in 30 s of the free decay, nothing below the cut-off being lost.
+    # Table in docs/signals.md: 2.9 % of the displacement in 30 s of the free decay, nothing below the cut-off being
+    # lost.
     record = read_record(DATA / "a2_rot12_decay_min.outb").section(100.0, 130.0)
     for channel, kappa, bound in (
         ("tower_x_acceleration_kinematic", 0.0, 0.05),

@@ -122,8 +122,8 @@ def test_noise_has_no_rotor_in_it():
 
 @needs_data
 def test_openfast_tower_gives_the_rotor_where_it_shows_it_and_is_refused_where_not():
-    # a2: 3P from gravity on the blades, 2.6e-4 m/s², beside a decaying tower mode of up to 2 m/s². c2: the 3P hump of the
-    # turbulence has no steady phase.
+    # a2: 3P from gravity on the blades, 2.6e-4 m/s², beside a decaying tower mode of up to 2 m/s². c2: the 3P hump of
+    # the turbulence has no steady phase.
     record: Record = read_record(DATA / "openfast" / "a2_rot12_decay_min.outb").section(400.0, 600.0)
     truth = np.unwrap(record["rotor_azimuth"])
     found = rotor_from_tower(record["tower_x_acceleration"], record.rate, rotor_speed=1.05 * OMEGA)

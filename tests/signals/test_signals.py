@@ -50,8 +50,9 @@ def test_integration_of_sines_above_the_cutoff_is_exact_in_the_interior():
 
 
 def test_integration_does_not_drift_where_the_trapezoidal_rule_does():
-    # A bias of 0.01 m/s² and white noise of 0.05 m/s², as accelerometers have; 600 s. White noise of density σ²/RATE, twice
-    # integrated above f_c, leaves a displacement of rms σ √(2 / (3 RATE (2π)⁴ f_c³)): 3.3 mm here, 4 % of the motion.
+    # A bias of 0.01 m/s² and white noise of 0.05 m/s², as accelerometers have; 600 s. White noise of density σ²/RATE,
+    # twice integrated above f_c, leaves a displacement of rms σ √(2 / (3 RATE (2π)⁴ f_c³)): 3.3 mm here, 4 % of the
+    # motion.
     noisy = tones(0) + 0.01 + 0.05 * np.random.default_rng(0).standard_normal(len(TIME))
     motion = integrate(noisy, RATE, cutoff=CUTOFF)
     expected = 0.05 * np.sqrt(2.0 / (3.0 * RATE * (2 * np.pi) ** 4 * CUTOFF**3))

@@ -66,7 +66,8 @@ def test_parameters_given_take_the_place_of_values():
 
 
 def test_the_model_at_given_parameters_is_the_one_composed_without_them():
-    # Loads three times as loud and half as slow, other noise, θ off the prior's centre; 36 and 225 are (3 · 2)² and (3 · 5)².
+    # Loads three times as loud and half as slow, other noise, θ off the prior's centre; 36 and 225 are (3 · 2)² and (3
+    # · 5)².
     joint, theta, noise = composed(), np.array([0.1, 0.03]), np.array([0.1, 0.2, 0.3])
     loads = [GaussMarkov(load.load, 3.0 * load.rms, 0.5 * load.time_constant) for load in LOADS]
     values = CHAIN_VALUES | {"k_2": 330.0 * np.exp(0.1), "c_1": 50.0 * 0.03}
@@ -140,7 +141,8 @@ def test_a_logarithmic_parameter_stays_positive_and_a_linear_one_may_not():
     ("centre", "spread", "logarithmic", "scale"),
     [
         (-1.0, 0.3, True, 1.0), (0.0, 0.3, True, 1.0), (float("nan"), 0.3, True, 1.0), (1.0, 0.0, True, 1.0),
-        (1.0, -1.0, False, 1.0), (1.0, float("inf"), True, 1.0), (1.0, 0.3, False, 0.0), (1.0, 0.3, False, float("nan")),
+        (1.0, -1.0, False, 1.0), (1.0, float("inf"), True, 1.0), (1.0, 0.3, False, 0.0),
+        (1.0, 0.3, False, float("nan")),
     ],
 )  # fmt: skip
 def test_an_absurd_prior_is_refused(centre: float, spread: float, logarithmic: bool, scale: float):

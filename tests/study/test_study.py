@@ -60,8 +60,8 @@ def numbers(value: object) -> list[float]:
 
 
 def test_the_reference_scenario_is_the_one_that_was_described(study):
-    # PAPER_NOTES: hub 14 mm, 0.11 m/s, 1.5 m/s² rms; lag 8 mrad, 0.11 rad/s, 2.6 rad/s². 15 N and 15 N·m rms, 1 s. An rms
-    # over 600 s of such a load has a standard error of 3 %, a displacement's of twice that.
+    # PAPER_NOTES: hub 14 mm, 0.11 m/s, 1.5 m/s² rms; lag 8 mrad, 0.11 rad/s, 2.6 rad/s². 15 N and 15 N·m rms, 1 s. An
+    # rms over 600 s of such a load has a standard error of 3 %, a displacement's of twice that.
     response, inputs = study.reference.response, study.reference.inputs
     rms = lambda values: np.sqrt(np.mean(values**2, axis=0))  # noqa: E731
     np.testing.assert_allclose(rms(inputs[:, 3:]), 15.0, rtol=0.1)

@@ -120,10 +120,9 @@ def test_effective_inertias_are_the_diagonal_of_the_mass_matrix():
     for name in packaged_turbines():
         turbine = load_turbine(name)
         equations = turbine.model.equations()
-        diagonal = [
-            equations.mass[i, i].subs({s: turbine.values[s.name] for s in equations.parameters} | dict.fromkeys((*equations.states, *equations.inputs), 0.0))
-            for i in range(len(turbine.model.coordinates))
-        ]  # fmt: skip
+        values = {symbol: turbine.values[symbol.name] for symbol in equations.parameters}
+        values |= dict.fromkeys((*equations.states, *equations.inputs), 0.0)
+        diagonal = [equations.mass[i, i].subs(values) for i in range(len(turbine.model.coordinates))]
         for coordinate, expected in zip(turbine.model.coordinates, diagonal, strict=True):
             assert turbine.inertia(coordinate) == pytest.approx(float(expected), rel=1e-12)
 
@@ -237,7 +236,10 @@ def test_blades_may_differ_and_be_given_by_their_moments(tmp_path: Path):
         (GOOD.replace('name = "mine"', ""), "'name' is missing: add it"),
         (
             GOOD.replace("[blade]", '[blade]\nfirst_moment = "3 kg*m"\ninertia = "6 kg*m^2"'),
-            r"blade\.1: expected either 'first_moment' and 'inertia', or 'length' and 'width'.* got first_moment, inertia, length",
+            (
+                r"blade\.1: expected either 'first_moment' and 'inertia', or 'length' and 'width'.* got first_moment,"
+                r" inertia, length"
+            ),
         ),
         (GOOD.replace('length = "2.5 m"\nwidth = "0.2 m"\n', ""), r"blade\.1: expected either .* got none of them"),
         (GOOD.replace('width = "0.2 m"', 'inertia = "6 kg*m^2"'), r"blade\.1: expected either .* got inertia, length"),

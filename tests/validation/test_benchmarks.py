@@ -201,7 +201,8 @@ def test_el_centro_is_the_record_that_everyone_uses():
 @needs_el_centro
 @pytest.mark.parametrize("benchmark", [bouc_wen(), bouc_wen(STRONG), two_storey()], ids=lambda b: b.name)
 def test_the_bands_hold_the_truth(benchmark: Benchmark, monkeypatch: pytest.MonkeyPatch):
-    # ±2σ holds 95.45 %; the parameters of a record count as about one, so that 200 records have a standard error of 1.5 %
+    # ±2σ holds 95.45 %; the parameters of a record count as about one, so that 200 records have a standard error of 1.5
+    # %
     monkeypatch.setattr(benchmarks, "FILTERS", ())
     found = compare(benchmark, read_ground(EL_CENTRO), 200)
     for method in (RESULT, ON_LINE):

@@ -37,7 +37,8 @@ recorded = pytest.mark.skipif(
 
 
 def test_the_softer_tower_is_judged_by_its_own_modes():
-    # The turbine file, not the simulator: a tower softer by a tenth, in lean and roll, moves the modes as the truth of d1 says.
+    # The turbine file, not the simulator: a tower softer by a tenth, in lean and roll, moves the modes as the truth of
+    # d1 says.
     turbine = load_turbine("nrel5mw_full")
     softer = turbine.with_values({"k_x": RATIO * turbine.values["k_x"], "k_roll": 0.9 * turbine.values["k_roll"]})
     model = compile_model(turbine.model)

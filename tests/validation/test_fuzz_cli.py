@@ -1,4 +1,4 @@
-"""The command line ends every input in a right answer or in one clear line; `python -m validation.fuzz_cli` tries a thousand."""
+"""The command line ends every input in a right answer or one clear line (`python -m validation.fuzz_cli`: more)."""
 
 import os
 

@@ -37,7 +37,8 @@ def test_unstable_ranges_are_those_in_the_documents_and_the_methods_agree(damper
 
 
 def test_without_damping_the_isotropic_hub_is_unstable_where_colemans_quartic_has_no_four_real_frequencies():
-    # With λ = iω the quartic of tests/test_modal.py becomes (k − M ω²)(K − I (ω − Ω)²) = (N/2) S² ω⁴, real; two roots meet at the boundaries.
+    # With λ = iω the quartic of tests/test_modal.py becomes (k − M ω²)(K − I (ω − Ω)²) = (N/2) S² ω⁴, real; two roots
+    # meet at the boundaries.
     v = helicopter("no damping at all", "isotropic").values
     M, k = v["hub_mass_x"] + 4 * v["blade_mass_1"], v["k_x"]
     S, inertia = v["blade_first_moment_1"], v["blade_inertia_1"]

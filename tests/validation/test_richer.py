@@ -1,4 +1,4 @@
-"""The table of what the rigid blade costs: modes against OpenFAST's linearisation, the tower against its published masses, the command."""
+"""What the rigid blade costs: modes against OpenFAST's linearisation, the tower's masses, the command."""
 
 import sys
 from pathlib import Path
@@ -27,7 +27,8 @@ needs_records = pytest.mark.skipif(not OPENFAST.is_dir(), reason="the records to
 
 
 def test_partly_free_roll_gives_the_full_turbines_modes_and_one_factor_on_the_blades_gives_them_all():
-    # Linearisation of the full model, ../shared/data/README.md. Without the factor what is left is flap–edge coupling: less than 0.5 %.
+    # Linearisation of the full model, ../shared/data/README.md. Without the factor what is left is flap–edge coupling:
+    # less than 0.5 %.
     truth, full = TRUTH["c2"], with_roll("free")
     np.testing.assert_allclose(frequencies(full), truth.frequency, rtol=5e-3)
     factor = edge_factor(full, truth)
@@ -49,8 +50,8 @@ def test_the_three_models_share_the_effective_mass_of_the_tower():
 
 
 def test_the_published_tower_has_the_lean_the_mass_and_the_roll_spring_of_the_turbine_file():
-    # κ = 0.020889 rad/m and 449 214.6 kg less the blades' rotation are OpenFAST's. Spring and inertia in roll take in that tower and nacelle hang below
-    # the hub, which the model does not know: 11 and 6 %.
+    # κ = 0.020889 rad/m and 449 214.6 kg less the blades' rotation are OpenFAST's. Spring and inertia in roll take in
+    # that tower and nacelle hang below the hub, which the model does not know: 11 and 6 %.
     tower, v = published_tower(), load_turbine("nrel5mw_full").values
     assert tower.kappa == pytest.approx(-v["kappa"], rel=0.011)
     assert v["k_roll"] == pytest.approx(tower.k_roll, rel=0.11)

@@ -1,4 +1,4 @@
-"""The command line: reads options, calls the library, prints. Heavy modules are imported by the command that needs them."""
+"""The command line: reads options, calls the library, prints. Each command imports the heavy modules that it needs."""
 
 from windsysid.cli import answers, identify, records  # noqa: F401  they register their commands
 from windsysid.cli.program import app, main

@@ -55,7 +55,8 @@ def plan(
     turning = parse_option("--rotor-speed", rotor_speed, "rad/s") if rotor_speed is not None else None
     with show_progress("plan") as progress:
         found = plan_record(
-            machine, sensors=listed, duration=seconds, rate=rate, parameters=asked, within=within / 100.0, load_scale=load_scale,
+            machine, sensors=listed, duration=seconds, rate=rate, parameters=asked, within=within / 100.0,
+            load_scale=load_scale,
             rotor_speed=turning, seed=seed, progress=progress,
         )  # fmt: skip
     print_and_save(found, output, write, json=json)
@@ -178,8 +179,8 @@ def modes(
         machine = load_posterior(source)
     else:
         raise ConfigurationError(
-            f"no turbine and no result '{source}': expected one of {', '.join(packaged_turbines())}, the path of a .toml file, "
-            "or a folder that identify wrote"
+            f"no turbine and no result '{source}': expected one of {', '.join(packaged_turbines())}, the path of a"
+            " .toml file, or a folder that identify wrote"
         )
     diagram, working = rotor_speeds("--speeds", speeds), rotor_speeds("--operating", operating)
     with show_progress("modes") as progress:

@@ -58,7 +58,10 @@ def identify(
         str | None,
         typer.Option(
             metavar="LENGTH",
-            help='Take the record in piece by piece ("10 min"), in bounded memory; interrupted, the same command goes on.',
+            help=(
+                'Take the record in piece by piece ("10 min"), in bounded memory; interrupted, the same command'
+                " goes on."
+            ),
         ),
     ] = None,
     mapping: Mapping = None,
@@ -84,7 +87,8 @@ def identify(
         if in_pieces is not None:
             if formulation != "joint" or section is not None or rate is not None or add_noise != 0.0 or loads != "auto":
                 raise ConfigurationError(
-                    "--in-pieces goes with the joint formulation on a whole record: leave --section, --rate, --loads and --add-noise out"
+                    "--in-pieces goes with the joint formulation on a whole record: leave --section, --rate, --loads"
+                    " and --add-noise out"
                 )
             length = parse_option("--in-pieces", in_pieces, "s")
             found, used = _identified_in_pieces(record, machine, listed, prior, rules, length, output, progress)
@@ -96,7 +100,8 @@ def identify(
                 data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
             progress(f"{formulation} formulation, {data.samples} samples")
             found = identify_record(
-                data, machine, sensors=listed, formulation=formulation, section=section, prior=prior, rate=rate, loads=loads
+                data, machine, sensors=listed, formulation=formulation, section=section, prior=prior,
+                rate=rate, loads=loads
             )  # fmt: skip
             used = data.section(*section) if section else data
             if found.provenance is not None:
@@ -117,7 +122,8 @@ def identify(
     if in_pieces is not None:
         _checkpoint(output).unlink(missing_ok=True)
     print(
-        f"{found.samples} samples in {found.elapsed:.2f} s; results: {output / ('summary.json' if no_report else 'report.html')}"
+        f"{found.samples} samples in {found.elapsed:.2f} s; results:"
+        f" {output / ('summary.json' if no_report else 'report.html')}"
     )
 
 

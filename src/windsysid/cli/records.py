@@ -59,7 +59,10 @@ def simulate(
     loads: Annotated[
         Literal["random", "wind", "wind-feedback"],
         typer.Option(
-            help="random: the turbine file's. wind: turbulent wind on the blades; wind-feedback: with aerodynamic damping."
+            help=(
+                "random: the turbine file's. wind: turbulent wind on the blades; wind-feedback: with aerodynamic"
+                " damping."
+            )
         ),
     ] = "random",
     seed: Annotated[int, typer.Option(min=0, help="Seed of loads and noise.")] = 0,

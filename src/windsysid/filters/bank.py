@@ -1,13 +1,15 @@
 """A bank: many extended Kalman filters side by side on the same readings, each with its own numbers in the model.
 
-Learning parameters from a likelihood takes the filter at many neighbouring parameter values. They differ in numbers only, so they are run
-in groups of `LANES`, the lane being the last axis of every array: each operation of the filter is one operation of the processor's vector
-unit. The bank computes what `windsysid.filters.ekf` computes for models without parameters in the state, in the order
+Learning parameters from a likelihood takes the filter at many neighbouring parameter values. They differ in numbers
+only, so they are run in groups of `LANES`, the lane being the last axis of every array: each operation of the filter is
+one operation of the processor's vector unit. The bank computes what `windsysid.filters.ekf` computes for models without
+parameters in the state, in the order
 
     predict   m⁻ = f(m),   P⁻ = F P Fᵀ + Γ Q Γᵀ
     update    reading by reading:  v = P h,  s = h v + r,  m ← m + v ν/s,  P ← P − v vᵀ/s
 
-where P is changed once for all readings of a sample: v = P⁻ h − Σ u (u h) over the readings before, u = v/√s, and P = P⁻ − Σ u uᵀ.
+where P is changed once for all readings of a sample: v = P⁻ h − Σ u (u h) over the readings before, u = v/√s, and P =
+P⁻ − Σ u uᵀ.
 """
 
 from collections.abc import Sequence

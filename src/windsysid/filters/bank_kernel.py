@@ -1,8 +1,10 @@
-"""The kernel of a bank of filters: `LANES` extended Kalman filters at once, one model in each lane of the processor's vectors.
+"""The kernel of a bank of filters: `LANES` extended Kalman filters at once, one model in each lane of the processor's
+vectors.
 
-One sample goes through `load_ends`, `step_mechanics`, `transpose_derivatives`, `predict_covariance`, `expect_readings` and `assimilate_sample`, in
-that order; `windsysid.filters.bank` says which equations they hold. Every array has the lane as its last axis. Arrays of a model are read entry by
-entry where most of them are zero: the patterns in `Lanes` list the entries that are not.
+One sample goes through `load_ends`, `step_mechanics`, `transpose_derivatives`, `predict_covariance`, `expect_readings`
+and `assimilate_sample`, in that order; `windsysid.filters.bank` says which equations they hold. Every array has the
+lane as its last axis. Arrays of a model are read entry by entry where most of them are zero: the patterns in `Lanes`
+list the entries that are not.
 """
 
 import math
@@ -91,7 +93,7 @@ def load_ends(lanes: Any, ws: Any, mean: Any, before: Any, after: Any, s: int) -
 
 @uncounted
 def step_mechanics(rates_jacobian: Any, lanes: Any, ws: Any, mean: Any, before: Any, after: Any, s: int) -> None:
-    """One Runge–Kutta step of the mechanical states in place, with its sensitivities to x₀, w₀ and w₁ in ``ws.total_S``."""
+    """One Runge–Kutta step of the mechanical states in place; ``ws.total_S`` becomes the slopes to x₀, w₀, w₁."""
     nx, nz, _, nu, nw = lanes.sizes
     h, span, unit = lanes.step[s], ws.S.shape[1], splat(1.0)
     for i in range(nx):
@@ -108,7 +110,8 @@ def step_mechanics(rates_jacobian: Any, lanes: Any, ws: Any, mean: Any, before: 
         for i in range(nw):
             store(ws.w, i, early * load(ws.w0, i) + late * load(ws.w1, i))
         rates_jacobian(
-            vectors(ws.x), ws.u, vectors(lanes.p), vectors(ws.w), vectors(ws.rate), vectors(ws.A), vectors(ws.no_rates), vectors(ws.G)
+            vectors(ws.x), ws.u, vectors(lanes.p), vectors(ws.w), vectors(ws.rate), vectors(ws.A), vectors(ws.no_rates),
+            vectors(ws.G)
         )  # fmt: skip
         for i in range(nx):
             slope = load(ws.rate, i)
@@ -227,7 +230,8 @@ def expect_readings(reading_jacobian: Any, lanes: Any, ws: Any, mean: Any, input
     for i in range(nu):
         ws.u[i] = inputs[i]
     reading_jacobian(
-        vectors(mean), ws.u, vectors(lanes.p), vectors(ws.w1), vectors(ws.y), vectors(ws.C), vectors(ws.no_readings), vectors(ws.E)
+        vectors(mean), ws.u, vectors(lanes.p), vectors(ws.w1), vectors(ws.y), vectors(ws.C), vectors(ws.no_readings),
+        vectors(ws.E)
     )  # fmt: skip
     for c in range(m):
         for j in range(nx):
@@ -303,7 +307,8 @@ def add_rows(
 ) -> None:  # fmt: skip
     """Row `to` of `out` += Σ_r weights[first + stride r] · row r of `matrix`, r = rows[start], …, rows[stop − 1].
 
-    From the column `begin` on; `begin` and `columns` are multiples of four: so many or twice so many columns stay in registers.
+    From the column `begin` on; `begin` and `columns` are multiples of four: so many or twice so many columns stay in
+    registers.
     """
     c = begin
     while c + 8 <= columns:

@@ -1,4 +1,5 @@
-"""What Gaussian filters share: the belief, the information that comes out of a step, the protocol, and the scalar update.
+"""What Gaussian filters share: the belief, the information that comes out of a step, the protocol, and the scalar
+update.
 
 A measurement of m readings with independent noise is taken in one reading at a time, which needs no matrix to be
 inverted and lets a missing reading (NaN) simply be left out. The covariance update is Joseph's form written out for a
@@ -34,9 +35,9 @@ ARGUMENTS = (
 )  # fmt: skip
 """Numba's types of what every filter's kernel takes after the model.
 
-Mean and covariance, which it moves in place; the inputs at their own time; inputs and readings of T samples; whether the
-mean has been moved to a sample's time before, and whether it moves now; the covariances to be kept (T or 0, n, n); and the
-fields of `Info`."""
+Mean and covariance, which it moves in place; the inputs at their own time; inputs and readings of T samples; whether
+the mean has been moved to a sample's time before, and whether it moves now; the covariances to be kept (T or 0, n, n);
+and the fields of `Info`."""
 
 
 @pasted
@@ -96,8 +97,8 @@ def keep(mean: Any, cov: Any, k: int, means: Any, stds: Any, covs: Any) -> None:
 def assimilate(ws: Any, c: int, residual: float, variance: float) -> tuple[float, float]:
     """Take in reading `c`, row c of ``ws.H`` its derivative h, into ``ws.mean`` and ``ws.cov``.
 
-    `residual` is its deviation from the expectation at the current mean. Returns the whitened innovation and the standard deviation it
-    was divided by.
+    `residual` is its deviation from the expectation at the current mean. Returns the whitened innovation and the
+    standard deviation it was divided by.
     """
     n, vectors = ws.cov.shape[0], ws.cov.shape[1] // LANES
     v, K, pulled, mean, cov = ws.spread, ws.K, ws.pulled, ws.mean, ws.cov

@@ -1,4 +1,5 @@
-"""The iterated extended Kalman filter: where readings bend, the update finds the most probable state and linearises there.
+"""The iterated extended Kalman filter: where readings bend, the update finds the most probable state and linearises
+there.
 
 A sample's readings y = h(x) + noise and the prediction m⁻, P⁻ ask for the minimum of
 
@@ -8,20 +9,21 @@ Its Gauss–Newton step from x_i, with H at x_i, is the extended filter's update
 
     m⁻ + P⁻ Hᵀ λ,     (H P⁻ Hᵀ + R) λ = y − h(x_i) − H (m⁻ − x_i),
 
-and is halved until J does not grow: without that an iterated filter can run away where the readings bend within the prediction's
-uncertainty. The whole state is iterated, since an acceleration bends in products of motion and parameters. As every x is m⁻ + P⁻ v, the
-prior's part of J is ½ vᵀ (x − m⁻), and P⁻ may be singular.
+and is halved until J does not grow: without that an iterated filter can run away where the readings bend within the
+prediction's uncertainty. The whole state is iterated, since an acceleration bends in products of motion and parameters.
+As every x is m⁻ + P⁻ v, the prior's part of J is ½ vᵀ (x − m⁻), and P⁻ may be singular.
 
-Only samples are iterated whose readings differ, at the first step's end, from their linearisation by more than a fifth of their own
-noise; the others are the extended filter's, and so are all linear readings. A slope taken at x depends on the noise of the very reading it
-weighs, the extended filter's does not. Where iterating gains nothing, that correlation is a small bias in every sample, and a record has ten
-thousand: iterated throughout, the filter loses the coefficients (docs/filters.md has the figures).
+Only samples are iterated whose readings differ, at the first step's end, from their linearisation by more than a fifth
+of their own noise; the others are the extended filter's, and so are all linear readings. A slope taken at x depends on
+the noise of the very reading it weighs, the extended filter's does not. Where iterating gains nothing, that correlation
+is a small bias in every sample, and a record has ten thousand: iterated throughout, the filter loses the coefficients
+(docs/filters.md has the figures).
 
-The covariance is linearised where the steps end; so are the whitened innovations, whose density is then Laplace's approximation of
-the likelihood. Innovations and the gate belong to the prediction.
+The covariance is linearised where the steps end; so are the whitened innovations, whose density is then Laplace's
+approximation of the likelihood. Innovations and the gate belong to the prediction.
 
-Source: Bell & Cathey, IEEE TAC 38(2), 1993, https://doi.org/10.1109/9.250476; Skoglund, Hendeby & Axehill, FUSION 2015 (the step's
-length); Särkkä & Svensson, ch. 7.
+Source: Bell & Cathey, IEEE TAC 38(2), 1993, https://doi.org/10.1109/9.250476; Skoglund, Hendeby & Axehill, FUSION 2015
+(the step's length); Särkkä & Svensson, ch. 7.
 """
 
 from collections.abc import Callable
@@ -69,7 +71,8 @@ IEKF = Filter("iterated extended Kalman filter", _kernel)
 
 
 class Steps(NamedTuple):
-    """Scratch of the iteration, which is at x = m⁻ + P⁻ v: v in `push`, a step of x and of v, H P⁻ Hᵀ + R with its root, λ.
+    """Scratch of the iteration, which is at x = m⁻ + P⁻ v: v in `push`, a step of x and of v, H P⁻ Hᵀ + R with its
+    root, λ.
 
     `H` and `y` keep the linearisation at the prediction.
     """
@@ -132,7 +135,10 @@ def _copy(source: Any, to: Any) -> None:
 
 @uncounted
 def _iterate(reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, inputs: Any, readings: Any, gated: Any) -> bool:
-    """Move ``ws.about`` from the prediction to the mode, the reading linearised there; whether the last step was small."""
+    """Move ``ws.about`` from the prediction to the mode and linearise the reading there.
+
+    Returns whether the last step was small.
+    """
     at, push, towards, pushes = ws.about, steps.push, steps.towards, steps.pushes
     vectors = at.size // LANES
     _copy(ws.mean, at)

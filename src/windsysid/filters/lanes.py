@@ -1,7 +1,7 @@
 """The arrays of a bank: `LANES` models of one structure side by side, and the scratch of one run over them.
 
-Every array has the lane as its last axis. Most entries of Φ, H(ψ) and the derivatives are zero for any argument: the patterns in `Lanes` list
-those that are not.
+Every array has the lane as its last axis. Most entries of Φ, H(ψ) and the derivatives are zero for any argument: the
+patterns in `Lanes` list those that are not.
 """
 
 from collections.abc import Sequence
@@ -20,8 +20,8 @@ __all__ = ["Lanes", "Scratch", "lanes_of", "patterns_of", "scratch_of"]
 class Lanes(NamedTuple):
     """One group of filters as arrays, the lane last: see `windsysid.statespace.workspace.Blocks` for what they are.
 
-    `phi_at`, `A_at`, `G_at` and `H_at` list the entries (row, column) that can differ from zero, row by row; `A_rows` says where
-    each row of A begins in its list, `A_columns` is its second column.
+    `phi_at`, `A_at`, `G_at` and `H_at` list the entries (row, column) that can differ from zero, row by row; `A_rows`
+    says where each row of A begins in its list, `A_columns` is its second column.
     """
 
     sizes: Any
@@ -43,7 +43,8 @@ class Lanes(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Arrays that one run over a group of filters writes to and forgets; the lane is the last axis, rows are padded to four columns.
+    """Arrays that one run over a group of filters writes to and forgets; the lane is the last axis, rows are padded to
+    four columns.
 
     Attributes
     ----------
@@ -110,12 +111,14 @@ def scratch_of(lanes: Lanes, n: int) -> Scratch:
     m, turning, moving = len(lanes.noise), len(lanes.H_at), nx + nz
     wide, tall, broad, span = _row_lengths(n, nx, nz, nw)
     rows = {
-        "w": nw, "rate": nx, "H0": turning, "H1": turning, "w0": nw, "w1": nw, "z1": nz, "x": nx, "total": nx, "y": m, "residual": m,
+        "w": nw, "rate": nx, "H0": turning, "H1": turning, "w0": nw, "w1": nw, "z1": nz, "x": nx, "total": nx, "y": m,
+        "residual": m,
     }  # fmt: skip
     matrices = {
         "A": (nx, nx), "G": (nx, nw), "no_rates": (nx, 0), "no_readings": (m, 0),
         "S": (nx, span), "slope_S": (nx, span), "total_S": (nx, span),
-        "P": (n, wide), "moved": (moving, wide), "pushed": (nx, broad), "corner": (nx, tall), "top": (moving, tall), "gain": (nz, tall),
+        "P": (n, wide), "moved": (moving, wide), "pushed": (nx, broad), "corner": (nx, tall), "top": (moving, tall),
+        "gain": (nz, tall),
         "H": (m, n), "C": (m, nx), "E": (m, nw), "v": (m, wide), "minus": (m, wide),
     }  # fmt: skip
     return Scratch(

@@ -47,8 +47,8 @@ class Info(NamedTuple):
     mean, std
         Mean and standard deviation of the state after each sample (T, n).
     innovation, innovation_std
-        Reading minus its expectation, and the standard deviation it should have (T, m), both before anything of the sample is
-        taken in; NaN where the reading is missing.
+        Reading minus its expectation, and the standard deviation it should have (T, m), both before anything of the
+        sample is taken in; NaN where the reading is missing.
     whitened
         Innovations decorrelated and scaled to unit variance (T, m); NaN where missing or gated.
     whitening_std
@@ -167,7 +167,8 @@ class Filter:
         samples, n, m = len(inputs), len(model.states), len(model.readings)
         if inputs.shape != (samples, len(model.inputs)) or readings.shape != (samples, m):
             raise ValueError(
-                f"expected inputs (T, {len(model.inputs)}) and readings (T, {m}), got {inputs.shape} and {readings.shape}"
+                f"expected inputs (T, {len(model.inputs)}) and readings (T, {m}), got {inputs.shape} and"
+                f" {readings.shape}"
             )
         mean, cov = belief.mean.copy(), belief.cov.copy()
         covs = np.empty((samples if keep else 0, n, n))

@@ -1,7 +1,8 @@
 """Algebra of triangular covariance roots: P = S Sᵀ with S lower triangular, never subtracted from.
 
-Rows are padded with zeros to whole vectors (`windsysid.kernels.simd.padded`). Roots are kept transposed: row j of `root` is column j of S, the direction of one sigma point. A covariance may be singular (a state that is
-known, two that always agree): a pivot that rounding cannot tell from zero is zero, and so is its column.
+Rows are padded with zeros to whole vectors (`windsysid.kernels.simd.padded`). Roots are kept transposed: row j of
+`root` is column j of S, the direction of one sigma point. A covariance may be singular (a state that is known, two that
+always agree): a pivot that rounding cannot tell from zero is zero, and so is its column.
 
 Source: Golub & Van Loan, Matrix Computations (4th ed.), 4.2 and 5.2; Carlson, AIAA Journal 11(9), 1973.
 """
@@ -56,7 +57,8 @@ def square(root: Any, cov: Any) -> None:
 
 @uncounted
 def triangularise(rows: Any, pivot: Any) -> None:
-    """A (n, w⁺) → L lower triangular, in place, with L Lᵀ = A Aᵀ: the QR factorisation of Aᵀ by Householder reflections.
+    """A (n, w⁺) → L lower triangular, in place, with L Lᵀ = A Aᵀ: the QR factorisation of Aᵀ by Householder
+    reflections.
 
     `pivot` (1, w⁺) is scratch.
     """
@@ -81,7 +83,8 @@ def triangularise(rows: Any, pivot: Any) -> None:
                 for r in range(i + 1, n):
                     rows[r, i] = -rows[r, i]
             continue
-        # onto +norm, so that L has a positive diagonal; of the two ways to write head − norm the one without cancellation
+        # onto +norm, so that L has a positive diagonal; of the two ways to write head − norm the one without
+        # cancellation
         lead = head - norm if head <= 0.0 else -tail / (head + norm)
         scale = 2.0 / (lead * lead + tail)
         pivot[0, i] = lead
@@ -98,10 +101,10 @@ def triangularise(rows: Any, pivot: Any) -> None:
 def absorb(directions: Any, centre: Any, c: int, behind: Any) -> tuple[float, float]:
     """Take in one reading with noise of unit variance, in place (Carlson's update, which subtracts nothing).
 
-    `directions` (n, w⁺) and `centre` (1, w⁺) hold, for each of w quantities, its sensitivity to n independent unit normals and its mean:
-    readings, as deviations from what was read, then the state, whose part of `directions` is a transposed root and stays one. Quantity
-    `c` is taken in, those after it are moved; those before it are lost. `behind` (1, w⁺) is scratch. Returns the whitened innovation and
-    the standard deviation it was divided by.
+    `directions` (n, w⁺) and `centre` (1, w⁺) hold, for each of w quantities, its sensitivity to n independent unit
+    normals and its mean: readings, as deviations from what was read, then the state, whose part of `directions` is a
+    transposed root and stays one. Quantity `c` is taken in, those after it are moved; those before it are lost.
+    `behind` (1, w⁺) is scratch. Returns the whitened innovation and the standard deviation it was divided by.
     """
     n, width = directions.shape[0], directions.shape[1] // LANES
     first, innovation = c // LANES, -centre[0, c]

@@ -2,17 +2,18 @@
 
 Forward runs the filter. Back from the last sample, with the filter's m, P = S Sᵀ and its step to the next sample,
 
-    next state = m⁻ + A ξ,   this state = m + [S 0] ξ,   ξ ~ N(0, I):   A = [F S | noise] (extended), [d_j | noise] (unscented),
+    next state = m⁻ + A ξ,   this state = m + [S 0] ξ,   ξ ~ N(0, I),
+    A = [F S | noise] (extended), [d_j | noise] (unscented),
 
     ⎡  A  ⎤            ⎡ L    0 ⎤         m_s = m + M L⁻¹ (m_s' − m⁻),
     ⎣ S 0 ⎦ Orth.  =   ⎣ M    N ⎦,        P_s = N Nᵀ + (M L⁻¹ S_s') (M L⁻¹ S_s')ᵀ,
 
-which is G = P Fᵀ P⁻⁻¹, P_s = P + G (P_s' − P⁻) Gᵀ without a difference of covariances and without P⁻, whose condition is the
-square of L's. A direction that the step leaves without uncertainty (a constant, a parameter that is known) has a zero in L and takes
-nothing from the sample after it.
+which is G = P Fᵀ P⁻⁻¹, P_s = P + G (P_s' − P⁻) Gᵀ without a difference of covariances and without P⁻, whose condition
+is the square of L's. A direction that the step leaves without uncertainty (a constant, a parameter that is known) has a
+zero in L and takes nothing from the sample after it.
 
-Source: Rauch, Tung & Striebel, AIAA Journal 3(8), 1965; Park & Kailath, Int. J. Control 62(5), 1995 (square-root form); Särkkä, IEEE
-TAC 53(3), 2008, https://doi.org/10.1109/TAC.2008.919531 (unscented); Särkkä & Svensson, ch. 12–14.
+Source: Rauch, Tung & Striebel, AIAA Journal 3(8), 1965; Park & Kailath, Int. J. Control 62(5), 1995 (square-root form);
+Särkkä, IEEE TAC 53(3), 2008, https://doi.org/10.1109/TAC.2008.919531 (unscented); Särkkä & Svensson, ch. 12–14.
 """
 
 import math
@@ -71,7 +72,8 @@ def smooth(model: StateSpace, inputs: Array, readings: Array, filter_: Filter = 
     readings
         (T, m); NaN = missing.
     filter_
-        Runs forward. Back, the `UKF` takes sigma points through the transition and every other filter its exact Jacobian.
+        Runs forward. Back, the `UKF` takes sigma points through the transition and every other filter its exact
+        Jacobian.
 
     Raises
     ------
@@ -120,8 +122,9 @@ _ARGUMENTS = (
     _matrix,
     _matrix,
 )
-"""Scratch, two blocks of rows (2n, w⁺) and a covariance (n, n⁺) among it; inputs of T samples and, unless they are the last, of the one after them; the filter's means and covariances; mean and root
-of the sample after, which become those of the first; means and standard deviations to be written."""
+"""Scratch, two blocks of rows (2n, w⁺) and a covariance (n, n⁺) among it; inputs of T samples and, unless they are the
+last, of the one after them; the filter's means and covariances; mean and root of the sample after, which become those
+of the first; means and standard deviations to be written."""
 
 
 @lru_cache(maxsize=1)
@@ -201,12 +204,13 @@ def _linearised_transition(
 
 @uncounted
 def _retreat(
-    own: Any, pivot: Any, filtered: Any, predicted: Any, rows: Any, is_last: bool, mean: Any, root: Any, means: Any, stds: Any
+    own: Any, pivot: Any, filtered: Any, predicted: Any, rows: Any, is_last: bool, mean: Any, root: Any,
+    means: Any, stds: Any
 ) -> None:  # fmt: skip
     """Smoothed mean and root of one sample from those of the next, in place.
 
-    `own` is the filter's root, `predicted` the mean that its step leads to, `rows` (2n, w) begin with A; the rest is filled
-    in here. The last sample is the filter's.
+    `own` is the filter's root, `predicted` the mean that its step leads to, `rows` (2n, w) begin with A; the rest is
+    filled in here. The last sample is the filter's.
     """
     n, w = mean.size, rows.shape[1]
     if is_last:

@@ -3,20 +3,23 @@
 With the root S of P = S Sᵀ and its columns s_j, f₀ = f(m) and, for each of n points in each direction,
 
     d_j = [f(m + c s_j) − f(m − c s_j)] / 2c,      g_j = [f(m + c s_j) + f(m − c s_j)] / 2 − f₀,
-    mean  f₀ + Σ g_j / c²,                        covariance  Σ d_j d_jᵀ + Σ g_j g_jᵀ / c² + (β − α²) (Σ g_j)(Σ g_j)ᵀ / c⁴.
+    mean  f₀ + Σ g_j / c²,
+    covariance  Σ d_j d_jᵀ + Σ g_j g_jᵀ / c² + (β − α²) (Σ g_j)(Σ g_j)ᵀ / c⁴.
 
-That is the scaled unscented transform, c² = α² (n + κ), with its 2n + 1 weights written out: a mean weight below zero, as there is with
-many states, then needs no downdate of the root as long as β ≥ α². Here α = β = 1 and κ = 3 − n. c = √3 gives the points the fourth moment of
-a Gaussian along each direction; it does not grow with n, as it does in the cubature filter, so that adding a state leaves the others'
-points where they are; and β = α² makes the covariance a plain sum of squares.
+That is the scaled unscented transform, c² = α² (n + κ), with its 2n + 1 weights written out: a mean weight below zero,
+as there is with many states, then needs no downdate of the root as long as β ≥ α². Here α = β = 1 and κ = 3 − n. c = √3
+gives the points the fourth moment of a Gaussian along each direction; it does not grow with n, as it does in the
+cubature filter, so that adding a state leaves the others' points where they are; and β = α² makes the covariance a
+plain sum of squares.
 
-predict: the load noise η reaches the motion inside the step, and not linearly, so points are drawn in (state, η); biases and
-parameters, which stay or walk, and load states, which are linear, are moved exactly. The root of the sum is found by QR.
-update: points are drawn anew. The d_j are a linear reading of the n unit normals behind S, and Σ g_j g_jᵀ / c² is noise beside the
-sensors': with both the linear update is the unscented one. Decorrelated, the readings are taken in one by one by Carlson's update, which
-unlike rank-one downdates cannot fail.
+predict: the load noise η reaches the motion inside the step, and not linearly, so points are drawn in (state, η);
+biases and parameters, which stay or walk, and load states, which are linear, are moved exactly. The root of the sum is
+found by QR. update: points are drawn anew. The d_j are a linear reading of the n unit normals behind S, and Σ g_j g_jᵀ
+/ c² is noise beside the sensors': with both the linear update is the unscented one. Decorrelated, the readings are
+taken in one by one by Carlson's update, which unlike rank-one downdates cannot fail.
 
-A belief carries the covariance, and every step begins with its Cholesky root: so step, run and restart agree bit for bit.
+A belief carries the covariance, and every step begins with its Cholesky root: so step, run and restart agree bit for
+bit.
 
 Source: van der Merwe & Wan, ICASSP 2001, https://doi.org/10.1109/ICASSP.2001.940586; Julier, ACC 2002,
 https://doi.org/10.1109/ACC.2002.1025369; Särkkä & Svensson, ch. 8.
@@ -69,9 +72,10 @@ UKF = Filter("unscented Kalman filter", _kernel)
 class SigmaPoints(NamedTuple):
     """Scratch of the unscented transform.
 
-    `root` (n, n) of the state's covariance, transposed, and `load_roots` (S, n_z, n_z) of the load noise; `width` of the rows that a step
-    writes; `walking` names the biases and parameters that walk. For a reading, `directions` (n, m + n) and `centre` (m + n,) hold the
-    readings' d_j and means, then those of the state; `curved` (m, m) is Σ g_j g_jᵀ / c² with the sensors' noise.
+    `root` (n, n) of the state's covariance, transposed, and `load_roots` (S, n_z, n_z) of the load noise; `width` of
+    the rows that a step writes; `walking` names the biases and parameters that walk. For a reading, `directions` (n, m
+    + n) and `centre` (m + n,) hold the readings' d_j and means, then those of the state; `curved` (m, m) is Σ g_j g_jᵀ
+    / c² with the sensors' noise.
     """
 
     root: Matrix
@@ -107,8 +111,10 @@ def sigma_points(blocks: Blocks) -> SigmaPoints:
     return SigmaPoints(
         root=padded(n, n), load_roots=padded(len(blocks.step) * nz, nz), width=width, walking=walking,
         state=padded(1, n)[0], eta=padded(1, nz)[0], loads=np.zeros(nz),
-        first=np.zeros(size), high=np.zeros(size), curvature=np.zeros(size), curved_x=padded(nx, nx), root_x=padded(nx, nx),
-        bend=np.zeros(size), curved=np.zeros((m, m)), directions=padded(n, m + n), centre=padded(1, m + n), behind=padded(1, m + n),
+        first=np.zeros(size), high=np.zeros(size), curvature=np.zeros(size), curved_x=padded(nx, nx),
+        root_x=padded(nx, nx),
+        bend=np.zeros(size), curved=np.zeros((m, m)), directions=padded(n, m + n), centre=padded(1, m + n),
+        behind=padded(1, m + n),
         pivot=padded(1, width),
     )  # fmt: skip
 
@@ -155,7 +161,8 @@ def _run(
             factorise(ws.cov, points.root)
             spread_reading(reading, blocks, ws, points, ws.mean, after)
             log_likelihood[k] = _assimilate(
-                blocks, points, ws.mean, readings[k], innovation[k], innovation_std[k], whitened[k], whitening_std[k], gated[k]
+                blocks, points, ws.mean, readings[k], innovation[k], innovation_std[k], whitened[k],
+                whitening_std[k], gated[k]
             )  # fmt: skip
             square(points.root, ws.cov)
         keep(ws.mean, ws.cov, k, means, stds, covs)

@@ -1,8 +1,9 @@
 """Look at a record before anything is identified from it: faults, spectra, and the part worth using.
 
 `inspect_record` is the one function; it reads nothing and writes nothing, so a notebook, the command line and a test
-use it alike. Its parts: `health` (faults of channels), `plausibility` (units and contradictions), `screening` (both, for
-identifications too), `spectra` (what vibrates), `sections` (which part to use), `stops` (of the rotor), `figures` and `report`.
+use it alike. Its parts: `health` (faults of channels), `plausibility` (units and contradictions), `screening` (both,
+for identifications too), `spectra` (what vibrates), `sections` (which part to use), `stops` (of the rotor), `figures`
+and `report`.
 """
 
 from typing import TYPE_CHECKING
@@ -59,7 +60,8 @@ def inspect_record(
     modes, over_speed = _modes(turbine, rotor, notes)
     if rotor is None:
         notes.append(
-            "No usable rotor speed or azimuth in the record: harmonics of the rotor cannot be marked, nor its steadiness judged."
+            "No usable rotor speed or azimuth in the record: harmonics of the rotor cannot be marked, nor its"
+            " steadiness judged."
         )
     elif not rotor.turns:
         notes.append("The rotor stands still: there are no harmonics.")

@@ -78,7 +78,7 @@ def most_telling(record: Record, first: Sequence[str] = ()) -> list[str]:
 
 
 def in_rotating_frame(channel: str) -> bool:
-    """Whether the instrument turns with the rotor: our blade channels, and OpenFAST's whose names end in a blade number."""
+    """Whether the instrument turns with the rotor: our blade channels, and OpenFAST's whose names end in a number."""
     return (
         channel.startswith("blade_")
         or re.fullmatch(r"QD?_B\d.*|(Tip|Root|Spn|OoP|IP)\w*[A-Za-z]\d", channel) is not None

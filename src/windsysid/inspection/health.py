@@ -87,8 +87,8 @@ def clock_faults(record: Record) -> list[Finding]:
         found.append(
             Finding(
                 "", "gaps", "unusable" if share > 0.5 else "warning",
-                f"{_many(len(spans), 'gap')} in the time, the longest {steps[gap].max():.3g} s, {_many(lost, 'sample')} lost "
-                f"({_percent(share)}), {when(spans)}: choose a section between them",
+                f"{_many(len(spans), 'gap')} in the time, the longest {steps[gap].max():.3g} s, "
+                f"{_many(lost, 'sample')} lost ({_percent(share)}), {when(spans)}: choose a section between them",
                 lost, spans,
             )
         )  # fmt: skip
@@ -101,7 +101,11 @@ def clock_faults(record: Record) -> list[Finding]:
             Finding(
                 "", "irregular sampling", "warning" if worst > 0.1 else "note",
                 f"steps of {usual:.4g} s vary by {_percent(spread)} rms, {_percent(worst)} at most"
-                + (f", {_many(int(off.sum()), 'step')} more than 10 % off: resample to a uniform rate first" if off.any() else ""),
+                + (
+                    f", {_many(int(off.sum()), 'step')} more than 10 % off: resample to a uniform rate first"
+                    if off.any()
+                    else ""
+                ),
                 int(off.sum()), spans,
             )
         )  # fmt: skip
@@ -187,14 +191,20 @@ def _missing(record: Record, channel: str, known: Mask) -> list[Finding]:
         if severity == "unusable"
         else ("choose a section without them" if severity == "warning" else "short enough to be bridged")
     )
-    text = f"{_many(count, 'sample')} missing ({_percent(share)}) in {_many(len(spans), 'place')}, the longest {longest:.3g} s, {when(spans)}: {advice}"
+    text = (
+        f"{_many(count, 'sample')} missing ({_percent(share)}) in {_many(len(spans), 'place')}, the longest"
+        f" {longest:.3g} s, {when(spans)}: {advice}"
+    )
     return [Finding(channel, "missing", severity, text, count, spans)]
 
 
 def _constant(channel: str, kind: Kind, x: Array, unit: str) -> Finding:
     value = f"{x[0]:.5g} {unit_text(unit)}".removesuffix(" 1")
     if kind in VIBRATION or kind in ("azimuth", "wind speed"):
-        text = f"is {value} from the first sample to the last: disconnected, or a motion that a simulator holds; leave it out"
+        text = (
+            f"is {value} from the first sample to the last: disconnected, or a motion that a simulator holds; leave"
+            " it out"
+        )
         return _everywhere(channel, "constant", "unusable", text, x.size)
     return _everywhere(
         channel, "constant", "note", f"is {value} throughout: a set value rather than a measured one", x.size
@@ -262,8 +272,8 @@ def _spikes_found(channel: str, x: Array, time: Array, spike: Mask, unit: str) -
     share = float(spike.mean())
     relative = f", {largest / usual:.2g} × the usual rms" if usual > 0.0 else ""
     text = (
-        f"{_many(len(spans), 'spike')} ({_many(int(spike.sum()), 'sample')}) up to {largest:.3g} {unit_text(unit)} off the median"
-        f"{relative}, {when(spans)}: remove them (despike) before anything else"
+        f"{_many(len(spans), 'spike')} ({_many(int(spike.sum()), 'sample')}) up to {largest:.3g} {unit_text(unit)} off"
+        f" the median{relative}, {when(spans)}: remove them (despike) before anything else"
     )
     return Finding(channel, "spikes", "unusable" if share > 0.1 else "warning", text, int(spike.sum()), spans)
 
@@ -289,8 +299,9 @@ def _clipping_found(channel: str, x: Array, time: Array, clipped: Mask, unit: st
     spans = _spans(time, clipped)
     share = float(clipped.mean())
     text = (
-        f"{_many(int(clipped.sum()), 'sample')} ({_percent(share)}) sit at {' and '.join(f'{end:g}' for end in ends)} {unit_text(unit)}, "
-        f"{when(spans)}: the amplifier is overdriven; what is larger is lost, so amplitudes and damping come out wrong"
+        f"{_many(int(clipped.sum()), 'sample')} ({_percent(share)}) sit at {' and '.join(f'{end:g}' for end in ends)}"
+        f" {unit_text(unit)}, {when(spans)}: the amplifier is overdriven; what is larger is lost, so amplitudes and"
+        " damping come out wrong"
     )
     return Finding(channel, "clipping", "unusable" if share > 0.05 else "warning", text, int(clipped.sum()), spans)
 
@@ -319,8 +330,8 @@ def _frozen(
     spans = np.column_stack([time[begin], time[last]])
     count = int(lengths[long].sum())
     text = (
-        f"frozen: repeats one value for up to {float((spans[:, 1] - spans[:, 0]).max()) + step:.3g} s, {_many(count, 'sample')} "
-        f"({_percent(count / x.size)}), {when(spans)}: treat them as missing"
+        f"frozen: repeats one value for up to {float((spans[:, 1] - spans[:, 0]).max()) + step:.3g} s,"
+        f" {_many(count, 'sample')} ({_percent(count / x.size)}), {when(spans)}: treat them as missing"
     )
     return [Finding(channel, "frozen", "unusable" if count > 0.5 * x.size else "warning", text, count, spans)]
 
@@ -329,10 +340,11 @@ def _quantised(channel: str, x: Array, lsb: float, unit: str) -> list[Finding]:
     levels = float(np.std(x)) / lsb
     if levels > 10.0:
         return []
-    text = (
-        f"comes in steps of {lsb:.3g} {unit_text(unit)}, its rms is {levels:.2g} of them: "
-        + ("the converter sees hardly any motion; raise the gain" if levels < 2.0 else f"adds {_percent(0.2887 / levels)} of noise")
-    )  # fmt: skip
+    text = f"comes in steps of {lsb:.3g} {unit_text(unit)}, its rms is {levels:.2g} of them: " + (
+        "the converter sees hardly any motion; raise the gain"
+        if levels < 2.0
+        else f"adds {_percent(0.2887 / levels)} of noise"
+    )
     return [_everywhere(channel, "coarse steps", "warning" if levels < 2.0 else "note", text, x.size)]
 
 
@@ -366,7 +378,10 @@ def _repeated_rows(record: Record) -> list[Finding]:
     if not repeated.any():
         return []
     spans = _spans(record.time, repeated)
-    text = f"{_many(int(repeated.sum()), 'row')} repeat the row before in all {int(chosen.sum())} channels that vibrate, {when(spans)}: the logger stalled or wrote twice; treat them as missing"
+    text = (
+        f"{_many(int(repeated.sum()), 'row')} repeat the row before in all {int(chosen.sum())} channels that vibrate,"
+        f" {when(spans)}: the logger stalled or wrote twice; treat them as missing"
+    )
     return [Finding("", "repeated rows", "warning", text, int(repeated.sum()), spans)]
 
 

@@ -176,7 +176,8 @@ def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Finding]:
         return [
             _unit(
                 "rotor_speed",
-                f"{usual:.4g} rad/s is {usual * 60.0 / _TURN:.4g} rpm, which only a small rotor does: make sure that it is not rpm",
+                f"{usual:.4g} rad/s is {usual * 60.0 / _TURN:.4g} rpm, which only a small rotor does: make sure that it"
+                " is not rpm",
                 "note",
             )
         ]
@@ -222,7 +223,10 @@ def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Finding]:
     if abs(mean) > 0.05 and abs(own / mean - 1.0) > 0.02:
         ratio = mean / own if own else np.inf
         mistake = next((f": {text}?" for factor, text in _RATIOS if abs(abs(ratio) / factor - 1.0) < 0.02), "")
-        text = f"turns at {own:.4g} rad/s, but rotor_speed says {mean:.4g} ({ratio:.4g} times as fast){mistake or ': check the unit of both'}"
+        text = (
+            f"turns at {own:.4g} rad/s, but rotor_speed says {mean:.4g} ({ratio:.4g} times as"
+            f" fast){mistake or ': check the unit of both'}"
+        )
         return [_contradiction("rotor_azimuth", text, "warning")]
     expected = 0.5 * (filled[1:] + filled[:-1]) * np.diff(time)
     slip = np.mod(unwrapped - expected + np.pi, _TURN) - np.pi
@@ -230,7 +234,10 @@ def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Finding]:
     lasting = np.flatnonzero((np.abs(slip) > 0.3) & (np.abs(_around(slip)) > 0.3) & (np.diff(time) < 1.5 / record.rate))
     if lasting.size:
         spans = np.column_stack([time[lasting], time[lasting + 1]])
-        text = f"jumps by up to {np.max(np.abs(slip[lasting])):.2g} rad against rotor_speed in {lasting.size} places, {when(spans)}: the encoder slipped; use a section between them"
+        text = (
+            f"jumps by up to {np.max(np.abs(slip[lasting])):.2g} rad against rotor_speed in {lasting.size} places,"
+            f" {when(spans)}: the encoder slipped; use a section between them"
+        )
         found.append(Finding("rotor_azimuth", "azimuth jumps", "warning", text, int(lasting.size), spans))
     return found
 

@@ -1,7 +1,7 @@
 """The checks that every identification runs before it reads a record, and what becomes of their findings.
 
-A unit that is evidently wrong and a channel that is dead make every estimate wrong: the record is refused. Spikes, clipping, gaps and stuck stretches
-make it worse by an amount that the data do not tell: they are noted in the result.
+A unit that is evidently wrong and a channel that is dead make every estimate wrong: the record is refused. Spikes,
+clipping, gaps and stuck stretches make it worse by an amount that the data do not tell: they are noted in the result.
 """
 
 from collections.abc import Iterable, Mapping
@@ -27,7 +27,8 @@ _OFFSET = 3.0
 
 
 def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], dict[str, Kind], Rotor | None]:
-    """Everything that is wrong with a record, the worst first; its usable channels with their kinds; how the rotor turned.
+    """Everything that is wrong with a record, the worst first; its usable channels with their kinds; how the rotor
+    turned.
 
     Raises
     ------

@@ -112,11 +112,15 @@ def propose(
         spread, drift = std / turning, np.abs(drift) / turning
         rpm = np.abs(mean) * RPM
         steady = [
-            "rotor parked"
-            if p
-            else f"rotor speed constant at {v:.3g} rpm"
-            if s < 1e-6
-            else f"rotor speed {v:.3g} rpm, steady within {_percent(s)}"
+            (
+                "rotor parked"
+                if p
+                else (
+                    f"rotor speed constant at {v:.3g} rpm"
+                    if s < 1e-6
+                    else f"rotor speed {v:.3g} rpm, steady within {_percent(s)}"
+                )
+            )
             for v, s, p in zip(rpm, spread, parked, strict=True)
         ]
         unsteady = [
@@ -275,8 +279,10 @@ def _judge_excitation(record: Record, known: dict[str, Kind], cut: _Blocks, judg
     penalty = 0.5 * np.log2(factor) / np.log2(CHANGE_LIMIT)
     judge(
         penalty,
-        ["equally strong in both halves" if f < 1.2 else f"it {v} by {f:.2g} × between the halves" for f, v in zip(factor, verb, strict=True)],
-        [f"the vibration {v} by {f:.2g} × between its halves (unless a decay is what you want)" for f, v in zip(factor, verb, strict=True)],
+        ["equally strong in both halves" if f < 1.2 else f"it {v} by {f:.2g} × between the halves" for f,
+        v in zip(factor, verb, strict=True)],
+        [f"the vibration {v} by {f:.2g} × between its halves (unless a decay is what you want)" for f,
+        v in zip(factor, verb, strict=True)],
         0.5,
     )  # fmt: skip
 

@@ -61,7 +61,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Peak:
-    """A peak of a spectrum: frequency [Hz], height above what is around it [dB], rms in it [channel's unit], what it is."""
+    """A peak of a spectrum: frequency [Hz], height above its surroundings [dB], rms [channel's unit], cause."""
 
     frequency: float
     prominence: float
@@ -175,7 +175,10 @@ def lines_in(
     highest: float,
     resolution: float,
 ) -> tuple[Line, ...]:
-    """Harmonics to 2N P and modes, as an instrument on `channel` sees them: one that turns sees a mode shifted by 1P."""
+    """Harmonics to 2N P and modes, as an instrument on `channel` sees them.
+
+    An instrument that turns sees a mode shifted by 1P.
+    """
     lines = []
     turning = in_rotating_frame(channel)
     once = rotor.mean / (2.0 * np.pi) if rotor is not None and rotor.turns else 0.0
@@ -191,7 +194,7 @@ def lines_in(
 
 
 def seen_from(name: str, frequency: float, once: float, turning: bool) -> list[tuple[float, str]]:
-    """Frequencies [Hz] and names under which a mode of the fixed frame shows on an instrument, one that turns or not."""
+    """Frequencies [Hz] and names under which an instrument, turning or not, sees a mode of the fixed frame."""
     if not turning or not once:
         return [(frequency, name)]
     if name.startswith("tower"):
@@ -262,7 +265,10 @@ def _peaks(
 
 
 def _broad_peaks(frequency: Array, density: Array, resolution: float, lines: Sequence[Line]) -> list[Peak]:
-    """Peaks of modes so damped that they are wider than the background's window: the same search on a logarithmic axis."""
+    """Find the peaks of modes whose damping makes them wider than the background's window.
+
+    The search is the same, on a logarithmic axis.
+    """
     step = frequency[1]
     lowest = 2.0 * resolution / BROAD  # below this a band of ± BROAD holds too few lines to be averaged
     if lowest >= 0.5 * frequency[-1]:

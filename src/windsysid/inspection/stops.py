@@ -1,6 +1,8 @@
-"""Stops of the rotor in a record: what vibrates after one decays without the air of a turning rotor, and so tells structural damping.
+"""Stops of the rotor in a record: what vibrates after one decays without the air of a turning rotor, and so tells
+structural damping.
 
-A stop is a fall of the rotor speed from 60 % of the usual one to 10 % of it within a minute. Its section begins there and ends when the rotor turns again.
+A stop is a fall of the rotor speed from 60 % of the usual one to 10 % of it within a minute. Its section begins there
+and ends when the rotor turns again.
 """
 
 from dataclasses import dataclass
@@ -18,7 +20,7 @@ __all__ = ["Stop", "find_stops"]
 
 
 RUNNING, STOPPED, STARTED = 0.6, 0.1, 0.2
-"""Shares of the usual rotor speed: above the first it runs, below the second it has stopped, above the third it turns again."""
+"""Shares of the usual rotor speed: it runs above the first, stands below the second, turns again above the third."""
 
 SUDDEN = 60.0
 """Longest fall from running to stopped [s]."""
@@ -46,7 +48,8 @@ class Stop:
     fall
         From 60 % to 10 % of the usual rotor speed [s].
     decay
-        How many times vibration falls from right after the stop to the section's second half, in the channel where it falls most.
+        How many times vibration falls from right after the stop to the section's second half, in the channel where it
+        falls most.
     channel
         That channel; empty where none vibrates.
     """

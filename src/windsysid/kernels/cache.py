@@ -1,7 +1,8 @@
 """The cache on disk for what takes long to make: files that are whole or not used, shared by processes and by people.
 
-Every file begins with the SHA-256 of what follows. A file that was cut, damaged or cannot be read counts as absent: it is made
-again. Files are written under another name and moved to their own, so that processes at the same moment do not disturb each other.
+Every file begins with the SHA-256 of what follows. A file that was cut, damaged or cannot be read counts as absent: it
+is made again. Files are written under another name and moved to their own, so that processes at the same moment do not
+disturb each other.
 """
 
 import atexit

@@ -36,7 +36,10 @@ __all__ = [
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz", "arcp"}, "nogil": True}
 
 _HELPER: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""A helper is compiled as a part of kernels and cannot be called from Python: code for that would take a sixth of a kernel's compile time."""
+"""Decorator of a helper that is compiled as a part of kernels and cannot be called from Python.
+
+Code for calls from Python would take a sixth of a kernel's compile time.
+"""
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _vector = types.float64[::1]
@@ -143,19 +146,25 @@ def compiled(function: Callable[..., Any], signature: object, *, borrows: bool =
 
 
 def inlined(function: _F) -> _F:
-    """A helper that is compiled as part of the kernels that call it: a call with a model's many arrays costs more than the work."""
+    """Compile a helper into the kernels that call it: a call with a model's many arrays costs more than the work."""
     helper: _F = numba.njit(forceinline=True, **_HELPER)(function)
     return helper
 
 
 def uncounted(function: _F) -> _F:
-    """An `inlined` helper that counts no references to arrays, which can cost as much as the work: it cannot make any, its caller holds them."""
+    """An `inlined` helper that counts no references to arrays, since counting can cost as much as the work.
+
+    It cannot make arrays; its caller holds them.
+    """
     helper: _F = numba.njit(forceinline=True, _nrt=False, **_HELPER)(function)
     return helper
 
 
 def pasted(function: _F) -> _F:
-    """An `uncounted` helper that is inlined before types are found: compiled in less time where it is small, in more where it is large."""
+    """An `uncounted` helper that is inlined before types are found.
+
+    A small helper then compiles faster, a large one more slowly.
+    """
     helper: _F = numba.njit(inline="always", _nrt=False, **_HELPER)(function)
     return helper
 

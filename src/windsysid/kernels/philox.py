@@ -4,11 +4,11 @@ A generator of this kind has no state. A number is a function of the seed and of
 
     (particle, draw, sample, purpose) ─ ten rounds of multiplication ─► four words of 32 bits,
 
-so that a run is the same however its particles are shared out among threads, and a step can be repeated. Two words make two normals by
-Box and Muller's transform, to about 2⁻³², the tails ending at 6.7 standard deviations.
+so that a run is the same however its particles are shared out among threads, and a step can be repeated. Two words make
+two normals by Box and Muller's transform, to about 2⁻³², the tails ending at 6.7 standard deviations.
 
-Loops are written so that LLVM turns them into vector code: no call, no branch; e^x, ln x, sin and cos are polynomials here
-(errors below 3e-15 relative, tested against NumPy).
+Loops are written so that LLVM turns them into vector code: no call, no branch; e^x, ln x, sin and cos are polynomials
+here (errors below 3e-15 relative, tested against NumPy).
 
 Source: Salmon, Moraes, Dror & Shaw, SC'11, https://doi.org/10.1145/2063384.2063405.
 """
@@ -180,7 +180,7 @@ def _words(c0: Any, c1: Any, c2: Any, c3: Any, k0: Any, k1: Any) -> tuple[Any, A
 
 @inlined
 def fill_normals(key: Any, sample: int, purpose: int, first: int, out: Any) -> None:
-    """Standard normal numbers of draws 0 … in the rows of `out` (a multiple of 4, particles), its first column being particle `first`."""
+    """Fill rows of `out` (4 k, particles) with standard normal draws 0, 1, …; column 0 is particle `first`."""
     unit = 1.0 / 4294967296.0
     c2, c3 = np.uint64(sample), np.uint64(purpose)
     for block in range(out.shape[0] // 4):

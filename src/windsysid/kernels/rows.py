@@ -1,7 +1,8 @@
 """Matrices whose rows are whole vectors: the row operations that the filters' steps are made of.
 
-Rows are padded with zeros to a multiple of `LANES` and begin at a whole register, so that a row operation is a few vector instructions with
-no remainder: row i of `a` is its vectors i · a.shape[1] // LANES and on. Where a shape is given as (m, n⁺), n columns are meant and the rest is zero.
+Rows are padded with zeros to a multiple of `LANES` and begin at a whole register, so that a row operation is a few
+vector instructions with no remainder: row i of `a` is its vectors i · a.shape[1] // LANES and on. Where a shape is
+given as (m, n⁺), n columns are meant and the rest is zero.
 """
 
 from typing import Any

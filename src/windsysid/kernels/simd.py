@@ -1,9 +1,10 @@
-"""A vector of `LANES` doubles as a Numba type: one register of the processor, with the arithmetic written as for a number.
+"""A vector of `LANES` doubles as a Numba type: one register of the processor, with the arithmetic written as for a
+number.
 
-Numba leaves short inner loops scalar wherever two arrays might overlap. Code on this type is vector code by construction: an array of
-shape (…, LANES) is read and written one vector at a time by `load` and `store`, or indexed through `vectors`, and +, −, ×, ÷ are single
-instructions (two with AVX2). A number beside a vector stands for a vector of it. Of the functions of `math`, sine, cosine and square root
-are vector code, the others go lane by lane.
+Numba leaves short inner loops scalar wherever two arrays might overlap. Code on this type is vector code by
+construction: an array of shape (…, LANES) is read and written one vector at a time by `load` and `store`, or indexed
+through `vectors`, and +, −, ×, ÷ are single instructions (two with AVX2). A number beside a vector stands for a vector
+of it. Of the functions of `math`, sine, cosine and square root are vector code, the others go lane by lane.
 """
 
 import math
@@ -117,7 +118,7 @@ def store(typing: Any, array: Any, index: Any, vector: Any) -> Any:
 
 @intrinsic
 def vectors(typing: Any, array: Any) -> Any:
-    """A C-contiguous array of doubles (…, LANES) as an array of vectors (…), on memory that the array goes on owning."""
+    """View a C-contiguous array of doubles (…, LANES) as vectors (…); the array goes on owning its memory."""
     seen = types.Array(VECTOR, array.ndim - 1, "C", aligned=False)
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -311,7 +312,8 @@ def _comparison(operation: Any, symbol: str) -> None:
 
 
 for _operation, _symbol in (
-    (operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="), (operator.eq, "=="), (operator.ne, "!="),
+    (operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="), (operator.eq, "=="),
+    (operator.ne, "!="),
 ):  # fmt: skip
     _comparison(_operation, _symbol)
 
@@ -358,8 +360,8 @@ def _chosen(typing: Any, condition: Any, yes: Any, no: Any) -> Any:
     return VECTOR(MASK, VECTOR, VECTOR), generate
 
 
-# Sine and cosine: x = n π/2 + r with |r| ≤ π/4, π/2 in three parts of 33 bits (Cody & Waite 1980, ch. 8), then the polynomials of
-# FreeBSD's msun (k_sin.c, k_cos.c; errors below 2⁻⁵⁸).
+# Sine and cosine: x = n π/2 + r with |r| ≤ π/4, π/2 in three parts of 33 bits (Cody & Waite 1980, ch. 8), then the
+# polynomials of FreeBSD's msun (k_sin.c, k_cos.c; errors below 2⁻⁵⁸).
 
 _FARTHEST = 1e6
 """Magnitude of an argument up to which n times a part of π/2 is exact; beyond, lanes go one by one."""

@@ -4,9 +4,10 @@ Linearised about its motion, a rotor's equations still turn with it. Multi-blade
 
     β_i = ξ_0 + Σ_n (ξ_nc cos nψ_i + ξ_ns sin nψ_i)  (+ (−1)^i ξ_d for even N),      q = T(ψ) ξ
 
-make them constant for three or more equal blades at constant Ω without gravity in the rotor plane, about β = 0. Everything else is Floquet's
-theory about the periodic motion that gravity and imbalance force (`windsysid.modal.floquet`); the multiple of Ω that it leaves open is
-found in multi-blade coordinates. Bands follow from the covariance of the coefficients by the delta method, with the exact derivatives
+make them constant for three or more equal blades at constant Ω without gravity in the rotor plane, about β = 0.
+Everything else is Floquet's theory about the periodic motion that gravity and imbalance force
+(`windsysid.modal.floquet`); the multiple of Ω that it leaves open is found in multi-blade coordinates. Bands follow
+from the covariance of the coefficients by the delta method, with the exact derivatives
 
     dλ/dθ = ⟨qᵀ(t) dA(t)/dθ p(t)⟩,      p(t) e^{λt} a mode, qᵀ(t) its row of the inverse of all of them,
 
@@ -54,7 +55,8 @@ class Spectrum(NamedTuple):
     names
         Of the modes.
     shapes
-        (m, n): displacements in multi-blade coordinates times the root of what they weigh, of unit length; of a periodic mode its largest harmonic.
+        (m, n): displacements in multi-blade coordinates times the root of what they weigh, of unit length; of a
+        periodic mode its largest harmonic.
     slopes
         dλ/dθ (m, n_θ).
     growth
@@ -62,7 +64,8 @@ class Spectrum(NamedTuple):
     method
         ``Coleman``, ``Floquet``, or ``constant`` where nothing turns.
     locked
-        Whether a mode stands at a multiple of Ω/2 that holds it: it is then two, of equal frequency, which coefficients do not move.
+        Whether a mode stands at a multiple of Ω/2 that holds it: it is then two, of equal frequency, which coefficients
+        do not move.
     """
 
     exponents: Complex
@@ -131,8 +134,9 @@ def analyse(
     directions
         ∂p/∂θ (n_θ, n_p), for the slopes; none by default.
     method
-        One of the two, wanted or not. Coleman's transform averages what is left of an inequality of three or more blades over a turn, gravity off: wrong by
-        1e-5 to 5e-4 of a frequency on the packaged turbines, which is many standard deviations of a free decay.
+        One of the two, wanted or not. Coleman's transform averages what is left of an inequality of three or more
+        blades over a turn, gravity off: wrong by 1e-5 to 5e-4 of a frequency on the packaged turbines, which is many
+        standard deviations of a free decay.
 
     Raises
     ------
@@ -159,7 +163,10 @@ def analyse(
 def unlocked(
     rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
 ) -> Spectrum:
-    """`analyse`, and where a mode is locked to the rotor, so narrowly that its band would vanish, the mean of what stands a hair to either side."""
+    """`analyse`, except where a mode is locked to the rotor so narrowly that its band would vanish.
+
+    There it returns the mean of the modes at speeds a hair below and above.
+    """
     found = analyse(rotor, model, p, rotor_speed, directions)
     for share in ASIDE if found.locked else ():
         above, below = (analyse(rotor, model, p, (1.0 + s) * rotor_speed, directions) for s in (share, -share))
@@ -182,7 +189,10 @@ def _known(
 def modes(
     rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float
 ) -> list[tuple[str, float, float]]:
-    """Name, frequency [Hz] and damping ratio of every oscillating mode, by rising frequency; slight inequality averaged (`analyse`): to label a spectrum."""
+    """Name, frequency [Hz] and damping ratio of every oscillating mode, by rising frequency, to label a spectrum.
+
+    Slight inequality of the blades is averaged (`analyse`).
+    """
     return _rows(analyse(rotor, model, p, rotor_speed, method="Coleman"))
 
 
@@ -200,10 +210,11 @@ def modes_with_bands(
     cov: Array,
     reference: Array,
 ) -> tuple[Mode, ...]:
-    """Modes with ±2σ bands from the covariance of θ (n_θ, n_θ) around `theta` (n_θ,): what `windsysid.modal.sweep.find_modes` gives at that speed.
+    """Modes with ±2σ bands from the covariance of θ (n_θ, n_θ) around `theta` (n_θ,): what
+    `windsysid.modal.sweep.find_modes` gives at that speed.
 
-    `p` and `reference` (n_p,) are the identified and the reference values of all parameters. Empty where there are no modes to be had
-    (two blades without a periodic motion).
+    `p` and `reference` (n_p,) are the identified and the reference values of all parameters. Empty where there are no
+    modes to be had (two blades without a periodic motion).
     """
     p = p.copy()
     p[[model.parameters.index(q.name) for q in parameters]] = [
@@ -259,7 +270,10 @@ class _Frame:
     def moved(
         self, psi: Array, directions: Array, x: Array | None = None, dx: Array | None = None
     ) -> tuple[Array, Array]:
-        """Derivatives of `rates` along ∂p/∂θ (n_θ, n_p), the motion moving by dx (K, 2n, n_θ): (K, 2n, n_θ), (n_θ, K, 2n, 2n)."""
+        """Derivatives of `rates` along ∂p/∂θ (n_θ, n_p), where the motion moves by dx (K, 2n, n_θ).
+
+        Returns (K, 2n, n_θ) and (n_θ, K, 2n, 2n).
+        """
         pushes, slopes = [np.zeros((len(psi), 2 * self.n, 0))], []
         for i, direction in enumerate(directions):
             shift = 0.0 if dx is None else STEP * dx[:, :, i]
@@ -282,7 +296,7 @@ class _Frame:
     def spectrum(
         self, exponents: Complex, shapes: Complex, slopes: Complex, growth: float, method: str, weights: Array
     ) -> Spectrum:
-        """Of exponents (m,) with shapes (n, m) and slopes (m, n_θ): those that oscillate, named, by rising magnitude."""
+        """The exponents (m,) that oscillate, with shapes (n, m) and slopes (m, n_θ), named, by rising magnitude."""
         lower = exponents.imag < 0.0
         exponents, shapes, slopes = (
             np.where(lower, np.conj(exponents), exponents),
@@ -377,7 +391,7 @@ def _turning(frame: _Frame, directions: Array) -> Spectrum:
 
 
 def multi_blade(rotor: RotorModel | TowerModel, psi: Array) -> Array:
-    """T(ψ) with its first and second derivative to ψ (3, K, n, n), at azimuths (K,); the support's rows are the identity."""
+    """T(ψ) and its first two derivatives to ψ (3, K, n, n) at azimuths (K,); the support's rows are the identity."""
     n = len(rotor.coordinates)
     T = np.zeros((3, len(psi), n, n))
     T[0] = np.eye(n)

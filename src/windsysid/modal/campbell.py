@@ -142,15 +142,16 @@ class Campbell(Answer):
         doubtful = [f"{m.mode} and {m.order}P" for m in self.margins if not m.certain]
         sure = f" Within the bands they may: {', '.join(doubtful)}." if doubtful else ""
         return (
-            f"No mode meets {harmonics} {over}: the nearest is {nearest.mode}, {size} % {'above' if d[0] > 0.0 else 'below'} {nearest.order}P "
-            f"at {nearest.speed[0] * RPM:.3g} rpm.{sure}"
+            f"No mode meets {harmonics} {over}: the nearest is {nearest.mode}, {size} %"
+            f" {'above' if d[0] > 0.0 else 'below'} {nearest.order}P at {nearest.speed[0] * RPM:.3g} rpm.{sure}"
         )
 
     def _stability(self) -> str:
         low, high = self.speeds[0] * RPM, self.speeds[-1] * RPM
         if self.unstable:
             each = "; ".join(
-                f"{u.low * RPM:.1f} … {u.high * RPM:.1f} rpm, growth up to {u.growth:.3g} 1/s at {u.worst * RPM:.1f} rpm"
+                f"{u.low * RPM:.1f} … {u.high * RPM:.1f} rpm, growth up to {u.growth:.3g} 1/s at"
+                f" {u.worst * RPM:.1f} rpm"
                 for u in self.unstable
             )
             return f"Unstable between {low:.3g} and {high:.3g} rpm: {each}."
@@ -273,7 +274,10 @@ class Campbell(Answer):
         return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
     def __repr__(self) -> str:
-        return f"<Campbell of {self.title}: {len(self.curves)} modes, {self.speeds[0] * RPM:.3g} to {self.speeds[-1] * RPM:.3g} rpm; print it for the table>"
+        return (
+            f"<Campbell of {self.title}: {len(self.curves)} modes, {self.speeds[0] * RPM:.3g} to"
+            f" {self.speeds[-1] * RPM:.3g} rpm; print it for the table>"
+        )
 
     def __str__(self) -> str:
         from windsysid.console import render

@@ -1,13 +1,14 @@
 """Floquet's theory: the modes of a linear system whose matrix repeats, ẋ = A(t) x with A(t + T) = A(t).
 
-Its solutions are e^{λt} p(t) with p(t + T) = p(t). The multipliers e^{λT} are the eigenvalues of the monodromy matrix X(T), Ẋ = A X, X(0) = 1,
-which Gauss's collocation of order 12 propagates, all steps at once. The imaginary part of λ is known but for multiples of Ω = 2π/T, since a
-harmonic of p may be moved into the exponential; that multiple is taken that leaves the largest harmonic of p standing still
-(`resolve`). A nonlinear system ẋ = f(t, x) is linearised about its periodic solution (`about_periodic_motion`).
+Its solutions are e^{λt} p(t) with p(t + T) = p(t). The multipliers e^{λT} are the eigenvalues of the monodromy matrix
+X(T), Ẋ = A X, X(0) = 1, which Gauss's collocation of order 12 propagates, all steps at once. The imaginary part of λ is
+known but for multiples of Ω = 2π/T, since a harmonic of p may be moved into the exponential; that multiple is taken
+that leaves the largest harmonic of p standing still (`resolve`). A nonlinear system ẋ = f(t, x) is linearised about its
+periodic solution (`about_periodic_motion`).
 
-Source: Yakubovich & Starzhinskii, Linear Differential Equations with Periodic Coefficients (Wiley 1975); Skjoldan & Hansen, J. Sound and
-Vibration 328 (2009), https://doi.org/10.1016/j.jsv.2009.07.023 (participation); Hairer, Lubich & Wanner, Geometric Numerical Integration (2nd
-ed. 2006), ch. II.1.3 (collocation).
+Source: Yakubovich & Starzhinskii, Linear Differential Equations with Periodic Coefficients (Wiley 1975); Skjoldan &
+Hansen, J. Sound and Vibration 328 (2009), https://doi.org/10.1016/j.jsv.2009.07.023 (participation); Hairer, Lubich &
+Wanner, Geometric Numerical Integration (2nd ed. 2006), ch. II.1.3 (collocation).
 """
 
 import math
@@ -66,7 +67,10 @@ class FloquetModes(NamedTuple):
             return np.asarray(np.linalg.pinv(self.shapes))
 
     def response(self, push: Array) -> Array:
-        """The periodic solution (K, n, m) of ẋ = A(t) x + push, push (K, n, m): each mode answers each harmonic by 1/(ikΩ − λ)."""
+        """The periodic solution (K, n, m) of ẋ = A(t) x + push for push (K, n, m).
+
+        Each mode answers each harmonic by 1/(ikΩ − λ).
+        """
         K = len(self.time)
         modal = np.fft.fft(self.rows @ push, axis=0)
         harmonic = np.fft.fftfreq(K, 1.0 / K) * 2.0 * math.pi / (K * (self.time[1] - self.time[0]))
@@ -89,13 +93,15 @@ def floquet(system: Callable[[Array], Array], period: float, steps: int | None =
     Raises
     ------
     ConfigurationError
-        If a mode dies out within a period, so that nothing of it is left to see, or a period holds more than `MOST_STEPS` steps.
+        If a mode dies out within a period, so that nothing of it is left to see, or a period holds more than
+        `MOST_STEPS` steps.
     """
     time, fundamental = _fundamental(system, period, steps or steps_needed(system, period))
     multipliers, vectors = np.linalg.eig(fundamental[-1])
     if np.abs(multipliers).min() < LOST * max(1.0, float(np.abs(multipliers).max())):
         raise ConfigurationError(
-            f"a vibration dies out within a single turn of {period:.3g} s, too slow a turn for Floquet's theory: choose a higher rotor speed"
+            f"a vibration dies out within a single turn of {period:.3g} s, too slow a turn for Floquet's theory: choose"
+            " a higher rotor speed"
         )
     exponents = np.asarray(np.log(multipliers.astype(np.complex128)) / period, dtype=np.complex128)
     shapes = np.exp(-exponents * time[:, None, None]) * (fundamental[:-1] @ vectors)
@@ -114,8 +120,8 @@ def steps_needed(system: Callable[[Array], Array], period: float) -> int:
     fastest = max(float(np.abs(np.linalg.eigvals(A)).max()) for A in samples)
     if fastest * period > MOST_STEPS * REACH:
         raise ConfigurationError(
-            f"a turn of {period:.3g} s holds {fastest * period / (2.0 * math.pi):.3g} vibrations, too slow a turn for Floquet's theory: "
-            "choose a higher rotor speed"
+            f"a turn of {period:.3g} s holds {fastest * period / (2.0 * math.pi):.3g} vibrations, too slow a turn for"
+            " Floquet's theory: choose a higher rotor speed"
         )
     return max(LEAST_STEPS, math.ceil(fastest * period / REACH))
 
@@ -125,7 +131,8 @@ def about_periodic_motion(
 ) -> tuple[Array, FloquetModes]:
     """The periodic solution x (K, n) of ẋ = f(t, x) near zero, and the modes about it.
 
-    Newton's method whose matrix is renewed only where it converges slowly: the modes about zero already tell how the system answers a push.
+    Newton's method whose matrix is renewed only where it converges slowly: the modes about zero already tell how the
+    system answers a push.
 
     Parameters
     ----------
@@ -156,8 +163,8 @@ def about_periodic_motion(
         if resolved:
             return x, modes
     raise ConfigurationError(
-        "no periodic motion of the turning rotor was found: its own forcing meets an undamped mode, or deflections are too large; "
-        "choose another rotor speed, or look at damping and gravity in the turbine file"
+        "no periodic motion of the turning rotor was found: its own forcing meets an undamped mode, or deflections are"
+        " too large; choose another rotor speed, or look at damping and gravity in the turbine file"
     )
 
 
@@ -167,7 +174,10 @@ def _settled(
     x: Array,
     period: float,
 ) -> tuple[Array, FloquetModes, bool] | None:
-    """Newton's iteration on the grid of x (K, n): the motion, its modes, and whether the grid resolves it; None where it does not converge."""
+    """Newton's iteration on the grid of x (K, n); None where it does not converge.
+
+    Returns the motion, its modes, and whether the grid resolves it.
+    """
     steps = len(x)
     modes = floquet(along(x), period, steps)
     before = math.inf

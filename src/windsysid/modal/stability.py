@@ -1,6 +1,7 @@
 """Whether anything grows: unstable ranges of rotor speed, and how far ground resonance is.
 
-Ground resonance threatens where the lag frequency of a blade that turns faster than it vibrates, seen from the ground, meets the support's,
+Ground resonance threatens where the lag frequency of a blade that turns faster than it vibrates, seen from the ground,
+meets the support's,
 
     Ω − ω_β(Ω) = ω_s,      ω_β² = (k_β + S d Ω²) / I.
 
@@ -27,7 +28,7 @@ RESOLUTION = 0.01 / RPM
 
 
 class Unstable(NamedTuple):
-    """A range of rotor speeds [rad/s] in which something grows: from, to, largest growth [1/s] and where that is [rad/s]."""
+    """A range of rotor speeds in which a mode grows: limits [rad/s], largest growth [1/s] and its speed [rad/s]."""
 
     low: float
     high: float

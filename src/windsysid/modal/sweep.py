@@ -1,8 +1,10 @@
-"""The Campbell diagram: frequencies and damping ratios of all modes against rotor speed, with the bands that follow from a posterior.
+"""The Campbell diagram: frequencies and damping ratios of all modes against rotor speed, with the bands that follow
+from a posterior.
 
-Modes are found at each of a row of speeds (`windsysid.modal.analysis`) and linked (`windsysid.modal.tracking`). What is asked of them: how far each stays from the
-harmonics nP of the rotor over the operating range, and whether any grows (`windsysid.modal.stability`). Bands are ±2σ by the delta method,
-σ_f² = ∂f/∂θ Σ ∂f/∂θᵀ. Source: Burton et al., Wind Energy Handbook (3rd ed. 2021), ch. 5.
+Modes are found at each of a row of speeds (`windsysid.modal.analysis`) and linked (`windsysid.modal.tracking`). What is
+asked of them: how far each stays from the harmonics nP of the rotor over the operating range, and whether any grows
+(`windsysid.modal.stability`). Bands are ±2σ by the delta method, σ_f² = ∂f/∂θ Σ ∂f/∂θᵀ. Source: Burton et al., Wind
+Energy Handbook (3rd ed. 2021), ch. 5.
 """
 
 import math
@@ -50,7 +52,8 @@ def find_modes(
     operating: tuple[float, float] | None = None,
     progress: Callable[[str], object] = lambda _: None,
 ) -> Campbell:
-    """Modes against rotor speed: of a turbine file, without bands, or of an identification, with the bands of its posterior.
+    """Modes against rotor speed: of a turbine file, without bands, or of an identification, with the bands of its
+    posterior.
 
     Parameters
     ----------
@@ -106,7 +109,8 @@ def find_modes(
             break
     if not curves:
         raise ConfigurationError(
-            f"turbine '{machine.turbine.name}': nothing oscillates between {grid[0] * RPM:.3g} and {grid[-1] * RPM:.3g} rpm"
+            f"turbine '{machine.turbine.name}': nothing oscillates between {grid[0] * RPM:.3g} and"
+            f" {grid[-1] * RPM:.3g} rpm"
         )
     progress("stability")
     unstable = unstable_ranges(lambda s: known[s].growth if s in known else machine.growth(s), grid)
@@ -117,7 +121,8 @@ def find_modes(
     return Campbell(
         machine.turbine.name, posterior.record or None, bool(posterior.parameters), grid, at, working,
         () if parked else tuple(sorted({1, N, 2 * N})),
-        curves, tuple(unstable), () if parked else tuple(machine.ground_resonance(working)), found[at].method, tuple(notes),
+        curves, tuple(unstable), () if parked else tuple(machine.ground_resonance(working)), found[at].method,
+        tuple(notes),
     )  # fmt: skip
 
 
@@ -132,7 +137,7 @@ class _Machine:
         self.directions = directions_of(self.model, self.parameters, posterior.theta)
 
     def spectrum(self, speed: float) -> Spectrum:
-        """The modes at a speed, or a hair beside it where one is locked to the rotor and so narrowly that its band would vanish."""
+        """The modes at a speed, or a hair beside it where a mode is locked so narrowly that its band would vanish."""
         return unlocked(self.turbine.model, self.model, self.p, speed, self.directions)
 
     def growth(self, speed: float) -> float:
@@ -142,8 +147,12 @@ class _Machine:
         """How it was computed, and from what."""
         why = obstacles(self.turbine.model, dict(zip(self.model.parameters, self.p.tolist(), strict=True)))
         how = {
-            "Coleman": "multi-blade coordinates (Coleman): three or more equal blades, nothing that pulls in the rotor plane",
-            "Floquet": f"Floquet's theory about the periodic motion, Coleman's transform does not apply: {', '.join(why)}",
+            "Coleman": (
+                "multi-blade coordinates (Coleman): three or more equal blades, nothing that pulls in the rotor plane"
+            ),
+            "Floquet": (
+                f"Floquet's theory about the periodic motion, Coleman's transform does not apply: {', '.join(why)}"
+            ),
             "constant": "the equations are constant: the rotor is rigid",
         }[method]
         notes = [
@@ -151,7 +160,8 @@ class _Machine:
         ]
         if method == "Floquet" and self.turbine.model.blades == 2:
             notes.append(
-                "two blades: lag differential is given as the blades feel it; the ground feels it at f − Ω, backward where f > Ω, and at f + Ω, forward"
+                "two blades: lag differential is given as the blades feel it; the ground feels it at f − Ω, backward"
+                " where f > Ω, and at f + Ω, forward"
             )
         if not posterior.parameters:
             notes.append(
@@ -215,6 +225,7 @@ def _checked(what: str, ends: tuple[float, float]) -> tuple[float, float]:
     low, high = ends
     if not (math.isfinite(low) and math.isfinite(high) and 0.0 <= low <= high and high > 0.0):
         raise ConfigurationError(
-            f"{what}: expected two rotor speeds from 0 on, the lower first, got {low * RPM:.4g} and {high * RPM:.4g} rpm"
+            f"{what}: expected two rotor speeds from 0 on, the lower first, got {low * RPM:.4g} and"
+            f" {high * RPM:.4g} rpm"
         )
     return low, high

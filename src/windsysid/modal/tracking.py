@@ -21,7 +21,10 @@ BEND = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One mode over rotor speed: frequency [Hz] and damping ratio with their standard deviations, NaN where it does not oscillate (S,)."""
+    """One mode over rotor speed: frequency [Hz] and damping ratio with their standard deviations (S,).
+
+    Where the mode does not oscillate, they are NaN.
+    """
 
     name: str
     frequency: Array
@@ -36,10 +39,11 @@ class Curve:
 
 
 def link(spectra: Sequence[Spectrum], speeds: Array, start: int, cov: Array) -> tuple[Curve, ...]:
-    """Modes (S spectra) linked from speed to speed, outward from the usual one, `start`; `cov` (n_θ, n_θ) gives the standard deviations.
+    """Modes (S spectra) linked from speed to speed, outward from the usual one, `start`; `cov` (n_θ, n_θ) gives the
+    standard deviations.
 
-    Those that are there at the usual speed come first, by frequency. A mode whose largest harmonic gives way to another jumps by Ω: one curve ends there, and
-    another begins.
+    Those that are there at the usual speed come first, by frequency. A mode whose largest harmonic gives way to another
+    jumps by Ω: one curve ends there, and another begins.
     """
     tracks: list[dict[int, int]] = [{start: m} for m in range(len(spectra[start].exponents))]
     for way in (1, -1):
@@ -105,7 +109,7 @@ def _track_name(track: dict[int, int], spectra: Sequence[Spectrum], speeds: Arra
 def _linked(
     spectra: Sequence[Spectrum], speeds: Array, before: Sequence[tuple[int, int | None]], i: int, way: int
 ) -> list[int | None]:
-    """Which mode at speed i continues each track, told by its mode one step and two steps before; None where none does."""
+    """For each track the mode at speed i that continues it, or None; its modes one and two steps before tell."""
     from scipy.optimize import linear_sum_assignment
 
     near, here = spectra[i - way], spectra[i]

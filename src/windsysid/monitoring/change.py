@@ -31,9 +31,9 @@ class Change(NamedTuple):
     before, after
         Estimates of the two results, priors included, in SI, Hz for a frequency.
     percent, low, high
-        By how much B is above A [% of A] according to the records without the priors, and the ±2σ band. `low` is −100 where B may be nothing, `high` infinite where
-        A may be. `percent` is NaN where both are so, or where the
-        band of a logarithm reaches further than a factor of ten either way: the change is not told.
+        By how much B is above A [% of A] according to the records without the priors, and the ±2σ band. `low` is −100
+        where B may be nothing, `high` infinite where A may be. `percent` is NaN where both are so, or where the band of
+        a logarithm reaches further than a factor of ten either way: the change is not told.
     log_odds
         Natural logarithm of the odds that it moved; NaN for a mode, which moves if a coefficient does.
     chance
@@ -86,8 +86,8 @@ class Comparison(Answer):
     records
         Names of the two.
     coefficients, modes, statistics
-        Changes of the coefficients that both identified, of the frequencies of the modes that both have, at the mean of the two rotor speeds, and of the
-        statistics of loads and noise that both learned.
+        Changes of the coefficients that both identified, of the frequencies of the modes that both have, at the mean of
+        the two rotor speeds, and of the statistics of loads and noise that both learned.
     same
         Whether both are results of one record and section, so that nothing can have moved.
     doubts
@@ -114,7 +114,10 @@ class Comparison(Answer):
     def sentence(self) -> str:
         """The answer."""
         if self.same:
-            return f"nothing moved: both results are of the same record and section ({self.records[0]}), and one record cannot differ from itself"
+            return (
+                f"nothing moved: both results are of the same record and section ({self.records[0]}), and one record"
+                " cannot differ from itself"
+            )
         ranked = sorted(self.coefficients, key=lambda change: -change.log_odds)
         suspects = [str(change) for change in ranked if change.suspect and not change.moved]
         if self.moved:

@@ -124,8 +124,8 @@ class Watch(Answer):
         watched = [s for s in self.series if not s.name.startswith("noise_")]
         sharpest = min(watched or self.series, key=lambda s: s.smallest)
         return (
-            f"nothing jumped in {days:.3g} days at {self.alarms_per_year:g} false alarms a year; a jump of {sharpest.smallest:.2g} % in {sharpest.name} "
-            "would have been found within a day"
+            f"nothing jumped in {days:.3g} days at {self.alarms_per_year:g} false alarms a year; a jump of"
+            f" {sharpest.smallest:.2g} % in {sharpest.name} would have been found within a day"
         )
 
     @property
@@ -133,7 +133,8 @@ class Watch(Answer):
         """One line a series, under `HEADINGS`."""
         return [
             (
-                s.name, unit_text(s.unit), f"{s.level[-1]:.5g} ± {0.5 * (s.high[-1] - s.low[-1]):.2g}", _signed(*s.drift), f"{s.wander:.2g} %",
+                s.name, unit_text(s.unit), f"{s.level[-1]:.5g} ± {0.5 * (s.high[-1] - s.low[-1]):.2g}",
+                _signed(*s.drift), f"{s.wander:.2g} %",
                 f"{s.scatter:.2f}", f"{s.smallest:.2g} %",
             )
             for s in self.series

@@ -1,20 +1,24 @@
 """What moved between two records of one turbine, and how sure that is.
 
-A result is the posterior N(θ̂, S⁻¹) of a record and its own prior N(θ₀, S₀⁻¹). What the record itself says is the likelihood that is left when the prior is
-divided out, of information J = S − S₀ and vector h = S θ̂ − S₀ θ₀ (`own_information`). It does not depend on the prior, as far as the record is Gaussian in θ. Two
-records, A and B, with a change δ = θ_B − θ_A between them and nothing else known of θ, leave of δ a likelihood of
+A result is the posterior N(θ̂, S⁻¹) of a record and its own prior N(θ₀, S₀⁻¹). What the record itself says is the
+likelihood that is left when the prior is divided out, of information J = S − S₀ and vector h = S θ̂ − S₀ θ₀
+(`own_information`). It does not depend on the prior, as far as the record is Gaussian in θ. Two records, A and B, with
+a change δ = θ_B − θ_A between them and nothing else known of θ, leave of δ a likelihood of
 
     information  P = J_A (J_A + J_B)⁺ J_B,        vector  g = J_A (J_A + J_B)⁺ h_B − J_B (J_A + J_B)⁺ h_A.
 
-Both are the same for (B, A), but for the sign of g. What one of the two does not see has no information in P. The odds that a coefficient moved are those of Savage and Dickey: the
-prior density of δ = 0 over the posterior one, with priors N(0, τ²) of changes of the size that damage makes (`TYPICAL`). The change itself is told with a
-prior `VAGUE` times as wide.
+Both are the same for (B, A), but for the sign of g. What one of the two does not see has no information in P. The odds
+that a coefficient moved are those of Savage and Dickey: the prior density of δ = 0 over the posterior one, with priors
+N(0, τ²) of changes of the size that damage makes (`TYPICAL`). The change itself is told with a prior `VAGUE` times as
+wide.
 
-Stiffness is compared in ln k. The likelihood of damping is Gaussian in c and not in ln c, and c may be hardly told from zero: damping is compared in c, and its change
-is the ratio c_B / c_A with the limits of Fieller's theorem, which are exact for a ratio of Gaussian estimates. A limit may be nothing (−100 %) or infinite.
+Stiffness is compared in ln k. The likelihood of damping is Gaussian in c and not in ln c, and c may be hardly told from
+zero: damping is compared in c, and its change is the ratio c_B / c_A with the limits of Fieller's theorem, which are
+exact for a ratio of Gaussian estimates. A limit may be nothing (−100 %) or infinite.
 
-Sources: Dickey, Ann. Math. Statist. 42(1), 1971, https://doi.org/10.1214/aoms/1177693507; Verdinelli & Wasserman, J. Am. Stat. Assoc. 90, 1995,
-https://doi.org/10.1080/01621459.1995.10476554; Fieller, J. R. Stat. Soc. B 16(2), 1954, https://doi.org/10.1111/j.2517-6161.1954.tb00159.x.
+Sources: Dickey, Ann. Math. Statist. 42(1), 1971, https://doi.org/10.1214/aoms/1177693507; Verdinelli & Wasserman, J.
+Am. Stat. Assoc. 90, 1995, https://doi.org/10.1080/01621459.1995.10476554; Fieller, J. R. Stat. Soc. B 16(2), 1954,
+https://doi.org/10.1111/j.2517-6161.1954.tb00159.x.
 """
 
 import math
@@ -79,8 +83,9 @@ def compare(before: PosteriorLike, after: PosteriorLike) -> Comparison:
         sure = _hashed(before, after)
         same = sure
         doubts.append(
-            f"both results are of {before.record}{', the same values' if sure else ': if that is one record'}, so nothing moved, and priors, sensors or loads of "
-            f"the two identifications do not agree about {', '.join(moved)}"
+            f"both results are of {before.record}{', the same values' if sure else ': if that is one record'}, so"
+            " nothing moved, and priors, sensors or loads of the two identifications do not agree about"
+            f" {', '.join(moved)}"
         )
     return Comparison(
         (before.record, after.record), coefficients, _modes(before, after, frame, difference), statistics, same,
@@ -131,7 +136,10 @@ def _growth(step: float, sigma: float) -> tuple[float, float, float]:
 
 
 def _ratio(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float, float]:
-    """Change from a to b, each an estimate and its standard deviation, and the ±2σ limits of their ratio by Fieller's theorem [%]; what is negative counts as nothing."""
+    """Change from a to b and the ±2σ limits of their ratio by Fieller's theorem [%].
+
+    a and b are (estimate, standard deviation); a negative limit counts as zero.
+    """
     low, high = _inverse(_highest_ratio(b, a)), _highest_ratio(a, b)
     if low == 0.0 and math.isinf(high):
         return math.nan, -100.0, math.inf
@@ -155,7 +163,10 @@ def _inverse(ratio: float) -> float:
 def _modes(
     before: Posterior, after: Posterior, frame: Sequence[Parameter], difference: Difference
 ) -> tuple[Change, ...]:
-    """Changes of the modes' frequencies at the mean of the two rotor speeds: those of the coefficients, times d ln f / dθ averaged over both results."""
+    """Changes of the modes' frequencies at the mean of the two rotor speeds.
+
+    They are the coefficients' changes times d ln f / dθ, averaged over both results.
+    """
     speed = 0.5 * (before.turbine.rotor_speed + after.turbine.rotor_speed)
     delta, cov = difference.with_prior(VAGUE)
     found = []
@@ -209,12 +220,15 @@ def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, 
     if common <= 0.0:
         return False, ()
     return False, (
-        f"the two sections of {names[0] or before.record} have {common:.4g} s in common: bands and odds take them for independent, which errs towards no change",
+        (
+            f"the two sections of {names[0] or before.record} have {common:.4g} s in common: bands and odds take them"
+            " for independent, which errs towards no change"
+        ),
     )
 
 
 def _differing_models(before: Posterior, after: Posterior) -> list[str]:
-    """What the two turbines take for known and do not agree about, and what only one of them identified, a sentence each."""
+    """One sentence for each difference in what the two turbines take for known or have identified."""
     identified = [{q.name for q in result.parameters} for result in (before, after)]
     a, b = (result.turbine.values for result in (before, after))
     fixed = [
@@ -224,9 +238,12 @@ def _differing_models(before: Posterior, after: Posterior) -> list[str]:
     told = []
     if fixed:
         told.append(
-            f"the turbine files of the two results differ in {_some(fixed)}: what moved may be the files; identify both with one file"
+            f"the turbine files of the two results differ in {_some(fixed)}: what moved may be the files; identify both"
+            " with one file"
         )
-    alone = [q.name for r in (before, after) for q in r.parameters if (q.name in identified[0]) != (q.name in identified[1])]  # fmt: skip
+    alone = [
+        q.name for r in (before, after) for q in r.parameters if (q.name in identified[0]) != (q.name in identified[1])
+    ]
     if alone:
         told.append(
             f"only one of the two results identified {_some(alone)}: what the other took for it counts as change"

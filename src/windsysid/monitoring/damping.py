@@ -1,17 +1,20 @@
 """What of a damping is the structure's and what the air's, from records of one turbine in several states.
 
-Each record tells the total c of a degree of freedom. Quasi-steady forces on blade sections are of second degree in rotor speed Ω and wind speed V, so that
-what the air adds to c is of first degree in them. To first order of that,
+Each record tells the total c of a degree of freedom. Quasi-steady forces on blade sections are of second degree in
+rotor speed Ω and wind speed V, so that what the air adds to c is of first degree in them. To first order of that,
 
     c = c₀ + a Ω/Ω* + b V/V*,        a parked rotor: c = c₀ + d V/V*,
 
-with c₀ the structure's and Ω*, V* the largest of the records. In attached flow a is mostly lift, ½ ρ c C_lα Ω r across the rotor's plane, and drag in it; b
-is what pitch and twist make of the wind; d is lift on feathered blades that move in the plane, ½ ρ c C_lα V (Burton et al., Wind Energy Handbook; M. H. Hansen 2007,
-https://doi.org/10.1002/we.242). Where parked records do not have winds far apart, d is not told from c₀, and counts as structure.
+with c₀ the structure's and Ω*, V* the largest of the records. In attached flow a is mostly lift, ½ ρ c C_lα Ω r across
+the rotor's plane, and drag in it; b is what pitch and twist make of the wind; d is lift on feathered blades that move
+in the plane, ½ ρ c C_lα V (Burton et al., Wind Energy Handbook; M. H. Hansen 2007, https://doi.org/10.1002/we.242).
+Where parked records do not have winds far apart, d is not told from c₀, and counts as structure.
 
-The records' own estimates, priors taken out, are weighted by their variances, which are proportional to c for a mode under broadband load (σ_c² = c²/(ζωT)) and therefore
-taken at the fitted c: at the estimated one, low estimates would weigh too much. All bands are then wider by one factor φ ≥ 1 of prior density ∝ φ⁻⁴ (beyond 2 in
-one case of eight), learned from how far records scatter about the fits of all degrees of freedom. What the records do not determine, because the row (1, 0, 0, 0) is no combination of theirs, is not given.
+The records' own estimates, priors taken out, are weighted by their variances, which are proportional to c for a mode
+under broadband load (σ_c² = c²/(ζωT)) and therefore taken at the fitted c: at the estimated one, low estimates would
+weigh too much. All bands are then wider by one factor φ ≥ 1 of prior density ∝ φ⁻⁴ (beyond 2 in one case of eight),
+learned from how far records scatter about the fits of all degrees of freedom. What the records do not determine,
+because the row (1, 0, 0, 0) is no combination of theirs, is not given.
 """
 
 import math
@@ -65,7 +68,8 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     Parameters
     ----------
     results
-        Posteriors, results, or the folders they were saved in, with the rotor speed, and best the wind speed, of their records (`Posterior.conditions`).
+        Posteriors, results, or the folders they were saved in, with the rotor speed, and best the wind speed, of their
+        records (`Posterior.conditions`).
 
     Raises
     ------
@@ -76,14 +80,16 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     known = [result for result in posteriors if result.conditions.rotor_speed is not None]
     if not known:
         raise ConfigurationError(
-            "structural and aerodynamic damping: expected results that say how fast the rotor turned, got "
-            f"{', '.join(result.record for result in posteriors) or 'none'}: record the channel rotor_speed, or identify again where an older version did"
+            "structural and aerodynamic damping: expected results that say how fast the rotor turned, got"
+            f" {', '.join(result.record for result in posteriors) or 'none'}: record the channel rotor_speed, or"
+            " identify again where an older version did"
         )
     frame = known[0]
     names = [f"c_{q}" for q in frame.turbine.model.coordinates if all(_identified(r, f"c_{q}") for r in known)]
     if not names:
         raise ConfigurationError(
-            f"{', '.join(result.record for result in known)}: expected a damping coefficient that all of them identified, got none"
+            f"{', '.join(result.record for result in known)}: expected a damping coefficient that all of them"
+            " identified, got none"
         )
     states = _states(known)
     design = _design(states)
@@ -100,8 +106,8 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     ]
     if _scattered(free, square):
         doubts.append(
-            f"records scatter about the fits by {math.sqrt(square / free):.2g} of their own σ: something else moved too, or their bands are too narrow; the bands "
-            "given here have it in"
+            f"records scatter about the fits by {math.sqrt(square / free):.2g} of their own σ: something else moved"
+            " too, or their bands are too narrow; the bands given here have it in"
         )
     return Separation(
         states,
@@ -128,7 +134,10 @@ def _states(results: Sequence[Posterior]) -> tuple[State, ...]:
 
 
 class _Design(NamedTuple):
-    """Rows (1, Ω/Ω*, V/V*, 0) of running records and (1, 0, 0, V/V*) of parked ones (T, 4), V* [m/s], and whether the wind counts in either."""
+    """Rows (T, 4) of the regression, V* [m/s], and whether the wind counts in either state.
+
+    A running record has (1, Ω/Ω*, V/V*, 0), a parked one (1, 0, 0, V/V*).
+    """
 
     rows: Array
     strongest: float
@@ -172,7 +181,7 @@ class _Fit:
         self.square = float((((value - fitted) / s) ** 2).sum())
 
     def at(self, row: Array, width: float) -> Band | None:
-        """The combination `row` of c₀, a, b and d with a band of so many standard deviations; None where the records do not determine it."""
+        """The combination `row` of c₀, a, b and d with its band; None where the records do not determine it."""
         along = self.seen @ row
         if np.linalg.norm(row - along @ self.seen) > TOLERANCE * np.linalg.norm(row):
             return None
@@ -187,7 +196,10 @@ def _stretch(fitted: Array, value: Array) -> Array:
 
 
 def _half_width(free: int, square: float) -> float:
-    """Half-width of a 95.45 % band in standard deviations, φ averaged over what `free` squares that add up to `square` say of it."""
+    """Half-width of a 95.45 % band [standard deviations].
+
+    φ is averaged over what `free` squares that add up to `square` say of it.
+    """
     from scipy.optimize import brentq
     from scipy.special import erfc
 
@@ -250,20 +262,21 @@ def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
     parked = any(state.parked for state in states)
     if all(state.parked for state in states):
         return [
-            "no record is of a running rotor, so nothing is known of aerodynamic damping: identify a record of the running machine too"
+            "no record is of a running rotor, so nothing is known of aerodynamic damping: identify a record of the"
+            " running machine too"
         ]
     wanted = [split for split in splits if not split.resolved]
     if not wanted:
         return []
     minutes = max(_minutes(split) for split in wanted)
     help_ = (
-        f"a record with the rotor parked or idling in weak wind would help, at least {minutes:.0f} min of it for ±{100 * WISHED:.0f} %, or a recorded stop with the decay "
-        "after it (windsysid inspect finds them)"
+        f"a record with the rotor parked or idling in weak wind would help, at least {minutes:.0f} min of it for"
+        f" ±{100 * WISHED:.0f} %, or a recorded stop with the decay after it (windsysid inspect finds them)"
     )
     if splits[0].structural is None:
         why = (
             "one record holds structure and air together" if len(states) == 1
-            else "no rotor is parked, and the rotor speeds and winds of these records are too alike to go back to standstill from"
+            else "no rotor is parked, and rotor speeds and winds are too alike to go back to standstill from them"
         )  # fmt: skip
         return [f"{why}: {help_}"]
     names = ", ".join(split.name for split in wanted)
@@ -288,14 +301,22 @@ def _notes(states: Sequence[State], splits: Sequence[Split], design: _Design) ->
         notes.append(
             "the structure's part is where the parked records go back to without wind"
             if design.parked_wind
-            else f"what the air does to a parked or idling rotor{at} counts as structure, most of it in the rotor's plane, to which feathered blades stand flat: less in weak wind, and parked records in winds {APART:g} times apart tell it"
+            else (
+                f"what the air does to a parked or idling rotor{at} counts as structure, most of it in the rotor's"
+                " plane, to which feathered blades stand flat: less in weak wind, and parked records in winds"
+                f" {APART:g} times apart tell it"
+            )
         )
     elif splits[0].structural is not None:
         notes.append(
             "no rotor is parked: the structure's part is where a line in rotor speed and wind goes at standstill"
         )
     if not design.running_wind and sum(not state.parked for state in states) > 1:
-        notes.append("wind speeds were not recorded with all running records (channel wind_speed): what they change counts as scatter")  # fmt: skip
+        notes.append(
+            "some running records have no wind speed (channel wind_speed): what the wind changes counts as scatter"
+        )
     if math.isnan(splits[0].scatter) and splits[0].structural is not None:
-        notes.append("there are no more records than unknowns, so that nothing shows whether their bands are true: bands are wider by what was found elsewhere")  # fmt: skip
+        notes.append(
+            "no more records than unknowns: nothing shows whether bands are true, so they are widened as elsewhere"
+        )
     return notes

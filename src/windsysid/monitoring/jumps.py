@@ -1,21 +1,26 @@
-"""A level that may wander and may jump, seen in blocks through covariates: Kalman filter, and a generalised likelihood ratio for the jump.
+"""A level that may wander and may jump, seen in blocks through covariates: Kalman filter, and a generalised likelihood
+ratio for the jump.
 
     y_t = level_t + slopes · x_t + e_t,    e_t ~ N(0, s² r_t),    level_t = level_{t−1} + w_t,    w_t ~ N(0, q),
 
-with the variance r_t of the block's own estimate, a factor s² on it and a rate q that are learned (`learn_rates`). A unit jump before block k leaves the trace
-G_t(k) = h_tᵀ e_t(k) / √S_t on the whitened innovations z_t, where e_k(k) = (1, 0 … 0) and e_{t+1}(k) = (I − K_t h_tᵀ) e_t(k). The statistic is that of Willsky & Jones,
+with the variance r_t of the block's own estimate, a factor s² on it and a rate q that are learned (`learn_rates`). A
+unit jump before block k leaves the trace G_t(k) = h_tᵀ e_t(k) / √S_t on the whitened innovations z_t, where e_k(k) =
+(1, 0 … 0) and e_{t+1}(k) = (I − K_t h_tᵀ) e_t(k). The statistic is that of Willsky & Jones,
 
     ℓ_t = max_k  (|Σ G z| − ν₀ Σ G²)₊² / Σ G²,
 
-twice the logarithm of the likelihood ratio of a jump of the likeliest size before the likeliest block against one of the tolerated size ν₀, which nobody wants to hear of, or none. An innovation counts as ν₀ and
-`CLIP` standard deviations at most, and pulls at the level with `PULL` at most, so that a bad block is no alarm: to pass a threshold of b² it takes more than b² / CLIP² blocks. Of the blocks k, those are kept that are about
-`SPACING` of their age apart, up to an age of `WINDOW` blocks. Missing blocks are NaN.
+twice the logarithm of the likelihood ratio of a jump of the likeliest size before the likeliest block against one of
+the tolerated size ν₀, which nobody wants to hear of, or none. An innovation counts as ν₀ and `CLIP` standard deviations
+at most, and pulls at the level with `PULL` at most, so that a bad block is no alarm: to pass a threshold of b² it takes
+more than b² / CLIP² blocks. Of the blocks k, those are kept that are about `SPACING` of their age apart, up to an age
+of `WINDOW` blocks. Missing blocks are NaN.
 
-`threshold` turns a rate of false alarms into b²: Siegmund and Venkatraman's approximation for white innovations, every k,
-no clipping and ν₀ = 0, beside which there are fewer.
+`threshold` turns a rate of false alarms into b²: Siegmund and Venkatraman's approximation for white innovations, every
+k, no clipping and ν₀ = 0, beside which there are fewer.
 
-Sources: Willsky & Jones, IEEE Trans. AC-21(1), 1976, https://doi.org/10.1109/TAC.1976.1101146; Lai, IEEE Trans. IT-44(7), 1998, https://doi.org/10.1109/18.737522;
-Siegmund & Venkatraman, Ann. Statist. 23(1), 1995, https://doi.org/10.1214/aos/1176324466; Huber, Ann. Math. Statist. 35(1), 1964, https://doi.org/10.1214/aoms/1177703732.
+Sources: Willsky & Jones, IEEE Trans. AC-21(1), 1976, https://doi.org/10.1109/TAC.1976.1101146; Lai, IEEE Trans.
+IT-44(7), 1998, https://doi.org/10.1109/18.737522; Siegmund & Venkatraman, Ann. Statist. 23(1), 1995,
+https://doi.org/10.1214/aos/1176324466; Huber, Ann. Math. Statist. 35(1), 1964, https://doi.org/10.1214/aoms/1177703732.
 """
 
 import math
@@ -34,7 +39,10 @@ CLIP = 3.0
 """Standard deviations beyond ν₀ that one innovation may count for in the test and in the likelihood."""
 
 PULL = 1.5
-"""Standard deviations of an innovation that may pull at the level: Huber's estimator, 96 % efficient where there are no bad blocks."""
+"""Standard deviations beyond which an innovation's pull on the level is cut off.
+
+This is Huber's estimator, 96 % efficient where there are no bad blocks.
+"""
 
 WINDOW = 12_960
 """Blocks that a jump may lie back when it is found: 90 days of 10 minutes."""
@@ -46,7 +54,10 @@ MOST = 400
 """More blocks k than `WINDOW` and `SPACING` ever keep."""
 
 TYPICAL_WANDER = (math.log(1e-3), math.log(10.0))
-"""Prior of ln(√q / √r): median and standard deviation. A block in a thousand lets the level move by its own σ, give or take a factor of ten."""
+"""Prior of ln(√q / √r): median and standard deviation.
+
+One block in a thousand lets the level move by its own σ, give or take a factor of ten.
+"""
 
 TYPICAL_SCATTER = 0.5
 """Prior standard deviation of ln s."""
@@ -60,7 +71,7 @@ class Belief(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """What is learned of a series: the variance q that the level gains per block, and the factor s² on the variance of its blocks."""
+    """The variance q that a level gains per block, and the factor s² on the variance of its blocks."""
 
     wander: float
     scatter: float
@@ -123,7 +134,8 @@ def track(
     tolerated
         ν₀.
     freed
-        (T, d): variance that level and slopes gain before a block where the level is known to have jumped; 0 elsewhere. No jump from before is looked for any more.
+        (T, d): variance that level and slopes gain before a block where the level is known to have jumped; 0 elsewhere.
+        No jump from before is looked for any more.
     test
         Whether ℓ is wanted.
     """
@@ -140,7 +152,10 @@ def track(
 
 
 def learn_rates(y: Array, r: Array, x: Array, prior: Belief, freed: Array | None = None) -> Rates:
-    """Wander and scatter of a series by maximum likelihood, with priors `TYPICAL_WANDER` and `TYPICAL_SCATTER`; the wander averaged over what is likely."""
+    """Wander and scatter of a series by maximum likelihood, with priors `TYPICAL_WANDER` and `TYPICAL_SCATTER`.
+
+    The wander is averaged over its likelihood.
+    """
     from scipy.optimize import minimize
 
     usual = float(np.nanmedian(np.where(np.isfinite(y), r, np.nan)))
@@ -162,7 +177,8 @@ def learn_rates(y: Array, r: Array, x: Array, prior: Belief, freed: Array | None
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.02, "maxiter": 120},
     )
-    # The most likely wander is often next to none where it is only not seen yet: its mean over what is likely is what the level needs.
+    # The most likely wander is often next to none where it is only not seen yet: its mean over what is likely is what
+    # the level needs.
     around = found.x[0] + np.arange(-3.0, 3.25, 0.5)
     costs = np.array([cost(np.array([at, found.x[1]])) for at in around])
     weight = np.exp(costs.min() - costs)

@@ -23,31 +23,35 @@ __all__ = [
 
 
 TYPICAL = {"k": 0.1, "c": 0.5, "load": 0.5, "noise": 0.5}
-"""Prior standard deviation of a change, relative: of stiffness (and anything else), damping, statistics of loads and of noise."""
+"""Relative prior standard deviation of a change: of stiffness (and anything else), damping, loads' and noise's levels.
+"""
 
 FAINT = 1e-6
 """Share of the prior's information that is left where it is taken out."""
 
 UNSEEN = 1e-9
-"""A record says nothing of a direction in which it narrows the prior's variance by less than this share: that is rounding."""
+"""Least share by which a record must narrow the prior's variance in a direction; less is rounding."""
 
 
 def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Array, Array]:
     """What a record itself says: the result's posterior with its prior divided out.
 
-    A stiffness that is linear in the result and logarithmic in `frame`, or the other way round, is taken along its tangent at the estimate.
+    A stiffness that is linear in the result and logarithmic in `frame`, or the other way round, is taken along its
+    tangent at the estimate.
 
     Parameters
     ----------
     result
         Of the record.
     frame
-        The n coefficients or learned statistics that are asked for, in the coordinates that are wanted; all must be in `result`. Their priors do not matter.
+        The n coefficients or learned statistics that are asked for, in the coordinates that are wanted; all must be in
+        `result`. Their priors do not matter.
 
     Returns
     -------
     tuple
-        Information (n, n), positive semidefinite, and vector (n,): the logarithm of the likelihood is −½ θᵀ J θ + hᵀ θ + const.
+        Information (n, n), positive semidefinite, and vector (n,): the logarithm of the likelihood is −½ θᵀ J θ + hᵀ θ
+        + const.
     """
     known = _Belief.of(result)
     at = [known.names.index(q.name) for q in frame]
@@ -59,7 +63,8 @@ def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Arra
         mean[i] = q.coordinate(value)
     prior_mean = mean + stretch * (known.prior_mean[at] - known.mean[at])
     cov, prior_cov = (c[np.ix_(at, at)] * np.outer(stretch, stretch) for c in (known.cov, known.prior_cov))
-    # In the prior's own measure the information is 1/share − 1 along each axis, with no small difference of large numbers.
+    # In the prior's own measure the information is 1/share − 1 along each axis, with no small difference of large
+    # numbers.
     measure = np.linalg.inv(np.linalg.cholesky(prior_cov))
     share, axes = np.linalg.eigh(measure @ cov @ measure.T)
     seen = share < 1.0 - UNSEEN
@@ -70,7 +75,8 @@ def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Arra
 
 
 def without_prior(result: Posterior, frame: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Mean (n,) and covariance (n, n) of the coefficients of `frame` by what the record itself says, in its coordinates.
+    """Mean (n,) and covariance (n, n) of the coefficients of `frame` by what the record itself says, in its
+    coordinates.
 
     A millionth of the information of `frame`'s own priors keeps finite what the record does not see.
     """
@@ -81,7 +87,7 @@ def without_prior(result: Posterior, frame: Sequence[Parameter]) -> tuple[Array,
 
 
 class _Belief(NamedTuple):
-    """All that a result knows: coefficients in filter coordinates, then statistics as ln(value / given), with the prior."""
+    """All that a result knows: coefficients in filter coordinates, statistics as ln(value / given), and the prior."""
 
     parameters: tuple[Parameter, ...]
     mean: Array
@@ -112,7 +118,10 @@ class _Belief(NamedTuple):
 
 
 def common_frame(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
-    """Coordinates for the coefficients that both identified, the same for (A, B) and (B, A); their priors are as wide as changes by damage."""
+    """Coordinates for the coefficients that both identified, the same for (A, B) and (B, A).
+
+    Their priors are as wide as changes by damage.
+    """
     found = []
     for q in before.parameters:
         other = next((r for r in after.parameters if r.name == q.name), None)
@@ -131,14 +140,17 @@ def common_frame(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
 
 
 class Difference(NamedTuple):
-    """What two records say of the change, in standard deviations of its prior: the eigenvalues (n,) and axes (n, n) of P, the vector g (n,)."""
+    """What two records say of the change, in standard deviations of its prior.
+
+    Eigenvalues (n,) and axes (n, n) of P, and the vector g (n,).
+    """
 
     information: Array
     vector: Array
     spread: Array
 
     def with_prior(self, width: float) -> tuple[Array, Array]:
-        """Mean (n,) and covariance (n, n) in the frame's coordinates, under a prior so many times wider than that of damage."""
+        """Mean (n,) and covariance (n, n) in the frame's coordinates; the prior is so many times damage's."""
         mean, cov = _settled(self.information, self.vector, width**-2.0)
         return mean * self.spread, cov * np.outer(self.spread, self.spread)
 
@@ -156,7 +168,7 @@ def difference_between(before: Posterior, after: Posterior, frame: Sequence[Para
 
 
 def _settled(information: Array, vector: Array, prior: float) -> tuple[Array, Array]:
-    """Mean (n,) and covariance (n, n) of an information and a vector with a prior of information `prior` in every direction."""
+    """Mean (n,) and covariance (n, n) of an information and a vector; every direction has the information `prior`."""
     values, axes = np.linalg.eigh(information)
     cov = (axes / (values.clip(0.0) + prior)) @ axes.T
     return cov @ vector, cov

@@ -135,7 +135,10 @@ class Separation(Answer):
         if told:
             return f"of critical damping, {'; '.join(told)}"
         totals = "; ".join(f"{split.name} {split.percent(split.measured[fastest])}" for split in self.splits)
-        return f"structure and air cannot be told apart; together, at {self.states[fastest]}, they are of critical damping {totals}"
+        return (
+            f"structure and air cannot be told apart; together, at {self.states[fastest]}, they are of critical damping"
+            f" {totals}"
+        )
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -145,7 +148,10 @@ class Separation(Answer):
         for split in self.splits:
             parts = [(self.base, split.structural)]
             if split.structural is None:
-                parts = [("structure and what turns with the rotor", split.calm), ("a metre per second of wind more", split.per_wind)]  # fmt: skip
+                parts = [
+                    ("structure and what turns with the rotor", split.calm),
+                    ("a metre per second of wind more", split.per_wind),
+                ]
             parts += [
                 (f"{air}, {state}", band)
                 for state, band in zip(self.states, split.aerodynamic, strict=True)

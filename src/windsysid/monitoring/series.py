@@ -41,7 +41,8 @@ class Blocks:
     time
         (T,) [s], increasing.
     theta, std
-        (T, n) estimates in filter coordinates without their prior, and standard deviations; NaN where a record says nothing.
+        (T, n) estimates in filter coordinates without their prior, and standard deviations; NaN where a record says
+        nothing.
     logarithmic
         Of each series, whether θ is a logarithm.
     reference
@@ -80,7 +81,8 @@ class Blocks:
                 raise ConfigurationError(f"blocks: expected {what} of shape {shape}, got {value.shape}")
         if self.covariates.shape != (shape[0], len(self.covariate_names)):
             raise ConfigurationError(
-                f"blocks: expected covariates of shape {(shape[0], len(self.covariate_names))}, got {self.covariates.shape}"
+                f"blocks: expected covariates of shape {(shape[0], len(self.covariate_names))}, got"
+                f" {self.covariates.shape}"
             )
         if shape[0] < FEWEST:
             raise ConfigurationError(f"blocks: expected at least {FEWEST} records to learn from, got {shape[0]}")
@@ -112,7 +114,8 @@ def gather(
 ) -> Blocks:
     """Blocks from the posteriors of records, each less its prior, in the coordinates of the first.
 
-    Without `time`, the records are put in order of when they began, where all of them say it; otherwise they stay as given, 10 minutes apart.
+    Without `time`, the records are put in order of when they began, where all of them say it; otherwise they stay as
+    given, 10 minutes apart.
 
     Parameters
     ----------
@@ -130,8 +133,8 @@ def gather(
     Raises
     ------
     ConfigurationError
-        If records are too few, times do not increase, two records began at the same time, some say their zone and some do not, or
-        lengths disagree.
+        If records are too few, times do not increase, two records began at the same time, some say their zone and some
+        do not, or lengths disagree.
     """
     count = len(posteriors)
     if count < FEWEST:
@@ -150,7 +153,8 @@ def gather(
     elif time is None:
         silent = sum(posterior.start is None for posterior in posteriors)
         notes.append(
-            f"{silent} of {count} records do not say when they began: they were taken in the order given, 10 minutes apart"
+            f"{silent} of {count} records do not say when they began: they were taken in the order given, 10 minutes"
+            " apart"
         )
         time = np.asarray(600.0 * np.arange(count), dtype=np.float64)
     frame = posteriors[0]
@@ -203,20 +207,24 @@ def _spans(posteriors: Sequence[Posterior]) -> list[_Span] | None:
     without = [span.record for span in spans if span.begin.tzinfo is None]
     if with_zone and without:
         raise ConfigurationError(
-            f"records with a zone ('{with_zone[0]}') and without ('{without[0]}') cannot be put in order: give the zone in the mapping "
-            "file, [time] zone, and identify again"
+            f"records with a zone ('{with_zone[0]}') and without ('{without[0]}') cannot be put in order: give the zone"
+            " in the mapping file, [time] zone, and identify again"
         )
     return spans
 
 
 def _overlaps(spans: Sequence[_Span]) -> list[str]:
-    """What is said of records, in order, that begin before the one before has ended; ConfigurationError if they begin together."""
+    """Describe records, in order, that begin before the one before has ended.
+
+    Raises ConfigurationError if two begin together.
+    """
     found: list[tuple[_Span, _Span]] = []
     latest = spans[0]
     for span in spans[1:]:
         if span.begin == latest.begin:
             raise ConfigurationError(
-                f"'{latest.record}' and '{span.record}' begin at the same time, {span.begin.isoformat()}: leave one of them out"
+                f"'{latest.record}' and '{span.record}' begin at the same time, {span.begin.isoformat()}: leave one of"
+                " them out"
             )
         if span.begin < latest.end:
             found.append((latest, span))
@@ -227,19 +235,21 @@ def _overlaps(spans: Sequence[_Span]) -> list[str]:
     seconds = (min(one.end, other.end) - other.begin).total_seconds()
     others = f", and {more} more" if more else ""
     return [
-        f"'{one.record}' and '{other.record}' overlap by {seconds:.4g} s{others}: what both hold is counted twice, which the alarms do not know"
+        f"'{one.record}' and '{other.record}' overlap by {seconds:.4g} s{others}: what both hold is counted twice,"
+        " which the alarms do not know"
     ]
 
 
 def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = None) -> Blocks:
     """Blocks from folders that ``windsysid identify`` wrote, and a CSV file of covariates with a line for each.
 
-    Records that say when they began are put in order of time. Folders of others are taken in the order given; where that is the alphabetical
-    one, as a shell gives it, in natural order: ``res-2`` before ``res-10``.
+    Records that say when they began are put in order of time. Folders of others are taken in the order given; where
+    that is the alphabetical one, as a shell gives it, in natural order: ``res-2`` before ``res-10``.
 
-    The file's columns but ``time`` and ``folder`` are covariates; an empty cell is a missing value. Its lines belong to the folders named in
-    the column ``folder``; without one, to the records that began at their ``time`` (ISO 8601), where both are known; otherwise to the
-    folders in their order. Where records do not say when they began, ``time``, in seconds or as ISO 8601, says it.
+    The file's columns but ``time`` and ``folder`` are covariates; an empty cell is a missing value. Its lines belong to
+    the folders named in the column ``folder``; without one, to the records that began at their ``time`` (ISO 8601),
+    where both are known; otherwise to the folders in their order. Where records do not say when they began, ``time``,
+    in seconds or as ISO 8601, says it.
 
     Raises
     ------
@@ -258,7 +268,8 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
     silent = sum(posterior.record_hash is None for _, posterior in found)
     if silent:
         notes.append(
-            f"{silent} results of an older version do not hold the noise of their sensors, which is not watched in them: identify again"
+            f"{silent} results of an older version do not hold the noise of their sensors, which is not watched in"
+            " them: identify again"
         )
     columns: dict[str, Array] = {}
     time, begin = None, None
@@ -292,7 +303,7 @@ def _noise(posterior: Posterior) -> dict[str, tuple[float, float]]:
 
 
 class _Table(NamedTuple):
-    """A file of covariates: columns (T,), time [s] from the first line, the same as dates, folders, where they are said."""
+    """A file of covariates: columns (T,), time [s] from the first line, the dates, and the folders if it names them."""
 
     path: Path
     columns: dict[str, Array]
@@ -347,7 +358,8 @@ def _lines_of(table: _Table, folders: Sequence[Path], spans: Sequence[_Span] | N
         for folder in folders:
             if len(lines.get(folder.name, [])) != 1:
                 raise ConfigurationError(
-                    f"covariates {table.path}: expected one line of folder '{folder.name}', got {len(lines.get(folder.name, []))}"
+                    f"covariates {table.path}: expected one line of folder '{folder.name}', got"
+                    f" {len(lines.get(folder.name, []))}"
                 )
         return [lines[folder.name][0] for folder in folders]
     if spans is not None and table.dates and (table.dates[0].tzinfo is None) == (spans[0].begin.tzinfo is None):
@@ -355,7 +367,8 @@ def _lines_of(table: _Table, folders: Sequence[Path], spans: Sequence[_Span] | N
         for i, line in zip(order, sorted(range(count), key=lambda k: table.dates[k]), strict=True):
             if abs(table.dates[line] - spans[i].begin) > spans[i].end - spans[i].begin:
                 raise ConfigurationError(
-                    f"covariates {table.path}: no line has the time of '{folders[i].name}', {spans[i].begin.isoformat()}: correct it, or {hint}"
+                    f"covariates {table.path}: no line has the time of '{folders[i].name}',"
+                    f" {spans[i].begin.isoformat()}: correct it, or {hint}"
                 )
             rows[i] = line
         return rows

@@ -1,15 +1,21 @@
-"""What drifts and what jumps over many records of one turbine: season and wind regressed out, alarms at a stated rate, a failing sensor told from a failing tower.
+"""What drifts and what jumps over many records of one turbine: season and wind regressed out, alarms at a stated rate,
+a failing sensor told from a failing tower.
 
-Every record leaves a block: what it says of each coefficient, without its prior, and the covariates of its time (temperature, wind speed, power …). Each coefficient is a
-level that may wander, plus slopes times covariates, plus the block's own error (`windsysid.monitoring.jumps`). Level and slopes are learned as the blocks come, from a prior; how fast the level wanders and
-by how much blocks scatter more than their bands say is learned by maximum likelihood from the first `LEARNING` blocks, and again whenever there are twice as many. A test for a jump
-of any size above `TOLERATED` at any time runs on the whitened innovations of each series; the false alarms of a year are shared out evenly among the series.
+Every record leaves a block: what it says of each coefficient, without its prior, and the covariates of its time
+(temperature, wind speed, power …). Each coefficient is a level that may wander, plus slopes times covariates, plus the
+block's own error (`windsysid.monitoring.jumps`). Level and slopes are learned as the blocks come, from a prior; how
+fast the level wanders and by how much blocks scatter more than their bands say is learned by maximum likelihood from
+the first `LEARNING` blocks, and again whenever there are twice as many. A test for a jump of any size above `TOLERATED`
+at any time runs on the whitened innovations of each series; the false alarms of a year are shared out evenly among the
+series.
 
-After an alarm the jump becomes one more coefficient of the regression, before each block that it may have happened before: their likelihoods are when, their mixture
-is how much. The level is then free to be another, and the watch goes on.
+After an alarm the jump becomes one more coefficient of the regression, before each block that it may have happened
+before: their likelihoods are when, their mixture is how much. The level is then free to be another, and the watch goes
+on.
 
-The noise that each record's identification found in its sensors is watched as well. A stiffness that moved between records that their models explain, with the noise as it was, has moved;
-where noise or trust changed with it, the sensor comes first (docs/monitor.md).
+The noise that each record's identification found in its sensors is watched as well. A stiffness that moved between
+records that their models explain, with the noise as it was, has moved; where noise or trust changed with it, the sensor
+comes first (docs/monitor.md).
 """
 
 import math
@@ -33,7 +39,10 @@ LEARNING = 1008
 """Blocks before the first alarm: a week of 10 minutes; half of the blocks where there are fewer than twice as many."""
 
 SLOPE = {"k": 0.05, "c": 0.5, "noise": 0.5}
-"""Prior standard deviation of the effect of a covariate's standard deviation, relative: of stiffness (and anything else), damping, noise."""
+"""Relative prior standard deviation of a covariate's effect: on stiffness (and anything else), damping, noise.
+
+The effect is that of one standard deviation of the covariate.
+"""
 
 JUMP = {"k": 0.3, "c": 1.0, "noise": 1.0}
 """Prior standard deviation of what a jump does to the effects of covariates, relative, and a third of its own."""
@@ -42,7 +51,10 @@ TOLERATED = {"k": 0.005, "c": 0.1, "noise": 0.1}
 """Jumps up to this size, relative, are no alarm however sure they are: they are drift."""
 
 BAD = 5.0
-"""Standard deviations from the median of five from which a block near a jump is left out: it would be taken for the new level."""
+"""Standard deviations from the median of five beyond which a block near a jump is left out.
+
+It would be taken for the new level.
+"""
 
 PLACES = 200
 """Blocks at which a jump is tried, where it may have happened before any of more."""
@@ -108,7 +120,10 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
 
 
 class _Jump(NamedTuple):
-    """A jump in filter coordinates: the blocks before which it happened, probably and within the interval, where it was found, size, σ, level before."""
+    """A jump in filter coordinates.
+
+    It says the likeliest block, the interval of blocks, the block that found it, size, σ and the level before.
+    """
 
     at: int
     earliest: int
@@ -180,7 +195,10 @@ def _follow(
 def _locate(
     y: Array, r: Array, x: Array, prior: Belief, rates: Rates, freed: Array, alarm: Track, jump: float, scale: float
 ) -> _Jump:
-    """When and how much: jumps of level and slopes are more coefficients, tried before every block that they may have happened before."""
+    """Date and measure a jump.
+
+    Jumps of level and slopes are more coefficients, tried before every block where they may have happened.
+    """
     found, likely = alarm.stopped, int(alarm.since[alarm.stopped])
     age = found - likely + 1
     since = int(np.flatnonzero(freed[: found + 1, 0])[-1]) + 1 if freed[: found + 1].any() else 0
@@ -225,7 +243,8 @@ def _freedom(mean: Array, jump: float, scale: float) -> Array:
 
 
 def _describe(
-    blocks: Blocks, i: int, one: _Followed, y: Array, x: Array, names: Sequence[str], scales: Array, begins: int, step: float
+    blocks: Blocks, i: int, one: _Followed, y: Array, x: Array, names: Sequence[str], scales: Array,
+    begins: int, step: float
 ) -> Series:  # fmt: skip
     """A `Series` in units and percent."""
     level, std = one.track.level, one.track.std
@@ -261,7 +280,10 @@ def _describe(
 
 
 def _smallest(blocks: Blocks, i: int, one: _Followed, within: int) -> float:
-    """Jump in filter coordinates that passes the test within so many blocks with a probability of 0.9, the level being as well known as it gets."""
+    """Least jump in filter coordinates that passes the test within so many blocks with a probability of 0.9.
+
+    The level is taken to be as well known as it gets.
+    """
     r = one.rates.scatter * float(np.nanmedian(blocks.std[:, i])) ** 2
     q = one.rates.wander
     spread = 0.5 * (q + math.sqrt(q * (q + 4.0 * r)))  # Riccati's equation of a random walk in noise
@@ -290,7 +312,10 @@ def _change(blocks: Blocks, i: int, jump: _Jump, jumps: Sequence[tuple[int, _Jum
     else:
         cause, why = STRUCTURE, "the sensors are as they were"
     verb = "rose" if percent > 0.0 else "fell"
-    told = f"{name} {verb} by {abs(percent):.3g} % ({low:+.3g} … {high:+.3g} %) on {blocks.between(earliest, latest)}, found on {blocks.when(found)}: {why}"
+    told = (
+        f"{name} {verb} by {abs(percent):.3g} % ({low:+.3g} … {high:+.3g} %) on {blocks.between(earliest, latest)},"
+        f" found on {blocks.when(found)}: {why}"
+    )
     return Change(name, time, earliest, latest, found, percent, low, high, cause, told)
 
 
@@ -304,14 +329,15 @@ def _lost_trust(blocks: Blocks, jump: _Jump) -> bool:
 
 
 def _standardised(blocks: Blocks, begins: int) -> tuple[Array, list[str], Array, list[str]]:
-    """Covariates less their mean and by their standard deviation while learning, names, those deviations, and what was left out."""
+    """Covariates as standard scores of the learning time, their names, standard deviations, and those left out."""
     x = np.asarray(blocks.covariates, dtype=np.float64)
     missing = [
         name for name, column in zip(blocks.covariate_names, x.T, strict=True) if np.isfinite(column[:begins]).sum() < 2
     ]
     if missing:
         raise ConfigurationError(
-            f"covariates: expected numbers of {', '.join(missing)} in the first {begins} records, got none: leave the column out"
+            f"covariates: expected numbers of {', '.join(missing)} in the first {begins} records, got none: leave the"
+            " column out"
         )
     scales = np.nanstd(x[:begins], axis=0)
     moves = scales > 0.0

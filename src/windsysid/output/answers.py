@@ -1,7 +1,7 @@
 """What an answer can do: be saved with its page, and draw itself.
 
-An answer does not know its page. `windsysid.reports` says which module writes the page of a type and which function draws it; it is looked
-up by the name of the type when somebody asks.
+An answer does not know its page. `windsysid.reports` says which module writes the page of a type and which function
+draws it; it is looked up by the name of the type when somebody asks.
 """
 
 from importlib import import_module

@@ -25,7 +25,8 @@ def claim_file(path: str | Path, *, overwrite: bool = False) -> Iterator[Callabl
     Raises
     ------
     OutputError
-        If the file is there and `overwrite` is off, it is a folder, another process is writing it, or it cannot be written.
+        If the file is there and `overwrite` is off, it is a folder, another process is writing it, or it cannot be
+        written.
     """
     path = Path(path)
     remedy = "choose a folder you may write to, with space left"

@@ -1,14 +1,14 @@
 """How windsysid writes: nothing of the user's is lost, and a result is there whole, the old one or the new one.
 
-`claim` takes a folder for a result, `claim_file` the name of a single file; both refuse before any work is done, and hold
-a lock that ends with the process. Everything is written beside its place, flushed to the disk and renamed.
+`claim` takes a folder for a result, `claim_file` the name of a single file; both refuse before any work is done, and
+hold a lock that ends with the process. Everything is written beside its place, flushed to the disk and renamed.
 
-A result has several files, which no file system renames at once. So the folder holds a note, ``.windsysid/manifest.json``:
-the names, sizes and SHA-256 of the files that are ours. A result is complete when all its new files lie on the disk in
-``.windsysid/new-…``; the note that names them is the commit. Only then do they take their places. Who finds files that a
-process left between (it was killed, the machine crashed) moves the rest: the next command that writes there, or the
-next that reads (`result_file`). What is not in the note, or not as the note has it, is the user's: it is never
-touched.
+A result has several files, which no file system renames at once. So the folder holds a note,
+``.windsysid/manifest.json``: the names, sizes and SHA-256 of the files that are ours. A result is complete when all its
+new files lie on the disk in ``.windsysid/new-…``; the note that names them is the commit. Only then do they take their
+places. Who finds files that a process left between (it was killed, the machine crashed) moves the rest: the next
+command that writes there, or the next that reads (`result_file`). What is not in the note, or not as the note has it,
+is the user's: it is never touched.
 """
 
 import contextlib
@@ -58,13 +58,14 @@ class Saveable:
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
         """Write the result into a folder of its own, which is made where it is missing.
 
-        The result appears whole or not at all. To overwrite is to replace the files of an earlier result; other files in the folder stay.
+        The result appears whole or not at all. To overwrite is to replace the files of an earlier result; other files
+        in the folder stay.
 
         Raises
         ------
         OutputError
-            If the folder holds anything and `overwrite` is off, a file would be replaced that is not as windsysid wrote it, another
-            process is writing there, or the folder cannot be written.
+            If the folder holds anything and `overwrite` is off, a file would be replaced that is not as windsysid wrote
+            it, another process is writing there, or the folder cannot be written.
         """
         with claim(folder, overwrite=overwrite) as write:
             write(self.files())
@@ -120,7 +121,7 @@ def claim(
 
 
 def result_file(folder: str | Path, name: str) -> Path:
-    """Where a file of the result in `folder` is to be read; a result whose writing was cut short is put in its place first."""
+    """Path of a result's file for reading; a result whose writing was cut short is put in its place first."""
     folder = Path(folder)
     noted = _noted(folder)
     if noted is None or not noted.staging(folder).is_dir():
@@ -258,7 +259,7 @@ def _refuse_inputs(given: Path, inputs: Iterable[str | Path]) -> None:
 
 
 def _refuse_kept(given: Path, folder: Path, *, overwrite: bool) -> None:
-    """Refuse a folder that holds anything, unless an earlier result is to be overwritten; nothing is written for that."""
+    """Refuse a folder that holds anything, unless it is an earlier result and may be overwritten; write nothing."""
     if os.path.lexists(folder):
         if not folder.is_dir():
             raise OutputError(f"output {given}: expected a folder, got a file: choose another name")
@@ -267,7 +268,8 @@ def _refuse_kept(given: Path, folder: Path, *, overwrite: bool) -> None:
                 raise OutputError(f"output {given} is already there: choose another folder, or add --overwrite")
             if _noted(folder) is None:
                 raise OutputError(
-                    f"output {given} holds files that are not noted as results of windsysid: choose another folder, or move them"
+                    f"output {given} holds files that are not noted as results of windsysid: choose another folder, or"
+                    " move them"
                 )
     above = folder
     while not os.path.lexists(above):

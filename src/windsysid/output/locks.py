@@ -15,7 +15,7 @@ TRIES, PAUSE = 10, 0.02  # a lock that is let go or swept up at this moment is a
 
 
 def grab(path: Path) -> int | None:
-    """Open a file and lock it; None while another process holds it. The lock ends with the process, however that ends."""
+    """Open a file and lock it; None while another process holds it. The lock ends with the process."""
     for attempt in range(TRIES):
         if attempt:
             time.sleep(PAUSE)

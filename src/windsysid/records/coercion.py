@@ -28,8 +28,9 @@ _HEADING = re.compile(r"(.*\S)\s*[\[(]([^\[\]()]*)[\])]\s*")
 def as_record(given: RecordLike) -> "Record":
     """A record from itself, a file, a DataFrame or a Dataset.
 
-    The columns of a DataFrame are called ``name [unit]``, or ``attrs["units"]`` holds the unit of each name. Variables of a Dataset have
-    an attribute ``units``. The time [s] is a column or coordinate ``time``, or else the index, in seconds or as dates.
+    The columns of a DataFrame are called ``name [unit]``, or ``attrs["units"]`` holds the unit of each name. Variables
+    of a Dataset have an attribute ``units``. The time [s] is a column or coordinate ``time``, or else the index, in
+    seconds or as dates.
 
     Raises
     ------
@@ -50,7 +51,8 @@ def as_record(given: RecordLike) -> "Record":
     if library == "xarray" and type(given).__name__ == "Dataset":
         return _from_columns(*_of_dataset(given), "Dataset")
     raise RecordError(
-        f"record: expected a Record, the path of a file, a pandas DataFrame or an xarray Dataset, got {type(given).__name__}"
+        "record: expected a Record, the path of a file, a pandas DataFrame or an xarray Dataset, got"
+        f" {type(given).__name__}"
     )
 
 

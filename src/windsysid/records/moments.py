@@ -1,7 +1,7 @@
 """Moments of the calendar as ISO 8601 text: with a zone, or as local time of which nobody said the zone.
 
-``2021-07-07T12:00:00Z`` and ``2021-07-07T14:00:00+02:00`` have a zone and are the same moment. ``2021-07-07T12:00:00`` has none: it can be
-compared with other local times, and not with the two above.
+``2021-07-07T12:00:00Z`` and ``2021-07-07T14:00:00+02:00`` have a zone and are the same moment. ``2021-07-07T12:00:00``
+has none: it can be compared with other local times, and not with the two above.
 """
 
 import re
@@ -13,7 +13,7 @@ __all__ = ["SINCE", "has_zone", "in_words", "moment", "moved", "split_start", "t
 _MOMENT = re.compile(r"\d{4}-\d{2}-\d{2}[ T]\d{2}:\d{2}(:\d{2}([.,]\d{1,9})?)? ?(Z|[+-]\d{2}(:?\d{2})?)?")
 
 SINCE = re.compile(r"(\S+)\s+since\s+(\S.*)", re.IGNORECASE)
-"""A unit of time with the moment of its zero, as in the CF conventions (1.11, section 4.4): ``s since 2021-07-07T12:00:00Z``."""
+"""A unit of time with the moment of its zero (CF conventions 1.11, section 4.4): ``s since 2021-07-07T12:00:00Z``."""
 
 
 def moment(text: str) -> datetime:
@@ -57,8 +57,8 @@ def in_words(text: str | None) -> str:
 def split_start(attributes: Mapping[str, str], first: float) -> tuple[str | None, dict[str, str]]:
     """The moment of time 0 that a file's attributes give, and the attributes without it.
 
-    Ours is ``start_time`` (``start_time_local`` in files of version 0.1.0). ``time_coverage_start`` (ACDD 1.3) is the moment of the first
-    sample, at `first` [s].
+    Ours is ``start_time`` (``start_time_local`` in files of version 0.1.0). ``time_coverage_start`` (ACDD 1.3) is the
+    moment of the first sample, at `first` [s].
     """
     for key, seconds in (("start_time", 0.0), ("start_time_local", 0.0), ("time_coverage_start", first)):
         try:

@@ -1,7 +1,8 @@
 """What a channel's name says about its quantity, and in which units its values are plausible.
 
-A name never gives a unit: ``rotor_speed`` may be in rpm as well as in rad/s. Where a file says no unit, windsysid refuses the channel, and
-the message names the units in which the values could be, so that the user can write the right one.
+A name never gives a unit: ``rotor_speed`` may be in rpm as well as in rad/s. Where a file says no unit, windsysid
+refuses the channel, and the message names the units in which the values could be, so that the user can write the right
+one.
 """
 
 import re
@@ -95,7 +96,10 @@ def plausible_units(channel: str, values: Array) -> tuple[str, ...]:
 
 
 def missing_units(channels: Sequence[tuple[str, Array]], how: str) -> str:
-    """One line that refuses channels (name and some values each) without a unit; `how` says where to write it, with ``{}`` for name and unit."""
+    """One line that refuses channels without a unit.
+
+    `channels` are names with some values each; `how` says where to write the unit, with ``{}`` for name and unit.
+    """
     name, values = channels[0]
     known = values[np.isfinite(values)]
     units = plausible_units(name, values)

@@ -62,8 +62,8 @@ class Record:
     attributes : mapping of str to str
         Free text about the record, kept in netCDF.
     start : str, optional
-        The moment of time 0 in ISO 8601, with its zone: ``2021-07-07T12:00:00Z``. Without a zone it is local time of which nobody said
-        the zone; None where the moment is not known.
+        The moment of time 0 in ISO 8601, with its zone: ``2021-07-07T12:00:00Z``. Without a zone it is local time of
+        which nobody said the zone; None where the moment is not known.
 
     Raises
     ------
@@ -259,8 +259,8 @@ class Record:
     def on_own_times(self) -> Record:
         """The record for filters: on a uniform grid where its times allow that, else each sample at its own time.
 
-        Such times are rounded to a `FINENESS`-th of the median step, so that few intervals occur; rows that then fall together are kept as
-        one, with the later values where both have some.
+        Such times are rounded to a `FINENESS`-th of the median step, so that few intervals occur; rows that then fall
+        together are kept as one, with the later values where both have some.
         """
         try:
             return self.on_uniform_grid()
@@ -284,7 +284,7 @@ class Record:
 
     @property
     def marks(self) -> dict[str, str]:
-        """What a dataset says of a record beside its attributes: its start, its name, and its channels in their order."""
+        """What a dataset says of a record beside its attributes: start, name, and channels in their order."""
         return {
             **({} if self.start is None else {"start_time": self.start}),
             "windsysid_name": self.name,
@@ -308,8 +308,8 @@ class Record:
     def from_xarray(cls, dataset: xr.Dataset) -> Record:
         """A record from a dataset whose variables are (time,), with time [s] as numbers.
 
-        Units other than SI are converted. A variable without ``units`` is refused where its name says a quantity, and kept
-        ``as written: unknown`` where it says none.
+        Units other than SI are converted. A variable without ``units`` is refused where its name says a quantity, and
+        kept ``as written: unknown`` where it says none.
 
         Raises
         ------

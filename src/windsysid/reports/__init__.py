@@ -1,6 +1,8 @@
-"""Answers as figures and pages. Answers do not know this room: `MODULES` says where the page and the figure of each type are.
+"""Answers as figures and pages. Answers do not know this room: `MODULES` says where the page and the figure of each
+type are.
 
-A module of an answer has the function ``files(answer)``, which gives the page, its figures and the JSON by name, or ``figure(answer)``, or both.
+A module of an answer has the function ``files(answer)``, which gives the page, its figures and the JSON by name, or
+``figure(answer)``, or both.
 """
 
 from importlib import import_module

@@ -85,7 +85,8 @@ def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
         ax.annotate(
             name, (1.0, value), (1.03 if moved else 1.012, place), xycoords=("axes fraction", "data"),
             textcoords=("axes fraction", "data"), fontsize=8.5, color=colour, va="center", annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colour, "shrinkA": 0, "shrinkB": 0, "relpos": (0.0, 0.5)} if moved else None,
+            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colour, "shrinkA": 0, "shrinkB": 0,
+            "relpos": (0.0, 0.5)} if moved else None,
         )  # fmt: skip
 
 
@@ -98,8 +99,8 @@ def files(found: Campbell) -> dict[str, bytes]:
         else ""
     )
     caption = (
-        f"Frequencies and damping ratios in the fixed frame. Blue: tower, green: blades{bands}. Dashed: harmonics of the rotor, dotted: "
-        f"{'the record' if found.record else 'the usual speed'}."
+        f"Frequencies and damping ratios in the fixed frame. Blue: tower, green: blades{bands}. Dashed: harmonics of"
+        f" the rotor, dotted: {'the record' if found.record else 'the usual speed'}."
     )
     low, high = (value * RPM for value in found.operating)
     where = f"Distance f / nP − 1 where it is least from {low:.3g} to {high:.3g} rpm" if found.orders else "Parked"

@@ -13,7 +13,8 @@ __all__ = ["figure", "files"]
 
 
 def figure(comparison: Comparison) -> Figure:
-    """Every change with its ±2σ band: stiffness and frequencies, damping, loads and noise, each on a scale of its own; orange where a coefficient moved.
+    """Every change with its ±2σ band: stiffness and frequencies, damping, loads and noise, each on a scale of its own;
+    orange where a coefficient moved.
 
     A band that has no end goes to the edge of the drawn; where nothing is told it is dotted and has no dot.
     """
@@ -57,8 +58,9 @@ def files(comparison: Comparison) -> dict[str, bytes]:
     drawn = png(figure(comparison))
     before, after = comparison.records
     caption = (
-        f"From {before} (A) to {after} (B). Orange: a coefficient that moved, at odds of {MOVED:g} : 1 and more; grey: frequencies of modes, loads and noise. "
-        "A band that reaches the edge has no end there; a dotted line: the records do not tell."
+        f"From {before} (A) to {after} (B). Orange: a coefficient that moved, at odds of {MOVED:g} : 1 and more; grey:"
+        " frequencies of modes, loads and noise. A band that reaches the edge has no end there; a dotted line: the"
+        " records do not tell."
     )
     sections = [
         Section(
@@ -74,11 +76,12 @@ def files(comparison: Comparison) -> dict[str, bytes]:
 
 
 READING = (
-    "A and B are the two results, priors included; the change is what the records say without the priors, so that it need not be the difference of A and B where a record "
-    "says little. Change and band are of B over A; a band from −100 % to ∞ tells nothing. Odds are those of a change of the size that damage makes "
-    "(10 % of a stiffness, half of a damping, half of a load or noise) against none, equally likely before. The last column is the probability of a difference this "
-    "large without any change. Frequencies are those of the models at the mean of the two rotor speeds: they move because coefficients do. Loads and noise differ between records "
-    "of a sound turbine too."
+    "A and B are the two results, priors included; the change is what the records say without the priors, so that it"
+    " need not be the difference of A and B where a record says little. Change and band are of B over A; a band from"
+    " −100 % to ∞ tells nothing. Odds are those of a change of the size that damage makes (10 % of a stiffness, half of"
+    " a damping, half of a load or noise) against none, equally likely before. The last column is the probability of a"
+    " difference this large without any change. Frequencies are those of the models at the mean of the two rotor"
+    " speeds: they move because coefficients do. Loads and noise differ between records of a sound turbine too."
 )
 
 

@@ -14,7 +14,7 @@ COLUMNS = 3
 
 
 def figure(separation: Separation) -> Figure:
-    """Every record's damping in % of critical: what the structure has of it and what the air adds, beside what the record says by itself."""
+    """Draw every record's damping in % of critical: structure's share, air's share, and the record's own value."""
     splits, states = separation.splits, separation.states
     columns = min(COLUMNS, len(splits))
     rows = -(-len(splits) // columns)
@@ -35,7 +35,9 @@ def figure(separation: Separation) -> Figure:
         ax.remove()
     for ax in panels[: len(splits) : columns]:
         ax.set_ylabel("% of critical")
-    handles = {label: handle for ax in drawn.axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}  # fmt: skip
+    handles = {
+        label: handle for ax in drawn.axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
     drawn.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=4, frameon=False, fontsize=9)
     return drawn
 
@@ -53,7 +55,8 @@ def _panel(ax: Axes, split: Split, order: list[int], base: str) -> None:
         ax.axhline(structure.value, color=REFERENCE, ls="--", lw=0.8)
     value, low, high = np.transpose(measured)
     ax.errorbar(
-        at, value, yerr=[value - low, high - value], fmt="o", ms=4, color=ERROR if split.structural is None else MEASURED,
+        at, value, yerr=[value - low, high - value], fmt="o", ms=4,
+        color=ERROR if split.structural is None else MEASURED,
         ecolor=MEASURED, mec=REFERENCE, mew=0.6, elinewidth=1.4, label="total by the record itself, ±2σ",
     )  # fmt: skip
     ax.axhline(0.0, color=REFERENCE, lw=0.6)
@@ -63,8 +66,8 @@ def files(separation: Separation) -> dict[str, bytes]:
     """``report.html``, ``damping.png`` and ``summary.json``, by name."""
     drawn = png(figure(separation))
     caption = (
-        f"Light blue: {separation.base}, its band shaded; dark blue: what the air adds in that state, white what it takes away. "
-        "Points: what each record says of the total by itself, its prior taken out."
+        f"Light blue: {separation.base}, its band shaded; dark blue: what the air adds in that state, white what it"
+        " takes away. Points: what each record says of the total by itself, its prior taken out."
     )
     records = Table(
         ("record", "state"), [(state.record, str(state)) for state in separation.states], "The records.", (0, 1)
@@ -72,12 +75,16 @@ def files(separation: Separation) -> dict[str, bytes]:
     sections = [
         Section(
             "Structure and air",
-            text=[separation.sentence, *separation.lacking, *(f"WARNING: {doubt}" for doubt in separation.doubts), *separation.notes],
+            text=[separation.sentence, *separation.lacking, *(f"WARNING: {doubt}" for doubt in separation.doubts),
+            *separation.notes],
             figures=[(drawn, caption)],
         ),
         Section("In numbers", tables=[Table(HEADINGS, separation.rows, words=(0, 1, 2)), records]),
     ]  # fmt: skip
-    subtitle = f"{len(separation.states)} records, {sum(state.parked for state in separation.states)} of them of a parked rotor"
+    subtitle = (
+        f"{len(separation.states)} records, {sum(state.parked for state in separation.states)} of them of a parked"
+        " rotor"
+    )
     return {
         "report.html": report_page("Structural and aerodynamic damping", subtitle, sections),
         "damping.png": drawn,

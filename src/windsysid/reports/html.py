@@ -26,7 +26,8 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with paragraphs, tables, figures, each with its caption, and text as a file has it; `folded` until it is clicked at.
+    """A heading with paragraphs, tables, figures, each with its caption, and text as a file has it; `folded` until it
+    is clicked at.
 
     A figure that is also a file of its own comes as PNG.
     """

@@ -18,8 +18,10 @@ __all__ = ["identification_report", "provenance_section"]
 
 
 _HISTORIES = {
-    "joint": "What was known on line after each sample, statistics of loads and noise learned with the coefficients; the dot is the result of the "
-    "whole record.",
+    "joint": (
+        "What was known on line after each sample, statistics of loads and noise learned with the coefficients; the dot"
+        " is the result of the whole record."
+    ),
     "force-balance": "What the filter knew after each sample; the dot is where it ended.",
 }
 
@@ -49,8 +51,11 @@ def identification_report(identification: Identification, record: Record) -> byt
         Section(
             "Does the model explain the record?",
             text=[
-                "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should stay between "
-                "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow.",
+                (
+                    "Innovations are what each reading adds to what the model expected, scaled to unit variance. They"
+                    " should stay between the dashed lines 95 % of the time and look like noise. Where they do not, the"
+                    " bands above are too narrow."
+                ),
                 *i.diagnosis.remarks,
             ],
             tables=diagnosis_tables(i),
@@ -64,8 +69,8 @@ def identification_report(identification: Identification, record: Record) -> byt
         *([provenance_section(i, i.provenance)] if i.provenance is not None else []),
     ]
     subtitle = (
-        f"{i.turbine} · {i.record}, {i.section[0]:g}–{i.section[1]:g} s at {i.rate:g} Hz · {i.formulation} formulation, {i.method}, "
-        f"{i.samples} samples in {i.elapsed:.2f} s"
+        f"{i.turbine} · {i.record}, {i.section[0]:g}–{i.section[1]:g} s at {i.rate:g} Hz · {i.formulation} formulation,"
+        f" {i.method}, {i.samples} samples in {i.elapsed:.2f} s"
     )
     return report_page("Stiffness and damping", subtitle, sections)
 
@@ -74,7 +79,10 @@ def _load_section(identification: Identification) -> Section:
     """The loads as the filter knew them."""
     from windsysid.reports.plots import plot_loads
 
-    caption = "The loads that moved the structure, as the filter knew them at the result: over the record, and a stretch of it with ±2σ."
+    caption = (
+        "The loads that moved the structure, as the filter knew them at the result: over the record, and a stretch of"
+        " it with ±2σ."
+    )
     return Section("The loads", figures=[(plot_loads(identification), caption)])
 
 
@@ -101,7 +109,10 @@ def provenance_section(identification: Identification, provenance: Provenance) -
     ]
     machine = identification.machine
     file = "" if machine is None else tomli_w.dumps(as_tables(machine))
-    text = "What is needed to find the record again and to repeat the identification. Below: the turbine as it was identified."
+    text = (
+        "What is needed to find the record again and to repeat the identification. Below: the turbine as it was"
+        " identified."
+    )
     return Section("Provenance", text=[text], tables=[Table(("", ""), rows, words=(0, 1))], file=file, folded=True)
 
 
@@ -113,8 +124,9 @@ def _plain(value: object) -> str:
 
 
 WHITENESS = (
-    "Autocorrelation of the whitened innovations, and their spectrum, which is 1 for white noise. A peak above the orange line condemns the result where it "
-    "lies in the shaded reach of what moves; elsewhere it does little harm. Grey lines: harmonics of the rotor."
+    "Autocorrelation of the whitened innovations, and their spectrum, which is 1 for white noise. A peak above the"
+    " orange line condemns the result where it lies in the shaded reach of what moves; elsewhere it does little harm."
+    " Grey lines: harmonics of the rotor."
 )
 
 

@@ -12,13 +12,15 @@ if TYPE_CHECKING:
 __all__ = ["files"]
 
 LEGEND = (
-    "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor stops and starts. Every spike is drawn: each pixel "
-    "shows the least and the greatest value in it."
+    "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor"
+    " stops and starts. Every spike is drawn: each pixel shows the least and the greatest value in it."
 )
+
+PEAKS = ("channel", "frequency [Hz]", "rms", "what it may be")
 
 
 def files(inspection: "Inspection") -> dict[str, bytes]:
-    """``report.html``, ``inspection.json`` and, where there are any, ``overview.png``, ``spectra.png``, ``spectrogram.png``, by name."""
+    """``report.html``, ``inspection.json``, and the figures that exist (overview, spectra, spectrogram), by name."""
     i = inspection
     figures = {"overview": overview(i), "spectra": spectra_figure(i), "spectrogram": spectrogram_figure(i)}
     pictures = {name: png(figure) for name, figure in figures.items() if figure is not None}
@@ -44,10 +46,13 @@ def files(inspection: "Inspection") -> dict[str, bytes]:
             Section(
                 "What vibrates",
                 text=[_mode_text(i)] if i.modes else [],
-                tables=[Table(("channel", "frequency [Hz]", "rms", "what it may be"), peaks, "Spectral peaks", (0, 3))] if peaks else [],
-                figures=[*_with(pictures.get("spectra"), _spectra_caption(i)), *_with(pictures.get("spectrogram"), _spectrogram_caption(i))],
+                tables=[Table(PEAKS, peaks, "Spectral peaks", (0, 3))] if peaks else [],
+                figures=[
+                    *_with(pictures.get("spectra"), _spectra_caption(i)),
+                    *_with(pictures.get("spectrogram"), _spectrogram_caption(i)),
+                ],
             )
-        )  # fmt: skip
+        )
     return {
         "report.html": report_page("Inspection of a record", i.heading(), sections),
         "inspection.json": i.to_json().encode(),
@@ -86,13 +91,16 @@ def _spectra_caption(i: "Inspection") -> str:
 
 def _spectrogram_caption(i: "Inspection") -> str:
     if i.spectrograms and i.spectrograms[0].against == "rotor speed":
-        return "Frequency over rotor speed: a harmonic of the rotor rises with the speed, a mode of the structure stays or splits. Grey: the rotor never turned at that speed."
+        return (
+            "Frequency over rotor speed: a harmonic of the rotor rises with the speed, a mode of the structure stays or"
+            " splits. Grey: the rotor never turned at that speed."
+        )
     return "Frequency over time: the rotor speed does not vary, or is not known."
 
 
 def _mode_text(i: "Inspection") -> str:
     listed = ", ".join(f"{name} {frequency:.4g} Hz" for name, frequency, _ in i.modes)
     return (
-        f"Modes that the values of {i.turbine} give, in the fixed frame: {listed}. They are references: a peak near one may be it. "
-        "An instrument that turns with the rotor sees them shifted by 1P."
+        f"Modes that the values of {i.turbine} give, in the fixed frame: {listed}. They are references: a peak near one"
+        " may be it. An instrument that turns with the rotor sees them shifted by 1P."
     )

@@ -66,7 +66,8 @@ def overview(inspection: "Inspection") -> Figure:
     for rank, proposal in enumerate(p for p in inspection.proposals if p.good):
         axes[0].annotate(
             f"{rank + 1}", (0.5 * (proposal.start + proposal.end), 1.0), xycoords=axes[0].get_xaxis_transform(),
-            ha="center", va="bottom", fontsize=8, color=ESTIMATE, weight="bold", xytext=(0, 1), textcoords="offset points",
+            ha="center", va="bottom", fontsize=8, color=ESTIMATE, weight="bold", xytext=(0, 1),
+            textcoords="offset points",
         )  # fmt: skip
     axes[-1].set_xlabel("time [s]", fontsize=9)
     axes[-1].set_xlim(record.time[0], record.time[-1])
@@ -294,6 +295,7 @@ def _name_at_right(ax: Axes, names: Sequence[tuple[float, str, str]], top: float
         text = texts[0] if len(texts) == 1 else f"{len(texts)} modes: {', '.join(families)}"
         last = max(y, last + gap)
         ax.annotate(
-            text, (1.0, y), xycoords=ax.get_yaxis_transform(), xytext=(1.012, last), textcoords=ax.get_yaxis_transform(),
+            text, (1.0, y), xycoords=ax.get_yaxis_transform(), xytext=(1.012, last),
+            textcoords=ax.get_yaxis_transform(),
             fontsize=SMALL, color=colour, va="center", annotation_clip=False,
         )  # fmt: skip

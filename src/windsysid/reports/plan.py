@@ -24,7 +24,10 @@ NEAR = 1.12
 
 
 def figure(plan: Plan) -> Figure:
-    """±2σ of every parameter against duration: blue for stiffness, orange for damping, grey for the rest; the wish, the planned duration."""
+    """±2σ of every parameter against duration, with the wish and the planned duration.
+
+    Stiffness is blue, damping orange, anything else grey.
+    """
     seen = [name for name in plan.coefficients if math.isfinite(plan.band(name))]
     needed = [duration for duration in map(plan.needed, seen) if duration < 100.0 * plan.duration]
     time = np.geomspace(plan.start_seconds, max(3.0 * max([plan.duration, *needed]), 10.0 * plan.start_seconds), 60)
@@ -64,7 +67,8 @@ def files(plan: Plan) -> dict[str, bytes]:
     drawn = png(figure(plan))
     caption = "From the data alone, without a prior. Blue: stiffness, orange: damping."
     sections = [
-        Section("Will these sensors see it?", text=[plan.sentence, *plan.answers], tables=[Table(plan.headings, plan.rows)]),
+        Section("Will these sensors see it?", text=[plan.sentence, *plan.answers],
+        tables=[Table(plan.headings, plan.rows)]),
         Section("How long it takes", figures=[(drawn, caption)]),
         Section("What is told apart, and what is not", text=plan.directions or ["Everything asked for is told apart."]),
         Section("How this was computed", text=plan.notes),

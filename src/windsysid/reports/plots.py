@@ -1,6 +1,7 @@
 """Figures: one function per picture, a Matplotlib `Figure` out, nothing shown and nothing saved.
 
-One language throughout: blue is the estimate with its ±2σ band, a black dashed line the reference, grey what was measured, orange an error.
+One language throughout: blue is the estimate with its ±2σ band, a black dashed line the reference, grey what was
+measured, orange an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,7 +38,8 @@ __all__ = [
 ESTIMATE, BAND, REFERENCE, MEASURED, ERROR = "#1764ab", "#a9cbe8", "#111111", "#9a9a9a", "#d1661b"
 MOST_POINTS = 4000
 GREEK = (
-    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "rho", "sigma", "tau", "omega",
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "rho", "sigma",
+    "tau", "omega",
 )  # fmt: skip
 
 
@@ -78,9 +80,10 @@ def _panels(
     figure: Figure, box: tuple[float, float, float, float], *,
     heights: Sequence[float], widths: Sequence[float] = (1.0,), apart: tuple[float, float],
 ) -> NDArray[Any]:  # fmt: skip
-    """Axes (rows, columns) over common times in a `box` (left, bottom, right, top), `apart` from each other across and down, all in inches.
+    """Axes (rows, columns) over common times in a `box` (left, bottom, right, top), `apart` from each other across and
+    down, all in inches.
 
-    Matplotlib's constrained layout would find such margins itself, by measuring every label: it takes longer than the drawing.
+    Matplotlib's constrained layout finds such margins by measuring every label, which takes longer than the drawing.
     """
     (left, bottom, right, top), (across, down) = box, apart
     width, height = figure.get_size_inches()
@@ -211,10 +214,10 @@ def start_indifference(
     time: Array,
     sections: Mapping[float, Mapping[str, tuple[float, float]]],
 ) -> Figure:
-    """Left: relative estimates from priors 0.3 to 3 times off, over time; right: results of sections that start anywhere.
+    """Left: relative estimates over time from priors 0.3 to 3 times off; right: results of sections from any start.
 
-    `starts` maps each factor to one relative history (T,) per name; `sections` maps each start [s] to the relative estimate and
-    its relative 2σ by name.
+    `starts` maps each factor to one relative history (T,) per name; `sections` maps each start [s] to the relative
+    estimate and its relative 2σ by name.
     """
     figure = Figure(figsize=(10, 2.1 * len(names) + 0.6), layout="constrained")
     axes = figure.subplots(len(names), 2, sharex="col", squeeze=False, width_ratios=[1.3, 1])
@@ -281,7 +284,7 @@ def balance_error_comparison(names: Sequence[str], ours: Array, published: Mappi
 
 
 def innovations(identification: Identification) -> Figure:
-    """Whitened innovations of each reading: over time, and their distribution against the normal one they should have."""
+    """Draw each reading's whitened innovations over time, and their distribution against the normal one."""
     m = len(identification.readings)
     height = 1.4 * m + 0.8
     figure = Figure(figsize=(10, height))
@@ -309,7 +312,7 @@ def innovations(identification: Identification) -> Figure:
 
 
 def whiteness(identification: Identification) -> Figure | None:
-    """Autocorrelation and spectrum of the whitened innovations against white noise, the rotor's harmonics and the modes marked."""
+    """Draw autocorrelation and spectrum of whitened innovations against white noise; mark harmonics and modes."""
     diagnosis = identification.diagnosis
     if diagnosis.whiteness is None:
         return None
@@ -375,7 +378,8 @@ def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
 
 
 def plot_loads(identification: Identification, window: float | None = None) -> Figure:
-    """The loads that were states, with ±2σ: the whole record, and the middle `window` seconds of it; eight turns of the rotor by default.
+    """The loads that were states, with ±2σ: the whole record, and the middle `window` seconds of it; eight turns of the
+    rotor by default.
 
     Raises
     ------

@@ -49,8 +49,9 @@ def files(watch: Watch) -> dict[str, bytes]:
     """``report.html``, ``monitor.png`` and ``summary.json``, by name."""
     drawn = png(figure(watch))
     caption = (
-        "Left: records less the effect of their covariates (grey), the level as it was known after each (blue) with its ±2σ band. Right: the test for a jump of any size at "
-        "any time, as a share of its threshold. Orange: jumps that set off an alarm, with the interval in which they happened."
+        "Left: records less the effect of their covariates (grey), the level as it was known after each (blue) with its"
+        " ±2σ band. Right: the test for a jump of any size at any time, as a share of its threshold. Orange: jumps that"
+        " set off an alarm, with the interval in which they happened."
     )
     jumps = Table(
         ("", "when", "found", "change", "±2σ band", "where to look"),
@@ -80,8 +81,9 @@ def files(watch: Watch) -> dict[str, bytes]:
 
 
 READING = (
-    "Levels are those at the covariates' mean while learning. Drift is the change since then, jumps included. How far a level wanders in a day and by how much "
-    "records scatter more than their own σ is learned from them. A jump of the size in the last column is found within a day in nine cases of ten."
+    "Levels are those at the covariates' mean while learning. Drift is the change since then, jumps included. How far a"
+    " level wanders in a day and by how much records scatter more than their own σ is learned from them. A jump of the"
+    " size in the last column is found within a day in nine cases of ten."
 )
 
 

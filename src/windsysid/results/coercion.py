@@ -26,5 +26,6 @@ def as_posterior(given: PosteriorLike) -> "Posterior":
     if isinstance(given, str | Path):
         return load_posterior(given)
     raise ConfigurationError(
-        f"result: expected what identify returned, a Posterior, or the folder it was saved in, got {type(given).__name__}"
+        "result: expected what identify returned, a Posterior, or the folder it was saved in, got"
+        f" {type(given).__name__}"
     )

@@ -1,22 +1,25 @@
 """Diagnostics: is this result to be trusted, and if not, why not.
 
-Where the model explains the record, its whitened innovations z are white noise of variance 1 (Bar-Shalom, Li & Kirubarajan 2001,
-§5.4). What may be wrong is seen in three ways, each against what white noise of that length would show:
+Where the model explains the record, its whitened innovations z are white noise of variance 1 (Bar-Shalom, Li &
+Kirubarajan 2001, §5.4). What may be wrong is seen in three ways, each against what white noise of that length would
+show:
 
     normalised innovation squared   Σ z² over N readings is χ² with N degrees of freedom
     autocorrelation                 N Σ r_k² over L lags is χ² with L degrees of freedom (Box & Pierce 1970)
     spectrum                        by Welch's method, 1 everywhere for white noise
 
-A long record makes any test reject, so a departure counts only if it is significant and large, and large is measured in what a
-reader relies on. The score of the likelihood is a sum of innovations weighted by what they say of a coefficient, and a
-coefficient of a vibration listens around its natural frequency: where the spectrum is S there, the score varies by √S more than the bands hold.
-Colour out of reach of every natural frequency does little harm, as ``python -m validation.trust`` shows; it is a remark and no reason.
+A long record makes any test reject, so a departure counts only if it is significant and large, and large is measured in
+what a reader relies on. The score of the likelihood is a sum of innovations weighted by what they say of a coefficient,
+and a coefficient of a vibration listens around its natural frequency: where the spectrum is S there, the score varies
+by √S more than the bands hold. Colour out of reach of every natural frequency does little harm, as ``python -m
+validation.trust`` shows; it is a remark and no reason.
 
 Estimates are held against their priors: before the record was seen, estimate and centre of the prior were expected to
-differ by √(σ₀² − σ²) (the prior predictive check of Box, J. R. Statist. Soc. A 143, 1980, https://doi.org/10.2307/2982063).
+differ by √(σ₀² − σ²) (the prior predictive check of Box, J. R. Statist. Soc. A 143, 1980,
+https://doi.org/10.2307/2982063).
 
-Sources: Box & Pierce, J. Am. Statist. Ass. 65, 1970, https://doi.org/10.1080/01621459.1970.10481180; Welch, IEEE Trans. AU-15(2), 1967,
-https://doi.org/10.1109/TAU.1967.1161901, for the degrees of freedom too.
+Sources: Box & Pierce, J. Am. Statist. Ass. 65, 1970, https://doi.org/10.1080/01621459.1970.10481180; Welch, IEEE Trans.
+AU-15(2), 1967, https://doi.org/10.1109/TAU.1967.1161901, for the degrees of freedom too.
 """
 
 import math
@@ -38,18 +41,21 @@ Band = tuple[float, float, float]
 """Value, and ±2σ around it: low, high."""
 
 PEAK = 3.0
-"""Level of the spectrum from which a peak within reach of a natural frequency condemns a result: bands are √3 too narrow for what
-answers there. Peaks from `NOTABLE` on are remarked."""
+"""Level of the spectrum from which a peak within reach of a natural frequency condemns a result: bands are √3 too
+narrow for what answers there. Peaks from `NOTABLE` on are remarked."""
 
 NOTABLE = 2.0
 
 LEVEL = 2.0
 
 COLOURED = 0.02
-"""Sum of squared autocorrelations from which colour is remarked: what a correlation of 0.14 from sample to sample gives."""
+"""Least sum of squared autocorrelations that is remarked as colour; a correlation of 0.14 between samples gives it."""
 
 OFF = 1.25
-"""Factor on normalised innovation squared beyond which all bands are off by more than a tenth; `CHANNEL_OFF` for one channel alone."""
+"""Greatest factor on normalised innovation squared; beyond it all bands are off by more than a tenth.
+
+`CHANNEL_OFF` is for one channel alone.
+"""
 
 CHANNEL_OFF = 2.0
 
@@ -64,8 +70,8 @@ CONFLICT = 4.0
 
 
 class CoefficientCheck(NamedTuple):
-    """An estimate against its prior: share of the information from the data, and distance from the prior's centre in the
-    standard deviations that were to be expected.
+    """An estimate against its prior: share of the information from the data, and distance from the prior's centre in
+    the standard deviations that were to be expected.
     """
 
     name: str
@@ -152,7 +158,8 @@ def diagnose(
     frequencies
         Natural frequencies of what moves [Hz]; empty where they are not known, and every frequency matters.
     parameters, theta, cov
-        The identified parameters with their priors, their estimates (n_θ,) and covariance (n_θ, n_θ), in filter coordinates.
+        The identified parameters with their priors, their estimates (n_θ,) and covariance (n_θ, n_θ), in filter
+        coordinates.
     rotor_speed, blades
         Mean Ω [rad/s] and number of blades, to name frequencies as harmonics.
     white
@@ -176,8 +183,8 @@ def diagnose(
     for check in checks:
         if abs(check.shift) > CONFLICT:
             reasons.append(
-                f"{check.name} and its prior contradict each other: they are {abs(check.shift):.1f} standard deviations apart; "
-                "the turbine file, a unit or the model is wrong"
+                f"{check.name} and its prior contradict each other: they are {abs(check.shift):.1f} standard deviations"
+                " apart; the turbine file, a unit or the model is wrong"
             )
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
@@ -213,15 +220,15 @@ def _judge_size(w: Whiteness) -> _Verdict:
     verdict = _Verdict([], [])
     if _beyond(w.nis, w.used, OFF):
         verdict.reasons.append(
-            f"the innovations are {math.sqrt(w.nis):.2g} times as large as the model expects (normalised innovation squared {w.nis:.3g} "
-            f"instead of {w.nis_low:.3f} … {w.nis_high:.3f}): noise and loads were not found, and all bands are too "
-            f"{'narrow' if w.nis > 1.0 else 'wide'}"
+            f"the innovations are {math.sqrt(w.nis):.2g} times as large as the model expects (normalised innovation"
+            f" squared {w.nis:.3g} instead of {w.nis_low:.3f} … {w.nis_high:.3f}): noise and loads were not found, and"
+            f" all bands are too {'narrow' if w.nis > 1.0 else 'wide'}"
         )
     for c in w.channels:
         if not verdict.reasons and _beyond(c.nis, c.used, CHANNEL_OFF):
             verdict.reasons.append(
-                f"the innovations of {c.name} are {math.sqrt(c.nis):.2g} times as large as the model expects: its noise is not that of the other "
-                "sensors of its kind, or its unit or gain is wrong"
+                f"the innovations of {c.name} are {math.sqrt(c.nis):.2g} times as large as the model expects: its noise"
+                " is not that of the other sensors of its kind, or its unit or gain is wrong"
             )
         if c.missing > 0.5:
             verdict.remarks.append(f"{c.name} is missing in {100.0 * c.missing:.0f} % of the samples")
@@ -245,8 +252,9 @@ def _judge_damping(dampers: Sequence[tuple[str, Band]], modes: Sequence[tuple[st
     lost += [f"{name} has {100.0 * value:.2g} %{_surely(high)}" for name, (value, _, high) in modes if value <= 0.0]
     if lost:
         verdict.reasons.append(
-            f"damping is not positive: {', '.join(lost)}; left alone such a motion grows. If it did grow (a stalled blade can), the turbine is at risk and "
-            "needs a look; if it did not, loads were taken for motion: try a longer or calmer section, or another load model"
+            f"damping is not positive: {', '.join(lost)}; left alone such a motion grows. If it did grow (a stalled"
+            " blade can), the turbine is at risk and needs a look; if it did not, loads were taken for motion: try a"
+            " longer or calmer section, or another load model"
         )
     doubtful = ", ".join(name for name, (value, low, _) in (*dampers, *modes) if low <= 0.0 < value)
     if doubtful:
@@ -267,20 +275,23 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
     if over:
         worst, others = over[0], ", ".join(c.name for c in over[1:])
         sentence = (
-            f"the model does not explain {worst.name} around {_named(worst.peak_hz, rotor_hz)}: its innovations are {worst.peak:.2g} times as strong there "
-            f"as the model expects{f' (and too strong in {others})' if others else ''}, and the bands of what answers at that frequency are "
-            f"{math.sqrt(worst.peak):.1f} times too narrow; {kind}"
+            f"the model does not explain {worst.name} around {_named(worst.peak_hz, rotor_hz)}: its innovations are"
+            f" {worst.peak:.2g} times as strong there as the model"
+            f" expects{f' (and too strong in {others})' if others else ''}, and the bands of what answers at that"
+            f" frequency are {math.sqrt(worst.peak):.1f} times too narrow; {kind}"
         )
         (verdict.reasons if worst.peak > PEAK else verdict.remarks).append(sentence)
     if not verdict.reasons and loud.near > max(LEVEL, w.spectrum_bound):
         verdict.reasons.append(
-            f"the innovations of {loud.name} are {loud.near:.2g} times as strong as the model expects all around {_named(loud.near_hz, rotor_hz)}, "
-            f"where something answers, and its bands are {math.sqrt(loud.near):.1f} times too narrow; {kind}"
+            f"the innovations of {loud.name} are {loud.near:.2g} times as strong as the model expects all around"
+            f" {_named(loud.near_hz, rotor_hz)}, where something answers, and its bands are {math.sqrt(loud.near):.1f}"
+            f" times too narrow; {kind}"
         )
     far = max(w.channels, key=lambda c: np.nan_to_num(c.far))
     if far.far > max(PEAK, w.spectrum_bound):
         verdict.remarks.append(
-            f"{far.name} is {far.far:.2g} times as strong as the model expects around {_named(far.far_hz, rotor_hz)}, far from every natural frequency"
+            f"{far.name} is {far.far:.2g} times as strong as the model expects around {_named(far.far_hz, rotor_hz)},"
+            " far from every natural frequency"
         )
     worst = max(w.channels, key=lambda c: c.colour)
     if worst.colour > max(COLOURED, w.colour_bound):
@@ -295,14 +306,15 @@ def _judge_outliers(w: Whiteness) -> _Verdict:
     for c in w.channels:
         if c.gated > GATED:
             verdict.reasons.append(
-                f"{100.0 * c.gated:.0f} % of the readings of {c.name} were left out as outliers: so many are none, and the model is wrong"
+                f"{100.0 * c.gated:.0f} % of the readings of {c.name} were left out as outliers: so many are none, and"
+                " the model is wrong"
             )
         elif c.gated > 0.0:
             verdict.remarks.append(f"{100.0 * c.gated:.2g} % of the readings of {c.name} were left out as outliers")
         if c.outliers >= FAR_OFF:
             (verdict.reasons if c.outlying > OUTLYING else verdict.remarks).append(
-                f"{c.outliers} readings of {c.name} are more than {FAR:g} standard deviations from what the model expects, and make up "
-                f"{100.0 * c.outlying:.0f} % of its squared innovations: take the spikes out"
+                f"{c.outliers} readings of {c.name} are more than {FAR:g} standard deviations from what the model"
+                f" expects, and make up {100.0 * c.outlying:.0f} % of its squared innovations: take the spikes out"
             )
     return verdict
 

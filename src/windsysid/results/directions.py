@@ -1,13 +1,15 @@
 """What data can see and what they cannot: singular directions and correlations of an information matrix, in words.
 
-In relative coordinates (∂ ln p) and scaled to unit diagonal, an eigenvector of the Fisher information with eigenvalue zero is a
-combination of parameters that may change without any reading changing: k, m and the level of an unknown load by a common factor, for
-instance. One with a condition index √(λ_max / λ) above 30 is a combination that is hardly seen, and the parameters of whose variance it
-makes up more than half are told apart badly. After an identification the same question is asked of the posterior against the prior: of
-the directions in which the data hold less information than the prior, the bands are the prior's.
+In relative coordinates (∂ ln p) and scaled to unit diagonal, an eigenvector of the Fisher information with eigenvalue
+zero is a combination of parameters that may change without any reading changing: k, m and the level of an unknown load
+by a common factor, for instance. One with a condition index √(λ_max / λ) above 30 is a combination that is hardly seen,
+and the parameters of whose variance it makes up more than half are told apart badly. After an identification the same
+question is asked of the posterior against the prior: of the directions in which the data hold less information than the
+prior, the bands are the prior's.
 
-Source: Belsley, Kuh & Welsch, Regression Diagnostics (Wiley 1980), ch. 3, https://doi.org/10.1002/0471725153, for indices and shares
-of variance; Rothenberg, Econometrica 39(3), 1971, https://doi.org/10.2307/1913267, for identifiability as a regular information matrix.
+Source: Belsley, Kuh & Welsch, Regression Diagnostics (Wiley 1980), ch. 3, https://doi.org/10.1002/0471725153, for
+indices and shares of variance; Rothenberg, Econometrica 39(3), 1971, https://doi.org/10.2307/1913267, for
+identifiability as a regular information matrix.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -21,7 +23,7 @@ __all__ = ["describe_directions", "describe_information", "standard_deviations"]
 
 
 NOTHING = 1e-9
-"""Eigenvalue of the scaled information, 1 on average, below which a direction is not seen at all; differences leave some 1e-15."""
+"""Least eigenvalue of the scaled information (1 on average) that counts as seen; rounding leaves some 1e-15."""
 
 BLIND = 1e-8
 """Information on ln p, σ = 10⁴, below which a parameter is not seen at all."""
@@ -102,8 +104,8 @@ def describe_directions(
     logarithmic
         Whether a coordinate is the logarithm of its parameter, or proportional to it.
     theta
-        The estimate in filter coordinates (n,): a step of a proportional coordinate counts relative to it, or to the prior's spread
-        where it is left out.
+        The estimate in filter coordinates (n,): a step of a proportional coordinate counts relative to it, or to the
+        prior's spread where it is left out.
     """
     root = np.linalg.cholesky(prior_cov)
     whitened = np.linalg.solve(root, np.linalg.solve(root, cov).T)
@@ -114,14 +116,15 @@ def describe_directions(
     before, after = np.linalg.inv(prior_cov), np.linalg.inv(cov)
     sentences = []
     for who, left, moved, rows in _spoken(names, prior_rules, 1.0 / spread, LITTLE, 1.0 / size):
-        share = f"{100.0 * (1.0 - np.trace(np.linalg.solve(rows @ after @ rows.T, rows @ before @ rows.T)) / len(rows)):.0f} % from the data"
+        left_of_prior = np.trace(np.linalg.solve(rows @ after @ rows.T, rows @ before @ rows.T)) / len(rows)
+        share = f"{100.0 * (1.0 - left_of_prior):.0f} % from the data"
         some = (
             f"{_list(who)}: the data see only {left}; the rest is the prior's ({share})"
             if left
             else f"{moved} together: {share}, the rest is the prior's"
         )
         sentences.append(some if len(who) > 1 else f"{who[0]}: {share}, its band is mostly the prior's")
-    return sentences + [f"{names[i]} and {names[j]} are correlated by {value:+.2f}" for i, j, value in _correlated(cov)]  # fmt: skip
+    return sentences + [f"{names[i]} and {names[j]} are correlated by {value:+.2f}" for i, j, value in _correlated(cov)]
 
 
 def _correlated(cov: Array) -> list[tuple[int, int, float]]:
@@ -133,7 +136,7 @@ def _correlated(cov: Array) -> list[tuple[int, int, float]]:
 
 
 def _scaled(information: Array) -> tuple[Array, Array, Array]:
-    """Scale (n,), eigenvalues (n,) and eigenvectors (n, n) of the information with unit diagonal; zero rows stay zero."""
+    """Scale (n,), eigenvalues (n,) and eigenvectors (n, n) of the information with unit diagonal; zero rows stay."""
     diagonal = np.diag(information)
     seen = diagonal > BLIND
     scale = np.where(seen, np.sqrt(np.maximum(diagonal, BLIND)), 1.0)
@@ -145,7 +148,8 @@ def _scaled(information: Array) -> tuple[Array, Array, Array]:
 def _spoken(
     names: Sequence[str], space: Array, scale: Array, tolerance: float, relative: Array
 ) -> Iterator[tuple[list[str], str, str, Array]]:
-    """The directions of a space (d, n) taken apart: who moves, what stays, the move in percent, and a basis of that part.
+    """The directions of a space (d, n) taken apart: who moves, what stays, the move in percent, and a basis of that
+    part.
 
     Entries small in units of `scale` (n,) count as zero; `relative` (n,) turns entries into relative changes.
     """
@@ -189,7 +193,7 @@ def _groups(rows: Array) -> list[tuple[list[int], list[int]]]:
 
 
 def _left(who: Sequence[str], rows: Array) -> str:
-    """What stays as it is along all rows: a ratio, a product, a sum, proportions; nothing where it has no short name."""
+    """Name what stays constant along all rows: a ratio, product, sum or proportions; empty without a short name."""
     if len(who) == 1:
         return ""
     if len(rows) == 1 and len(who) > 2:

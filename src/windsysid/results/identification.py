@@ -105,18 +105,20 @@ class Identification(Answer):
     statistics
         Statistics of loads and noise that were learned from the record.
     loads
-        The loads that were states, as the filter knew them at the result, at the times of the innovations; None where none were.
+        The loads that were states, as the filter knew them at the result, at the times of the innovations; None where
+        none were.
     diagnosis
         Whether to trust it, and why not.
     machine
-        The turbine as it was identified: with the reference values, the degrees of freedom that were used, the record's mean rotor speed; None for
-        equations of one's own.
+        The turbine as it was identified: with the reference values, the degrees of freedom that were used, the record's
+        mean rotor speed; None for equations of one's own.
     conditions
         How the turbine ran.
     provenance
         Which record, turbine, sensors, options and version it comes from; None where nobody said it.
     joint_cov
-        Covariance of the coefficients and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where no statistics were learned.
+        Covariance of the coefficients and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None
+        where no statistics were learned.
     """
 
     method: str
@@ -154,8 +156,8 @@ class Identification(Answer):
             ", …" if len(self.estimates) > 4 else ""
         )
         return (
-            f"<{type(self).__name__} of {self.turbine} from {self.record}: {len(self.estimates)} parameters ({listed}), {trusted}; "
-            "print it for the table>"
+            f"<{type(self).__name__} of {self.turbine} from {self.record}: {len(self.estimates)} parameters ({listed}),"
+            f" {trusted}; print it for the table>"
         )
 
     def __getitem__(self, name: str) -> Estimate:
@@ -167,7 +169,7 @@ class Identification(Answer):
 
     @property
     def innovation_time(self) -> Array:
-        """When the readings of `innovation` were taken [s]: all of the record, or of its last piece where it came in pieces."""
+        """When the readings of `innovation` were taken [s]: in the whole record, or in the last of its pieces."""
         if len(self.innovation) == len(self.time):
             return self.time
         return self.section[1] - np.arange(len(self.innovation))[::-1] / self.rate

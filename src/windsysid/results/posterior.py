@@ -71,7 +71,8 @@ class Posterior(NamedTuple):
     statistics
         What was learned of loads and noise.
     joint_cov
-        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where it was not kept.
+        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where it was not
+        kept.
     """
 
     turbine: Turbine
@@ -88,7 +89,10 @@ class Posterior(NamedTuple):
     joint_cov: Array | None = None
 
     def __repr__(self) -> str:
-        return f"<Posterior of {self.turbine.name} from {self.record}: {len(self.parameters)} parameters, {'' if self.trusted else 'not '}trusted>"
+        return (
+            f"<Posterior of {self.turbine.name} from {self.record}: {len(self.parameters)} parameters,"
+            f" {'' if self.trusted else 'not '}trusted>"
+        )
 
 
 def load_posterior(folder: str | Path) -> Posterior:
@@ -97,7 +101,8 @@ def load_posterior(folder: str | Path) -> Posterior:
     Raises
     ------
     ConfigurationError
-        If there is none, it was changed after windsysid wrote it, or it was written by a version that did not keep the turbine.
+        If there is none, it was changed after windsysid wrote it, or it was written by a version that did not keep the
+        turbine.
     """
 
     from windsysid.records.formats.netcdf import check_seal, open_hdf5
@@ -105,7 +110,8 @@ def load_posterior(folder: str | Path) -> Posterior:
 
     path = result_file(folder, "identification.nc")
     changed = ConfigurationError(
-        f"result {folder}: identification.nc was damaged or changed after windsysid wrote it: copy it again, or identify the record again"
+        f"result {folder}: identification.nc was damaged or changed after windsysid wrote it: copy it again, or"
+        " identify the record again"
     )
     try:
         sealed = check_seal(path)  # first: HDF5 may hang in a damaged file
@@ -129,12 +135,13 @@ def load_posterior(folder: str | Path) -> Posterior:
         raise changed from None
     except (OSError, ValueError) as error:
         raise ConfigurationError(
-            f"result {folder}: expected a folder that windsysid identify wrote, got no identification.nc that can be read "
-            f"({error.__class__.__name__})"
+            f"result {folder}: expected a folder that windsysid identify wrote, got no identification.nc that can be"
+            f" read ({error.__class__.__name__})"
         ) from None
     except KeyError:
         raise ConfigurationError(
-            f"result {folder}: expected the turbine in identification.nc, got a file of an older version: identify the record again"
+            f"result {folder}: expected the turbine in identification.nc, got a file of an older version: identify the"
+            " record again"
         ) from None
     turbine = parse_turbine(text, str(path))
     if "c_hub_blade" in names and "c_hub_blade" not in turbine.values:  # a file of version 0.1

@@ -41,7 +41,8 @@ class Provenance:
     sensors
         The sensor list that was used, each sensor as the table of its file without what is left at its default.
     options
-        What `windsysid.identify` was called with, and what the command line adds: file, mapping, added noise, length of pieces.
+        What `windsysid.identify` was called with, and what the command line adds: file, mapping, added noise, length of
+        pieces.
     """
 
     windsysid: str
@@ -65,8 +66,8 @@ class Provenance:
 class RecordHash:
     """SHA-256 of a record that comes in pieces: the same however it is cut.
 
-    Hashed are names and units of channels, then times and values in SI, row by row as little-endian float64. So a record has one hash in
-    whatever format it is stored, as long as the format keeps every bit.
+    Hashed are names and units of channels, then times and values in SI, row by row as little-endian float64. So a
+    record has one hash in whatever format it is stored, as long as the format keeps every bit.
     """
 
     def __init__(self) -> None:

@@ -13,17 +13,20 @@ __all__ = ["ChannelCheck", "Whiteness", "band_of_interest", "chance_limit", "exa
 
 
 CHANCE = 1e-3
-"""A departure that noise alone would show in one record out of so many is no reason: for each kind of test, all channels and
-frequencies together."""
+"""A departure that noise alone would show in one record out of so many is no reason: for each kind of test, all
+channels and frequencies together."""
 
 REACH = (0.4, 2.5)
 """How far below the lowest and above the highest natural frequency a peak still matters, as factors."""
 
 NEAR = 1.3
-"""Within this factor of a natural frequency the spectrum is averaged, and condemns a result from `LEVEL` on: bands √2 too narrow."""
+"""Factor about a natural frequency over which the spectrum is averaged.
+
+From `LEVEL` on that average condemns a result: bands are √2 too narrow.
+"""
 
 FAR, FAR_OFF = 5.0, 3
-"""Standard deviations beyond which an innovation is an outlier, one in two million of normal ones, and how many are remarked."""
+"""Standard deviations of an outlier (one in two million normal innovations), and how many outliers are remarked."""
 
 SEGMENTS = 16
 """Lengths that a record is cut into for its spectrum; overlapping by half, one less than twice as many segments."""
@@ -48,7 +51,8 @@ class ChannelCheck(NamedTuple):
     offset
         Their mean, in standard deviations of one innovation.
     colour
-        Sum of their squared autocorrelations, less what chance gives: half the mean square departure of the spectrum from 1 (Parseval).
+        Sum of their squared autocorrelations, less what chance gives: half the mean square departure of the spectrum
+        from 1 (Parseval).
     kurtosis
         Excess kurtosis; 0 is expected.
     outliers, outlying
@@ -56,7 +60,8 @@ class ChannelCheck(NamedTuple):
     missing, gated
         Shares of the samples without a reading, and with one that the filter left out as an outlier.
     peak_hz, peak
-        Frequency [Hz] and level of the highest peak of the spectrum (1: their variance spread evenly) within reach of the natural frequencies; NaN for too short a record.
+        Frequency [Hz] and level of the highest peak of the spectrum (1: their variance spread evenly) within reach of
+        the natural frequencies; NaN for too short a record.
     far_hz, far
         The same out of reach.
     near_hz, near
@@ -89,13 +94,15 @@ class Whiteness(NamedTuple):
     Attributes
     ----------
     used, nis, nis_low, nis_high
-        Readings of all channels together, their normalised innovation squared, and the interval in which chance holds it (95.45 %).
+        Readings of all channels together, their normalised innovation squared, and the interval in which chance holds
+        it (95.45 %).
     channels
         One `ChannelCheck` each.
     lags, autocorrelation, autocorrelation_bound
         (L,) [s], (L, m), and what 95.45 % of white noise stays inside.
     frequency, spectrum, spectrum_bound
-        (F,) [Hz], (F, m), white noise being 1, and what all frequencies and channels of white noise stay below, but for one record in 1000.
+        (F,) [Hz], (F, m), white noise being 1, and what all frequencies and channels of white noise stay below, but for
+        one record in 1000.
     colour_bound
         What the colour of white noise stays below, but for one record in 1000.
     """
@@ -272,10 +279,11 @@ def _autocorrelation(z: Array, used: NDArray[np.bool_], lags: int) -> Array:
 
 
 def _spectrum(z: Array, used: NDArray[np.bool_], rate: float) -> tuple[Array, Array, float]:
-    """Frequencies (F,), spectra (F, m) by Welch's method, 1 for white noise of variance 1, and their degrees of freedom.
+    """Frequencies (F,), spectra (F, m) by Welch's method, 1 for white noise of variance 1, and their degrees of
+    freedom.
 
-    Samples that are missing are zero, and the spectrum is divided by the share of the others. The lowest two and the last
-    frequency are left out: there the window mixes in the mean and the mirror image.
+    Samples that are missing are zero, and the spectrum is divided by the share of the others. The lowest two and the
+    last frequency are left out: there the window mixes in the mean and the mirror image.
     """
     samples, m = z.shape
     length = samples // SEGMENTS
@@ -295,7 +303,10 @@ def _spectrum(z: Array, used: NDArray[np.bool_], rate: float) -> tuple[Array, Ar
 
 
 def _peak(frequency: Array, spectrum: Array, among: NDArray[np.bool_]) -> tuple[float, float]:
-    """Where a spectrum (F,) is highest among some of its frequencies, by a parabola through the neighbours if it is a peak, and how high."""
+    """The frequency and height of the highest point of a spectrum (F,) among some frequencies.
+
+    If it is a peak, a parabola through its neighbours refines it.
+    """
     if not among.any():
         return math.nan, math.nan
     i = int(np.argmax(np.where(among, spectrum, -math.inf)))

@@ -143,8 +143,8 @@ def clock_offset(first: Record, other: Record, *, channel: str | None = None, se
     peak = float(height[best])
     if not peak > 0.5:
         raise RecordError(
-            f"alignment by '{name}': the records correlate by {peak:.2f} at best within ±{search:g} s, expected more than 0.5; "
-            "choose another channel or a wider search"
+            f"alignment by '{name}': the records correlate by {peak:.2f} at best within ±{search:g} s, expected more"
+            " than 0.5; choose another channel or a wider search"
         )
     offset = _refined(lags, height, best)
     rival = _rival(height, best)
@@ -198,7 +198,8 @@ def _common(first: Record, other: Record) -> str:
     usable = [name for name in shared if _changes(first[name]) and _changes(other[name])]
     if not usable:
         raise RecordError(
-            f"alignment: records '{first.name}' and '{other.name}' share no channel that changes; give both the rotor signal"
+            f"alignment: records '{first.name}' and '{other.name}' share no channel that changes; give both the rotor"
+            " signal"
         )
     return usable[0]
 
@@ -223,7 +224,7 @@ def _prepared(record: Record, name: str, rate: float) -> tuple[NDArray[np.comple
 def _correlation(
     a: NDArray[np.complex128], b: NDArray[np.complex128], rate: float, between: float, search: float, near: float = 0.0
 ) -> tuple[Array, Array]:
-    """Offsets to add to the time of b, and the correlation of what overlaps then; `between` is start of a less start of b."""
+    """Offsets to add to the time of b, and the correlation of the overlap; `between` is b's start less a's."""
     from scipy.signal import fftconvolve
 
     if not len(a) or not len(b):

@@ -48,12 +48,13 @@ def check_band(low: float, high: float, rate: float) -> None:
     """Refuse a band that does not lie inside 0 … rate / 2."""
     if not 0.0 < low < high <= rate / 2.0 * (1.0 + 1e-12):
         raise RecordError(
-            f"filter band: expected 0 < low < high ≤ {rate / 2.0:g} Hz (half the sampling rate), got {low:g} to {high:g} Hz"
+            f"filter band: expected 0 < low < high ≤ {rate / 2.0:g} Hz (half the sampling rate), got {low:g} to"
+            f" {high:g} Hz"
         )
 
 
 def through(values: ArrayLike, rate: float, gain: Callable[[Array], Any], pad: float) -> Array:
-    """`values` (T,) through a gain in the frequency domain, padded by odd reflection over `pad` seconds at either end."""
+    """Pass `values` (T,) through a gain in the frequency domain, padded by odd reflection over `pad` seconds."""
     values = np.asarray(values, dtype=np.float64)
     missing = ~np.isfinite(values)
     whole = bridged(values, "to filter")

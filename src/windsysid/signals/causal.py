@@ -4,9 +4,9 @@ A third-order Butterworth high-pass s³ / B(s), B = s³ + 2 ω_c s² + 2 ω_c² 
 
     v/a = s² / B(s),     x/a = s / B(s),
 
-so that a bias dies away. Discretised by the trapezoidal rule (bilinear), which loses (ω Δt)²/12 of v and twice that of x.
-Above the cut-off the result leads the motion by about 2 f_c / f rad, which is 2 f_c / (2π f²) seconds early and never
-late: `causal_response` gives it exactly. Nothing is delayed, because what is taken out is slow.
+so that a bias dies away. Discretised by the trapezoidal rule (bilinear), which loses (ω Δt)²/12 of v and twice that of
+x. Above the cut-off the result leads the motion by about 2 f_c / f rad, which is 2 f_c / (2π f²) seconds early and
+never late: `causal_response` gives it exactly. Nothing is delayed, because what is taken out is slow.
 
 The filter and its state are values, as with ``scipy.signal.sosfilt(sos, x, zi=…)``: a stream in pieces gives, bit for
 bit, what the whole gives.
@@ -26,7 +26,7 @@ __all__ = ["CausalIntegrator", "CausalState", "causal_integrator", "causal_respo
 
 
 class CausalIntegrator(NamedTuple):
-    """The filters from acceleration to velocity and to displacement: second-order sections (2, 6) each; and rate, cut-off [Hz]."""
+    """The filters from acceleration to velocity and displacement: sections (2, 6) each; rate and cut-off [Hz]."""
 
     velocity: Array
     displacement: Array

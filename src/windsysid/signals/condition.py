@@ -62,9 +62,10 @@ def resample(
     """The record on a uniform time grid of `rate` [Hz], irregular time included, without aliasing.
 
     Each channel is interpolated by cubic splines to a grid at least as fine as it was recorded; where `rate` is lower,
-    that grid is a multiple of it and goes through a zero-phase low-pass at half of `rate` (flat to 0.4, nothing from 0.6) before every other sample but the
-    wanted ones is dropped. Splines follow motion of up to a quarter of the original rate to better than a percent.
-    Angles that wrap (azimuth, yaw, direction) are resampled unwrapped and wrapped again.
+    that grid is a multiple of it and goes through a zero-phase low-pass at half of `rate` (flat to 0.4, nothing from
+    0.6) before every other sample but the wanted ones is dropped. Splines follow motion of up to a quarter of the
+    original rate to better than a percent. Angles that wrap (azimuth, yaw, direction) are resampled unwrapped and
+    wrapped again.
 
     Parameters
     ----------
@@ -106,7 +107,8 @@ def resample(
         time, values = record.time[known], values[known]
         if known.any() and np.abs(values).max() > _LARGEST:
             raise RecordError(
-                f"channel '{name}' reaches {np.abs(values).max():.3g}, too large to be resampled; correct its values, or leave the column out"
+                f"channel '{name}' reaches {np.abs(values).max():.3g}, too large to be resampled; correct its values,"
+                " or leave the column out"
             )
         column = _interpolated(time, _unwrapped(values, time, limit) if wraps else values, fine, limit)
         if factor > 1:
@@ -157,7 +159,9 @@ def _interpolated(time: Array, values: Array, grid: Array, limit: float) -> Arra
 
 
 def _decimated(fine: Array, factor: int, margin: int) -> Array:
-    """Every `factor`-th value behind a zero-phase low-pass; a gap is continued by its edges for the filter and stays."""
+    """Every `factor`-th value behind a zero-phase low-pass; a gap is filled from its edges for the filter and stays a
+    gap.
+    """
     known = np.isfinite(fine)
     if not known.any():
         return fine[margin::factor]
@@ -182,10 +186,12 @@ def _decimated(fine: Array, factor: int, margin: int) -> Array:
 
 
 def _low_pass(factor: int, margin: int) -> Array:
-    """Taps of a root raised cosine: gain 1 up to 0.4 and 0 from 0.6 of the lower rate, and between them such that |H(f)|² + |H(rate − f)|² = 1.
+    """Taps of a root raised cosine: gain 1 up to 0.4 and 0 from 0.6 of the lower rate, and between them such that
+    |H(f)|² + |H(rate − f)|² = 1.
 
-    White noise stays white when every `factor`-th sample is taken, and a random load keeps the spectrum of its samples. A filter that removes all below half
-    the rate leaves a hole there that no model of the samples has, and a mode's damping pays for it. Source: Proakis, Digital Communications, ch. 9.2.
+    White noise stays white when every `factor`-th sample is taken, and a random load keeps the spectrum of its samples.
+    A filter that removes all below half the rate leaves a hole there that no model of the samples has, and a mode's
+    damping pays for it. Source: Proakis, Digital Communications, ch. 9.2.
     """
     from scipy.signal import firwin2
 
@@ -263,8 +269,8 @@ def remove_bias(values: ArrayLike) -> Unbiased:
 def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: float = GRAVITY) -> Level:
     """Turn a pair of accelerometer axes level, by the direction of gravity in their means, and take gravity out.
 
-    An instrument tilted by θ, counter-clockwise, reads (a + g ŷ) e^{−iθ} along its axes; with zero mean acceleration the
-    mean is i g e^{−iθ}, hence θ, and the pair times e^{iθ} less i g is a. A bias of b tilts the answer by b / g.
+    An instrument tilted by θ, counter-clockwise, reads (a + g ŷ) e^{−iθ} along its axes; with zero mean acceleration
+    the mean is i g e^{−iθ}, hence θ, and the pair times e^{iθ} less i g is a. A bias of b tilts the answer by b / g.
 
     Parameters
     ----------
@@ -276,8 +282,8 @@ def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: f
     Raises
     ------
     RecordError
-        If shapes differ, no sample has both axes, or the mean is not within 10 % of gravity (an instrument that does not
-        read steady acceleration, or another unit).
+        If shapes differ, no sample has both axes, or the mean is not within 10 % of gravity (an instrument that does
+        not read steady acceleration, or another unit).
     """
     first, second = (np.asarray(values, dtype=np.float64) for values in (lateral, upward))
     if first.shape != second.shape or first.ndim != 1:
@@ -289,8 +295,8 @@ def remove_gravity_and_tilt(lateral: ArrayLike, upward: ArrayLike, *, gravity: f
     mean = complex(reading[known].mean())
     if not abs(abs(mean) - gravity) < 0.1 * gravity:
         raise RecordError(
-            f"tilt: expected a mean of {gravity:.4g} m/s² over the two axes, got {abs(mean):.4g}: the instrument does not feel "
-            "gravity, or its unit or the choice of axes is wrong"
+            f"tilt: expected a mean of {gravity:.4g} m/s² over the two axes, got {abs(mean):.4g}: the instrument does"
+            " not feel gravity, or its unit or the choice of axes is wrong"
         )
     tilt = float(np.angle(1j / mean))
     level = reading * np.exp(1j * tilt) - 1j * abs(mean)

@@ -37,9 +37,9 @@ _CLEAR = 30.0  # noise, followed where it is loudest, looks up to half as clear 
 class Line(NamedTuple):
     """A line followed through a record: its phase, unwrapped (T,) [rad], its amplitude (T,), and how clear it is.
 
-    `clarity` is the power within a quarter of 1P of the line, against as much bandwidth beside it. Noise reaches 15, because
-    it is followed where it is loudest; below 30 nothing is to be trusted. `worst` is the same for
-    the worst 16 turns: where the line drowns, its phase may lose a turn.
+    `clarity` is the power within a quarter of 1P of the line, against as much bandwidth beside it. Noise reaches 15,
+    because it is followed where it is loudest; below 30 nothing is to be trusted. `worst` is the same for the worst 16
+    turns: where the line drowns, its phase may lose a turn.
     """
 
     phase: Array
@@ -91,15 +91,15 @@ def rotor_from_tower(
     line = max(lines, key=lambda found: found.clarity)
     if not line.is_clear:
         raise RecordError(
-            f"no {blades}P line stands out near {blades * rotor_speed / (2 * np.pi):.3g} Hz in the tower's acceleration "
-            f"({_how_clear(line)}); record the rotor, or choose another section"
+            f"no {blades}P line stands out near {blades * rotor_speed / (2 * np.pi):.3g} Hz in the tower's acceleration"
+            f" ({_how_clear(line)}); record the rotor, or choose another section"
         )
     psi = line.phase / blades
     speed = smooth_slope(psi, rate)
     note = (
-        f"from the {blades}P line, {line.clarity:.3g} times above its surroundings; from the tower alone the azimuth is known "
-        f"up to a constant, and which blade is which is not known; where the phase of the line wanders with the wind, "
-        f"the azimuth wanders by 1/{blades} of it"
+        f"from the {blades}P line, {line.clarity:.3g} times above its surroundings; from the tower alone the azimuth is"
+        " known up to a constant, and which blade is which is not known; where the phase of the line wanders with the"
+        f" wind, the azimuth wanders by 1/{blades} of it"
     )
     return RotorMotion(psi, speed, smooth_slope(speed, rate), True, note)
 
@@ -140,8 +140,8 @@ def rotor_from_blades(
     line = follow_line(leading, rate, 1, rotor_speed=rotor_speed, search=search)
     if not line.is_clear:
         raise RecordError(
-            f"blade {fitted[0] + 1}: no 1P line stands out near {rotor_speed / (2 * np.pi):.3g} Hz ({_how_clear(line)}); "
-            "does the sensor feel gravity, along the lag direction?"
+            f"blade {fitted[0] + 1}: no 1P line stands out near {rotor_speed / (2 * np.pi):.3g} Hz"
+            f" ({_how_clear(line)}); does the sensor feel gravity, along the lag direction?"
         )
     width = 0.25 * rotor_speed / (2.0 * np.pi)
     turned = {b: _low_passed(y * np.exp(-1j * line.phase), rate, width) for b, y in whole.items()}
@@ -153,8 +153,9 @@ def rotor_from_blades(
     speed = smooth_slope(psi, rate)
     gravity = 2.0 * float(np.median(np.abs(total))) / len(fitted)
     note = (
-        f"from gravity in {len(fitted)} of {blades} blades ({gravity:.3g} m/s² at 1P); the azimuth is absolute if the sensors are "
-        "positive with the rotation: with all of them reversed it is half a turn off, which cannot be seen"
+        f"from gravity in {len(fitted)} of {blades} blades ({gravity:.3g} m/s² at 1P); the azimuth is absolute if the"
+        " sensors are positive with the rotation: with all of them reversed it is half a turn off, which cannot be"
+        " seen"
     )
     if len(fitted) == 1 and blades > 1:
         note += "; the order of the blades is not checked, one blade alone being fitted"
@@ -173,7 +174,10 @@ def _straight_ends(phase: Array, n: int) -> Array:
 
 
 def _how_clear(line: Line) -> str:
-    return f"{line.clarity:.2g} times its surroundings, {line.worst:.2g} at the worst, expected more than {_CLEAR:g} and {_DROWNED:g}"
+    return (
+        f"{line.clarity:.2g} times its surroundings, {line.worst:.2g} at the worst, expected more than {_CLEAR:g} and"
+        f" {_DROWNED:g}"
+    )
 
 
 def _check_order(seen: dict[int, complex], blades: int) -> None:
@@ -216,7 +220,8 @@ def follow_line(values: ArrayLike, rate: float, harmonic: int, *, rotor_speed: f
     centre = harmonic * turn
     if not centre * (1.0 + search) + turn < rate / 2.0:
         raise RecordError(
-            f"rotor harmonic: the line at {centre:.3g} Hz needs more than {2 * (centre + turn):.3g} Hz sampling, got {rate:g}"
+            f"rotor harmonic: the line at {centre:.3g} Hz needs more than {2 * (centre + turn):.3g} Hz sampling, got"
+            f" {rate:g}"
         )
     width = 0.25 * turn  # a line's neighbours are a turn away, modes seldom nearer than this
     phase = (

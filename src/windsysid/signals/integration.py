@@ -74,8 +74,8 @@ def integrate(
     rate
         Samples per second [Hz].
     cutoff
-        Frequency [Hz] below which motion is removed (half the amplitude at the cut-off). Half of the lowest frequency of
-        interest, rotor or mode, is a good choice. ``cumulative`` does not use it.
+        Frequency [Hz] below which motion is removed (half the amplitude at the cut-off). Half of the lowest frequency
+        of interest, rotor or mode, is a good choice. ``cumulative`` does not use it.
     method
         See the module; the default is the best of the table in docs/signals.md.
     noise
@@ -165,7 +165,8 @@ def _by_kalman(
     omega = 2.0 * np.pi * cutoff
     scale = float(acceleration.std())
     step = omega / rate
-    # Between samples the acceleration runs linearly, which loses (ω Δt)²/12; half of nothing is lost once that is put back.
+    # Between samples the acceleration runs linearly, which loses (ω Δt)²/12; half of nothing is lost once that is put
+    # back.
     curvature = np.zeros_like(acceleration)
     curvature[1:-1] = np.diff(acceleration, 2)
     inputs = np.column_stack(
@@ -230,7 +231,8 @@ def _kernel() -> Any:
 
 
 def _smooth(
-    inputs: Any, inflation: Any, transition: Any, before: Any, after: Any, cov: Any, r: float, diffuse: float, smoothed: Any,
+    inputs: Any, inflation: Any, transition: Any, before: Any, after: Any, cov: Any, r: float, diffuse: float,
+    smoothed: Any,
 ) -> None:  # fmt: skip
     """Forward: covariance, gain, and innovations of three inputs: acceleration, bias, slope. Then the two unknowns by
     least squares, and Bryson & Frazier's recursion backward. Writes p̈ and p⃛ (T, 2)."""

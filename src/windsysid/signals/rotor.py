@@ -23,7 +23,7 @@ STILL = 0.05
 """Mean speed [rad/s] below which the rotor of a parked machine counts as standing: half a revolution per minute."""
 
 FAR = 20.0
-"""Factor from the turbine's usual rotor speed beyond which an azimuth must be in another unit (degrees are 57 times off)."""
+"""Greatest factor from the turbine's usual rotor speed; beyond it an azimuth is in another unit (degrees: 57 times)."""
 
 
 class RotorMotion(NamedTuple):
@@ -62,8 +62,8 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
     Raises
     ------
     RecordError
-        If there is no azimuth, a unit is wrong, the azimuth of a turning rotor does not run forward, or it contradicts the
-        recorded or the turbine's usual speed.
+        If there is no azimuth, a unit is wrong, the azimuth of a turning rotor does not run forward, or it contradicts
+        the recorded or the turbine's usual speed.
     """
     azimuth = record["rotor_azimuth"]
     for channel, unit in (("rotor_azimuth", "rad"), ("rotor_speed", "rad/s")):
@@ -91,8 +91,8 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
         return np.column_stack([psi, speed, smooth_slope(speed, record.rate)])
     if not mean_speed + drift > 0.0:
         raise RecordError(
-            f"channel 'rotor_azimuth': expected angles that increase with time, got {mean_speed + drift:.3g} rad/s on average: "
-            "count them in the sense of rotation"
+            f"channel 'rotor_azimuth': expected angles that increase with time, got {mean_speed + drift:.3g} rad/s on"
+            " average: count them in the sense of rotation"
         )
     if "rotor_speed" in record and abs(drift) > 0.02 * mean_speed:
         raise RecordError(
@@ -101,8 +101,8 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
         )
     if not (parked or 1.0 / FAR < (mean_speed + drift) / rotor_speed < FAR):
         raise RecordError(
-            f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s, but the turbine's usual speed is {rotor_speed:.4g} rad/s: "
-            "check the unit of the azimuth, or the turbine file"
+            f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s, but the turbine's usual speed is {rotor_speed:.4g}"
+            " rad/s: check the unit of the azimuth, or the turbine file"
         )
     if "rotor_speed" not in record:
         speed = smooth_slope(psi, record.rate)
@@ -187,8 +187,8 @@ def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero
     if np.any(turns < 1.0) or np.any(off > 0.3):
         k = int(np.argmax(np.where(turns < 1.0, 1.0, off)))
         raise RecordError(
-            f"pulses: the interval after {times[k]:.6g} s is {intervals[k]:.4g} s, its neighbours take {around[k]:.4g} s; "
-            "expected a steady rhythm: clean the channel or choose another section"
+            f"pulses: the interval after {times[k]:.6g} s is {intervals[k]:.4g} s, its neighbours take {around[k]:.4g}"
+            " s; expected a steady rhythm: clean the channel or choose another section"
         )
     from scipy.interpolate import CubicSpline
 
@@ -204,7 +204,10 @@ def rotor_from_pulses(values: ArrayLike, rate: float, *, per_turn: int = 1, zero
         where = "at the pulse" if per_turn == 1 else f"at the pulse, and which of the {per_turn} pulses came first,"
         note += f"; the azimuth {where} is not known: the azimuth is known up to a constant"
     elif per_turn > 1:
-        note += f"; which of the {per_turn} pulses came first is not known: the azimuth is known up to multiples of 1/{per_turn} turn"
+        note += (
+            f"; which of the {per_turn} pulses came first is not known: the azimuth is known up to multiples of"
+            f" 1/{per_turn} turn"
+        )
     return RotorMotion(psi + (zero or 0.0), speed, acceleration, zero is None or per_turn > 1, note)
 
 

@@ -28,7 +28,7 @@ STANDING = 0.02
 """Share of the usual rotor speed below which a rotor stands, and its azimuth says nothing."""
 
 YAW_WINDOW = 10.0
-"""Seconds over which a yaw is smoothed: a yaw drive turns half a degree per second for a minute, a yaw signal comes in steps."""
+"""Seconds over which a yaw is smoothed: a drive turns half a degree per second for a minute, its signal in steps."""
 
 
 def to_nacelle(first: ArrayLike, second: ArrayLike, yaw: ArrayLike, *, bearing: float = 0.0) -> tuple[Array, Array]:
@@ -37,7 +37,8 @@ def to_nacelle(first: ArrayLike, second: ArrayLike, yaw: ArrayLike, *, bearing: 
     Parameters
     ----------
     first, second
-        Components (T,) along the bearing b and a quarter turn counter-clockwise from it; NaN = missing, in both results.
+        Components (T,) along the bearing b and a quarter turn counter-clockwise from it; NaN = missing, in both
+        results.
     yaw
         Nacelle's compass bearing (T,) [rad], wrapped anywhere; missing values are bridged the shorter way round.
     bearing
@@ -64,7 +65,8 @@ def with_nacelle_axes(
     Parameters
     ----------
     first, second
-        Channels along the bearing b and a quarter turn counter-clockwise from it; the quantity is the last word of `first`.
+        Channels along the bearing b and a quarter turn counter-clockwise from it; the quantity is the last word of
+        `first`.
     yaw
         Channel of the nacelle's bearing [rad].
     bearing
@@ -101,7 +103,8 @@ def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Arra
     Raises
     ------
     RecordError
-        If `needs_yaw`, for a sensor that is fixed to the tower, and the record has none; or a unit or an azimuth is wrong.
+        If `needs_yaw`, for a sensor that is fixed to the tower, and the record has none; or a unit or an azimuth is
+        wrong.
     """
     for channel, unit in (("rotor_speed", "rad/s"), ("nacelle_yaw", "rad")):
         if channel in record and record.unit(channel) != unit:
@@ -119,8 +122,8 @@ def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Arra
         inputs[:, 2:] = _smooth(_unwrapped(record["nacelle_yaw"]), record.rate)
     elif needs_yaw:
         raise RecordError(
-            f"{record.name}: expected a channel 'nacelle_yaw' [rad], since a sensor is fixed to the tower, got {', '.join(record.channels)}; "
-            "add the yaw, or list sensors in the frame 'nacelle'"
+            f"{record.name}: expected a channel 'nacelle_yaw' [rad], since a sensor is fixed to the tower, got"
+            f" {', '.join(record.channels)}; add the yaw, or list sensors in the frame 'nacelle'"
         )
     return inputs
 

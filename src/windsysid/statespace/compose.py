@@ -53,7 +53,7 @@ class StateSpace:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the columns of the input array: known inputs, known loads, and the interval where there are several."""
+        """Names of the input array's columns: known inputs, known loads, and the interval where there are several."""
         which = ("interval",) if self.blocks.step.size > 1 else ()
         return (*self.compiled.inputs, *self.compiled.loads, *which)
 
@@ -107,8 +107,8 @@ def compose(
     Raises
     ------
     ConfigurationError
-        If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate, a noise or the gate is not
-        positive, a channel is read twice, or the prior does not fit the states.
+        If a value is missing or not finite, a load is unknown or two blocks share a state's name, the rate, a noise or
+        the gate is not positive, a channel is read twice, or the prior does not fit the states.
     """
     compiled = compile_model(model, sensors, [parameter.name for parameter in parameters])
     steps = _intervals(rate, intervals)
@@ -179,9 +179,11 @@ def compose(
 def parameters_given(
     model: StateSpace, compiled: CompiledModel, theta: Array, loads: Sequence[LoadModel], noise: ArrayLike
 ) -> StateSpace:
-    """The model with its parameters known to be θ (n_θ,) instead of in the state, and with other loads and noise of the same structure.
+    """The model with its parameters known to be θ (n_θ,) instead of in the state, and with other loads and noise of the
+    same structure.
 
-    What `compose` would build without parameters, at a fraction of its time: a likelihood is computed at thousands of θ.
+    What `compose` would build without parameters, at a fraction of its time: a likelihood is computed at thousands of
+    θ.
 
     Parameters
     ----------

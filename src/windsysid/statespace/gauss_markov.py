@@ -14,7 +14,10 @@ __all__ = ["GaussMarkov"]
 
 
 BEYOND = 1.08
-"""Cut-off of a second-order Butterworth filter over the frequency of the low-pass: samples at twice that have the spectrum of a process cut off there to within 5 % rms."""
+"""Cut-off of a second-order Butterworth filter over the low-pass's frequency.
+
+Samples at twice that have the spectrum of a process cut off there, to within 5 % rms.
+"""
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,9 @@ class GaussMarkov:
     harmonic
         n; 0: the process itself.
     low_pass
-        [Hz]; where the record went through an anti-aliasing low-pass, what it knows of the process did too: a Butterworth filter at `BEYOND` times that frequency.
-        Without it the samples of the process hold power from above half the rate which those of the record do not, and a mode's damping pays for it.
+        [Hz]; where the record went through an anti-aliasing low-pass, what it knows of the process did too: a
+        Butterworth filter at `BEYOND` times that frequency. Without it the samples of the process hold power from above
+        half the rate which those of the record do not, and a mode's damping pays for it.
     """
 
     load: str
@@ -47,7 +51,8 @@ class GaussMarkov:
     def __post_init__(self) -> None:
         if not (self.rms > 0.0 and self.time_constant > 0.0 and np.isfinite(self.rms * self.time_constant)):
             raise ConfigurationError(
-                f"load '{self.load}': expected a positive rms and time constant, got {self.rms} and {self.time_constant}"
+                f"load '{self.load}': expected a positive rms and time constant, got {self.rms} and"
+                f" {self.time_constant}"
             )
 
     @property

@@ -41,7 +41,8 @@ class Parameter:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.centre) and np.isfinite(self.spread) and self.spread > 0.0):
             raise ConfigurationError(
-                f"prior of '{self.name}': expected a finite centre and a positive spread, got {self.centre} ± {self.spread}"
+                f"prior of '{self.name}': expected a finite centre and a positive spread, got {self.centre} ±"
+                f" {self.spread}"
             )
         if (self.logarithmic and self.centre <= 0.0) or not self.scale > 0.0:
             raise ConfigurationError(f"prior of '{self.name}': expected a positive value, got {self.centre}")

@@ -107,7 +107,10 @@ def first_order(rms: float, time_constant: float) -> Process:
 
 
 def second_order(rms: float, frequency: float, damping: float) -> Process:
-    """White noise through a low-pass of second order with natural frequency [Hz] and damping ratio: S(f) ∝ 1 / |1 − (f/f₀)² + 2iζ f/f₀|²."""
+    """White noise through a second-order low-pass with natural frequency [Hz] and damping ratio.
+
+    S(f) ∝ 1 / |1 − (f/f₀)² + 2iζ f/f₀|².
+    """
     w = 2.0 * np.pi * frequency
     root = w * np.sqrt(complex(damping**2 - 1.0))
     return rational(rms, [-damping * w + root, -damping * w - root])
@@ -139,8 +142,8 @@ def rational(rms: float, poles: ArrayLike, zeros: ArrayLike = ()) -> Process:
     finite = bool(np.isfinite([*poles, *zeros, rms]).all())
     if not (finite and paired and len(zeros) < len(poles) and (poles.real < 0.0).all() and rms > 0.0):
         raise ConfigurationError(
-            "rational spectrum: expected a positive rms, poles in the left half plane, fewer zeros than poles, and complex ones in pairs, got "
-            f"rms {rms}, poles {poles} and zeros {zeros}"
+            "rational spectrum: expected a positive rms, poles in the left half plane, fewer zeros than poles, and"
+            f" complex ones in pairs, got rms {rms}, poles {poles} and zeros {zeros}"
         )
     n, unit = len(poles), float(np.exp(np.mean(np.log(np.abs(poles)))))
     denominator = np.poly(poles / unit).real
@@ -220,7 +223,10 @@ def discretise_block(drift: Array, cov: Array, step: float) -> tuple[Array, Arra
 
 
 def _exponential(A: Array) -> Array:
-    """exp(A); for two states by Cayley and Hamilton, exp(A) = e^μ (cosh δ I + sinh δ/δ (A − μ I)), μ = tr A/2, δ² = μ² − det A."""
+    """exp(A), for two states by Cayley and Hamilton.
+
+    exp(A) = e^μ (cosh δ I + sinh δ/δ (A − μ I)), μ = tr A/2, δ² = μ² − det A.
+    """
     if len(A) > 2:
         from scipy.linalg import expm
 

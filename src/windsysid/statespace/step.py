@@ -99,7 +99,8 @@ def move(rates: Any, blocks: Any, ws: Any, state: Any, eta: Any, before: Any, af
 
 @uncounted
 def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, before: Any, after: Any) -> None:
-    """Move `mean` by one step, in place, with its parameters in ``ws.p``, and leave in ``ws.F`` the rows of F for x and z, in ``ws.gain`` Γ.
+    """Move `mean` by one step, in place, with its parameters in ``ws.p``, and leave in ``ws.F`` the rows of F for x and
+    z, in ``ws.gain`` Γ.
 
     F is the derivative of the state after the step to the state before, Γ that to the load noise η.
     """
@@ -240,7 +241,7 @@ def expected_reading(reading: Any, blocks: Any, ws: Any, state: Any, inputs: Any
 
 @uncounted
 def linearise_reading(reading_jacobian: Any, blocks: Any, ws: Any, mean: Any, inputs: Any) -> None:
-    """The expected readings of `mean`, with its parameters in ``ws.p``, in ``ws.y``, and their derivatives to the whole state in ``ws.H``."""
+    """Write the readings expected of `mean` and ``ws.p`` to ``ws.y``, their derivatives to the state to ``ws.H``."""
     nx, nz, _, _, _, nw = blocks.sizes
     load_output(blocks, ws, inputs, ws.H1)
     set_reading_arguments(blocks, ws, mean, inputs)

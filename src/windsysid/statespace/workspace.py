@@ -21,8 +21,8 @@ class Blocks(NamedTuple):
     sizes
         (n_x, n_z, n_b, n_θ, n_u, n_w) as int64.
     step
-        The sampling intervals that occur [s], (S,). Where there are several, the last column of the inputs says which of
-        them, counted from 0, led to the sample.
+        The sampling intervals that occur [s], (S,). Where there are several, the last column of the inputs says which
+        of them, counted from 0, led to the sample.
     azimuth
         Column of ψ among the inputs, (1,) as int64; −1 where no load turns with the rotor.
     p
@@ -74,7 +74,8 @@ _NUMBA = {int: types.int64, Indices: _i1, Vector: _f1, Matrix: _f2}
 
 
 class Workspace(NamedTuple):
-    """Scratch arrays of one run; matrices (·, n⁺) have rows padded with zeros to whole vectors, see `windsysid.kernels.rows.padded`.
+    """Scratch arrays of one run; matrices (·, n⁺) have rows padded with zeros to whole vectors, see
+    `windsysid.kernels.rows.padded`.
 
     Attributes
     ----------
@@ -87,11 +88,11 @@ class Workspace(NamedTuple):
     slope
         ∂p/∂θ in θ's place in the state (n⁺,), 1 in the others'.
     J
-        ∂ẋ/∂(x₀, w₀, w₁, p) of one stage, directly (n_x + 1, columns⁺): a kernel writes its first columns as ∂ẋ/∂x, those of p through
-        `J_p`, and ∂ẋ/∂w into `G`.
+        ∂ẋ/∂(x₀, w₀, w₁, p) of one stage, directly (n_x + 1, columns⁺): a kernel writes its first columns as ∂ẋ/∂x,
+        those of p through `J_p`, and ∂ẋ/∂w into `G`.
     S, slope_S, total_S
-        Sensitivities of x to the same less the identity, their rates and their change over the step (n_x + 1, columns⁺); `S_w0`, `S_w1`
-        and `S_p` are `total_S` seen from those columns on.
+        Sensitivities of x to the same less the identity, their rates and their change over the step (n_x + 1,
+        columns⁺); `S_w0`, `S_w1` and `S_p` are `total_S` seen from those columns on.
     H0, H1
         H(ψ) at either end of the step (n_w, n_z⁺).
     load_output, phi, Q
@@ -103,8 +104,8 @@ class Workspace(NamedTuple):
     moved, moved_T, pushed, crossed
         F P and its transpose, Γ Q, and F P Fᵀ + Γ Q Γᵀ of x and z (n_x + n_z, (n_x + n_z)⁺).
     H
-        ∂y/∂ state (m + 1, n⁺), of which a kernel writes the first columns, and those of θ through `H_p`; ∂y/∂w goes into `E`, and through
-        the loads' states into `seen`.
+        ∂y/∂ state (m + 1, n⁺), of which a kernel writes the first columns, and those of θ through `H_p`; ∂y/∂w goes
+        into `E`, and through the loads' states into `seen`.
     spread
         H P (m, n⁺).
     K, pulled
@@ -194,13 +195,17 @@ def workspace(blocks: Blocks) -> Workspace:
         _padded(blocks_of) for blocks_of in (blocks.load_transition, blocks.load_noise, blocks.load_output)
     )
     return Workspace(
-        mean=padded(1, n)[0], about=padded(1, n)[0], cov=padded(n, n), p=blocks.p.copy(), slope=slope, u=np.zeros(nu), w0=np.zeros(nw), w1=np.zeros(nw), w=np.zeros(nw),
-        load_output=load_output, H0=padded(nw, nz), H1=padded(nw, nz), z=np.zeros(nz), x=np.zeros(nx), rate=np.zeros(nx), total=np.zeros(nx),
-        J=J, J_p=shifted(J, nx + 2 * nw), G=padded(nx, nw), S=padded(nx, columns), slope_S=padded(nx, columns), total_S=total_S,
+        mean=padded(1, n)[0], about=padded(1, n)[0], cov=padded(n, n), p=blocks.p.copy(), slope=slope, u=np.zeros(nu),
+        w0=np.zeros(nw), w1=np.zeros(nw), w=np.zeros(nw),
+        load_output=load_output, H0=padded(nw, nz), H1=padded(nw, nz), z=np.zeros(nz), x=np.zeros(nx),
+        rate=np.zeros(nx), total=np.zeros(nx),
+        J=J, J_p=shifted(J, nx + 2 * nw), G=padded(nx, nw), S=padded(nx, columns), slope_S=padded(nx, columns),
+        total_S=total_S,
         S_w0=shifted(total_S, nx), S_w1=shifted(total_S, nx + nw), S_p=shifted(total_S, nx + 2 * nw),
         F=padded(moving, n), phi=phi, Q=Q, gain=gain, gain_T=gain_T,
         moved=padded(moving, n), moved_T=padded(n, moving), pushed=padded(moving, nz), crossed=padded(moving, moving),
-        y=np.zeros(m), H=H, H_p=shifted(H, nx + nz + nb), E=np.zeros((m, nw)), seen=padded(m, nz), spread=padded(m, n), K=padded(1, n), pulled=padded(1, n),
+        y=np.zeros(m), H=H, H_p=shifted(H, nx + nz + nb), E=np.zeros((m, nw)), seen=padded(m, nz), spread=padded(m, n),
+        K=padded(1, n), pulled=padded(1, n),
         nothing=padded(1, n + columns),
     )  # fmt: skip
 

@@ -1,3 +1,3 @@
-"""The published study, reproduced, and what is measured beyond it: each module is a command, ``python -m windsysid.study.NAME``."""
+"""The published study, reproduced; each module is a command, ``python -m windsysid.study.NAME``."""
 
 __all__: list[str] = []

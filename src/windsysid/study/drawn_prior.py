@@ -15,7 +15,7 @@ __all__ = ["DrawnPrior"]
 
 @dataclass(frozen=True)
 class DrawnPrior(Prior):
-    """Priors whose centres are drawn from themselves, so that the reference is a fair draw from each; the same whenever they are asked for."""
+    """Priors with centres drawn from themselves, so that the reference is a fair draw; the same at every call."""
 
     seed: int = 0
 

@@ -1,7 +1,9 @@
-"""The methods side by side on the same records: what each must be told, how wrong it is, whether its bands hold, how long it takes.
+"""The methods side by side on the same records: what each must be told, how wrong it is, whether its bands hold, how
+long it takes.
 
-``python -m windsysid.study.methods [--runs N]`` prints the table that the study's report shows: 100 s sections of the reference
-scenario, priors of the joint formulation drawn 30 % off. Errors and bands are those at the end of the section.
+``python -m windsysid.study.methods [--runs N]`` prints the table that the study's report shows: 100 s sections of the
+reference scenario, priors of the joint formulation drawn 30 % off. Errors and bands are those at the end of the
+section.
 """
 
 import argparse

@@ -1,9 +1,10 @@
-"""What the particle filter is worth: beside the Kalman filter where that is exact, where it fails, and on the published study.
+"""What the particle filter is worth: beside the Kalman filter where that is exact, where it fails, and on the published
+study.
 
-The paper compares its extended Kalman filter (30 s) with a SIR particle filter of 2 000 particles (103 hours, similar errors).
-``python -m windsysid.study.particles [--runs N]`` prints that comparison and what a particle filter has to show beforehand:
-errors that fall as 1/√N, static coefficients under four kinds of treatment, sensors with heavy tails, a posterior with two summits,
-and motion and loads unknown.
+The paper compares its extended Kalman filter (30 s) with a SIR particle filter of 2 000 particles (103 hours, similar
+errors). ``python -m windsysid.study.particles [--runs N]`` prints that comparison and what a particle filter has to
+show beforehand: errors that fall as 1/√N, static coefficients under four kinds of treatment, sensors with heavy tails,
+a posterior with two summits, and motion and loads unknown.
 """
 
 import argparse
@@ -64,7 +65,10 @@ def identify_section_by_particles(
     filter_: ParticleFilter = SIR,
     section: tuple[float, float] = SECTION,
 ) -> Identification:
-    """`windsysid.study.arms.identify_section` with a particle filter in the extended Kalman filter's place; the notes say how it fared."""
+    """`windsysid.study.arms.identify_section` with a particle filter instead of the extended Kalman filter.
+
+    The notes say how the particles fared.
+    """
     case = _case(turbine, balance, section)
     start = filter_.init(case.model)
     filter_.run(
@@ -75,7 +79,8 @@ def identify_section_by_particles(
     elapsed = time.perf_counter() - began
     window = slice(round(section[0] * RATE), round(section[1] * RATE))
     outcome = Outcome(
-        turbine, case.model, info.mean, info.std, Info(**{name: getattr(info, name) for name in Info._fields}), cloud.mean, cloud.cov, reference.inputs[window, :3],
+        turbine, case.model, info.mean, info.std, Info(**{name: getattr(info, name) for name in Info._fields}),
+        cloud.mean, cloud.cov, reference.inputs[window, :3],
         tuple(c for c in reference.record.channels if not c.startswith("rotor")), elapsed, (degeneracy(info),),
     )  # fmt: skip
     found = conclude(outcome, reference.record.section(*section), "force-balance")
@@ -114,8 +119,19 @@ def compare(seeds: int) -> list[Rows]:
         float(np.mean([e.low <= (e.reference or 0.0) <= e.high for found in several for e in found.estimates]))
         for several in (ekf, sir)
     ]
-    headings = ("coefficient", "published", "EKF 0–100 s", "SIR 0–100 s", "EKF 30–100 s", "SIR 30–100 s", "no kernel, 30–100 s")  # fmt: skip
-    title = f"The paper's comparison: {SIR.particles} particles, {sir[0].samples} samples, loads known, median of {seeds} records"
+    headings = (
+        "coefficient",
+        "published",
+        "EKF 0–100 s",
+        "SIR 0–100 s",
+        "EKF 30–100 s",
+        "SIR 30–100 s",
+        "no kernel, 30–100 s",
+    )
+    title = (
+        f"The paper's comparison: {SIR.particles} particles, {sir[0].samples} samples, loads known, median of {seeds}"
+        " records"
+    )
     return [
         Rows(title, headings, rows),
         Rows(
@@ -151,7 +167,15 @@ def convergence(case: Case, seeds: int) -> Rows:
             width.append(np.sqrt(np.diag(cloud.cov)) / std)
             log.append(found.log_likelihood.sum() - info.log_likelihood.sum())
         error = float(np.sqrt(np.mean(np.square(off))))
-        rows.append((f"{count}", f"{error:.3f}", f"{error * np.sqrt(count):.1f}", f"{np.mean(width):.3f}", f"{np.sqrt(np.mean(np.square(log))):.2f}"))  # fmt: skip
+        rows.append(
+            (
+                f"{count}",
+                f"{error:.3f}",
+                f"{error * np.sqrt(count):.1f}",
+                f"{np.mean(width):.3f}",
+                f"{np.sqrt(np.mean(np.square(log))):.2f}",
+            )
+        )
     return Rows(
         f"Against the Kalman filter: ten coefficients, {len(case.readings)} samples, {seeds} seeds",
         ("particles", "error of means/σ", "× √N", "σ ÷ Kalman's", "error of log-likelihood"), rows,
@@ -232,7 +256,8 @@ def heavy_tails(case: Case, runs: int) -> Rows:
     least = np.sqrt(np.mean(np.square(errors["EKF, told the scale"]), axis=0))
     rows = [
         (
-            name, f"{100.0 * np.mean(np.abs(deviations[name]) < 2.0):.1f} %", f"{np.sqrt(np.mean(np.square(deviations[name]))):.2f}",
+            name, f"{100.0 * np.mean(np.abs(deviations[name]) < 2.0):.1f} %",
+            f"{np.sqrt(np.mean(np.square(deviations[name]))):.2f}",
             f"{np.mean(np.sqrt(np.mean(np.square(errors[name]), axis=0)) / least):.2f}",
         )
         for name in told
@@ -244,7 +269,7 @@ def heavy_tails(case: Case, runs: int) -> Rows:
 
 
 def two_summits(seeds: int) -> Rows:
-    """An accelerometer tilted by α reads a cos α of a known motion: the sign of α is invisible, and both are possible."""
+    """An accelerometer tilted by α reads a cos α of a known motion: α and −α are equally possible."""
     import sympy as sp
 
     from windsysid.mechanics.equations import Equations
@@ -282,7 +307,7 @@ def two_summits(seeds: int) -> Rows:
 
 
 def joint_formulation(samples: int) -> Rows:
-    """Motion, loads and ten coefficients together, from accelerometers: particles on everything, and on the coefficients alone."""
+    """Motion, loads and ten coefficients from accelerometers: particles on everything, or on the coefficients alone."""
     turbine = load_turbine("verne555")
     record = simulate_record(turbine, duration=60.0, rate=RATE, seed=1)
     problem = pose(record, turbine, turbine.sensors, Prior())

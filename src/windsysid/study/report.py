@@ -43,19 +43,34 @@ def study_report(study: Study) -> bytes:
         Section(
             "Ten coefficients at once, loads known (arm A)",
             text=[
-                f"Scenario: {turbine.description}, {turbine.rotor_speed * 30 / np.pi:.1f} rpm, {RATE:g} Hz, the "
-                f"{SECTION[0]:g}–{SECTION[1]:g} s section of a {DURATION:g} s record. The machine of the study is not published: "
-                "this one honours what is, and every other value is assumed. Wind: random loads on every degree of freedom, no mean wind.",
-                f"Tower displacement and velocity are integrated from accelerometers with {NOISE['tower_acceleration']:g} m/s² of noise; "
-                "blade channels are synthetic with the published noise. Both sides of the balance pass the same zero-phase filter, "
-                f"{low:.2f}–{high:.2f} Hz. Start: 1.3 × stiffness, 0.7 × damping.",
-                f"The filter took {arm_a.elapsed:.3f} s for {arm_a.samples} samples; published: {PUBLISHED_SECONDS:g} s, on the machine of "
-                f"its day. Exact Jacobians and finite differences with the paper's centesimal increment agree to {study.difference:.0e}: "
-                "the balance is linear in the coefficients.",
-                f"Over {len(study.errors)} seeds, ±2σ at the end of the section holds the reference in {100 * study.covered:.0f} % of the "
-                f"{len(study.errors) * study.errors.shape[2]} cases (95 % if the bands were perfect).",
-                f"The published SIR particle filter took {PUBLISHED_HOURS:g} hours for {SIR.particles} particles; here it takes "
-                f"{study.particles.elapsed:.2g} s on the same force balance. How it fared: {study.particles.notes[-1]}.",
+                (
+                    f"Scenario: {turbine.description}, {turbine.rotor_speed * 30 / np.pi:.1f} rpm, {RATE:g} Hz, the"
+                    f" {SECTION[0]:g}–{SECTION[1]:g} s section of a {DURATION:g} s record. The machine of the study is"
+                    " not published: this one honours what is, and every other value is assumed. Wind: random loads on"
+                    " every degree of freedom, no mean wind."
+                ),
+                (
+                    "Tower displacement and velocity are integrated from accelerometers with"
+                    f" {NOISE['tower_acceleration']:g} m/s² of noise; blade channels are synthetic with the published"
+                    f" noise. Both sides of the balance pass the same zero-phase filter, {low:.2f}–{high:.2f} Hz."
+                    " Start: 1.3 × stiffness, 0.7 × damping."
+                ),
+                (
+                    f"The filter took {arm_a.elapsed:.3f} s for {arm_a.samples} samples; published:"
+                    f" {PUBLISHED_SECONDS:g} s, on the machine of its day. Exact Jacobians and finite differences with"
+                    f" the paper's centesimal increment agree to {study.difference:.0e}: the balance is linear in the"
+                    " coefficients."
+                ),
+                (
+                    f"Over {len(study.errors)} seeds, ±2σ at the end of the section holds the reference in"
+                    f" {100 * study.covered:.0f} % of the {len(study.errors) * study.errors.shape[2]} cases (95 % if"
+                    " the bands were perfect)."
+                ),
+                (
+                    f"The published SIR particle filter took {PUBLISHED_HOURS:g} hours for {SIR.particles} particles;"
+                    f" here it takes {study.particles.elapsed:.2g} s on the same force balance. How it fared:"
+                    f" {study.particles.notes[-1]}."
+                ),
                 ERRORS_IN_VARIABLES,
             ],
             tables=[error_table(study), coefficient_table(arm_a), *mode_tables(arm_a)],
@@ -82,7 +97,10 @@ def study_report(study: Study) -> bytes:
             figures=[
                 (
                     coefficient_histories(arm_a, shown),
-                    "Estimate, ±2σ band, reference and error of each coefficient (the paper's Figs 4–9; blades 2 and 3 are alike).",
+                    (
+                        "Estimate, ±2σ band, reference and error of each coefficient (the paper's Figs 4–9; blades 2"
+                        " and 3 are alike)."
+                    ),
                 )
             ],
         ),
@@ -90,8 +108,8 @@ def study_report(study: Study) -> bytes:
         Section(
             "Does it matter where it starts?",
             text=[
-                "The published claim: initial conditions are indifferent, and the process can start at any point of a record. "
-                "Left, starts that are off by 0.3 to 3 times; right, 100 s sections of the same record."
+                "The published claim: initial conditions are indifferent, and the process can start at any point of a"
+                " record. Left, starts that are off by 0.3 to 3 times; right, 100 s sections of the same record."
             ],
             figures=[
                 (
@@ -104,7 +122,10 @@ def study_report(study: Study) -> bytes:
             "Loads withheld (arm B)",
             text=[
                 "The same record and filter, but the loads are not given. " + LOADS_WITHHELD,
-                "The joint formulation (windsysid identify --formulation joint) makes the loads states and needs accelerometers only.",
+                (
+                    "The joint formulation (windsysid identify --formulation joint) makes the loads states and needs"
+                    " accelerometers only."
+                ),
             ],
             tables=[withheld_table(study)],
             figures=[
@@ -124,43 +145,58 @@ def study_report(study: Study) -> bytes:
             figures=[
                 (
                     direction_change_figure(study.wind),
-                    f"The wind turns by {study.wind.change_deg:.0f}° at 20 s of the section and back by 40 s (the scatter of the paper's "
-                    "Figs 4, 5, 7 and 8).",
+                    (
+                        f"The wind turns by {study.wind.change_deg:.0f}° at 20 s of the section and back by 40 s (the"
+                        " scatter of the paper's Figs 4, 5, 7 and 8)."
+                    ),
                 ),
                 (
                     load_spectra_figure(study.wind),
-                    "Wind at the hub and at a turning blade, and the loads they make: the rotor's multiples are marked.",
+                    (
+                        "Wind at the hub and at a turning blade, and the loads they make: the rotor's multiples are"
+                        " marked."
+                    ),
                 ),
             ],
         ),
     )
-    subtitle = f"Extended Kalman filter identification of a three-blade turbine · {turbine.name}, {study.reference.record.name}"
+    subtitle = (
+        f"Extended Kalman filter identification of a three-blade turbine · {turbine.name},"
+        f" {study.reference.record.name}"
+    )
     return report_page("The published study, repeated", subtitle, sections)
 
 
 ERRORS_IN_VARIABLES = (
-    "The published 0.01 % for c_β1 cannot be reached with the published noise: white noise σ on a measured velocity shrinks a regression on "
-    "it by σ²/var(velocity), and 0.01 rad/s against a lag rate of 0.11 rad/s rms is 0.8 %, less here only because the filter "
-    "takes most of that noise away. 0.01 % would need lag rates around 1 rad/s."
+    "The published 0.01 % for c_β1 cannot be reached with the published noise: white noise σ on a measured velocity"
+    " shrinks a regression on it by σ²/var(velocity), and 0.01 rad/s against a lag rate of 0.11 rad/s rms is 0.8 %,"
+    " less here only because the filter takes most of that noise away. 0.01 % would need lag rates around 1 rad/s."
 )
 
 
 WIND_TEXT = (
-    "Here the loads come from turbulent wind (Kaimal spectrum, IEC coherence, shear, tower shadow) on the turning blades, aerodynamic "
-    "damping included. The published estimates scatter while the wind blows from elsewhere, and the study names the direction as the "
-    "cause.",
-    "Told the loads that acted, the filter hardly notices. Told the loads of the old direction, as equations with a constant wind hold "
-    "them, it wanders for as long as the wind is away and recovers: that is the published picture. With the loads withheld it wanders "
-    "all the time, and the change cannot be told apart.",
+    (
+        "Here the loads come from turbulent wind (Kaimal spectrum, IEC coherence, shear, tower shadow) on the turning"
+        " blades, aerodynamic damping included. The published estimates scatter while the wind blows from elsewhere,"
+        " and the study names the direction as the cause."
+    ),
+    (
+        "Told the loads that acted, the filter hardly notices. Told the loads of the old direction, as equations with a"
+        " constant wind hold them, it wanders for as long as the wind is away and recovers: that is the published"
+        " picture. With the loads withheld it wanders all the time, and the change cannot be told apart."
+    ),
 )
 
 
 METHODS_TEXT = (
-    "The same sections of the same records, identified by every method. The force balance needs the motion of every degree of freedom, "
-    "displacement, velocity and acceleration, and the loads; the joint methods need accelerometers, and their priors are drawn 30 % off. A filter "
-    "with the coefficients in its state must be told how strong the loads are and how loud the sensors; where that is wrong its bands are too. "
-    "The posterior mode is told nothing. Errors are those at the end of the section; the force balance's time includes the integration of the "
-    "whole record.",
+    (
+        "The same sections of the same records, identified by every method. The force balance needs the motion of every"
+        " degree of freedom, displacement, velocity and acceleration, and the loads; the joint methods need"
+        " accelerometers, and their priors are drawn 30 % off. A filter with the coefficients in its state must be told"
+        " how strong the loads are and how loud the sensors; where that is wrong its bands are too. The posterior mode"
+        " is told nothing. Errors are those at the end of the section; the force balance's time includes the"
+        " integration of the whole record."
+    ),
 )
 
 
@@ -182,7 +218,8 @@ def error_table(study: Study) -> Table:
     return Table(
         headings,
         rows,
-        f"Average errors, Eq (24): this record, median and worst of {len(study.errors)} seeds, and this record by the SIR particle filter",
+        f"Average errors, Eq (24): this record, median and worst of {len(study.errors)} seeds, and this record by the"
+        " SIR particle filter",
     )
 
 

@@ -1,8 +1,8 @@
 """The published study, repeated: ten coefficients at once by the paper's filter, on the reference scenario.
 
-Arm A is given the loads, as the printed equations need them; arm B is not, which shows what they cost. Then: twenty seeds, starts that
-are off by 0.3 to 3 times, sections that start anywhere, the response of the model with the identified coefficients, and every other method
-on the same records.
+Arm A is given the loads, as the printed equations need them; arm B is not, which shows what they cost. Then: twenty
+seeds, starts that are off by 0.3 to 3 times, sections that start anywhere, the response of the model with the
+identified coefficients, and every other method on the same records.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -61,7 +61,8 @@ class Study:
     model_response
         The model with arm A's coefficients, run from the reference's state at the start of the section.
     difference
-        Greatest relative difference between exact Jacobians and the paper's finite differences, over coefficients and samples.
+        Greatest relative difference between exact Jacobians and the paper's finite differences, over coefficients and
+        samples.
     wind
         The same filter under turbulent wind that changes direction between 20 s and 40 s.
     methods

@@ -1,8 +1,9 @@
-"""The study under wind that blows: a change of direction between 20 s and 40 s of the section, and what it does to the estimates.
+"""The study under wind that blows: a change of direction between 20 s and 40 s of the section, and what it does to the
+estimates.
 
-The paper sees its estimates scatter there (Figs 4, 5, 7, 8) and names the direction as the cause, but its equations hold no
-wind. So the same record is identified three times: with the loads that acted, with the loads of the old direction, and with no
-loads. ``python -m windsysid.study.wind --output DIR`` writes two figures and prints the numbers.
+The paper sees its estimates scatter there (Figs 4, 5, 7, 8) and names the direction as the cause, but its equations
+hold no wind. So the same record is identified three times: with the loads that acted, with the loads of the old
+direction, and with no loads. ``python -m windsysid.study.wind --output DIR`` writes two figures and prints the numbers.
 """
 
 import argparse
@@ -68,7 +69,7 @@ SETTLED = 8.0
 
 
 class WindReference(NamedTuple):
-    """A reference record under wind, the wind behind it, and the loads at rest that the old direction would have made."""
+    """A reference record under wind, its wind, and the loads at rest that the old direction would have made."""
 
     reference: Reference
     wind: WindLoads
@@ -135,7 +136,7 @@ def direction_change_study(seed: int = 0) -> DirectionChangeStudy:
 
 
 def simulate_wind_reference(turbine: Turbine, seed: int, direction: Direction) -> WindReference:
-    """The reference scenario's record with loads of turbulent wind, aerodynamic damping included; reproducible for a seed."""
+    """The reference scenario's record under turbulent wind with aerodynamic damping; reproducible for a seed."""
     conditions, aerodynamics = packaged_wind(turbine.name)
     rotor = constant_speed_inputs(turbine.rotor_speed, DURATION, RATE)
     wind = wind_loads(turbine, conditions, aerodynamics, rotor, rate=RATE, direction=direction, seed=seed)
@@ -163,7 +164,7 @@ def _identify(turbine: Turbine, reference: Reference, loads: Array | None) -> Id
 
 
 def direction_change_figure(study: DirectionChangeStudy, names: Sequence[str] = SHOWN) -> Figure:
-    """Direction of the wind and the on-line estimates: left with loads told, right without, dotted where the wind stays."""
+    """Plot wind direction and on-line estimates: left with loads given, right without; dotted in a steady wind."""
     figure = Figure(figsize=(12, 2.5 * len(names) + 2.4), layout="constrained")
     axes = figure.subplots(len(names) + 1, 2, sharex=True, height_ratios=[0.8] + [1.4] * len(names))
     window = slice(round(SECTION[0] * RATE), round(SECTION[1] * RATE))
@@ -248,7 +249,7 @@ def load_spectra_figure(study: DirectionChangeStudy) -> Figure:
 
 
 def peak_ratios(loads: Array, once: float) -> dict[int, float]:
-    """How far the spectrum of loads (T, …) stands above its neighbourhood at 1P, 2P, 3P: peak over the median within ±0.45P."""
+    """Height of the loads' (T, …) spectrum at 1P, 2P, 3P: peak over the median within ±0.45P."""
     frequency, spectrum = _spectrum(loads)
     ratios = {}
     for multiple in (1, 2, 3):
@@ -284,7 +285,8 @@ def summary(study: DirectionChangeStudy) -> str:
     rms = acted.std(axis=0)
     lines = [
         f"wind {conditions.speed:.2f} m/s, turbulence {100 * conditions.turbulence_intensity:.1f} %, "
-        f"direction ±{SPREAD_DEG:g} deg, turning by {study.change_deg:.1f} deg at {WINDOW[0]:g} s and back by {WINDOW[1]:g} s",
+        f"direction ±{SPREAD_DEG:g} deg, turning by {study.change_deg:.1f} deg at {WINDOW[0]:g} s "
+        f"and back by {WINDOW[1]:g} s",
         f"hub wind: std {wind.hub_speed.std():.3f} m/s (target {conditions.std:.3f})",
         "load rms: " + ", ".join(
             f"{name} {value:.1f}" for name, value in zip(study.turbine.model.loads, rms, strict=True)

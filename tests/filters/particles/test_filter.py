@@ -152,7 +152,10 @@ def test_what_is_missing_is_left_out(name: str):
 
 
 def off(model: StateSpace, inputs: np.ndarray, readings: np.ndarray, seeds: int, **options: Any) -> np.ndarray:
-    """Rms over seeds: of the mean's error in Kalman standard deviations, of the ratio of variances − 1, of the log-likelihood's error."""
+    """Rms over seeds of three errors.
+
+    The mean's error in Kalman standard deviations, the ratio of variances − 1, the log-likelihood's error.
+    """
     exact, info = EKF.run(model, EKF.init(model), inputs, readings)
     std = np.sqrt(np.diag(exact.cov))
     errors = []
@@ -246,10 +249,12 @@ def test_the_kernel_keeps_mean_and_covariance():
 
 
 def test_a_bound_truncates_the_posterior():
-    # The Kalman posterior cut off at zero is the exact one: a single coefficient, its likelihood centred below the bound.
+    # The Kalman posterior cut off at zero is the exact one: a single coefficient, its likelihood centred below the
+    # bound.
     a, t = symbols("a t")
     model = compose(
-        Equations("bounded", (), (t,), (a,), (), ()), rate=10.0, values={}, parameters=[Parameter("a", 1.0, 1.0, False)],
+        Equations("bounded", (), (t,), (a,), (), ()), rate=10.0, values={},
+        parameters=[Parameter("a", 1.0, 1.0, False)],
         sensors=(Reads("a", a, 1.0),),
     )  # fmt: skip
     readings = np.random.default_rng(10).standard_normal((100, 1)) - 0.1

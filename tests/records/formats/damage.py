@@ -5,9 +5,11 @@ import math
 import numpy as np
 
 CELLS = [
-    b"abc", b"True", b"1e400", b"-1e400", b"1e308", b"-1e308", b"1,5", b"1.5.2", b"", b" ", b"inf", b"-Infinity", b"--", b"0x1F",
+    b"abc", b"True", b"1e400", b"-1e400", b"1e308", b"-1e308", b"1,5", b"1.5.2", b"", b" ", b"inf", b"-Infinity",
+    b"--", b"0x1F",
     b"1_0", b"2021-01-01", b"2021-07-07T12:00:00Z", "１".encode(), b'"', b'""', b"'1'", b"#", b"%1", b"nan", b"NULL",
-    b"\xef\xbb\xbf1", b"1 2", b"1;2", b"1\t2", b"1,234", b"1.234,5", b"1e", b"+", b"\xff", b"\xb2", b"1" * 400, b"5e-324",
+    b"\xef\xbb\xbf1", b"1 2", b"1;2", b"1\t2", b"1,234", b"1.234,5", b"1e", b"+", b"\xff", b"\xb2",
+    b"1" * 400, b"5e-324",
     b"1d3", b"(1)", b"$1", b"1%", b"1\x0b", b"\x0c", b"\xc2\xa01", b"9" * 5000,
 ]  # fmt: skip
 

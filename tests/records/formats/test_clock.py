@@ -18,15 +18,23 @@ def of(folder, cells, header="time", mapping=None):
 @pytest.mark.parametrize(
     ("cells", "header", "mapping", "start"),
     [
-        (["2021-07-07T12:00:00Z", "2021-07-07T12:00:00.5Z", "2021-07-07T12:00:01Z"], "time", None, "2021-07-07T12:00:00Z"),
-        (["2021-07-07 12:00:00+02:00", "2021-07-07 12:00:00.5+02:00", "2021-07-07 10:00:01Z"], "TIMESTAMP", None, "2021-07-07T12:00:00+02:00"),
-        (["2021-07-07 12:00:00", "2021-07-07 12:00:00,5", "2021-07-07 12:00:01"], "time [UTC]", None, "2021-07-07T12:00:00Z"),
-        (["2021-07-07 12:00:00", "2021-07-07 12:00:00.5", "2021-07-07 12:00:01"], "time", '[time]\nzone = "Europe/Stockholm"', "2021-07-07T12:00:00+02:00"),
-        (["07.07.2021 12:00:00.0", "07.07.2021 12:00:00.5", "07.07.2021 12:00:01.0"], "time", '[time]\nformat = "%d.%m.%Y %H:%M:%S.%f"\nzone = "UTC"', "2021-07-07T12:00:00Z"),
-        (["44384.5", "44384.500005787037", "44384.500011574074"], "time [d]", '[time]\nzone = "UTC"', "2021-07-07T12:00:00Z"),
-        (["738344.5", "738344.500005787037", "738344.500011574074"], "time", '[time]\nformat = "matlab"\nzone = "UTC"', "2021-07-07T12:00:00Z"),
+        (["2021-07-07T12:00:00Z", "2021-07-07T12:00:00.5Z", "2021-07-07T12:00:01Z"], "time", None,
+        "2021-07-07T12:00:00Z"),
+        (["2021-07-07 12:00:00+02:00", "2021-07-07 12:00:00.5+02:00", "2021-07-07 10:00:01Z"], "TIMESTAMP", None,
+        "2021-07-07T12:00:00+02:00"),
+        (["2021-07-07 12:00:00", "2021-07-07 12:00:00,5", "2021-07-07 12:00:01"], "time [UTC]", None,
+        "2021-07-07T12:00:00Z"),
+        (["2021-07-07 12:00:00", "2021-07-07 12:00:00.5", "2021-07-07 12:00:01"], "time",
+        '[time]\nzone = "Europe/Stockholm"', "2021-07-07T12:00:00+02:00"),
+        (["07.07.2021 12:00:00.0", "07.07.2021 12:00:00.5", "07.07.2021 12:00:01.0"], "time",
+        '[time]\nformat = "%d.%m.%Y %H:%M:%S.%f"\nzone = "UTC"', "2021-07-07T12:00:00Z"),
+        (["44384.5", "44384.500005787037", "44384.500011574074"], "time [d]", '[time]\nzone = "UTC"',
+        "2021-07-07T12:00:00Z"),
+        (["738344.5", "738344.500005787037", "738344.500011574074"], "time", '[time]\nformat = "matlab"\nzone = "UTC"',
+        "2021-07-07T12:00:00Z"),
         (["1625659200", "1625659200.5", "1625659201"], "time", '[time]\nformat = "unix"', "2021-07-07T12:00:00Z"),
-        (["3708504000000", "3708504000500", "3708504001000"], "time", '[time]\nformat = "labview"\nunit = "ms"', "2021-07-07T12:00:00Z"),
+        (["3708504000000", "3708504000500", "3708504001000"], "time", '[time]\nformat = "labview"\nunit = "ms"',
+        "2021-07-07T12:00:00Z"),
     ],
 )  # fmt: skip
 def test_moments_become_seconds_from_the_first_sample(tmp_path, cells, header, mapping, start):
@@ -64,8 +72,10 @@ def test_days_without_a_unit_are_recognised_only_where_seconds_are_out_of_the_qu
     [
         (["2021-10-31 02:59:59", "2021-10-31 02:00:00"], None, "runs backwards at line 3.*02:59:59.*02:00:00.*zone"),
         (["2021-10-31 02:59:59", "2021-10-31 02:59:59"], None, "repeated at line 3"),
-        (["2021-10-31 01:59:59", "2021-10-31 02:00:00"], '[time]\nzone = "Europe/Stockholm"', "at line 3 occurs twice or not at all in Europe/Stockholm"),
-        (["2021-03-28 01:59:59", "2021-03-28 02:00:00"], '[time]\nzone = "Europe/Stockholm"', "at line 3 occurs twice or not at all"),
+        (["2021-10-31 01:59:59", "2021-10-31 02:00:00"], '[time]\nzone = "Europe/Stockholm"',
+        "at line 3 occurs twice or not at all in Europe/Stockholm"),
+        (["2021-03-28 01:59:59", "2021-03-28 02:00:00"], '[time]\nzone = "Europe/Stockholm"',
+        "at line 3 occurs twice or not at all"),
         (["07.07.2021 12:00", "07.07.2021 12:01"], None, "no ISO time.*format ="),
         (["12:00:00", "12:00:01"], None, "has no date"),
         (["2021-07-07 12:00:00", "2021-07-07 12:00:01Z"], None, "line 3 is not an ISO time without a zone"),
@@ -138,8 +148,10 @@ def test_a_mapping_says_the_start_that_the_file_does_not(tmp_path, mapping, star
     ("cells", "mapping", "message"),
     [
         (["0", "1"], 'start = "noon"', "start: expected a date and time such as .*got 'noon'"),
-        (["2021-07-07 12:00:00", "2021-07-07 12:00:01"], 'start = "2021-07-07T12:00:00Z"', "the file itself says that it starts at"),
-        (["0", "1"], 'start = "2021-10-31T02:30:00"\nzone = "Europe/Stockholm"', "occurs twice or not at all in Europe/Stockholm"),
+        (["2021-07-07 12:00:00", "2021-07-07 12:00:01"], 'start = "2021-07-07T12:00:00Z"',
+        "the file itself says that it starts at"),
+        (["0", "1"], 'start = "2021-10-31T02:30:00"\nzone = "Europe/Stockholm"',
+        "occurs twice or not at all in Europe/Stockholm"),
     ],
 )  # fmt: skip
 def test_a_start_that_is_in_doubt_is_refused(tmp_path, cells, mapping, message):

@@ -310,8 +310,9 @@ def test_openfast_channels_come_under_our_names_signs_and_units(openfast):
         assert record[name][:2] == pytest.approx(values), name
 
 
-# OpenFAST's axes as its documentation names them, in x downwind, y left looking downwind, z up, and the rotor at rest with blade 1 up.
-# Blade 1 stands up (+z) and moves to the right as seen downwind (-y), because the rotor turns clockwise as seen downwind.
+# OpenFAST's axes as its documentation names them, in x downwind, y left looking downwind, z up, and the rotor at rest
+# with blade 1 up. Blade 1 stands up (+z) and moves to the right as seen downwind (-y), because the rotor turns
+# clockwise as seen downwind.
 DOWNWIND, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 BLADE_1_GOES = np.cross(DOWNWIND, [0.0, 0.0, 1.0])  # clockwise as seen downwind: about +x by the right-hand rule
 LAG = -BLADE_1_GOES  # y of the blade's axes: what OpenFAST calls positive in the rotor plane is against the rotation
@@ -321,10 +322,11 @@ AXES = {
     "YawBrRDxt": DOWNWIND, "RootMxb1": DOWNWIND, "RootMxc1": DOWNWIND, "RotSpeed": DOWNWIND,  # vectors of a rotation
     "TipALyb1": LAG, "TipALgyb1": LAG, "IPDefl1": LAG,
 }  # fmt: skip
-# Ours, seen upwind: x to the right, y up, z towards the viewer, so x is OpenFAST's y and z its x; turning is counted about z.
+# Ours, seen upwind: x to the right, y up, z towards the viewer, so x is OpenFAST's y and z its x; turning is counted
+# about z.
 OUR_X, OUR_Z = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
-OUR_AXES = {"tower_x": OUR_X, "nacelle_x": OUR_X, "tower_z": OUR_Z, "wind_speed": OUR_Z, "tower_roll": OUR_Z, "rotor_speed": OUR_Z,
-            "blade_1_root": OUR_Z, "blade_1_tip": np.cross(OUR_Z, [0.0, 0.0, 1.0])}  # fmt: skip
+OUR_AXES = {"tower_x": OUR_X, "nacelle_x": OUR_X, "tower_z": OUR_Z, "wind_speed": OUR_Z, "tower_roll": OUR_Z,
+            "rotor_speed": OUR_Z, "blade_1_root": OUR_Z, "blade_1_tip": np.cross(OUR_Z, [0.0, 0.0, 1.0])}  # fmt: skip
 
 
 def test_every_openfast_channel_has_the_sign_of_the_documented_frames(tmp_path):

@@ -51,7 +51,10 @@ def table(
     return end.join(lines) + end
 
 
-TOA5 = '"TOA5","mast","CR1000X","1","s","p","9","fast"\r\n"TIMESTAMP","a","b","c"\r\n"TS","m","rad",""\r\n"","Smp","Smp","Smp"'
+TOA5 = (
+    '"TOA5","mast","CR1000X","1","s","p","9","fast"\r\n"TIMESTAMP","a","b","c"\r\n'
+    '"TS","m","rad",""\r\n"","Smp","Smp","Smp"'
+)
 DIALECTS = {  # name: (content, delimiter, decimal, encoding, times are text)
     "comma": (table(",", "."), ",", ".", "utf-8", False),
     "comma, CRLF, mark": (table(",", ".", "\r\n"), ",", ".", "utf-8-sig", False),

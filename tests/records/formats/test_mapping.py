@@ -51,7 +51,10 @@ def test_how_text_is_written_can_be_said(tmp_path):
     )
     path = write(tmp_path, messy.replace("0,000;", "0,000;", 1), encoding="latin-1")
     refused(path, "first column is")
-    toml = 'only_listed = true\n[csv]\ndelimiter = ";"\ndecimal = ","\nheader_row = 3\nencoding = "latin-1"\n[channels.a]\n[channels.b]\n'
+    toml = (
+        'only_listed = true\n[csv]\ndelimiter = ";"\ndecimal = ","\nheader_row = 3\nencoding ='
+        ' "latin-1"\n[channels.a]\n[channels.b]\n'
+    )
     record = mapped(tmp_path, path, toml)
     np.testing.assert_array_equal(record.values, np.column_stack([table()[1][:, 0], table()[1][:, 1] * 1e3]))
     missing = mapped(tmp_path, write(tmp_path, "time,a\n0,-9999\n1,2\n"), '[csv]\nmissing = ["-9999"]\n')

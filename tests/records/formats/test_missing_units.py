@@ -1,4 +1,4 @@
-"""No unit is guessed: a channel whose name says a quantity has a unit in the file or in the mapping, or the file is refused."""
+"""No unit is guessed: the file or the mapping gives a channel's unit, or the file is refused."""
 
 import math
 

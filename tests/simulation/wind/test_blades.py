@@ -100,7 +100,7 @@ def test_a_change_of_direction_is_seen_in_the_loads_and_nowhere_else(verne555: T
 
 
 def test_wind_from_the_side_is_a_hub_that_moves_against_it(verne555: Turbine):
-    """δ > 0 blows towards +x: blades feel what a hub moving towards −x feels, in wind that is weaker across the rotor."""
+    """δ > 0 blows towards +x: blades feel what a hub moving towards −x feels, in wind weaker across the rotor."""
     psi, delta = np.linspace(0.0, 6.0, 40), np.deg2rad(20.0)
     speed, wind = np.full(40, verne555.rotor_speed), np.full((40, 3, 3), CALM.speed)
     velocity = np.zeros((40, 5))

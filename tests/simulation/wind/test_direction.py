@@ -9,7 +9,8 @@ from windsysid.simulation.wind import Change, Direction, simulate_direction
 
 def test_direction_reverts_to_its_mean_with_its_time_constant():
     delta = np.rad2deg(simulate_direction(Direction(10.0, 5.0, 4.0), 200_000, rate=10.0, seed=3))
-    # 20 000 s of a process with τ = 4 s: 2 500 independent pieces, so 2 % on mean/σ and 1.4 % on σ, three times which is allowed.
+    # 20 000 s of a process with τ = 4 s: 2 500 independent pieces, so 2 % on mean/σ and 1.4 % on σ, three times which
+    # is allowed.
     assert delta.mean() == pytest.approx(10.0, abs=0.3)
     assert delta.std() == pytest.approx(5.0, rel=0.05)
     lagged = np.corrcoef(delta[:-40], delta[40:])[0, 1]

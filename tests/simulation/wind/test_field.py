@@ -37,8 +37,9 @@ def turning():
 def test_the_spectrum_at_fixed_points_is_kaimals(standing):
     f, spectra = welch(standing.blades.reshape(SAMPLES, -1).T, RATE, nperseg=2048)
     ratio = spectra.mean(axis=0) / kaimal_spectrum(f, WIND)
-    # 57 pieces at half overlap are worth 38; a band of n lines of one point has the std 1/√(38 n): 2.4 % for the 46 lines of the
-    # first, where the twelve points are nearly one, 0.2 to 0.5 % for the others, where they are many. Three to four of them.
+    # 57 pieces at half overlap are worth 38; a band of n lines of one point has the std 1/√(38 n): 2.4 % for the 46
+    # lines of the first, where the twelve points are nearly one, 0.2 to 0.5 % for the others, where they are many.
+    # Three to four of them.
     for low, high, bound in ((0.05, 0.5, 0.10), (0.5, 2.0, 0.03), (2.0, 5.0, 0.02), (5.0, 9.9, 0.02)):
         assert abs(ratio[(f >= low) & (f < high)].mean() - 1.0) < bound, (low, high)
 
@@ -59,7 +60,8 @@ def test_coherence_has_the_iecs_closed_form():
 
 
 def test_the_variance_is_the_intensitys(standing):
-    # In the mean of 3000 s; what lies above 10 Hz (2 %) and below 1/3000 s is not there. σ of the record's variance: 3 %.
+    # In the mean of 3000 s; what lies above 10 Hz (2 %) and below 1/3000 s is not there. σ of the record's variance: 3
+    # %.
     captured = 1.0 - (1.0 + 6.0 * RATE / 2.0 * WIND.length_scale / WIND.speed) ** (-2.0 / 3.0)
     assert 0.97 < captured < 0.99
     for values in (standing.hub, standing.blades):
@@ -81,7 +83,8 @@ def test_the_hub_is_a_point_of_the_same_field(standing):
 def _compare_coherence(a: np.ndarray, b: np.ndarray, separation: float) -> None:
     f, cross = csd(a, b, RATE, nperseg=512)
     measured = cross.real / np.sqrt(welch(a, RATE, nperseg=512)[1] * welch(b, RATE, nperseg=512)[1])
-    # 234 pieces at half overlap (two thirds of them independent), averaged over bands: std of a coherence γ is (1 − γ²)/√(2 · 150 n).
+    # 234 pieces at half overlap (two thirds of them independent), averaged over bands: std of a coherence γ is (1 −
+    # γ²)/√(2 · 150 n).
     for low, high in ((0.1, 0.25), (0.25, 0.6), (0.6, 1.5), (1.5, 4.0)):
         band = (f >= low) & (f < high)
         target = coherence(f[band], separation, WIND).mean()
@@ -95,7 +98,9 @@ def test_a_turning_point_sees_the_spectrum_of_theory(turning):
     f = np.geomspace(1e-4, RATE / 2.0, 3000)
     weights = np.gradient(f) * kaimal_spectrum(f, WIND)
     chord = 4.0 * np.abs(np.sin(np.pi * ONCE * lags))
-    covariance = np.array([np.sum(weights * coherence(f, c, WIND) * np.cos(2 * np.pi * f * t)) for c, t in zip(chord, lags, strict=True)])  # fmt: skip
+    covariance = np.array(
+        [np.sum(weights * coherence(f, c, WIND) * np.cos(2 * np.pi * f * t)) for c, t in zip(chord, lags, strict=True)]
+    )
     # Welch's expectation: the covariance times the window's own correlation.
     window = np.hanning(pieces + 1)[:-1]
     taper = np.correlate(window, window, "full")[pieces - 1 :] / np.sum(window**2)
@@ -128,7 +133,12 @@ def test_the_same_seed_gives_the_same_wind_and_another_seed_another():
 
 def test_a_record_does_not_end_where_it_began():
     # The transform's own period is longer: over 200 seeds, first and last sample of 120 s are as good as independent.
-    ends = np.array([rotating_turbulence(WIND, np.zeros(600), (1.0,), rate=5.0, seed=s, harmonics=1).hub[[0, -1]] for s in range(200)])  # fmt: skip
+    ends = np.array(
+        [
+            rotating_turbulence(WIND, np.zeros(600), (1.0,), rate=5.0, seed=s, harmonics=1).hub[[0, -1]]
+            for s in range(200)
+        ]
+    )
     assert abs(np.corrcoef(ends.T)[0, 1]) < 0.25  # 3.5/√200
 
 
@@ -150,7 +160,8 @@ def test_the_tower_shadows_a_blade_that_points_down_and_no_other():
         assert np.rad2deg(deepest) == pytest.approx(-90.0, abs=0.11)
         assert wind[:, blade].min() == pytest.approx(1.0 - (0.06 / 0.4) ** 2, rel=1e-6)
         np.testing.assert_array_equal(wind[theta > 0.01, blade], 1.0)
-    # Potential flow: where the blade is as far beside the tower as the rotor is upwind of it, nothing; further out a little faster.
+    # Potential flow: where the blade is as far beside the tower as the rotor is upwind of it, nothing; further out a
+    # little faster.
     assert tower_shadow(shadowed, -np.arccos(0.4 / 1.5), 1.5) == pytest.approx(1.0, abs=1e-12)
     assert tower_shadow(shadowed, -0.5, 1.5) > 1.0
 

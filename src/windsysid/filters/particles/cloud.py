@@ -68,7 +68,10 @@ class Cloud(NamedTuple):
 
 
 def weighted_quantiles(values: Array, weights: Array, probabilities: ArrayLike) -> Array:
-    """Quantiles of weighted values (n, N) with weights (N,): the least value whose share of weight reaches the probability, (p, n)."""
+    """Quantiles (p, n) of weighted values (n, N) with weights (N,).
+
+    A quantile is the least value whose cumulative weight reaches the probability.
+    """
     p = np.atleast_1d(np.asarray(probabilities, dtype=np.float64))
     out = np.empty((p.size, len(values)))
     for j, row in enumerate(values):
@@ -99,7 +102,8 @@ def reflected(values: Array, low: float, high: float) -> Array:
 
 
 def linear_entries(model: StateSpace) -> NDArray[np.int64] | None:
-    """Where a model without motion is linear in its state: (reading, state) of its coefficients, ordered; None where it is not.
+    """Where a model without motion is linear in its state: (reading, state) of its coefficients, ordered; None where it
+    is not.
 
     It is tried at random points, where only linear functions pass.
     """
@@ -133,7 +137,10 @@ def linear_entries(model: StateSpace) -> NDArray[np.int64] | None:
 
 
 class _Address(types.WrapperAddressProtocol):  # type: ignore[misc]
-    """A compiled function as an argument. Of a dispatcher Numba looks the address up in every call, which takes longer than a short block."""
+    """The address of a compiled function, to be passed as an argument.
+
+    Numba looks up a dispatcher's address in every call, which takes longer than a short block.
+    """
 
     def __init__(self, function: Any, kind: Any) -> None:
         compiled = function.get_compile_result(kind)

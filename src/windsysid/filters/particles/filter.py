@@ -6,20 +6,21 @@ The belief is N particles with log-weights, no Gaussian. For every sample
     predict   x ← f(x, η) particle by particle, η drawn: motion by values alone, loads, biases and parameters that walk
     update    log w ← log w + log p(y | x),     log p(y_k | y_1 …) = log Σ w − log Σ w before.
 
-Parameters do not move, so resampling alone leaves ever fewer values of them. They are therefore drawn anew from a kernel around their
-ancestors, shrunk towards the mean so that mean and covariance V of the cloud stay what they are (Liu & West),
+Parameters do not move, so resampling alone leaves ever fewer values of them. They are therefore drawn anew from a
+kernel around their ancestors, shrunk towards the mean so that mean and covariance V of the cloud stay what they are
+(Liu & West),
 
     θ ← a θ + (1 − a) θ̄ + h V^½ ε,     a = (3δ − 1) / 2δ,     h² = 1 − a²,
 
-where a plain random walk would add variance without end. Where nothing moves but the parameters, a sample that says too much at once is taken in
-by parts, p(y | x)^φ with Σφ = 1, resampling in between (tempering).
+where a plain random walk would add variance without end. Where nothing moves but the parameters, a sample that says too
+much at once is taken in by parts, p(y | x)^φ with Σφ = 1, resampling in between (tempering).
 
-The random numbers are counted, not drawn in turn (`windsysid.kernels.philox`): the result depends on the seed and on nothing else, however many
-threads there are. Particles go through a block of samples in chunks, as if no resampling were due; where one was, the block is taken back and
-run again to that sample, to the same digits.
+The random numbers are counted, not drawn in turn (`windsysid.kernels.philox`): the result depends on the seed and on
+nothing else, however many threads there are. Particles go through a block of samples in chunks, as if no resampling
+were due; where one was, the block is taken back and run again to that sample, to the same digits.
 
-Source: Chopin & Papaspiliopoulos, An Introduction to Sequential Monte Carlo (2020), ch. 10 and 17; Liu & West, in Sequential Monte Carlo
-Methods in Practice (2001), ch. 10; Gordon, Salmond & Smith, IEE Proceedings F 140(2), 1993.
+Source: Chopin & Papaspiliopoulos, An Introduction to Sequential Monte Carlo (2020), ch. 10 and 17; Liu & West, in
+Sequential Monte Carlo Methods in Practice (2001), ch. 10; Gordon, Salmond & Smith, IEE Proceedings F 140(2), 1993.
 """
 
 import math
@@ -74,9 +75,11 @@ _NO_ENTRIES = np.empty((0, 2), dtype=np.int64)
 
 @dataclass(frozen=True)
 class ParticleFilter:
-    """Sequential importance resampling with the protocol of `windsysid.filters.Filter`: init, predict, update, step, run.
+    """Sequential importance resampling with the protocol of `windsysid.filters.Filter`: init, predict, update, step,
+    run.
 
-    Beliefs are `Cloud`s; `step` is `run` with one sample, bit for bit, and results do not depend on the number of threads.
+    Beliefs are `Cloud`s; `step` is `run` with one sample, bit for bit, and results do not depend on the number of
+    threads.
 
     Attributes
     ----------
@@ -89,15 +92,17 @@ class ParticleFilter:
     threshold
         Share of N below which the effective sample size makes the filter resample.
     discount
-        δ of Liu and West's kernel for biases and parameters, ⅓ < δ ≤ 1; 1 draws nothing anew. The default suits posteriors with one
-        summit, as coefficients have; where there may be several, 0.99 keeps them apart, and takes more particles.
+        δ of Liu and West's kernel for biases and parameters, ⅓ < δ ≤ 1; 1 draws nothing anew. The default suits
+        posteriors with one summit, as coefficients have; where there may be several, 0.99 keeps them apart, and takes
+        more particles.
     tempering
         Whether, where only parameters are unknown, a sample may be taken in by parts.
     freedom
-        Degrees of freedom of Student t sensors, for all or by channel; a sensor's noise is then the scale of its distribution. Gaussian by
-        default.
+        Degrees of freedom of Student t sensors, for all or by channel; a sensor's noise is then the scale of its
+        distribution. Gaussian by default.
     bounds
-        Least and greatest value in SI of parameters that have any: the prior is truncated there, and nothing is drawn beyond.
+        Least and greatest value in SI of parameters that have any: the prior is truncated there, and nothing is drawn
+        beyond.
     threads
         As many as there are processors, by default.
 
@@ -183,7 +188,7 @@ class ParticleFilter:
         self, model: StateSpace, belief: Cloud, inputs: Array, readings: Array, *, every: int = 100,
         probabilities: ArrayLike = (0.02275, 0.5, 0.97725),
     ) -> tuple[Cloud, ParticleInfo, Array]:  # fmt: skip
-        """As `run`, and the weighted quantiles of the state after each `every` samples (T // every, probabilities, n)."""
+        """As `run`, and the state's weighted quantiles after each `every` samples (T // every, probabilities, n)."""
         parts, quantiles = [], []
         for first in range(0, max(len(inputs), 1), every):
             part = slice(first, first + every)
@@ -203,15 +208,18 @@ class ParticleFilter:
         samples, n, m = len(inputs), len(model.states), len(model.readings)
         if inputs.shape != (samples, len(model.inputs)) or readings.shape != (samples, m):
             raise ValueError(
-                f"expected inputs (T, {len(model.inputs)}) and readings (T, {m}), got {inputs.shape} and {readings.shape}"
+                f"expected inputs (T, {len(model.inputs)}) and readings (T, {m}), got {inputs.shape} and"
+                f" {readings.shape}"
             )
         if np.isfinite(model.blocks.gate[0]):
             raise ConfigurationError("gate: a particle filter has none: give `freedom`, for sensors with outliers")
         run = _Run(self, model, belief, moves)
         states, missing = (samples, n), np.full((samples, m), np.nan)
         info = ParticleInfo(
-            np.empty(states), np.empty(states), missing, missing.copy(), missing.copy(), missing.copy(), np.empty(samples),
-            np.zeros((samples, m), dtype=np.bool_), np.empty(samples), np.zeros(samples, dtype=np.int64), np.full(samples, self.particles),
+            np.empty(states), np.empty(states), missing, missing.copy(), missing.copy(), missing.copy(),
+            np.empty(samples),
+            np.zeros((samples, m), dtype=np.bool_), np.empty(samples), np.zeros(samples, dtype=np.int64),
+            np.full(samples, self.particles),
         )  # fmt: skip
         run.through(inputs, readings, info)
         last = inputs[-1].copy() if samples else belief.inputs
@@ -312,7 +320,10 @@ class _Run:
             self.reached += samples if self.moves else 0
 
     def _advance(self, inputs: Array, readings: Array, block: slice, *, moves: bool | None = None) -> dict[str, Array]:
-        """Take particles and log-weights through a block without resampling; what is known before its first sample and after each."""
+        """Take particles and log-weights through a block without resampling.
+
+        Returns what is known before its first sample and after each of its samples.
+        """
         samples, (n, m) = block.stop - block.start, (len(self.particles), len(self.noise))
         rows = self._rows(inputs, block)
         chunks = self.shares[-1][1]
@@ -323,7 +334,8 @@ class _Run:
 
         def run(share: tuple[int, int], space: Workspace) -> None:
             advance_kernel()(
-                *self.functions, self.model.blocks, space, self.key, number, *share, self.reached > 0, moving, self.particles, self.log_weights,
+                *self.functions, self.model.blocks, space, self.key, number, *share, self.reached > 0, moving,
+                self.particles, self.log_weights,
                 self.centre, self.inputs, inputs[block], readings[block], self.freedom, rows, entries, sums,
             )  # fmt: skip
 
@@ -356,7 +368,8 @@ class _Run:
         n, m = len(self.particles), len(self.noise)
         found = {
             "log_total": np.empty(1 + samples), "effective": np.empty(1 + samples), "mean": np.empty((1 + samples, n)),
-            "variance": np.empty((1 + samples, n)), "off": np.empty((samples, m)), "off_variance": np.empty((samples, m)),
+            "variance": np.empty((1 + samples, n)), "off": np.empty((samples, m)),
+            "off_variance": np.empty((samples, m)),
         }  # fmt: skip
         combine_kernel()(sums, self.centre, *found.values())
         return found

@@ -1,11 +1,11 @@
 """The inner loops of the particle filter: chunks of particles, taken through a block of samples.
 
-Particles are an array (n, N), so that a loop over the particles of a chunk is vector code. A chunk knows nothing of the others: what
-they have in common, sums over the weights, comes out per sample and chunk and is added up afterwards in the chunks' order. Which
-thread ran a chunk therefore changes nothing.
+Particles are an array (n, N), so that a loop over the particles of a chunk is vector code. A chunk knows nothing of the
+others: what they have in common, sums over the weights, comes out per sample and chunk and is added up afterwards in
+the chunks' order. Which thread ran a chunk therefore changes nothing.
 
-With w̃ the weights before a sample, relative to the chunk's largest, and r the readings minus those expected of each particle, a row of
-sums holds
+With w̃ the weights before a sample, relative to the chunk's largest, and r the readings minus those expected of each
+particle, a row of sums holds
 
     largest log-weight, Σw, Σw², Σ w (x − c), Σ w (x − c)²    after the sample, c being the cloud's centre,
     Σ w̃ r, Σ w̃ r²                                            before it.
@@ -45,11 +45,12 @@ _KEY, _index = types.uint64[::1], types.int64[:, ::1]
 def advance_kernel() -> Any:
     """Take some chunks of particles through a block of samples.
 
-    Arguments: the model's rates and reading, its `Blocks` and a `Workspace`; the seed's key; the first sample's number, chunks from … to; whether the state
-    has been moved before, and whether it moves now; the particles (n, N) and log-weights (N,), changed in place; the centre (n,); inputs at the
-    state's own time, inputs (T, ·) and readings (T, m); degrees of freedom of each sensor (m,), ∞ for Gaussian ones; for a linear model its
-    rows at each sample (T, m, 1 + n), otherwise none, and (column, reading) of those that differ from zero, ordered by reading; sums
-    (1 + T, chunks, 3 + 2 n + 2 m), the first row being what held before the first sample.
+    Arguments: the model's rates and reading, its `Blocks` and a `Workspace`; the seed's key; the first sample's number,
+    chunks from … to; whether the state has been moved before, and whether it moves now; the particles (n, N) and
+    log-weights (N,), changed in place; the centre (n,); inputs at the state's own time, inputs (T, ·) and readings (T,
+    m); degrees of freedom of each sensor (m,), ∞ for Gaussian ones; for a linear model its rows at each sample (T, m, 1
+    + n), otherwise none, and (column, reading) of those that differ from zero, ordered by reading; sums (1 + T, chunks,
+    3 + 2 n + 2 m), the first row being what held before the first sample.
     """
     value = types.FunctionType(VALUE)
     return compiled(
@@ -62,7 +63,8 @@ def advance_kernel() -> Any:
 
 
 def _advance(
-    rates: Any, reading: Any, blocks: Any, ws: Any, key: Any, number: int, first: int, last: int, started: bool, moves: bool,
+    rates: Any, reading: Any, blocks: Any, ws: Any, key: Any, number: int, first: int, last: int, started: bool,
+    moves: bool,
     particles: Any, log_weights: Any, centre: Any, previous: Any, inputs: Any, readings: Any, freedom: Any,
     rows: Any, entries: Any, sums: Any,
 ) -> None:  # fmt: skip
@@ -227,7 +229,10 @@ def _largest(values: Any) -> float:
 
 @lru_cache(maxsize=1)
 def sums_kernel() -> Any:
-    """Of particles (n, N) with log-weights (N,) about a centre (n,): a row of sums (1, chunks, 3 + 2 n + …), without those of readings."""
+    """Sums (1, chunks, 3 + 2 n + …) over particles (n, N) with log-weights (N,) about a centre (n,).
+
+    The sums of readings are left out.
+    """
     return compiled(_sums, types.void(_matrix, _vector, _vector, _cube))
 
 
@@ -241,8 +246,9 @@ def _sums(particles: Any, log_weights: Any, centre: Any, sums: Any) -> None:
 
 @lru_cache(maxsize=1)
 def combine_kernel() -> Any:
-    """Sums of chunks (1 + T, chunks, ·) → log Σw and effective sample size (1 + T,); mean, variance (1 + T, n); for each reading mean and
-    variance of its deviation from what was expected (T, m). The centre (n,) comes before the results.
+    """Sums of chunks (1 + T, chunks, ·) → log Σw and effective sample size (1 + T,); mean, variance (1 + T, n); for
+    each reading mean and variance of its deviation from what was expected (T, m). The centre (n,) comes before the
+    results.
     """
     return compiled(_combine, types.void(_cube, _vector, _vector, _vector, _matrix, _matrix, _matrix, _matrix))
 
@@ -287,7 +293,10 @@ def _combine(
 
 @lru_cache(maxsize=1)
 def rows_kernel() -> Any:
-    """For a model that is linear in its state: derivatives of the readings and, last, their values at zero, at each sample (T, m, n + 1)."""
+    """Derivatives and, last, values at zero of the readings at each sample (T, m, n + 1).
+
+    For a model whose readings are linear in its state.
+    """
     return compiled(_rows, types.void(types.FunctionType(JACOBIAN), BLOCKS, WORKSPACE, _matrix, _cube))
 
 
@@ -305,7 +314,8 @@ def _rows(reading_jacobian: Any, blocks: Any, ws: Any, inputs: Any, rows: Any) -
 
 @lru_cache(maxsize=1)
 def temper_kernel() -> Any:
-    """How much of a sample's log-likelihoods (N,) log-weights (N,) can take in before the effective sample size falls to a given number.
+    """How much of a sample's log-likelihoods (N,) log-weights (N,) can take in before the effective sample size falls
+    to a given number.
 
     Arguments: log-weights, log-likelihoods, what is left to take in (0 … 1], the number.
     """
@@ -339,10 +349,11 @@ def _effective(log_weights: Any, likelihoods: Any, part: float) -> float:
 
 @lru_cache(maxsize=1)
 def renew_kernel() -> Any:
-    """Liu and West's kernel: weights (N,), a, ancestors (N,), normal numbers (≥ n, N), values (n, N) and the new values (n, N).
+    """Liu and West's kernel: weights (N,), a, ancestors (N,), normal numbers (≥ n, N), values (n, N) and the new values
+    (n, N).
 
-    The new values are drawn, then moved by the affine map that gives them the weighted mean and covariance of the old ones: what the
-    draw itself would add to their error is taken out again.
+    The new values are drawn, then moved by the affine map that gives them the weighted mean and covariance of the old
+    ones: what the draw itself would add to their error is taken out again.
     """
     return compiled(_renew, types.void(_vector, types.float64, types.int64[::1], _matrix, _matrix, _matrix))
 
@@ -410,7 +421,10 @@ def _moments(values: Any, weights: Any, mean: Any, root: Any) -> None:
 
 @inlined
 def _cholesky(cov: Any, root: Any) -> None:
-    """Transposed root (n, n) of a covariance of which the upper triangle is read: row j is column j of L; zero where `cov` is singular."""
+    """Transposed root (n, n) of a covariance whose upper triangle is read; zero where `cov` is singular.
+
+    Row j is column j of L.
+    """
     n = root.shape[0]
     for j in range(n):
         for i in range(j, n):

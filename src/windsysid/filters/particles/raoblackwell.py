@@ -1,16 +1,19 @@
-"""The Rao–Blackwellised particle filter: particles on the parameters, and for each of them a Kalman filter on all the rest.
+"""The Rao–Blackwellised particle filter: particles on the parameters, and for each of them a Kalman filter on all the
+rest.
 
 Given the parameters θ, motion, loads and biases are nearly linear and Gaussian, and need no particles:
 
     p(x_k, θ | y) = Σ_n W_n δ(θ − θ_n) N(x_k; m_n, P_n),     W_n ∝ Π_k N(y_k; ŷ_n, S_n),
 
-with the extended Kalman filter of every θ_n run side by side in a bank (`windsysid.filters.bank`). A particle is then a whole filter, and
-some hundred of them do what no number of particles on the motion itself could: an accelerometer tells more of a load at one sample than
-the load's own wandering hides. When particles are resampled, θ is drawn from Liu and West's kernel and keeps its ancestor's m and P.
+with the extended Kalman filter of every θ_n run side by side in a bank (`windsysid.filters.bank`). A particle is then a
+whole filter, and some hundred of them do what no number of particles on the motion itself could: an accelerometer tells
+more of a load at one sample than the load's own wandering hides. When particles are resampled, θ is drawn from Liu and
+West's kernel and keeps its ancestor's m and P.
 
 Sensors are Gaussian here. The scale of a Student t sensor would have to be drawn for each particle at each sample.
 
-Source: Doucet, de Freitas, Murphy & Russell, UAI 2000; Särkkä & Svensson, Bayesian Filtering and Smoothing (2nd ed.), ch. 11.
+Source: Doucet, de Freitas, Murphy & Russell, UAI 2000; Särkkä & Svensson, Bayesian Filtering and Smoothing (2nd ed.),
+ch. 11.
 """
 
 import math
@@ -99,7 +102,8 @@ class MixtureInfo(NamedTuple):
     mean, std
         Of the parameters after each sample (T, n_θ).
     whitened
-        Innovations through the mixture's own distribution to unit normals, reading by reading (T, m); NaN where missing.
+        Innovations through the mixture's own distribution to unit normals, reading by reading (T, m); NaN where
+        missing.
     log_likelihood
         Log density of the readings of each sample given the past (T,).
     effective, resamplings, survivors
@@ -173,7 +177,8 @@ class RaoBlackwellised:
 
     def _plain(self) -> ParticleFilter:
         return ParticleFilter(
-            self.particles, self.seed, self.resampling, self.threshold, self.discount, bounds=self.bounds, threads=self.threads
+            self.particles, self.seed, self.resampling, self.threshold, self.discount, bounds=self.bounds,
+            threads=self.threads
         )  # fmt: skip
 
     def _filter(self, model: Split, belief: Mixture, inputs: Array, readings: Array) -> tuple[Mixture, MixtureInfo]:
@@ -182,13 +187,15 @@ class RaoBlackwellised:
         samples, m, nt = len(inputs), len(model.given.readings), len(model.joint.parameters)
         if inputs.shape != (samples, len(model.given.inputs)) or readings.shape != (samples, m):
             raise ValueError(
-                f"expected inputs (T, {len(model.given.inputs)}) and readings (T, {m}), got {inputs.shape} and {readings.shape}"
+                f"expected inputs (T, {len(model.given.inputs)}) and readings (T, {m}), got {inputs.shape} and"
+                f" {readings.shape}"
             )
         _check(model)
         least = self.threshold * self.particles
         bounds = {i - model.joint.parameter_block.start: b for i, b in self._plain().bounds_of(model.joint).items()}
         info = MixtureInfo(
-            np.empty((samples, nt)), np.empty((samples, nt)), np.full((samples, m), np.nan), np.empty(samples), np.empty(samples),
+            np.empty((samples, nt)), np.empty((samples, nt)), np.full((samples, m), np.nan), np.empty(samples),
+            np.empty(samples),
             np.zeros(samples, dtype=np.int64), np.full(samples, self.particles),
         )  # fmt: skip
         theta, log_weights, bank = belief
@@ -222,8 +229,8 @@ def _check(model: Split) -> None:
     n = len(joint.states) - len(joint.parameters)
     if given.parameters or given.states != joint.states[:n] or given.readings != joint.readings:
         raise ConfigurationError(
-            "Rao–Blackwellised filter: expected a joint model and the same one without parameters in the state, got the states "
-            f"{', '.join(joint.states)} and {', '.join(given.states)}"
+            "Rao–Blackwellised filter: expected a joint model and the same one without parameters in the state, got"
+            f" the states {', '.join(joint.states)} and {', '.join(given.states)}"
         )
     if len(joint.parameters) and np.any(joint.blocks.walk[:, -len(joint.parameters) :] > 0.0):
         raise ConfigurationError("Rao–Blackwellised filter: expected parameters that stay, got some that walk")

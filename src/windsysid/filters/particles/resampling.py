@@ -1,7 +1,7 @@
 """Resampling: which particles have descendants, and how many.
 
-Of N particles with weights W, particle n gets a random number of descendants with expectation N Wₙ. With the cumulative weights
-C and one or N uniform numbers u,
+Of N particles with weights W, particle n gets a random number of descendants with expectation N Wₙ. With the cumulative
+weights C and one or N uniform numbers u,
 
     systematic   one u, the points (i + u) / N
     stratified   N of them, the points (i + uᵢ) / N
@@ -9,8 +9,8 @@ C and one or N uniform numbers u,
 
 the ancestor of descendant i is the particle in whose part of C its point lies.
 
-Source: Chopin & Papaspiliopoulos, An Introduction to Sequential Monte Carlo (2020), ch. 9; Douc, Cappé & Moulines, ISPA 2005,
-https://doi.org/10.1109/ISPA.2005.195385.
+Source: Chopin & Papaspiliopoulos, An Introduction to Sequential Monte Carlo (2020), ch. 9; Douc, Cappé & Moulines, ISPA
+2005, https://doi.org/10.1109/ISPA.2005.195385.
 """
 
 from functools import lru_cache

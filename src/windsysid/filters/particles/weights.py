@@ -1,4 +1,4 @@
-"""What becomes of the weights: resampling, Liu and West's kernel, how the cloud fared, and what a run tells of each sample."""
+"""What becomes of weights: resampling, Liu and West's kernel, the health of the cloud, the record of a run."""
 
 from typing import NamedTuple, Protocol
 
@@ -21,8 +21,8 @@ FEW = 10.0
 class ParticleInfo(NamedTuple):
     """What came out of T samples: the fields of `windsysid.filters.Info`, then how the particles fared.
 
-    Each innovation is whitened by its own standard deviation, mixture and noise together, and not decorrelated from the others of its sample;
-    `whitening_std` is `innovation_std`, and nothing is ever gated.
+    Each innovation is whitened by its own standard deviation, mixture and noise together, and not decorrelated from the
+    others of its sample; `whitening_std` is `innovation_std`, and nothing is ever gated.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Options(Protocol):
 def resample(
     options: Options, values: Array, log_weights: Array, number: int, part: int = 0
 ) -> tuple[NDArray[np.int64], Array]:
-    """The ancestors (N,) of the next particles, and their static values (n, N), drawn anew where a kernel is asked for."""
+    """Ancestors (N,) of the next particles and their static values (n, N), drawn anew if the filter has a kernel."""
     weights = normalised(log_weights)
     points = uniforms(options.seed, number, Purpose.ANCESTORS, weights.size, part)
     chosen = ancestors(weights, points, options.resampling)
@@ -106,16 +106,20 @@ def degeneracy(info: Fared) -> str:
     worst = int(np.argmin(info.effective)) if samples else 0
     thin = int(np.argmin(info.survivors)) if samples else 0
     text = (
-        f"resampled {times} times in {samples} samples; effective sample size {np.median(info.effective):.0f} of {count} in the median, "
-        f"{info.effective[worst]:.0f} at the least (sample {worst}); {info.survivors[thin]} particles had descendants at the worst resampling "
-        f"(sample {thin})"
+        f"resampled {times} times in {samples} samples; effective sample size {np.median(info.effective):.0f} of"
+        f" {count} in the median, {info.effective[worst]:.0f} at the least (sample {worst}); {info.survivors[thin]}"
+        f" particles had descendants at the worst resampling (sample {thin})"
     )
     poor = float(np.mean(info.effective < FEW))
     if poor > 0.01:
         return (
-            f"degenerate: {text}. {100.0 * poor:.0f} % of the estimates rest on fewer than {FEW:.0f} particles: the readings say more at a time "
-            "than so many particles can resolve; take more, marginalise the states (RaoBlackwellised), or use a Kalman filter"
+            f"degenerate: {text}. {100.0 * poor:.0f} % of the estimates rest on fewer than {FEW:.0f} particles: the"
+            " readings say more at a time than so many particles can resolve; take more, marginalise the states"
+            " (RaoBlackwellised), or use a Kalman filter"
         )
     if info.effective[worst] < FEW or info.survivors[thin] < FEW:
-        return f"thin: {text}. What was forgotten there does not come back: repeat with another seed and compare, take more particles or a narrower prior"
+        return (
+            f"thin: {text}. What was forgotten there does not come back: repeat with another seed and compare, take"
+            " more particles or a narrower prior"
+        )
     return f"healthy: {text}"

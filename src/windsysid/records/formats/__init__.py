@@ -11,8 +11,8 @@ file name                                  module                        read / 
 ``.out``, ``.outb``                        `windsysid.records.formats.openfast`  read
 =========================================  ============================  ==============
 
-What a file does not say about itself, a mapping file does (`windsysid.records.formats.mapping`). Whatever is wrong with a
-file becomes one line: a `RecordError` on reading, an `OutputError` on writing; what is wrong with a mapping is a
+What a file does not say about itself, a mapping file does (`windsysid.records.formats.mapping`). Whatever is wrong with
+a file becomes one line: a `RecordError` on reading, an `OutputError` on writing; what is wrong with a mapping is a
 `ConfigurationError`.
 """
 
@@ -160,8 +160,8 @@ def _of_ending(path: Path, table: dict[str, T]) -> T:
 def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -> None:
     """Write a record as CSV, netCDF or Parquet; the ending of the file name says which.
 
-    The file appears complete or not at all; a folder that is missing is made. CSV keeps every bit of times and values and the
-    start, but not `Record.attributes`; netCDF and Parquet keep everything.
+    The file appears complete or not at all; a folder that is missing is made. CSV keeps every bit of times and values
+    and the start, but not `Record.attributes`; netCDF and Parquet keep everything.
 
     Parameters
     ----------

@@ -104,8 +104,8 @@ class Clock:
             k = int(back[0]) + 1
             what = "is repeated" if moments[k] == moments[k - 1] else "runs backwards"
             raise RecordError(
-                f"the time {what} at {place(k)} ('{raw[k - 1]}', then '{raw[k]}'): expected strictly increasing; if the "
-                "clock was put back there, name its zone in the mapping file ([time] zone) or record in UTC"
+                f"the time {what} at {place(k)} ('{raw[k - 1]}', then '{raw[k]}'): expected strictly increasing; if the"
+                " clock was put back there, name its zone in the mapping file ([time] zone) or record in UTC"
             )
         return np.asarray(seconds)
 
@@ -169,8 +169,8 @@ def make_clock(
         if re.fullmatch(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?", cell):
             raise RecordError(f"the time '{cell}' at {place(0)} has no date; write date and time into one column")
         raise RecordError(
-            f"the time '{cell}' at {place(0)} is not a number and no ISO time such as 2021-07-07T12:00:00Z; say what it "
-            'is in the mapping file: [time] format = "%d.%m.%Y %H:%M:%S"'
+            f"the time '{cell}' at {place(0)} is not a number and no ISO time such as 2021-07-07T12:00:00Z; say what it"
+            ' is in the mapping file: [time] format = "%d.%m.%Y %H:%M:%S"'
         )
     zoned = bool(_ISO_ZONED.fullmatch(stamps[0]))
     zone = "" if zoned else rule.zone or ("UTC" if (unit or "").lower() in _UTC else "")
@@ -178,7 +178,7 @@ def make_clock(
 
 
 def moments_clock(first: int, zone: str | None, rule: TimeRule) -> Clock:
-    """The clock of a column that holds moments already, as int64 nanoseconds since 1970; in UTC if they have a `zone`."""
+    """The clock of a column that holds moments already (int64 nanoseconds since 1970); in UTC if they have a `zone`."""
     clock = Clock(count=1, zone="" if zone else rule.zone or "", zoned=bool(zone))
     return _absolute(clock, np.array([first]), "sample {}".format, zone or "")
 
@@ -198,7 +198,8 @@ def split_since(unit: str | None) -> tuple[str | None, str | None]:
 
 
 def start_of(rule: TimeRule, given: str | None) -> str | None:
-    """The moment of time 0 from the mapping's `rule` and from what the file says, in the mapping's zone where it has none.
+    """The moment of time 0 from the mapping's `rule` and from what the file says, in the mapping's zone where it has
+    none.
 
     Raises
     ------
@@ -265,14 +266,14 @@ def _unit_of(first: float, step: float) -> str:
         return "d"
     if np.any(np.abs(step / _USUAL - 1.0) < 0.01):
         raise RecordError(
-            f"the time starts at {first:.9g} in steps of {step:.3g} and has no unit: it could be seconds or day numbers; "
-            "write 'time [s]' or 'time [d]' in the header, or its unit in the mapping file: [time] unit"
+            f"the time starts at {first:.9g} in steps of {step:.3g} and has no unit: it could be seconds or day"
+            " numbers; write 'time [s]' or 'time [d]' in the header, or its unit in the mapping file: [time] unit"
         )
     return "s"
 
 
 def _absolute(clock: Clock, first: Any, place: Callable[[int], str], zone: str = "") -> Clock:
-    """The clock with its origin at the first sample, whose moment is told in `zone` where the moments are in UTC already."""
+    """The clock with its origin at the first sample; that moment is written in `zone` where moments are in UTC."""
     origin = int(clock._moments(first, place)[0])
     offset: int | None = None
     if clock.zone or zone:
@@ -354,8 +355,8 @@ def _to_utc(moments: Moments, zone: str, place: Callable[[int], str]) -> Moments
         k = int(np.argmax(lost))
         shown = str(np.datetime64(int(moments[k]), "ns"))[:23]
         raise RecordError(
-            f"the time {shown} at {place(k)} occurs twice or not at all in {zone}, because clocks were changed; leave out "
-            "that hour, or record in UTC"
+            f"the time {shown} at {place(k)} occurs twice or not at all in {zone}, because clocks were changed; leave"
+            " out that hour, or record in UTC"
         )
     return np.asarray(local.tz_convert("UTC").as_unit("ns").asi8)
 

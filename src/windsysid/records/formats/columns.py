@@ -2,8 +2,9 @@
 
 A header cell says a name and a unit in one of three ways: ``name [unit]`` or ``name (unit)``; an ending that is
 one of `SUFFIXES` (``pitch_deg`` is the channel ``pitch`` in degrees); or not at all. A column without a unit is
-refused where its name says a quantity (`windsysid.records.quantities`): ``rotor_speed`` could be in rpm as well as in rad/s.
-Where the name says none, the values stay ``as written: unknown``. What a mapping file says about a column goes before.
+refused where its name says a quantity (`windsysid.records.quantities`): ``rotor_speed`` could be in rpm as well as in
+rad/s. Where the name says none, the values stay ``as written: unknown``. What a mapping file says about a column goes
+before.
 """
 
 import difflib
@@ -30,8 +31,8 @@ SUFFIXES = {
 }  # fmt: skip
 """Units that may end a column's name when it has none in brackets; longer ones first, capitals matter.
 
-A single letter may mean something else (``tower_acceleration_W`` stands in the west): it counts only where it does not contradict the
-quantity that the name says; ``_N`` and ``_m`` count only where they are of that quantity.
+A single letter may mean something else (``tower_acceleration_W`` stands in the west): it counts only where it does not
+contradict the quantity that the name says; ``_N`` and ``_m`` count only where they are of that quantity.
 """
 
 TIME_NAMES = ("time", "t", "timestamp", "datetime", "date time", "date/time", "zeit", "tid")

@@ -4,9 +4,9 @@
     0.0,1.2671,0.0132
     0.01,1.2671,
 
-`windsysid.records.formats.dialect` finds out how a file is written, `columns` what its columns are, `clock` what its time
-counts; here rows become numbers. A row that is not exactly as wide as the header is an error, so that columns never
-shift; an empty cell or NaN means missing. A last line that nothing ends may be cut in the middle of a number: it
+`windsysid.records.formats.dialect` finds out how a file is written, `columns` what its columns are, `clock` what its
+time counts; here rows become numbers. A row that is not exactly as wide as the header is an error, so that columns
+never shift; an empty cell or NaN means missing. A last line that nothing ends may be cut in the middle of a number: it
 is left out, and the attribute ``cut_off`` says so, unless its last number is as long as those above.
 
 Written files use ``name [unit]`` and the shortest digits that give back the same float64; the time says its zero,
@@ -90,8 +90,8 @@ def open_csv(path: Path, mapping: Mapping) -> Source:
     first = [(number, cells[time]) for number, cells in rows[:20] if len(cells) >= width]
     if not first:
         raise RecordError(
-            f"line {rows[0][0] if rows else layout.first_row} has {len(rows[0][1]) if rows else 0} cells, expected {width} "
-            "as in the header; complete or remove that line"
+            f"line {rows[0][0] if rows else layout.first_row} has {len(rows[0][1]) if rows else 0} cells, expected"
+            f" {width} as in the header; complete or remove that line"
         )
     unit = layout.cells[time].unit
     clock = make_clock([cell for _, cell in first], unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
@@ -328,7 +328,7 @@ class _Reader:
 
     def _refuse(self, index: int, line: int, cell: str) -> NoReturn:
         raise RecordError(
-            f"column '{self.layout.cells[index].written}', line {line}: '{cell[:40]}' is not a number; write a number with "
-            f"a decimal '{self.layout.decimal}' and no marks of thousands, or nothing where the value is missing; another "
-            "mark goes into the mapping file: [csv] decimal"
+            f"column '{self.layout.cells[index].written}', line {line}: '{cell[:40]}' is not a number; write a number"
+            f" with a decimal '{self.layout.decimal}' and no marks of thousands, or nothing where the value is missing;"
+            " another mark goes into the mapping file: [csv] decimal"
         )

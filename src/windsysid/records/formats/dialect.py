@@ -169,8 +169,8 @@ def _delimiter(texts: list[str]) -> str:
         scores[delimiter] = (values + names) / sum(map(len, rows))
     if not scores:
         raise RecordError(
-            f"the line '{texts[0].strip()[:60]}' has one column; expected a table with the time first, its cells separated "
-            "by commas, semicolons, tabs or blanks"
+            f"the line '{texts[0].strip()[:60]}' has one column; expected a table with the time first, its cells"
+            " separated by commas, semicolons, tabs or blanks"
         )
     best = max(scores.values())
     if len(texts) == 1 and best <= 0.25:

@@ -212,7 +212,7 @@ def _damaged(error: Exception) -> RecordError:
 
 
 def _order(file: "h5netcdf.File") -> list[str]:
-    """The variables' names without the coordinates (CF conventions 1.11, section 5), in the order of the record that was written."""
+    """The variables' names without the coordinates (CF conventions 1.11, section 5), in the written record's order."""
     listed = [str(item.attrs.get("coordinates", "")).split() for item in (file, *file.variables.values())]
     coordinates = {*file.dimensions, *(name for some in listed for name in some)}
     names = [name for name in file.variables if name not in coordinates]
@@ -239,7 +239,7 @@ def _since(time: "h5netcdf.Variable") -> str | None:
 
 
 def _numbers(variable: "h5netcdf.Variable", rows: slice) -> Array:
-    """Values as CF conventions 1.11 pack them: what equals the fill value is missing (2.5.1), then scale and offset (8.1)."""
+    """Unpack values by CF conventions 1.11: the fill value is missing (2.5.1), then scale and offset apply (8.1)."""
     raw, attributes = variable[rows], variable.attrs
     values = np.asarray(raw, dtype=np.float64)
     for key in ("_FillValue", "missing_value"):

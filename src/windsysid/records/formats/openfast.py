@@ -24,8 +24,8 @@ exerts on its root about the downwind axis. It is positive with the rotation alr
 
 A channel that `CHANNELS` does not list keeps OpenFAST's own name and sign, in SI.
 
-The date in the header says when the simulation was run, not when the wind blew: it stays in the description, and the record has no start but
-the one that a mapping gives it.
+The date in the header says when the simulation was run, not when the wind blew: it stays in the description, and the
+record has no start but the one that a mapping gives it.
 """
 
 import re

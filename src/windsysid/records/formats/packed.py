@@ -108,8 +108,8 @@ def open_packed(path: Path) -> Packed:
         if size != needed:
             what = "is cut off" if size < needed else "is too long, its header or rows are damaged"
             raise RecordError(
-                f"{what}: {samples} samples of {channels} channels need {needed} bytes, got {size}; run the simulation or "
-                "copy the file again"
+                f"{what}: {samples} samples of {channels} channels need {needed} bytes, got {size}; run the simulation"
+                " or copy the file again"
             )
         file.seek(at + 8)
         first, second = struct.unpack("<dd", file.read(16))
