@@ -26,7 +26,7 @@ def main() -> None:
 
 
 def _interrupt_again(dropped: Any) -> None:
-    """Send an interrupt again that Python dropped, because it arrived inside a destructor or a callback of a weak reference."""
+    """Send an interrupt again that Python dropped inside a destructor or a callback of a weak reference."""
     if not issubclass(dropped.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(dropped)
         return
