@@ -162,7 +162,9 @@ def files_of_tests(mutant: Mutant, *, full: bool) -> list[str]:
     every = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py"))
     if full:
         return every
-    return [path for name in TESTS[mutant.module] for path in every if path.rpartition("/")[2] == name]
+    found = [path for name in TESTS[mutant.module] for path in every if path.rpartition("/")[2] == name]
+    room = f"tests/{locate(mutant).parent.name}/"
+    return sorted(found, key=lambda path: not path.startswith(room))  # the tests of its own room know it best
 
 
 def hash_of(mutant: Mutant, tests: Sequence[str]) -> str:
