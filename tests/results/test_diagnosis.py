@@ -229,13 +229,13 @@ def test_what_the_prior_decided_is_remarked():
 def test_negative_damping_is_a_reason_not_to_trust():
     c = Parameter("c_x", 2.0, 1.0, False, 10.0)
     (reason,) = diagnosed(white(), parameters=(c,), theta=np.array([-0.1]), cov=np.array([[0.03**2]])).reasons
-    assert reason.startswith("damping is not positive: c_x is -1 (negative over its whole band); left alone")
+    assert reason.startswith("damping is not positive: c_x is -1 (negative over its whole band). If")
     (reason,) = diagnosed(white(), parameters=(c,), theta=np.array([-0.01]), cov=np.array([[0.03**2]])).reasons
-    assert reason.startswith("damping is not positive: c_x is -0.1; left alone")
+    assert reason.startswith("damping is not positive: c_x is -0.1. If the motion grew")
     (reason,) = diagnosed(
         white(), damping=[("tower x", (0.01, 0.008, 0.012)), ("lag forward", (-0.002, -0.005, 0.001))]
     ).reasons
-    assert reason.startswith("damping is not positive: lag forward has -0.2 %; left alone")
+    assert reason.startswith("damping is not positive: lag forward has -0.2 %. If the motion grew")
 
 
 def test_damping_that_may_be_negative_within_its_band_is_remarked():

@@ -163,8 +163,8 @@ def about_periodic_motion(
         if resolved:
             return x, modes
     raise ConfigurationError(
-        "no periodic motion of the turning rotor was found: its own forcing meets an undamped mode, or deflections are"
-        " too large; choose another rotor speed, or look at damping and gravity in the turbine file"
+        "no periodic motion of the rotor was found: gravity meets an undamped mode, or deflections are too large;"
+        " choose another rotor speed, or check the damping"
     )
 
 

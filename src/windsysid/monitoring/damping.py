@@ -80,9 +80,8 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
     known = [result for result in posteriors if result.conditions.rotor_speed is not None]
     if not known:
         raise ConfigurationError(
-            "structural and aerodynamic damping: expected results that say how fast the rotor turned, got"
-            f" {', '.join(result.record for result in posteriors) or 'none'}: record the channel rotor_speed, or"
-            " identify again where an older version did"
+            "damping: expected results that say how fast the rotor turned, got"
+            f" {', '.join(result.record for result in posteriors) or 'none'}: record rotor_speed and identify again"
         )
     frame = known[0]
     names = [f"c_{q}" for q in frame.turbine.model.coordinates if all(_identified(r, f"c_{q}") for r in known)]
@@ -270,8 +269,8 @@ def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
         return []
     minutes = max(_minutes(split) for split in wanted)
     help_ = (
-        f"a record with the rotor parked or idling in weak wind would help, at least {minutes:.0f} min of it for"
-        f" ±{100 * WISHED:.0f} %, or a recorded stop with the decay after it (windsysid inspect finds them)"
+        f"record {minutes:.0f} min with the rotor parked or idling in weak wind for ±{100 * WISHED:.0f} %, or a stop"
+        " with the decay after it (windsysid inspect finds it)"
     )
     if splits[0].structural is None:
         why = (
@@ -302,9 +301,8 @@ def _notes(states: Sequence[State], splits: Sequence[Split], design: _Design) ->
             "the structure's part is where the parked records go back to without wind"
             if design.parked_wind
             else (
-                f"what the air does to a parked or idling rotor{at} counts as structure, most of it in the rotor's"
-                " plane, to which feathered blades stand flat: less in weak wind, and parked records in winds"
-                f" {APART:g} times apart tell it"
+                f"what the air does to a parked or idling rotor{at} counts as structure: parked records in winds"
+                f" {APART:g} times apart tell the two apart (docs/damping.md)"
             )
         )
     elif splits[0].structural is not None:

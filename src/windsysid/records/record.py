@@ -241,10 +241,8 @@ class Record:
         if np.any(off > _OFF_GRID):
             k = int(np.argmax(off > _OFF_GRID))
             raise RecordError(
-                f"irregular sampling: sample {k} at {self.time[k]:.9g} s lies {100 * off[k]:.0f} % of "
-                "a step off the "
-                f"uniform grid at {1 / step:.6g} Hz, expected at most {100 * _OFF_GRID:.0f} %; resample "
-                "the record first"
+                f"irregular sampling: sample {k} at {self.time[k]:.9g} s is {100 * off[k]:.0f} % of a step off"
+                f" {1 / step:.6g} Hz, expected at most {100 * _OFF_GRID:.0f} %; resample the record first"
             )
         rows = int(index[-1]) + 1
         if rows > 10 * self.samples + 1_000_000:

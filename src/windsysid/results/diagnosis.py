@@ -220,15 +220,14 @@ def _judge_size(w: Whiteness) -> _Verdict:
     verdict = _Verdict([], [])
     if _beyond(w.nis, w.used, OFF):
         verdict.reasons.append(
-            f"the innovations are {math.sqrt(w.nis):.2g} times as large as the model expects (normalised innovation"
-            f" squared {w.nis:.3g} instead of {w.nis_low:.3f} … {w.nis_high:.3f}): noise and loads were not found, and"
-            f" all bands are too {'narrow' if w.nis > 1.0 else 'wide'}"
+            f"the innovations are {math.sqrt(w.nis):.2g} times as large as the model expects (mean square {w.nis:.3g},"
+            f" expected {w.nis_low:.3f} … {w.nis_high:.3f}): all bands are too {'narrow' if w.nis > 1.0 else 'wide'}"
         )
     for c in w.channels:
         if not verdict.reasons and _beyond(c.nis, c.used, CHANNEL_OFF):
             verdict.reasons.append(
                 f"the innovations of {c.name} are {math.sqrt(c.nis):.2g} times as large as the model expects: its noise"
-                " is not that of the other sensors of its kind, or its unit or gain is wrong"
+                " differs from its kind's, or its unit or gain is wrong"
             )
         if c.missing > 0.5:
             verdict.remarks.append(f"{c.name} is missing in {100.0 * c.missing:.0f} % of the samples")
@@ -252,9 +251,8 @@ def _judge_damping(dampers: Sequence[tuple[str, Band]], modes: Sequence[tuple[st
     lost += [f"{name} has {100.0 * value:.2g} %{_surely(high)}" for name, (value, _, high) in modes if value <= 0.0]
     if lost:
         verdict.reasons.append(
-            f"damping is not positive: {', '.join(lost)}; left alone such a motion grows. If it did grow (a stalled"
-            " blade can), the turbine is at risk and needs a look; if it did not, loads were taken for motion: try a"
-            " longer or calmer section, or another load model"
+            f"damping is not positive: {', '.join(lost)}. If the motion grew, stop and check the turbine; if not, try"
+            " a longer or calmer section or another load model"
         )
     doubtful = ", ".join(name for name, (value, low, _) in (*dampers, *modes) if low <= 0.0 < value)
     if doubtful:
@@ -268,7 +266,6 @@ def _surely(high: float) -> str:
 
 def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
     verdict = _Verdict([], [])
-    kind = "the loads are not of the modelled kind, or motion is missing from the model"
     notable = max(NOTABLE, w.spectrum_bound)
     over = sorted((c for c in w.channels if c.peak > notable), key=lambda c: -c.peak)
     loud = max(w.channels, key=lambda c: np.nan_to_num(c.near))
@@ -276,16 +273,14 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
         worst, others = over[0], ", ".join(c.name for c in over[1:])
         sentence = (
             f"the model does not explain {worst.name} around {_named(worst.peak_hz, rotor_hz)}: its innovations are"
-            f" {worst.peak:.2g} times as strong there as the model"
-            f" expects{f' (and too strong in {others})' if others else ''}, and the bands of what answers at that"
-            f" frequency are {math.sqrt(worst.peak):.1f} times too narrow; {kind}"
+            f" {worst.peak:.2g} times too strong{f' (also {others})' if others else ''}, bands"
+            f" {math.sqrt(worst.peak):.1f} times too narrow"
         )
         (verdict.reasons if worst.peak > PEAK else verdict.remarks).append(sentence)
     if not verdict.reasons and loud.near > max(LEVEL, w.spectrum_bound):
         verdict.reasons.append(
             f"the innovations of {loud.name} are {loud.near:.2g} times as strong as the model expects all around"
-            f" {_named(loud.near_hz, rotor_hz)}, where something answers, and its bands are {math.sqrt(loud.near):.1f}"
-            f" times too narrow; {kind}"
+            f" {_named(loud.near_hz, rotor_hz)}, bands there {math.sqrt(loud.near):.1f} times too narrow"
         )
     far = max(w.channels, key=lambda c: np.nan_to_num(c.far))
     if far.far > max(PEAK, w.spectrum_bound):
@@ -313,8 +308,8 @@ def _judge_outliers(w: Whiteness) -> _Verdict:
             verdict.remarks.append(f"{100.0 * c.gated:.2g} % of the readings of {c.name} were left out as outliers")
         if c.outliers >= FAR_OFF:
             (verdict.reasons if c.outlying > OUTLYING else verdict.remarks).append(
-                f"{c.outliers} readings of {c.name} are more than {FAR:g} standard deviations from what the model"
-                f" expects, and make up {100.0 * c.outlying:.0f} % of its squared innovations: take the spikes out"
+                f"{c.outliers} readings of {c.name} are more than {FAR:g} standard deviations off and make up"
+                f" {100.0 * c.outlying:.0f} % of its squared innovations: take the spikes out"
             )
     return verdict
 

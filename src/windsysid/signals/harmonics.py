@@ -97,9 +97,8 @@ def rotor_from_tower(
     psi = line.phase / blades
     speed = smooth_slope(psi, rate)
     note = (
-        f"from the {blades}P line, {line.clarity:.3g} times above its surroundings; from the tower alone the azimuth is"
-        " known up to a constant, and which blade is which is not known; where the phase of the line wanders with the"
-        f" wind, the azimuth wanders by 1/{blades} of it"
+        f"from the {blades}P line, {line.clarity:.3g} times above its surroundings: the azimuth is known up to a"
+        " constant, not which blade is which, and wanders with the wind"
     )
     return RotorMotion(psi, speed, smooth_slope(speed, rate), True, note)
 
@@ -153,9 +152,8 @@ def rotor_from_blades(
     speed = smooth_slope(psi, rate)
     gravity = 2.0 * float(np.median(np.abs(total))) / len(fitted)
     note = (
-        f"from gravity in {len(fitted)} of {blades} blades ({gravity:.3g} m/s² at 1P); the azimuth is absolute if the"
-        " sensors are positive with the rotation: with all of them reversed it is half a turn off, which cannot be"
-        " seen"
+        f"from gravity in {len(fitted)} of {blades} blades ({gravity:.3g} m/s² at 1P); if all sensors are reversed, the"
+        " azimuth is half a turn off, unseen"
     )
     if len(fitted) == 1 and blades > 1:
         note += "; the order of the blades is not checked, one blade alone being fitted"

@@ -103,8 +103,8 @@ def integrate(
         raise RecordError(f"roll_per_metre: the method '{method}' cannot undo gravity; use 'kalman' or 'frequency'")
     if not roll_per_metre * GRAVITY < 0.5 * (2.0 * np.pi * cutoff) ** 2:
         raise RecordError(
-            f"roll_per_metre: at {cutoff:g} Hz gravity outweighs the acceleration, so that nothing can be told apart; "
-            "expected its sign as in the turbine file (kappa), or a higher cut-off"
+            f"roll_per_metre: at {cutoff:g} Hz gravity outweighs the acceleration; expected its sign as in the turbine"
+            " file (kappa), or a higher cut-off"
         )
     missing = ~np.isfinite(acceleration)
     whole = bridged(acceleration, "of acceleration")

@@ -142,8 +142,8 @@ def rational(rms: float, poles: ArrayLike, zeros: ArrayLike = ()) -> Process:
     finite = bool(np.isfinite([*poles, *zeros, rms]).all())
     if not (finite and paired and len(zeros) < len(poles) and (poles.real < 0.0).all() and rms > 0.0):
         raise ConfigurationError(
-            "rational spectrum: expected a positive rms, poles in the left half plane, fewer zeros than poles, and"
-            f" complex ones in pairs, got rms {rms}, poles {poles} and zeros {zeros}"
+            "rational spectrum: expected a positive rms, poles in the left half plane and fewer zeros, in pairs,"
+            f" got rms {rms}, poles {poles}, zeros {zeros}"
         )
     n, unit = len(poles), float(np.exp(np.mean(np.log(np.abs(poles)))))
     denominator = np.poly(poles / unit).real

@@ -168,9 +168,10 @@ def study_report(study: Study) -> bytes:
 
 
 ERRORS_IN_VARIABLES = (
-    "The published 0.01 % for c_β1 cannot be reached with the published noise: white noise σ on a measured velocity"
-    " shrinks a regression on it by σ²/var(velocity), and 0.01 rad/s against a lag rate of 0.11 rad/s rms is 0.8 %,"
-    " less here only because the filter takes most of that noise away. 0.01 % would need lag rates around 1 rad/s."
+    "The published 0.01 % for c_β1 cannot be reached with the published noise. White noise σ on a measured velocity"
+    " shrinks a regression on it by σ²/var(velocity). For 0.01 rad/s against a lag rate of 0.11 rad/s rms that is 0.8"
+    " %; it is less here only because the filter takes most of that noise away. 0.01 % would need lag rates around 1"
+    " rad/s."
 )
 
 
@@ -181,21 +182,21 @@ WIND_TEXT = (
         " and the study names the direction as the cause."
     ),
     (
-        "Told the loads that acted, the filter hardly notices. Told the loads of the old direction, as equations with a"
-        " constant wind hold them, it wanders for as long as the wind is away and recovers: that is the published"
-        " picture. With the loads withheld it wanders all the time, and the change cannot be told apart."
+        "With the loads that acted, the filter hardly notices. With the loads of the old direction, as equations with a"
+        " constant wind hold them, its estimates wander until the wind is back and then recover: that is the published"
+        " picture. Without the loads they wander all the time, and the change cannot be told apart."
     ),
 )
 
 
 METHODS_TEXT = (
     (
-        "The same sections of the same records, identified by every method. The force balance needs the motion of every"
-        " degree of freedom, displacement, velocity and acceleration, and the loads; the joint methods need"
-        " accelerometers, and their priors are drawn 30 % off. A filter with the coefficients in its state must be told"
-        " how strong the loads are and how loud the sensors; where that is wrong its bands are too. The posterior mode"
-        " is told nothing. Errors are those at the end of the section; the force balance's time includes the"
-        " integration of the whole record."
+        "Every method identifies the same sections of the same records. The force balance needs the loads, and"
+        " displacement, velocity and acceleration of every degree of freedom. The joint methods need accelerometers;"
+        " their priors are drawn 30 % off. A filter with the coefficients in its state must be told how strong the"
+        " loads are and how loud the sensors; where that is wrong its bands are too. The posterior mode is told"
+        " nothing. Errors are those at the end of the section. The force balance's time includes the integration of the"
+        " whole record."
     ),
 )
 

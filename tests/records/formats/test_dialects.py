@@ -91,7 +91,7 @@ def test_a_campbell_file_is_read_with_its_four_header_lines(tmp_path):
     assert record.attributes["station"] == "mast"
     assert record.attributes["processing T_air"] == "Avg"
     assert record.start == "2021-07-07T12:00:00"
-    refused(write(tmp_path, TOA5.replace('"m/s^2",', "")), "have 5 names, 4 units")
+    refused(write(tmp_path, TOA5.replace('"m/s^2",', "")), "has 5 names, 4 units")
 
 
 @pytest.mark.parametrize(

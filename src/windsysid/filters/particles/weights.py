@@ -106,20 +106,18 @@ def degeneracy(info: Fared) -> str:
     worst = int(np.argmin(info.effective)) if samples else 0
     thin = int(np.argmin(info.survivors)) if samples else 0
     text = (
-        f"resampled {times} times in {samples} samples; effective sample size {np.median(info.effective):.0f} of"
-        f" {count} in the median, {info.effective[worst]:.0f} at the least (sample {worst}); {info.survivors[thin]}"
-        f" particles had descendants at the worst resampling (sample {thin})"
+        f"{times} resamplings; of {count} particles {np.median(info.effective):.0f} count in the median,"
+        f" {info.effective[worst]:.0f} at sample {worst}, {info.survivors[thin]} survived sample {thin}"
     )
     poor = float(np.mean(info.effective < FEW))
     if poor > 0.01:
         return (
-            f"degenerate: {text}. {100.0 * poor:.0f} % of the estimates rest on fewer than {FEW:.0f} particles: the"
-            " readings say more at a time than so many particles can resolve; take more, marginalise the states"
-            " (RaoBlackwellised), or use a Kalman filter"
+            f"degenerate: {text}. {100.0 * poor:.0f} % of the estimates rest on fewer than {FEW:.0f}: take more"
+            " particles, RaoBlackwellised or a Kalman filter"
         )
     if info.effective[worst] < FEW or info.survivors[thin] < FEW:
         return (
-            f"thin: {text}. What was forgotten there does not come back: repeat with another seed and compare, take"
-            " more particles or a narrower prior"
+            f"thin: {text}. What is lost there stays lost: compare with another seed, take more particles or a"
+            " narrower prior"
         )
     return f"healthy: {text}"

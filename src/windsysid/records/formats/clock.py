@@ -104,8 +104,8 @@ class Clock:
             k = int(back[0]) + 1
             what = "is repeated" if moments[k] == moments[k - 1] else "runs backwards"
             raise RecordError(
-                f"the time {what} at {place(k)} ('{raw[k - 1]}', then '{raw[k]}'): expected strictly increasing; if the"
-                " clock was put back there, name its zone in the mapping file ([time] zone) or record in UTC"
+                f"the time {what} at {place(k)} ('{raw[k - 1]}', then '{raw[k]}'); if the clock was put back there,"
+                " name its zone in the mapping file ([time] zone)"
             )
         return np.asarray(seconds)
 
@@ -169,8 +169,8 @@ def make_clock(
         if re.fullmatch(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?", cell):
             raise RecordError(f"the time '{cell}' at {place(0)} has no date; write date and time into one column")
         raise RecordError(
-            f"the time '{cell}' at {place(0)} is not a number and no ISO time such as 2021-07-07T12:00:00Z; say what it"
-            ' is in the mapping file: [time] format = "%d.%m.%Y %H:%M:%S"'
+            f"the time '{cell}' at {place(0)} is neither a number nor ISO (2021-07-07T12:00:00Z); give its format in"
+            ' the mapping file: [time] format = "%d.%m.%Y %H:%M:%S"'
         )
     zoned = bool(_ISO_ZONED.fullmatch(stamps[0]))
     zone = "" if zoned else rule.zone or ("UTC" if (unit or "").lower() in _UTC else "")
@@ -266,8 +266,8 @@ def _unit_of(first: float, step: float) -> str:
         return "d"
     if np.any(np.abs(step / _USUAL - 1.0) < 0.01):
         raise RecordError(
-            f"the time starts at {first:.9g} in steps of {step:.3g} and has no unit: it could be seconds or day"
-            " numbers; write 'time [s]' or 'time [d]' in the header, or its unit in the mapping file: [time] unit"
+            f"the time starts at {first:.9g} in steps of {step:.3g}, in seconds or days; write 'time [s]' or"
+            " 'time [d]' in the header, or [time] unit in the mapping file"
         )
     return "s"
 

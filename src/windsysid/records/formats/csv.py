@@ -153,8 +153,8 @@ def _check_headless_time(first: list[tuple[int, str]], decimal: str) -> None:
         return  # dates, or a bad cell that is named later
     if any(b <= a for a, b in itertools.pairwise(values)):
         raise RecordError(
-            "has no header line, and its first column does not increase, so it is not the time; expected 'time,name "
-            '[unit],...\' above; write it, or name the time in the mapping file: [time] column = "column_1"'
+            "has no header line, and its first column does not increase as time does; write 'time,name [unit],...'"
+            ' above, or in the mapping file [time] column = "column_1"'
         )
 
 
@@ -328,7 +328,6 @@ class _Reader:
 
     def _refuse(self, index: int, line: int, cell: str) -> NoReturn:
         raise RecordError(
-            f"column '{self.layout.cells[index].written}', line {line}: '{cell[:40]}' is not a number; write a number"
-            f" with a decimal '{self.layout.decimal}' and no marks of thousands, or nothing where the value is missing;"
-            " another mark goes into the mapping file: [csv] decimal"
+            f"column '{self.layout.cells[index].written}', line {line}: '{cell[:40]}' is not a number: expected a"
+            f" decimal '{self.layout.decimal}', no mark of thousands; see [csv] in docs/records.md"
         )

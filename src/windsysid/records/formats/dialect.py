@@ -277,8 +277,8 @@ def _toa5(
     environment, names, units, processing = rows[:4]
     if len({len(names), len(units), len(processing)}) > 1:
         raise RecordError(
-            f"is a Campbell TOA5 file whose header lines have {len(names)} names, {len(units)} units and "
-            f"{len(processing)} processings; expected one each per column; the header is damaged"
+            f"is a Campbell TOA5 file whose header has {len(names)} names, {len(units)} units and {len(processing)}"
+            " processings; expected one each per column; export it again"
         )
     cells = []
     for cell, unit in zip(_named(names), units, strict=True):

@@ -1,0 +1,53 @@
+"""Messages are short enough to be read: 160 characters at most, and so is each clause of a page."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import windsysid
+
+ROOT = Path(windsysid.__file__).parent
+PLACEHOLDER = "x" * 10
+"""What a value put into a message counts."""
+
+PAGES = {"reports", "study"}
+LATER = {"identification", "loads", "mechanics", "simulation", "turbine"}
+FILES = sorted(path for path in ROOT.rglob("*.py") if path.relative_to(ROOT).parts[0] not in LATER)
+
+
+def said(node: ast.AST) -> str | None:
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(said(value) or PLACEHOLDER for value in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        left, right = said(node.left), said(node.right)
+        return None if left is None and right is None else (left or PLACEHOLDER) + (right or PLACEHOLDER)
+    return None
+
+
+def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Every text of a module but its docstrings, with its line."""
+    seen = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):  # a message comes before the texts in it
+        text = None if id(node) in seen else said(node)
+        if text is not None:
+            seen.update(map(id, ast.walk(node)))
+            yield node.lineno, text  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_a_text_for_users_can_be_read_at_once(path: Path):
+    page = path.relative_to(ROOT).parts[0] in PAGES
+    long = []
+    for line, text in texts(ast.parse(path.read_text(encoding="utf-8"))):
+        parts = text.replace(": ", ". ").split(". ") if page else [text]
+        long += [(line, part) for part in parts if len(part) > 160]
+    assert not long
+
+
+def test_a_message_is_measured_whole():
+    source = 'raise E("a" f"{b:.3g} c" + (" d" if b else ""))\n"""doc"""\nprint("e")'
+    assert [text for _, text in texts(ast.parse(source))] == ["a" + PLACEHOLDER + " c" + PLACEHOLDER, "e"]
