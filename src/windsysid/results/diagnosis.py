@@ -32,7 +32,8 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters import Info
 from windsysid.results.directions import describe_directions
-from windsysid.results.whiteness import CHANCE, FAR, FAR_OFF, Whiteness, band_of_interest, chance_limit, examine
+from windsysid.results.stretches import FAR, FAR_OFF, band_of_interest
+from windsysid.results.whiteness import CHANCE, Whiteness, chance_limit, examine
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["CoefficientCheck", "Diagnosis", "diagnose"]
@@ -142,6 +143,7 @@ def diagnose(
     rotor_speed: float = 0.0,
     blades: int = 0,
     white: bool = True,
+    whiteness: Whiteness | None = None,
     doubts: Sequence[str] = (),
     damping: Sequence[tuple[str, Band]] = (),
 ) -> Diagnosis:
@@ -164,6 +166,8 @@ def diagnose(
         Mean Ω [rad/s] and number of blades, to name frequencies as harmonics.
     white
         Whether the innovations are expected to be white; those of the force balance, which is band-passed, are not.
+    whiteness
+        The innovations against white noise, where they were examined already; those of `info` are by default.
     doubts
         Why whoever made the result would not trust it.
     damping
@@ -174,10 +178,10 @@ def diagnose(
         _against_prior(q, float(t), float(v)) for q, t, v in zip(parameters, theta, np.diag(cov), strict=True)
     )
     reasons, remarks = list(doubts), []
-    whiteness = None
-    if white:
-        w = whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
-        for verdict in (_judge_size(w), _judge_spectrum(w, rotor_hz), _judge_outliers(w)):
+    if white and whiteness is None:
+        whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
+    if whiteness is not None:
+        for verdict in (_judge_size(whiteness), _judge_spectrum(whiteness, rotor_hz), _judge_outliers(whiteness)):
             reasons += verdict.reasons
             remarks += verdict.remarks
     for check in checks:

@@ -8,33 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.results.stretches import Stretch, Sums, band_of_interest, measure_stretch, spectral_window
 
-__all__ = ["ChannelCheck", "Whiteness", "band_of_interest", "chance_limit", "examine"]
+__all__ = [
+    "ChannelCheck",
+    "Whiteness",
+    "chance_limit",
+    "examine",
+    "judge_stretches",
+]
 
 
 CHANCE = 1e-3
 """A departure that noise alone would show in one record out of so many is no reason: for each kind of test, all
 channels and frequencies together."""
 
-REACH = (0.4, 2.5)
-"""How far below the lowest and above the highest natural frequency a peak still matters, as factors."""
-
 NEAR = 1.3
 """Factor about a natural frequency over which the spectrum is averaged.
 
 From `LEVEL` on that average condemns a result: bands are √2 too narrow.
 """
-
-FAR, FAR_OFF = 5.0, 3
-"""Standard deviations of an outlier (one in two million normal innovations), and how many outliers are remarked."""
-
-SEGMENTS = 16
-"""Lengths that a record is cut into for its spectrum; overlapping by half, one less than twice as many segments."""
-
-SHORTEST = 16
-"""Samples in such a segment, below which there is no spectrum."""
-
-MOST_LAGS = 200
 
 
 class ChannelCheck(NamedTuple):
@@ -142,27 +135,17 @@ def examine(
     gated
         Where a reading was left out as an outlier (T, m).
     """
-    gated = np.zeros(whitened.shape, dtype=np.bool_) if gated is None else gated
-    rows = [_own_samples(seen) for seen in (np.isfinite(whitened) | gated).T]
-    parts = {}
-    for own in dict.fromkeys(rows):
-        columns = [c for c, other in enumerate(rows) if other == own]
-        first, step = own
-        parts[tuple(columns)] = _examine_alike(
-            whitened[first::step, columns],
-            gated[first::step, columns],
-            rate / step,
-            [names[c] for c in columns],
-            frequencies,
-        )
-    return _together(parts, len(rows))
+    return judge_stretches(
+        measure_stretch(whitened, rate=rate, frequencies=frequencies, gated=gated), names=names, frequencies=frequencies
+    )
 
 
-def _own_samples(seen: NDArray[np.bool_]) -> tuple[int, int]:
-    """First and step of the coarsest grid that holds all samples seen of a channel (T,)."""
-    at = np.flatnonzero(seen)
-    step = max(int(np.gcd.reduce(np.diff(at))), 1) if len(at) > 1 else 1
-    return (int(at[0]) % step if len(at) else 0), step
+def judge_stretches(stretch: Stretch, *, names: Sequence[str], frequencies: Sequence[float]) -> Whiteness:
+    """Hold what `measure_stretch` added up against white noise of variance 1; parameters as for `examine`."""
+    parts = {
+        columns: _judge_alike(sums, [names[c] for c in columns], frequencies) for columns, sums in stretch.parts.items()
+    }
+    return _together(parts, len(stretch.grids))
 
 
 def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
@@ -199,46 +182,34 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
     )
 
 
-def _examine_alike(
-    whitened: Array, gated: NDArray[np.bool_], rate: float, names: Sequence[str], frequencies: Sequence[float]
-) -> Whiteness:
-    """`examine` for channels that are read at the same times."""
-    samples, m = whitened.shape
+def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float]) -> Whiteness:
+    """`judge_stretches` for channels that are read at the same times."""
+    m = len(names)
     reach = band_of_interest(frequencies)
-    used = np.isfinite(whitened)
-    number = used.sum(axis=0)
-    z = np.where(used, whitened, 0.0)
-    offset = z.sum(axis=0) / np.maximum(number, 1)
-    centred = np.where(used, z - offset, 0.0)
-    nis = np.square(z).sum(axis=0) / np.maximum(number, 1)
-    variance = np.maximum(np.square(centred).sum(axis=0) / np.maximum(number, 1), 1e-300)
-    scaled = centred / np.sqrt(variance)  # size is one question, colour and spikes are others
-
-    beyond = np.abs(scaled) > FAR
-
-    lags = int(np.clip(rate / max(reach[0], 1e-12), 10, max(10, min(MOST_LAGS, samples // 10))))
-    correlation = _autocorrelation(scaled, used, lags)
+    number, rate, lags = sums.number, sums.rate, len(sums.pairs)
+    correlation = sums.products / np.maximum(sums.pairs, 1)
     colour = np.square(correlation).sum(axis=0) - lags / np.maximum(number, 1)
-    frequency, spectrum, freedom = _spectrum(scaled, used, rate)
+    frequency, spectrum, freedom = _spectrum(sums)
     reached = (frequency >= reach[0]) & (frequency <= reach[1])
     checks = []
     for c, name in enumerate(names):
         low, high = _chi_square_interval(int(number[c]))
-        own = frequency <= _highest(used[:, c] | gated[:, c], rate)
+        own = frequency <= sums.highest[c]
+        count = max(number[c], 1)
         checks.append(
             ChannelCheck(
                 name=name,
                 used=int(number[c]),
-                nis=float(nis[c]),
+                nis=float(sums.second[c] / count),
                 nis_low=low,
                 nis_high=high,
-                offset=float(offset[c]),
+                offset=float(sums.first[c] / count),
                 colour=float(colour[c]),
-                kurtosis=float((scaled[:, c] ** 4).sum() / max(number[c], 1) - 3.0),
-                outliers=int(beyond[:, c].sum()),
-                outlying=float(np.square(scaled[beyond[:, c], c]).sum() / max(number[c], 1)),
-                missing=float(1.0 - (used[:, c] | gated[:, c]).mean()),
-                gated=float(gated[:, c].mean()),
+                kurtosis=float(sums.fourth[c] / count - 3.0),
+                outliers=int(sums.beyond[c]),
+                outlying=float(sums.beyond_second[c] / count),
+                missing=float(1.0 - sums.seen[c] / sums.samples),
+                gated=float(sums.gated[c] / sums.samples),
                 **dict(zip(("peak_hz", "peak"), _peak(frequency, spectrum[:, c], reached & own), strict=True)),
                 **dict(zip(("far_hz", "far"), _peak(frequency, spectrum[:, c], ~reached & own), strict=True)),
                 **dict(zip(("near_hz", "near"), _near(frequency[own], spectrum[own, c], frequencies), strict=True)),
@@ -249,7 +220,7 @@ def _examine_alike(
     fewest = max(int(number.min(initial=total)), 1)
     return Whiteness(
         used=total,
-        nis=float(np.square(z).sum() / max(total, 1)),
+        nis=float(sums.second.sum() / max(total, 1)),
         nis_low=low,
         nis_high=high,
         channels=tuple(checks),
@@ -263,43 +234,23 @@ def _examine_alike(
     )
 
 
-def _highest(seen: NDArray[np.bool_], rate: float) -> float:
-    """Half the rate at which a channel (T,) is mostly read [Hz]: what its spectrum has above is a mirror image."""
-    gaps = np.diff(np.flatnonzero(seen))
-    return 0.5 * rate / float(np.median(gaps)) if len(gaps) else 0.5 * rate
+def _spectrum(sums: Sums) -> tuple[Array, Array, float]:
+    """Frequencies (F,), spectra (F, m), 1 for white noise of variance 1, and their degrees of freedom.
 
-
-def _autocorrelation(z: Array, used: NDArray[np.bool_], lags: int) -> Array:
-    """r_1 … r_L (L, m) of z (T, m) with variance 1, from the pairs that are there."""
-    rows = []
-    for k in range(1, lags + 1):
-        pairs = (used[k:] & used[:-k]).sum(axis=0)
-        rows.append((z[k:] * z[:-k]).sum(axis=0) / np.maximum(pairs, 1))
-    return np.array(rows)
-
-
-def _spectrum(z: Array, used: NDArray[np.bool_], rate: float) -> tuple[Array, Array, float]:
-    """Frequencies (F,), spectra (F, m) by Welch's method, 1 for white noise of variance 1, and their degrees of
-    freedom.
-
-    Samples that are missing are zero, and the spectrum is divided by the share of the others. The lowest two and the
-    last frequency are left out: there the window mixes in the mean and the mirror image.
+    The spectrum is divided by the share of the samples that are not missing. The lowest two and the last frequency are
+    left out: there the window mixes in the mean and the mirror image.
     """
-    samples, m = z.shape
-    length = samples // SEGMENTS
-    if length < SHORTEST:
-        return np.empty(0), np.empty((0, m)), 1.0
-    window = np.hanning(length + 1)[:-1]
-    starts = np.arange(0, samples - length + 1, length // 2)
-    total = np.zeros((length // 2 + 1, m))
-    for start in starts:
-        total += np.abs(np.fft.rfft(window[:, None] * z[start : start + length], axis=0)) ** 2
-    share = np.maximum(used.mean(axis=0), 1e-12)
-    spectrum = total / (len(starts) * np.square(window).sum() * share)
+    length, segments = sums.length, sums.segments
+    if not segments:
+        return np.empty(0), np.empty((0, len(sums.number))), 1.0
+    window = spectral_window(length)
+    share = np.maximum(sums.number / sums.samples, 1e-12)
+    spectrum = sums.power / (segments * np.square(window).sum() * share)
     overlap = (window[: length - length // 2] @ window[length // 2 :] / np.square(window).sum()) ** 2
-    freedom = 2.0 * len(starts) / (1.0 + 2.0 * overlap * (1.0 - 1.0 / len(starts)))
-    kept = slice(2, len(total) - 1)
-    return np.arange(length // 2 + 1)[kept] * (rate / length), spectrum[kept], float(freedom)
+    freedom = 2.0 * segments / (1.0 + 2.0 * overlap * (1.0 - 1.0 / segments))
+    kept = slice(2, len(spectrum) - 1)
+    frequency = np.asarray(np.arange(length // 2 + 1)[kept] * (sums.rate / length), dtype=np.float64)
+    return frequency, np.asarray(spectrum[kept]), float(freedom)
 
 
 def _peak(frequency: Array, spectrum: Array, among: NDArray[np.bool_]) -> tuple[float, float]:
@@ -325,11 +276,6 @@ def _near(frequency: Array, spectrum: Array, natural: Sequence[float]) -> tuple[
     levels = [(float(spectrum[band].mean()), f) for f, band in inside if band.any()]
     level, at = max(levels, default=(math.nan, math.nan))
     return at, level
-
-
-def band_of_interest(frequencies: Sequence[float]) -> tuple[float, float]:
-    """Lowest and highest frequency [Hz] within reach of the natural ones."""
-    return REACH[0] * min(frequencies, default=0.0), REACH[1] * max(frequencies, default=math.inf)
 
 
 def _chi_square_interval(n: int) -> tuple[float, float]:
