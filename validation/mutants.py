@@ -584,8 +584,8 @@ _LOADS = (
     ),
     Mutant(
         "loads that matter", "load_choice.py",
-        "by_loads > DRIVEN**2 * motion",
-        "by_loads > DRIVEN * motion",
+        "by_loads > MIN_LOAD_SHARE**2 * motion",
+        "by_loads > MIN_LOAD_SHARE * motion",
         "a share of amplitudes is compared with powers",
     ),
 )  # fmt: skip

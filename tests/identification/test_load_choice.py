@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 
 from tests.mechanics.models import Reads, symbols
 from windsysid.filters.protocol import empty_info
-from windsysid.identification.load_choice import _driven, _log_evidence
+from windsysid.identification.load_choice import _loads_matter, _log_evidence
 from windsysid.identification.recursive import begin
 from windsysid.mechanics.equations import Equations
 from windsysid.statespace.compose import compose
@@ -47,4 +47,4 @@ def test_loads_matter_from_a_tenth_of_the_motion_on():
         motion = np.zeros((samples, len(model.states)))
         motion[:, 0] = made / share
         info = empty_info(samples, len(model.states), 1)._replace(mean=motion)
-        assert _driven(model, np.zeros((samples, 1)), info) == matters, share
+        assert _loads_matter(model, np.zeros((samples, 1)), info) == matters, share

@@ -87,7 +87,7 @@ def test_a_run_that_was_interrupted_goes_on_bit_for_bit(
     online, history = whole
     stopped, before = advance(build, begin(*PRIOR, FIRST, (3, 3)), record[0][:cut], record[1][:cut])
     save(stopped, before, tmp_path / "checkpoint.npz")
-    restored, kept, _ = restore(build, tmp_path / "checkpoint.npz")
+    restored, kept = restore(build, tmp_path / "checkpoint.npz")
     assert restored.reached == cut
     resumed, after = advance(build, restored, record[0][cut:], record[1][cut:])
     np.testing.assert_array_equal(resumed.theta, online.theta)

@@ -33,12 +33,13 @@ def conclude(
     section: tuple[float, float] | None = None,
     samples: int | None = None,
     history_time: Array | None = None,
+    wind_speed: float | None = None,
     provenance: Provenance | None = None,
 ) -> Identification:
     """Put what a formulation found on `record` into physical units, with bands, modes and errors.
 
-    Where `record` is the last piece of a longer one, `section` [s] and `samples` are the whole's, and `history_time` [s] says when the
-    estimates of the history were made.
+    Where `record` is the end of a longer one, `section` [s], `samples` and the mean `wind_speed` [m/s] are the whole's, and `history_time` [s] says
+    when the estimates of the history were made.
     """
     turbine, model, theta, cov = outcome.turbine, outcome.model, outcome.theta, outcome.cov
     history_mean, history_std = outcome.history_mean, outcome.history_std
@@ -82,6 +83,7 @@ def conclude(
         blades=turbine.model.blades,
         white=formulation == "joint",
         doubts=outcome.doubts,
+        whiteness=outcome.whiteness,
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
     )
     return Identification(
@@ -104,13 +106,17 @@ def conclude(
         readings=model.readings,
         innovation=outcome.final.innovation,
         whitened=outcome.final.whitened,
-        log_likelihood=float(outcome.final.log_likelihood.sum()),
+        log_likelihood=float(outcome.final.log_likelihood.sum())
+        if outcome.log_likelihood is None
+        else outcome.log_likelihood,
         notes=outcome.notes,
         statistics=outcome.statistics,
         diagnosis=diagnosis,
         machine=replace(turbine, rotor_speed=max(speed, 0.0)),
         loads=outcome.loads,
-        conditions=_conditions(record, speed),
+        conditions=_conditions(record, speed)
+        if history_time is None
+        else _conditions(record, speed)._replace(wind_speed=wind_speed),
         provenance=provenance,
         joint_cov=outcome.joint_cov,
     )

@@ -87,8 +87,8 @@ def identify(
     if formulation == "joint":
         found = usable_sensors(part, turbine, sensors)
         faults = noted(screened(recorded, turbine, found))
-        part, steps, resampled = resample_for_model(part, turbine, rate, sensors)
-        check_length(part, turbine)
+        part, steps, resampled = resample_for_model(part, turbine, rate, sensors or turbine.sensors)
+        check_length(part.name, part.duration, part.rate, turbine)
         outcome = identify_jointly(part, turbine, found, prior or Prior(), parameters, loads=loads)
         outcome = thin_to_readings(outcome, steps)._replace(notes=(*resampled, *outcome.notes, *faults))
         read = replace(part, time=part.time[::steps], values=part.values[::steps])
@@ -96,7 +96,7 @@ def identify(
             outcome, read, formulation, provenance=trace(record, record_hash(record), turbine, found, options)
         )
     if formulation == "force-balance":
-        check_length(part, turbine)
+        check_length(part.name, part.duration, part.rate, turbine)
         if sensors is not None:
             raise ConfigurationError(
                 "the force balance takes no sensor list: it reads tower_x_acceleration, blade_1_lag_displacement … by name"

@@ -13,6 +13,7 @@ Source: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995, https://doi.org/10.1080/01
 """
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -22,13 +23,18 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
-from windsysid.identification.problem import FIRST_WIDTH, Problem
-from windsysid.identification.recursive import MEMORY, History, Online, advance, begin, finish
+from windsysid.filters.bank import bank_of, run_bank
+from windsysid.identification.prior import Prior
+from windsysid.identification.problem import FIRST_WIDTH, Problem, pose
+from windsysid.identification.recursive import MEMORY, History, Online, advance, begin, finish, join_histories
 from windsysid.loads.statistics import coordinates_of, values_of
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
 from windsysid.results.whiteness import examine
 from windsysid.statespace.compose import StateSpace
+from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Candidate", "choose"]
+__all__ = ["Candidate", "Choice", "Question", "choose"]
 
 Start = Callable[[Array, Array], tuple[Array, Array]]
 
@@ -37,8 +43,18 @@ TRIAL = 2
 """How many times the first samples are enough to compare models: a difference that matters is overwhelming there."""
 
 
-DRIVEN = 0.1
+MIN_LOAD_SHARE = 0.1
 """Share of the motion's rms that loads make by themselves in some degree of freedom, or they hardly matter."""
+
+
+class Question(NamedTuple):
+    """What is asked of a record, whatever its loads are: arguments of `windsysid.identification.problem.pose`."""
+
+    record: Record
+    turbine: Turbine
+    sensors: tuple[Sensor, ...]
+    prior: Prior
+    chosen: Sequence[str] | None
 
 
 class Candidate(NamedTuple):
@@ -55,7 +71,7 @@ class Candidate(NamedTuple):
     white
         Whether it explains what it has seen.
     driven
-        Whether its loads make a good part of the motion that it has seen.
+        Whether its loads make a good part of the motion that it does not explain.
     """
 
     problem: Problem
@@ -66,28 +82,38 @@ class Candidate(NamedTuple):
     driven: bool
 
 
-def choose(posed: Callable[[str], Problem], names: Sequence[str], first: int, rate: float) -> tuple[Candidate, str]:
-    """The load model of those named that explains the beginning of the record, or does it best; and in words, why.
+class Choice(NamedTuple):
+    """The load model that was chosen, in words why, and the seconds that its kernels took to load or compile."""
+
+    best: Candidate
+    why: str
+    warming: float
+
+
+def choose(question: Question, names: Sequence[str], first: int) -> Choice:
+    """The load model of those named that explains the beginning of the record, or does it best.
 
     Parameters
     ----------
-    posed
-        The problem under a load model.
+    question
+        With the record, or so much of it as holds `MEMORY` × `first` samples.
     names
         The models, the cheapest first.
     first
         Samples before the first estimate on line.
-    rate
-        [Hz].
     """
+    rate, warming = question.record.rate, 0.0
     tried: list[Candidate] = []
     for name in names:
-        problem = posed(name)
-        begun = _begun(problem, first)
+        begun = time.perf_counter()
+        problem = pose(*question, name)
+        _warm(problem)
+        warming += time.perf_counter() - begun
+        candidate = _start_candidate(problem, first)
         try:
-            candidate = _advanced(begun, TRIAL * first, rate, _start(problem, tried))
+            candidate = _take_in(candidate, TRIAL * first, rate, _start(problem, tried))
             if candidate.white and not tried:
-                candidate = _advanced(candidate, MEMORY * first, rate, problem.start)
+                candidate = _take_in(candidate, MEMORY * first, rate, problem.start)
         except (WindsysidError, np.linalg.LinAlgError):  # the record drives this model out of bounds
             if len(names) == 1:
                 raise
@@ -98,17 +124,25 @@ def choose(posed: Callable[[str], Problem], names: Sequence[str], first: int, ra
     if not tried:
         raise WindsysidError("no load model fits this record: check units, the turbine file and the priors")
     best = max(tried, key=lambda candidate: candidate.log_evidence)
-    return best, _told(best, tried, TRIAL * first / rate)
+    return Choice(best, _describe_choice(best, tried, TRIAL * first / rate), warming)
 
 
-def _begun(problem: Problem, first: int) -> Candidate:
+def _warm(problem: Problem) -> None:
+    """Compile or load every kernel."""
+    nothing = problem.inputs[:0], problem.readings[:0]
+    for model in (problem.model, problem.build(problem.prior[0])):
+        EKF.run(model, EKF.init(model), *nothing)
+    run_bank(bank_of([model]), *nothing)
+
+
+def _start_candidate(problem: Problem, first: int) -> Candidate:
     """A model that has seen nothing."""
     online = begin(*problem.prior, first, (problem.inputs.shape[1], problem.readings.shape[1]))
     history = advance(problem.build, online, problem.inputs[:0], problem.readings[:0])[1]
     return Candidate(problem, online, history, -math.inf, white=True, driven=True)
 
 
-def _advanced(candidate: Candidate, until: int, rate: float, start: Start) -> Candidate:
+def _take_in(candidate: Candidate, until: int, rate: float, start: Start) -> Candidate:
     """The candidate after so many samples of the record, or all that there are."""
     problem, online = candidate.problem, candidate.online
     part = slice(online.reached, until)
@@ -119,10 +153,9 @@ def _advanced(candidate: Candidate, until: int, rate: float, start: Start) -> Ca
     evidence = candidate.log_evidence
     if not np.isfinite(evidence):
         evidence = _log_evidence(float(info.log_likelihood.sum()), known)
-    together = History(*(np.concatenate(parts) for parts in zip(candidate.history, history, strict=True)))
-    return Candidate(
-        problem, online, together, evidence, _explained(problem, info, rate), _driven(model, problem.inputs[seen], info)
-    )
+    white = _is_explained(problem, info, rate)
+    driven = white or _loads_matter(model, problem.inputs[seen], info)
+    return Candidate(problem, online, join_histories([candidate.history, history]), evidence, white, driven)
 
 
 def _log_evidence(log_likelihood: float, known: Online) -> float:
@@ -133,7 +166,7 @@ def _log_evidence(log_likelihood: float, known: Online) -> float:
     return log_likelihood - 0.5 * float(off @ prior @ off) + 0.5 * (sizes[0] - sizes[1])
 
 
-def _explained(problem: Problem, info: Info, rate: float) -> bool:
+def _is_explained(problem: Problem, info: Info, rate: float) -> bool:
     """Whether the innovations have no peak within reach of a natural frequency."""
     turbine = problem.turbine
     natural = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
@@ -141,7 +174,7 @@ def _explained(problem: Problem, info: Info, rate: float) -> bool:
     return not any(channel.peak > found.spectrum_bound for channel in found.channels)
 
 
-def _driven(model: StateSpace, inputs: Array, info: Info) -> bool:
+def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
     """Whether the loads, from rest and with nothing read, would make a good part of the motion in some degree of freedom."""
     n = len(model.compiled.states) // 2
     cov = model.cov.copy()
@@ -150,7 +183,7 @@ def _driven(model: StateSpace, inputs: Array, info: Info) -> bool:
     nothing = np.full((len(inputs), len(model.readings)), np.nan)
     alone = EKF.run(at_rest, EKF.init(at_rest), inputs, nothing)[1]
     by_loads, motion = np.mean(alone.std[:, :n] ** 2, axis=0), np.mean(info.mean[:, :n] ** 2, axis=0)
-    return bool(np.any(by_loads > DRIVEN**2 * motion))
+    return bool(np.any(by_loads > MIN_LOAD_SHARE**2 * motion))
 
 
 def _start(problem: Problem, tried: Sequence[Candidate]) -> Start:
@@ -160,7 +193,7 @@ def _start(problem: Problem, tried: Sequence[Candidate]) -> Start:
     n = len(problem.parameters)
     mean = problem.prior[0].copy()
     if tried:
-        louder = _louder(tried[0])
+        louder = _compare_levels(tried[0])
         values = {s.name: s.given * louder.get(s.name, louder["hub" if "hub" in s.name else "blades"])
                   for s in problem.statistics if s.name.startswith("load_rms")}  # fmt: skip
         mean[n:] = coordinates_of(problem.statistics, values)
@@ -171,7 +204,7 @@ def _start(problem: Problem, tried: Sequence[Candidate]) -> Start:
     return start
 
 
-def _louder(simplest: Candidate) -> dict[str, float]:
+def _compare_levels(simplest: Candidate) -> dict[str, float]:
     """How much louder than in the file the loads are, by the level of their spectra: by statistic, and for hub and blades."""
     n = len(simplest.problem.parameters)
     statistics = simplest.problem.statistics
@@ -188,7 +221,7 @@ def _louder(simplest: Candidate) -> dict[str, float]:
     return found
 
 
-def _told(best: Candidate, tried: Sequence[Candidate], seconds: float) -> str:
+def _describe_choice(best: Candidate, tried: Sequence[Candidate], seconds: float) -> str:
     """What was chosen, and by how much."""
     name = best.problem.loads.name
     if len(tried) == 1:

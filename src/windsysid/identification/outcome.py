@@ -15,6 +15,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import TowerModel
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.load_history import Loads
+from windsysid.results.whiteness import Whiteness
 from windsysid.signals import resample, rotor_inputs, tower_inputs
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
@@ -39,7 +40,7 @@ class Outcome(NamedTuple):
     theta, cov
         The identified parameters (n_θ,) and their covariance (n_θ, n_θ).
     rotor
-        The known inputs (T, n_u): ψ, Ω and more.
+        The known inputs, ψ, Ω and more (T, n_u), or their mean over the record (1, n_u).
     channels
         Channels of the record that were used as measurements.
     elapsed
@@ -54,6 +55,10 @@ class Outcome(NamedTuple):
         The loads that were states, as the filter knew them at the result; None where none were.
     joint_cov
         Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where no statistics were learned.
+    whiteness
+        The innovations against white noise where that was judged already; None where those of `final` are to be judged.
+    log_likelihood
+        Of all readings, where `final` does not hold them all.
     """
 
     turbine: Turbine
@@ -71,6 +76,8 @@ class Outcome(NamedTuple):
     doubts: tuple[str, ...] = ()
     loads: Loads | None = None
     joint_cov: Array | None = None
+    whiteness: Whiteness | None = None
+    log_likelihood: float | None = None
 
 
 TURNING = ("rotor_azimuth", "rotor_speed", "nacelle_yaw")
@@ -104,5 +111,5 @@ def check_finite(mean: Array, cov: Array) -> None:
     if not (np.isfinite(mean).all() and np.isfinite(cov).all()):
         raise WindsysidError(
             "the filter diverged: expected loads, noise and priors of the size of the record's; "
-            "check units and the turbine file, or move the priors with --prior-scale"
+            "check units, the turbine file or the equations, or move the priors with --prior-scale"
         )

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from windsysid._types import Array
-from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.errors import ConfigurationError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
-from windsysid.identification.posterior_mode import Posterior, posterior_mode
-from windsysid.identification.recursive import advance, begin, finish
+from windsysid.identification.recursive import begin, spread_over_samples
+from windsysid.identification.solve import Solution, solve
 from windsysid.inspection.screening import noted, screen
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Model
@@ -52,14 +52,10 @@ __all__ = ["Fit", "Reading", "fit"]
 LEVEL_SPREAD = 1.5
 """Prior standard deviation of the logarithm of a level: noise and loads may be wrong by a factor of four or five."""
 
-FIRST = 16
+FIRST_FRACTION = 16
 """The first estimate on line comes after this fraction of the record."""
 
-CLIMBS = 2
-"""How often the way to the mode is begun, where it was not reached."""
-
-
-STEPPED = 0.1
+MAX_STEP_SHARE = 0.1
 """Share of a vibration's damping that may be the integration's."""
 
 
@@ -185,17 +181,20 @@ def fit(
         EKF.run(space, EKF.init(space), inputs[:0], readings[:0])
     run_bank(bank_of([plain]), inputs[:0], readings[:0])
     started = time.perf_counter()
-    history = _on_line(problem, inputs, readings)
-    mode = _mode(problem, inputs, readings)
+    samples = [(inputs, readings)]
+    first = -(-len(readings) // FIRST_FRACTION)
+    nothing = begin(*problem.prior, first, (inputs.shape[1], readings.shape[1]))
+    found = solve(problem, samples, nothing, rate=part.rate, start=problem.start_from(samples))
+    history = spread_over_samples(*problem.prior, found.history, len(readings))
     elapsed = time.perf_counter() - started
 
     n = len(parameters)
     units = [part.unit(sensor.channel) for sensor in sensors] + [""] * len(loads)
     given = [sensor.noise for sensor in sensors] + [float(np.sqrt(load.cov[0, 0])) for load in loads]
-    spread = np.sqrt(np.diag(mode.cov))
+    spread = np.sqrt(np.diag(found.cov))
     learned = [
         Statistic(name, unit, value, *(value * np.exp(eta + k * std) for k in (0.0, -SIGMAS, SIGMAS)))
-        for name, unit, value, eta, std in zip(names[:levels], units, given, mode.mean[n:], spread[n:], strict=False)
+        for name, unit, value, eta, std in zip(names[:levels], units, given, found.mean[n:], spread[n:], strict=False)
     ]
     return Fit(
         method=f"posterior mode, {EKF.name}",
@@ -207,63 +206,29 @@ def fit(
         rate=part.rate,
         samples=part.samples,
         elapsed=elapsed,
-        estimates=tuple(map(_estimate, parameters, mode.mean[:n], spread[:n])),
+        estimates=tuple(map(_estimate, parameters, found.mean[:n], spread[:n])),
         modes=(),
         parameters=tuple(parameters),
         time=part.time,
         mean=history[0][:, :n],
         std=history[1][:, :n],
-        cov=mode.cov[:n, :n],
+        cov=found.cov[:n, :n],
         readings=joint.readings,
-        innovation=mode.info.innovation,
-        whitened=mode.info.whitened,
-        log_likelihood=mode.log_likelihood,
+        innovation=found.info.innovation,
+        whitened=found.info.whitened,
+        log_likelihood=found.log_likelihood,
         notes=(
             *notes,
+            *found.notes,
             *faults,
             *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
         ),
         statistics=tuple(learned),
-        diagnosis=_diagnosis(mode, joint, part.rate, _damped_by_the_step(build(mode.mean), mode.info, inputs)),
+        diagnosis=_diagnosis(found, joint, part.rate, _damped_by_the_step(build(found.mean), found.info, inputs)),
         states=plain.states,
-        state_mean=mode.info.mean,
-        state_std=mode.info.std,
+        state_mean=found.info.mean,
+        state_std=found.info.std,
     )
-
-
-def _on_line(problem: OwnProblem, inputs: Array, readings: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation of the unknowns as they would have been known after each sample (T, n)."""
-    samples, first = len(readings), -(-len(readings) // FIRST)
-    nothing = begin(*problem.prior, first, (inputs.shape[1], readings.shape[1]))
-    try:
-        online, history = advance(problem.build, nothing, inputs, readings, problem.start)
-        _, last = finish(problem.build, online, problem.start)
-    except (WindsysidError, np.linalg.LinAlgError):
-        return (np.full((samples, len(nothing.theta)), np.nan),) * 2
-    since = np.concatenate([[0], history.samples, last.samples])
-    mean = np.concatenate([nothing.theta[None], history.mean, last.mean])
-    cov = np.concatenate([nothing.cov[None], history.cov, last.cov])
-    known = np.searchsorted(since, np.arange(1, samples + 1), side="right") - 1
-    return mean[known], np.sqrt(np.diagonal(cov, axis1=1, axis2=2))[known]
-
-
-def _mode(problem: OwnProblem, inputs: Array, readings: Array) -> Posterior:
-    """The mode of the posterior of the whole record."""
-    start, start_cov = problem.start(inputs, readings)
-    for _ in range(CLIMBS):
-        mode = posterior_mode(
-            problem.build, inputs, readings,
-            prior_mean=problem.prior[0], prior_cov=problem.prior[1], start=start, start_cov=start_cov,
-        )  # fmt: skip
-        if mode.settled:
-            break
-        start, start_cov = mode.mean, mode.cov
-    if not (np.isfinite(mode.mean).all() and np.isfinite(mode.cov).all()):
-        raise WindsysidError(
-            "the search for the parameters lost its way: expected equations, noise and priors of the record's size; check units, "
-            "the prior of the states, and how far the priors of the parameters reach"
-        )
-    return mode
 
 
 def _estimate(q: Parameter, theta: float, std: float) -> Estimate:
@@ -278,7 +243,7 @@ def _estimate(q: Parameter, theta: float, std: float) -> Estimate:
 
 
 def _damped_by_the_step(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:
-    """A doubt where the Runge–Kutta method itself makes more than `STEPPED` of the damping of a vibration about the last state."""
+    """A doubt where the Runge–Kutta method itself makes more than `MAX_STEP_SHARE` of the damping of a vibration about the last state."""
     compiled, h = model.compiled, float(model.blocks.step[0])
     n, nu = len(compiled.states), len(compiled.inputs)
     if not (n and len(inputs)):
@@ -293,26 +258,26 @@ def _damped_by_the_step(model: StateSpace, info: Info, inputs: Array) -> tuple[s
     step = h * exponents[exponents.imag > 1e-6 * np.abs(exponents)]
     stepped = np.log(1.0 + step * (1.0 + step / 2.0 * (1.0 + step / 3.0 * (1.0 + step / 4.0))))
     ratio, own = -stepped.real / np.abs(stepped), -step.real / np.abs(step)
-    worse = np.abs(ratio - own) - STEPPED * np.abs(ratio)
+    worse = np.abs(ratio - own) - MAX_STEP_SHARE * np.abs(ratio)
     if not worse.max(initial=-1.0) > 0.0:
         return ()
     i = int(np.argmax(worse))
     size = float(np.abs(step[i]))
-    enough = size / h / (72.0 * STEPPED * max(abs(float(ratio[i])), 1e-4)) ** 0.2
+    enough = size / h / (72.0 * MAX_STEP_SHARE * max(abs(float(ratio[i])), 1e-4)) ** 0.2
     return (
         f"steps are too long for the vibration at {size / h / (2.0 * np.pi):.3g} Hz, {2.0 * np.pi / size:.2g} of them to a period: the integration damps it by "
         f"{100.0 * (ratio[i] - own[i]):.2g} %, which the damping found lacks; give the record at {enough:.3g} Hz or more, missing samples in between",
     )
 
 
-def _diagnosis(mode: Posterior, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
+def _diagnosis(found: Solution, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
     """What to think of the result."""
     n = len(model.parameters)
-    if not mode.settled:
+    if not found.settled:
         doubts += (
             "the likelihood still rose when the search ended: identify fewer parameters, or give narrower priors",
         )
     return diagnose(
-        mode.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
-        theta=mode.mean[:n], cov=mode.cov[:n, :n], doubts=doubts,
+        found.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
+        theta=found.mean[:n], cov=found.cov[:n, :n], whiteness=found.whiteness, doubts=doubts,
     )  # fmt: skip

@@ -8,7 +8,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.filters import EKF, Info
+from windsysid.filters import EKF
+from windsysid.identification.samples import Samples
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
@@ -47,22 +48,32 @@ class OwnProblem(NamedTuple):
         cov[:n, :n] = self.model.cov[block, block]
         return np.concatenate([self.model.mean[block], np.zeros(len(self.levels))]), cov
 
+    def frequencies(self, unknowns: Array) -> tuple[float, ...]:
+        """None are known."""
+        return ()
+
     def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
         """Where to begin to look for the unknowns, and how uncertain that is, from T samples."""
+        return self.start_from([(inputs, readings)])
+
+    def start_from(self, samples: Samples) -> tuple[Array, Array]:
+        """The same from samples in blocks."""
         block, n = self.model.parameter_block, len(self.model.parameters)
         mean, cov = self.prior
         best = -np.inf
         for factor in LOUDER:
             noise = self.model.blocks.noise * factor**2
             louder = replace(self.model, blocks=self.model.blocks._replace(noise=noise))
-            belief, _ = EKF.run(louder, EKF.init(louder), inputs, readings)
+            belief = EKF.init(louder)
+            for inputs, readings in samples:
+                belief = EKF.run(louder, belief, inputs, readings)[0]
             if not (np.isfinite(belief.mean).all() and np.isfinite(belief.cov).all()):
                 continue
             at = np.concatenate([belief.mean[block], np.zeros(len(self.levels))])
             if len(self.levels):  # of all levels together: rather too loud, from where a few steps lead down
-                at[n:] = np.log(_loudest(_state_only_run(self.build(at), inputs, readings)))
+                at[n:] = np.log(_measure_excess(self.build(at), samples)[0])
             off = at - self.prior[0]
-            log_likelihood = _state_only_run(self.build(at), inputs, readings).log_likelihood.sum()
+            log_likelihood = _measure_excess(self.build(at), samples)[1]
             reached = float(log_likelihood - 0.5 * off @ np.linalg.solve(self.prior[1], off))
             if reached > best:
                 best, mean, cov = reached, at, np.diag(np.full(len(at), FIRST_WIDTH**2))
@@ -70,15 +81,16 @@ class OwnProblem(NamedTuple):
         return mean, cov
 
 
-def _state_only_run(model: StateSpace, inputs: Array, readings: Array) -> Info:
-    return EKF.run(model, EKF.init(model), inputs, readings)[1]
-
-
-def _loudest(info: Info) -> float:
-    """The greatest rms of a sensor's innovations, in their own standard deviations; 1 where nothing was read."""
-    squares = np.square(info.innovation / info.innovation_std)
-    means = np.nansum(squares, axis=0) / np.maximum(np.isfinite(squares).sum(axis=0), 1)
-    return float(np.sqrt(means.max())) or 1.0
+def _measure_excess(model: StateSpace, samples: Samples) -> tuple[float, float]:
+    """The greatest rms of a reading's innovations in their own standard deviations, 1 where nothing was read, and the log-likelihood."""
+    belief, log_likelihood = EKF.init(model), 0.0
+    total, number = np.zeros(len(model.readings)), np.zeros(len(model.readings))
+    for inputs, readings in samples:
+        belief, info = EKF.run(model, belief, inputs, readings)
+        squares = np.square(info.innovation / info.innovation_std)
+        total, number = total + np.nansum(squares, axis=0), number + np.isfinite(squares).sum(axis=0)
+        log_likelihood += float(info.log_likelihood.sum())
+    return float(np.sqrt((total / np.maximum(number, 1)).max())) or 1.0, log_likelihood
 
 
 def state_only_model(

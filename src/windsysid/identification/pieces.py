@@ -1,9 +1,13 @@
-"""Records too long for memory, piece by piece: the joint formulation on line, interruptible and resumable.
+"""Records too long for memory, piece by piece: the same way from samples to an estimate, interruptible and resumable.
 
-Each piece goes through `windsysid.identification.recursive.advance`, whose memory does not grow; what it knows is written beside the output after every
-piece. The same call on the same record goes on from there, and ends where an uninterrupted one would have ended, bit for bit. The checkpoint
-says which call it belongs to, and the hash of all samples that were taken in: another call does not take it up. A record that has grown
-since is the same record, if what was taken in is still there.
+Each piece is brought to the model's rate as the whole record would be (`windsysid.identification.windows`), written to a file on disk that has
+no name (`windsysid.identification.samples`), and taken in on line (`windsysid.identification.recursive`). The load model is chosen as soon as
+there are enough samples for that. After the last piece the mode of the posterior is found from the samples on disk, as for a whole record
+(`windsysid.identification.solve`).
+
+What is known on line is written beside the output after every piece. The same call on the same record goes on from there, and ends where an
+uninterrupted one would have ended, bit for bit. The checkpoint says which call it belongs to, and the hash of all samples that were taken
+in: another call does not take it up. A record that has grown since is the same record, if what was taken in is still there.
 """
 
 import math
@@ -15,30 +19,31 @@ from typing import Any
 
 import numpy as np
 
-from windsysid._types import Array
 from windsysid._version import __version__
 from windsysid.errors import RecordError
-from windsysid.filters import EKF
 from windsysid.identification.conclude import conclude
-from windsysid.identification.joint import first_estimate
-from windsysid.identification.outcome import Outcome, check_finite, known_inputs, known_loads
-from windsysid.identification.prepare import screened, usable_sensors
+from windsysid.identification.joint import describe_solution, first_estimate, load_models
+from windsysid.identification.load_choice import Question, choose
+from windsysid.identification.outcome import Outcome
+from windsysid.identification.prepare import check_length, screened, thin_to_readings, usable_sensors
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import Problem, pose
 from windsysid.identification.recursive import (
+    MEMORY,
     History,
     Online,
     advance,
     another_call,
-    begin,
     check_call,
-    finish,
+    join_histories,
     restore,
     save,
 )
+from windsysid.identification.samples import SamplesOnDisk
+from windsysid.identification.solve import solve
+from windsysid.identification.windows import Prepared, Windows
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import noted
-from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
@@ -61,6 +66,8 @@ def identify_pieces(
     sensors: Sequence[Sensor] | None = None,
     prior: Prior | None = None,
     parameters: Sequence[str] | None = None,
+    rate: float | None = None,
+    loads: str = "auto",
     checkpoint: str | Path | None = None,
     keep_checkpoint: bool = False,
     progress: Progress | None = None,
@@ -68,15 +75,15 @@ def identify_pieces(
 ) -> Identification:
     """Identify stiffness and damping from a record that comes in pieces, in bounded memory.
 
-    The estimate is the on-line one (docs/online.md): what `windsysid.identify` would find, but for a few per cent of a standard deviation.
-    Innovations, and with them the diagnosis, are those of the last piece.
+    The estimate is what `windsysid.identify` would find. Samples are held on disk, beside the checkpoint or in the system's folder for
+    temporary files: 8 bytes for each number that a filter reads. The diagnosis judges all innovations; kept are those of the last samples.
 
     Parameters
     ----------
     pieces
         Records in order, of one sampling rate: `windsysid.iterate_record` makes them of a file. Samples missing between two pieces are
         missing readings.
-    turbine, sensors, prior, parameters
+    turbine, sensors, prior, parameters, rate, loads
         As for `windsysid.identify`; sensors are chosen on the first piece.
     checkpoint
         Where to write what is known after each piece, and to go on from if it is there; it is deleted at the end.
@@ -91,6 +98,8 @@ def identify_pieces(
     ------
     RecordError, ConfigurationError
         If a piece does not hold what is needed, an option is out of range, or the checkpoint belongs to another call.
+    OutputError
+        If the disk is full.
     """
     started = time.perf_counter()
     checkpoint = None if checkpoint is None else Path(checkpoint)
@@ -98,21 +107,19 @@ def identify_pieces(
     run: _Run | None = None
     faults: list[Finding] = []
     for piece in pieces:
-        part = piece.on_uniform_grid()
         if run is None:
-            found = usable_sensors(part, turbine, sensors)
+            found = usable_sensors(piece, turbine, sensors)
             faults += screened(piece, turbine, found)
-            run = _Run(piece, part, turbine, found, prior or Prior(), parameters, checkpoint, options or {})
-            run.take(piece, part)
+            run = _Run(piece, turbine, found, prior or Prior(), parameters, rate, loads, checkpoint, options or {})
+            run.take(piece)
         else:
-            run.take(piece, part)
+            run.take(piece)
             faults += screened(piece, turbine, found, refuse=False)
         if progress:
-            progress(float(part.time[-1]))
+            progress(float(piece.time[-1]))
     if run is None:
         raise RecordError("no pieces: expected at least one, got an empty record")
-    result = run.conclude(time.perf_counter() - started)
-    result = replace(result, notes=(*result.notes, *noted(faults)))
+    result = run.conclude(started, noted(faults))
     if checkpoint is not None and not keep_checkpoint:
         checkpoint.unlink(missing_ok=True)
     return result
@@ -122,123 +129,150 @@ class _Run:
     """One pass over the pieces."""
 
     def __init__(
-        self, piece: Record, first: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
-        checkpoint: Path | None, options: Mapping[str, Any],
+        self, first: Record, turbine: Turbine, sensors: tuple[Sensor, ...], prior: Prior, chosen: Sequence[str] | None,
+        rate: float | None, loads: str, checkpoint: Path | None, options: Mapping[str, Any],
     ) -> None:  # fmt: skip
         listed = None if chosen is None else list(chosen)
-        beginning = replace(piece, time=piece.time[:_BEGINNING], values=piece.values[:_BEGINNING])
+        beginning = replace(first, time=first.time[:_BEGINNING], values=first.values[:_BEGINNING])
         self.call = {
             "version": __version__,
             "turbine": turbine_hash(turbine),
             "sensors": sensor_tables(sensors),
             "prior": asdict(prior),
             "parameters": listed,
+            "rate": rate,
+            "loads": loads,
             "mapping": options.get("mapping"),
-            "length of pieces": first.samples,
+            "length of pieces": first.on_uniform_grid().samples,
             "record": record_hash(beginning),
         }
-        resumed = checkpoint is not None and checkpoint.exists()
-        if checkpoint is not None and resumed:
-            check_call(checkpoint, self.call)
-        self.problem: Problem = pose(first, turbine, sensors, prior, chosen)
-        self.rate, self.checkpoint = first.rate, checkpoint
-        self.begun = float(first.time[0])
-        self.known: int = 0  # samples that an earlier run had taken in
-        self.taken: int = 0
-        self.histories: list[History] = []
-        self.last: tuple[Record, Array, Array] | None = None
-        self.hash, self.expected = RecordHash(), ""
-        self.given: tuple[Record, Turbine, Sequence[Sensor]] = piece, turbine, sensors
-        self.options = {"formulation": "joint", "prior": asdict(prior), "parameters": listed, **options}
-        columns = self.problem.inputs.shape[1], self.problem.readings.shape[1]
-        self.online: Online = begin(*self.problem.prior, first_estimate(self.problem.turbine, self.rate), columns)
-        if checkpoint is not None and resumed:
-            self.online, earlier, self.expected = restore(self.problem.build, checkpoint)
-            self.histories.append(earlier)
-            self.known = self.online.reached
+        self.checkpoint = checkpoint
+        self.stopped: dict[str, Any] = {"samples": 0, "taken": "", "chosen": None}
+        if checkpoint is not None and checkpoint.exists():
+            self.stopped = check_call(checkpoint, self.call)
+        self.windows = Windows(first.on_uniform_grid(), turbine, sensors, rate)
+        check_length(first.name, math.inf, self.windows.rate, turbine)
+        self.turbine, self.sensors, self.prior, self.chosen = turbine, sensors, prior, chosen
+        self.loads = load_models(first, turbine, loads)
+        self.options = {
+            "formulation": "joint", "prior": asdict(prior), "parameters": listed, "rate": rate, "loads": loads, **options,
+        }  # fmt: skip
+        self.first, self.name, self.hash, self.taken = first, first.name, RecordHash(), 0
+        self.beginning: list[Prepared] = []
+        self.enough = MEMORY * first_estimate(turbine, self.windows.rate)
+        self.samples: SamplesOnDisk | None = None
+        self.problem: Problem | None = None
+        self.online: Online | None = None
+        self.why, self.histories, self.warming = "", list[History](), 0.0
+        self.ended, self.wind = float(first.time[0]), [0.0, 0.0]
 
-    def take(self, whole: Record, piece: Record) -> None:
-        """The next piece as it was recorded and on a uniform grid, and the samples missing before it."""
-        self.hash.take(whole)
-        inputs, readings = self._arrays(piece)
-        self.last = piece, inputs, readings
-        self.taken += len(readings)
-        if self.taken - len(readings) < self.known:
-            if self.checkpoint is not None and (
-                self.taken > self.known or (self.taken == self.known and str(self.hash) != self.expected)
-            ):
-                raise another_call(self.checkpoint, ["record"])
+    def take(self, piece: Record) -> None:
+        """The next piece as it was recorded."""
+        self.hash.take(piece)
+        self.taken, self.name = self.taken + piece.samples, piece.name
+        known = int(self.stopped["samples"])
+        if self.taken - piece.samples < known and (
+            self.taken > known or (self.taken == known and str(self.hash) != self.stopped["taken"])
+        ):
+            raise another_call(self._path, ["record"])
+        self._append(self.windows.take(piece))
+        if self.checkpoint is not None and self.taken > known:
+            chosen = None if self.problem is None else [self.problem.loads.name, self.why]
+            progress = {"samples": self.taken, "taken": str(self.hash), "chosen": chosen}
+            history = join_histories(self.histories) if self.histories else None
+            save(self.online, history, self.checkpoint, call=self.call, progress=progress)
+
+    @property
+    def _path(self) -> Path:
+        assert self.checkpoint is not None
+        return self.checkpoint
+
+    def _append(self, more: Prepared | None) -> None:
+        """Hold what is ready, and take it in on line."""
+        if more is None:
             return
-        self.online, history = advance(self.problem.build, self.online, inputs, readings, self.problem.start)
-        self.histories.append(history)
-        if self.checkpoint is not None:
-            save(self.online, _joined(self.histories), self.checkpoint, call=self.call, taken=str(self.hash))
+        if self.samples is None:
+            columns = more.inputs.shape[1], more.readings.shape[1]
+            folder = None if self.checkpoint is None else self.checkpoint.absolute().parent
+            self.samples = SamplesOnDisk(columns, folder, every=self.windows.steps)
+        self.samples.append(more.inputs, more.readings)
+        self.ended = float(more.record.time[-1])
+        if "wind_speed" in more.record:
+            wind = more.record["wind_speed"]
+            self.wind[0] += float(np.nansum(wind))
+            self.wind[1] += float(np.isfinite(wind).sum())
+        if self.problem is None:
+            self.beginning.append(more)
+            if self.samples.count < self.enough:
+                return
+            self._choose()
+        self._go_on()
 
-    def _arrays(self, piece: Record) -> tuple[Array, Array]:
-        """Inputs and readings, continued from the piece before."""
-        if abs(piece.rate / self.rate - 1.0) > 0.01:
-            raise RecordError(f"{piece.name}: expected pieces of {self.rate:.6g} Hz, got one of {piece.rate:.6g} Hz")
-        sensors, turbine = self.problem.sensors, self.problem.turbine
-        missing = [sensor.channel for sensor in sensors if sensor.channel not in piece]
-        if missing:
-            raise RecordError(
-                f"{piece.name}: expected the channels of the first piece, got none of {', '.join(missing)}"
-            )
-        inputs = np.hstack([known_inputs(piece, turbine, sensors), known_loads(piece, turbine)[0]])
-        readings = np.column_stack([piece[sensor.channel] for sensor in sensors])
-        if self.last is None:
-            return inputs, readings
-        before, past, _ = self.last
-        steps = round((piece.time[0] - before.time[-1]) * self.rate)
-        if steps < 1:
-            raise RecordError(f"{piece.name}: expected a piece that begins after the one before, got an overlap")
-        expected = past[-1, 0] + past[-1, 1] * steps / self.rate  # the azimuth goes on where it was
-        inputs[:, 0] += 2.0 * math.pi * round((expected - inputs[0, 0]) / (2.0 * math.pi))
-        if steps > 1:
-            between = np.linspace(0.0, 1.0, steps + 1)[1:-1, None]
-            inputs = np.vstack([past[-1] + between * (inputs[0] - past[-1]), inputs])
-            readings = np.vstack([np.full((steps - 1, readings.shape[1]), np.nan), readings])
-        return inputs, readings
-
-    def conclude(self, elapsed: float) -> Identification:
-        """The result, judged on the last piece."""
-        problem = self.problem
-        if self.checkpoint is not None and self.taken < self.known:
-            raise another_call(self.checkpoint, ["record"])
-        self.online, rest = finish(problem.build, self.online, problem.start)
-        check_finite(self.online.theta, self.online.precision)
-        history = _joined([*self.histories, rest])
-        if self.last is None:
-            raise RecordError("no pieces: expected at least one, got an empty record")
-        piece, inputs, readings = self.last
-        first, turbine, sensors = self.given
-        n = len(problem.parameters)
-        final = problem.build(self.online.theta)
-        info = EKF.run(final, EKF.init(final), inputs, readings)[1]
-        outcome = Outcome(
-            turbine=problem.turbine,
-            model=problem.model,
-            history_mean=history.mean[:, :n],
-            history_std=np.sqrt(np.diagonal(history.cov, axis1=1, axis2=2)[:, :n]),
-            final=info,
-            theta=self.online.theta[:n],
-            cov=self.online.cov[:n, :n],
-            rotor=inputs[:, : len(problem.model.compiled.inputs)],
-            channels=tuple(sensor.channel for sensor in problem.sensors),
-            elapsed=elapsed,
-            notes=(
-                *problem.notes,
-                "taken in piece by piece: the estimate is the on-line one, the innovations are the last piece's",
-            ),
-            statistics=learned_statistics(problem.statistics, self.online.theta[n:], self.online.cov[n:, n:]),
-            joint_cov=self.online.cov,
+    def _choose(self) -> None:
+        """Pose the problem on the beginning of the record, with the load model that it chooses, or chose before an interruption."""
+        parts = [prepared.record for prepared in self.beginning]
+        beginning = replace(
+            parts[0],
+            time=np.concatenate([part.time for part in parts])[: self.enough],
+            values=np.vstack([part.values for part in parts])[: self.enough],
         )
+        self.beginning = []
+        question = Question(beginning, self.turbine, self.sensors, self.prior, self.chosen)
+        if self.stopped["chosen"] is not None:
+            name, self.why = self.stopped["chosen"]
+            self.problem = pose(*question, name)
+            self.online, earlier = restore(self.problem.build, self._path)
+            self.histories = [earlier]
+            return
+        choice = choose(question, self.loads, first_estimate(self.turbine, self.windows.rate))
+        self.why, self.warming = choice.why, choice.warming
+        self.problem, self.online, self.histories = choice.best.problem, choice.best.online, [choice.best.history]
+
+    def _go_on(self) -> None:
+        """Take in on line what is held and new."""
+        assert self.problem is not None
+        assert self.online is not None
+        assert self.samples is not None
+        if self.samples.count > self.online.reached:
+            new = self.samples.rows(self.online.reached, self.samples.count)
+            self.online, history = advance(self.problem.build, self.online, *new, self.problem.start)
+            self.histories.append(history)
+
+    def conclude(self, started: float, faults: Sequence[str]) -> Identification:
+        """The result."""
+        if self.taken < int(self.stopped["samples"]):
+            raise another_call(self._path, ["record"])
+        self._append(self.windows.finish())
+        if self.problem is None and self.beginning:
+            self._choose()
+            self._go_on()
+        if self.problem is None or self.online is None or self.samples is None:
+            raise RecordError(f"{self.name}: expected at least two samples, got fewer")
+        begun, steps = float(self.first.time[0]), self.windows.steps
+        check_length(self.name, self.ended - begun, self.windows.rate, self.turbine)
+        problem, samples = self.problem, self.samples
+        solution = solve(problem, samples, self.online, rate=self.windows.rate)
+        samples.close()
+        history = join_histories([*self.histories, *filter(None, [solution.history])])
+        known = history.mean, np.sqrt(np.diagonal(history.cov, axis1=1, axis2=2))
+        elapsed = time.perf_counter() - started - self.warming
+        outcome: Outcome = describe_solution(problem, solution, self.turbine, self.why, known, elapsed)
+        last = len(solution.info.innovation)
+        pieces = "taken in piece by piece"
+        if last < solution.samples:
+            pieces += f": innovations, states and loads are kept of the last {last / self.windows.rate:.0f} s"
+        thin = thin_to_readings(outcome, steps)._replace(
+            history_mean=outcome.history_mean,
+            history_std=outcome.history_std,
+            notes=(*self.windows.notes, *outcome.notes, pieces, *faults),
+        )
+        count = -(-solution.samples // steps)
+        kept = min(last, 2)
+        end = self.ended - np.arange(kept)[::-1] * steps / self.windows.rate
+        read = replace(self.first, name=self.name, time=end, values=self.first.values[:kept])
         return conclude(
-            outcome, piece, "joint", section=(self.begun, float(piece.time[-1])), samples=self.taken,
-            history_time=self.begun + (history.samples - 1) / self.rate,
-            provenance=trace(first, str(self.hash), turbine, sensors, self.options),
+            thin, read, "joint", section=(begun, self.ended), samples=count,
+            history_time=begun + (history.samples - 1) / self.windows.rate,
+            wind_speed=self.wind[0] / self.wind[1] if self.wind[1] else None,
+            provenance=trace(self.first, str(self.hash), self.turbine, self.sensors, self.options),
         )  # fmt: skip
-
-
-def _joined(histories: Sequence[History]) -> History:
-    return History(*(np.concatenate(parts) for parts in zip(*histories, strict=True)))

@@ -22,6 +22,7 @@ from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import Bank, bank_of, run_bank
+from windsysid.identification.samples import Samples
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
@@ -76,6 +77,12 @@ class Score(NamedTuple):
     log_likelihood: float
     gradient: Array
     fisher: Array
+
+    def plus(self, more: "Score") -> "Score":
+        """What both say together."""
+        return Score(
+            self.log_likelihood + more.log_likelihood, self.gradient + more.gradient, self.fisher + more.fisher
+        )
 
 
 class Look(NamedTuple):
@@ -158,7 +165,7 @@ def posterior_mode(
 ) -> Posterior:
     """Find the mode of the posterior of θ, and what the state-only filter says there; arguments as for `find_mode`."""
     mode = find_mode(
-        build, inputs, readings, prior_mean=prior_mean, prior_cov=prior_cov, start=start, start_cov=start_cov
+        build, [(inputs, readings)], prior_mean=prior_mean, prior_cov=prior_cov, start=start, start_cov=start_cov
     )
     model = build(mode.mean)
     info = EKF.run(model, EKF.init(model), inputs, readings)[1]
@@ -167,8 +174,7 @@ def posterior_mode(
 
 def find_mode(
     build: Callable[[Array], StateSpace],
-    inputs: Array,
-    readings: Array,
+    samples: Samples,
     *,
     prior_mean: Array,
     prior_cov: Array,
@@ -181,8 +187,8 @@ def find_mode(
     ----------
     build
         The state-only model for a value of θ (n_θ,).
-    inputs, readings
-        As `windsysid.filters.EKF.run` takes them.
+    samples
+        Blocks of inputs and readings as `windsysid.filters.EKF.run` takes them.
     prior_mean, prior_cov
         Gaussian prior of θ (n_θ,), (n_θ, n_θ).
     start, start_cov
@@ -203,7 +209,7 @@ def find_mode(
     widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
     central, settled = False, False
     with ThreadPoolExecutor(THREADS) as pool:
-        here = look(build, inputs, readings, start.copy(), widths, central=central, pool=pool)
+        here = look(build, samples, start.copy(), widths, central=central, pool=pool)
         best = objective(here)
         if not np.isfinite(best):
             raise WindsysidError(
@@ -222,7 +228,7 @@ def find_mode(
                 break
             central = central or distance < NEAR
             for _ in range(HALVINGS):
-                candidate = look(build, inputs, readings, theta + step, widths, central=central, pool=pool)
+                candidate = look(build, samples, theta + step, widths, central=central, pool=pool)
                 if (value := objective(candidate)) > best:
                     here, best = candidate, value
                     theta = here.theta
@@ -233,17 +239,22 @@ def find_mode(
                 if settled or central:
                     break
                 central = True
-                here = look(build, inputs, readings, theta, widths, central=central, pool=pool)
+                here = look(build, samples, theta, widths, central=central, pool=pool)
     return Mode(theta, np.linalg.inv(curvature), count, settled, distance, here)
 
 
 def look(
-    build: Callable[[Array], StateSpace], inputs: Array, readings: Array, theta: Array, widths: Array, *,
+    build: Callable[[Array], StateSpace], samples: Samples, theta: Array, widths: Array, *,
     central: bool, pool: ThreadPoolExecutor | None = None,
 ) -> Look:  # fmt: skip
     """What the readings say at θ (n_θ,), from differences of the widths given (n_θ,)."""
     bank = bank_of([build(values) for values in neighbours(theta, widths, central=central)])
-    return Look(theta, widths, central, *score(bank, inputs, readings, widths, central=central, pool=pool))
+    n = len(theta)
+    found = Score(0.0, np.zeros(n), np.zeros((n, n)))
+    for inputs, readings in samples:
+        bank, more = score(bank, inputs, readings, widths, central=central, pool=pool)
+        found = found.plus(more)
+    return Look(theta, widths, central, bank, found)
 
 
 def information(
@@ -261,7 +272,7 @@ def information(
         Widths of the central differences (n_θ,): a tenth of a standard deviation of each parameter serves well.
     """
     with ThreadPoolExecutor(THREADS) as pool:
-        found = look(build, inputs, readings, theta, widths, central=True, pool=pool).found
+        found = look(build, [(inputs, readings)], theta, widths, central=True, pool=pool).found
     return found.gradient, found.fisher
 
 

@@ -22,8 +22,12 @@ from windsysid.turbine.turbine import Turbine
 __all__ = [
     "add_noise",
     "check_length",
+    "choose_rate",
+    "describe_rate",
     "resample_for_model",
     "screened",
+    "slow_down",
+    "steps_per_reading",
     "thin_to_readings",
     "usable_sensors",
     "with_noise",
@@ -36,7 +40,7 @@ TOWER_SAMPLES = 12.0
 FEWEST_PER_PERIOD, FEWEST = 2.5, 20
 """Samples per period of the slowest mode below which nothing of it is left in a resampled record, and fewest samples of such a record."""
 
-STEP = 0.6
+MAX_STEP = 0.6
 """Longest step of the equations, times the highest natural frequency [rad]."""
 
 
@@ -114,48 +118,85 @@ def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, ref
 
 
 def resample_for_model(
-    record: Record, turbine: Turbine, rate: float | None, sensors: Sequence[Sensor] | None
+    record: Record, turbine: Turbine, rate: float | None, sensors: Sequence[Sensor]
 ) -> tuple[Record, int, tuple[str, ...]]:
     """The record at a lower rate, where one is asked for or the turbine's model has nothing to say of what is faster; samples per reading, and a note.
 
     Where the equations need shorter steps than a reading takes, sensors are missing between their readings and all else is as the fine grid has it.
     """
-    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
-    if rate is None and isinstance(turbine.model, TowerModel):
-        rate = min(TOWER_SAMPLES * fastest / (2.0 * math.pi), record.rate)
-    elif rate is not None and not 0.0 < rate <= 1.001 * record.rate:
-        raise ConfigurationError(
-            f"rate: expected more than 0 and at most the record's {record.rate:.4g} Hz, got {rate:g}"
-        )
-    if rate is None or rate > 0.95 * record.rate:
+    slow = choose_rate(record.rate, record.duration, turbine, rate)
+    if slow is None:
         return record, 1, ()
-    _check_rate(record, turbine, rate)
-    slow, steps = resample(record, rate), math.ceil(fastest / STEP / rate * (1.0 - 1e-9))
-    note = f"resampled from {record.rate:.4g} to {rate:.3g} Hz"
+    steps = steps_per_reading(turbine, slow)
+    slowed = slow_down(record, [sensor.channel for sensor in sensors], slow, steps)
+    return slowed, steps, describe_rate(record.rate, slow, steps, turbine)
+
+
+def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float | None) -> float | None:
+    """Readings per second [Hz] for a record of `duration` seconds at the rate `recorded`; None to take it as it is.
+
+    Raises
+    ------
+    ConfigurationError
+        If the rate that is asked for takes every mode out of the record, or leaves next to no readings.
+    """
+    if rate is None and isinstance(turbine.model, TowerModel):
+        fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+        rate = min(TOWER_SAMPLES * fastest / (2.0 * math.pi), recorded)
+    elif rate is not None and not 0.0 < rate <= 1.001 * recorded:
+        raise ConfigurationError(f"rate: expected more than 0 and at most the record's {recorded:.4g} Hz, got {rate:g}")
+    if rate is None or rate > 0.95 * recorded:
+        return None
+    _check_rate(duration, turbine, rate)
+    return rate
+
+
+def steps_per_reading(turbine: Turbine, rate: float) -> int:
+    """How many steps the equations need for each reading at that rate [Hz]."""
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    return max(math.ceil(fastest / MAX_STEP / rate * (1.0 - 1e-9)), 1)
+
+
+def describe_rate(recorded: float, rate: float, steps: int, turbine: Turbine) -> tuple[str, ...]:
+    """What resampling from the rate `recorded` to `rate` [Hz] does."""
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    note = f"resampled from {recorded:.4g} to {rate:.3g} Hz"
     if steps <= 1:
-        return slow, 1, (note,)
+        return (note,)
     if fastest > 0.8 * math.pi * rate:
         note += f", which takes the mode near {fastest / (2.0 * math.pi):.3g} Hz out of the record and not out of the model: do not rely on what is said of it"
-    read = {sensor.channel for sensor in sensors or turbine.sensors}
+    return (f"{note}, {steps} steps of the equations for each reading",)
+
+
+def slow_down(record: Record, read: Sequence[str], rate: float, steps: int, *, start: float | None = None) -> Record:
+    """The record with the channels `read` at `rate` [Hz] from `start` [s] on, its own by default, and all others `steps` times as often."""
+    slow = resample(record, rate, start=start)
+    if steps <= 1:
+        return slow
     others = [name for name in record.channels if name not in read]
     length = steps * (slow.samples - 1) + 1
     values = np.full((length, len(record.channels)), np.nan)
     values[::steps] = slow.values
     if others:
-        fine = resample(record.select(others), steps * rate)
+        fine = resample(record.select(others), steps * rate, start=start)
         values[:, [record.channels.index(name) for name in others]] = fine.values[:length]
     time = slow.time[0] + np.arange(length) / (steps * rate)
-    return replace(slow, time=time, values=values), steps, (f"{note}, {steps} steps of the equations for each reading",)
+    return replace(slow, time=time, values=values)
 
 
-def _check_rate(record: Record, turbine: Turbine, rate: float) -> None:
+def _check_rate(duration: float, turbine: Turbine, rate: float) -> None:
     """Refuse a rate whose low-pass, flat to 0.4 of it, takes every mode out of the record, or that leaves next to no readings."""
-    slowest = min(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
-    least = max(FEWEST_PER_PERIOD * slowest, FEWEST / record.duration)
+    slowest = turbine.slowest_frequency / (2.0 * math.pi)
+    least = max(FEWEST_PER_PERIOD * slowest, FEWEST / duration)
     if rate < least:
-        left, periods = math.floor(record.duration * rate) + 1, record.duration * slowest
+        periods = duration * slowest
+        left = (
+            "few samples"
+            if math.isinf(duration)
+            else f"{math.floor(duration * rate) + 1} samples of {periods:.3g} periods"
+        )
         raise ConfigurationError(
-            f"rate: {rate:g} Hz would leave {left} samples of {periods:.3g} periods of the slowest mode ({slowest:.3g} Hz): expected at least {1.001 * least:.3g} Hz"
+            f"rate: {rate:g} Hz would leave {left} of the slowest mode ({slowest:.3g} Hz): expected at least {1.001 * least:.3g} Hz"
         )
 
 
@@ -166,32 +207,29 @@ def thin_to_readings(outcome: Outcome, steps: int) -> Outcome:
         history_mean=outcome.history_mean[::steps],
         history_std=outcome.history_std[::steps],
         final=Info._make(array[::steps] for array in outcome.final),
-        rotor=outcome.rotor[::steps],
         loads=None if loads is None else Loads(loads.names, loads.mean[::steps], loads.std[::steps]),
     )
 
 
-def check_length(record: Record, turbine: Turbine) -> None:
-    """Refuse a record that is too short, or read too slowly, for the turbine's modes."""
-    for name in turbine.model.coordinates:
-        if turbine.natural_frequency(name) == 0.0:
+def check_length(name: str, duration: float, rate: float, turbine: Turbine) -> None:
+    """Refuse a record that is too short [s], or read too slowly [Hz], for the turbine's modes."""
+    for coordinate in turbine.model.coordinates:
+        if turbine.natural_frequency(coordinate) == 0.0:
             raise ConfigurationError(
-                f"turbine '{turbine.name}': expected a positive k_{name}, got 0: correct the turbine file, or lock {name}"
+                f"turbine '{turbine.name}': expected a positive k_{coordinate}, got 0: correct the turbine file, or lock {coordinate}"
             )
     least, why = turbine.least_duration
-    if record.duration < least:
-        raise RecordError(
-            f"{record.name}: expected at least {why}, got {record.duration:.3g} s: choose a longer record or section"
-        )
+    if duration < least:
+        raise RecordError(f"{name}: expected at least {why}, got {duration:.3g} s: choose a longer record or section")
     period = 2.0 * math.pi / turbine.slowest_frequency
-    if record.duration < period:
+    if duration < period:
         raise RecordError(
-            f"{record.name}: expected at least one period of the turbine's slowest mode ({period:.3g} s), got {record.duration:.3g} s: "
+            f"{name}: expected at least one period of the turbine's slowest mode ({period:.3g} s), got {duration:.3g} s: "
             "choose a longer record, or correct the stiffness in the turbine file"
         )
-    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
-    if fastest / record.rate > STEP:
+    fastest = max(turbine.natural_frequency(coordinate) for coordinate in turbine.model.coordinates)
+    if fastest / rate > MAX_STEP:
         raise RecordError(
-            f"{record.name}: expected at least {fastest / STEP:.3g} samples per second for a mode at "
-            f"{fastest / (2.0 * math.pi):.3g} Hz, got {record.rate:.3g}"
+            f"{name}: expected at least {fastest / MAX_STEP:.3g} samples per second for a mode at "
+            f"{fastest / (2.0 * math.pi):.3g} Hz, got {rate:.3g}"
         )

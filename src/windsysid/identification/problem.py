@@ -4,6 +4,7 @@ The unknowns are θ, the identified parameters in filter coordinates, and after 
 (`windsysid.loads.statistics`). What the likelihood of a record is a function of, and what a planned record informs about, is said here once.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -117,6 +118,12 @@ class Problem(NamedTuple):
         start_cov = np.diag(np.full(n + extra, FIRST_WIDTH**2))
         start_cov[:n, :n] = cov
         return np.concatenate([theta, np.zeros(extra)]), start_cov
+
+    def frequencies(self, unknowns: Array) -> list[float]:
+        """Natural frequencies [Hz] at the unknowns (n,)."""
+        found = {q.name: float(q.physical(theta)) for q, theta in zip(self.parameters, unknowns, strict=False)}
+        turbine = self.turbine.with_values(found)
+        return [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
 
 
 @lru_cache(maxsize=16)

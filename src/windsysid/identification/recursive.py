@@ -31,7 +31,18 @@ from windsysid.identification.posterior_mode import INCREMENT, SETTLED, THREADS,
 from windsysid.output.files import claim_file
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["History", "Online", "advance", "another_call", "begin", "check_call", "finish", "restore", "save"]
+__all__ = [
+    "History",
+    "Online",
+    "advance",
+    "another_call",
+    "begin",
+    "check_call",
+    "finish",
+    "join_histories",
+    "restore",
+    "save",
+]
 
 Start = Callable[[Array, Array], tuple[Array, Array]]
 
@@ -80,7 +91,7 @@ class Online(NamedTuple):
     @property
     def reached(self) -> int:
         """Samples taken in, those held for the next block included."""
-        return _held_from(self) + len(self.readings)
+        return _first_held(self) + len(self.readings)
 
     @property
     def cov(self) -> Array:
@@ -133,47 +144,52 @@ def advance(
     )
     rows = []
     with ThreadPoolExecutor(THREADS) as pool:
-        while (end := _next(online)) - _held_from(online) <= len(online.readings):
-            online = _absorb(build, online, end, pool, start)
+        while (end := _next_due(online)) - _first_held(online) <= len(online.readings):
+            online = _take_block(build, online, end, pool, start)
             rows.append((online.samples, online.theta, online.cov))
     return online, _history(rows, len(online.theta))
 
 
 def finish(build: Callable[[Array], StateSpace], online: Online, start: Start | None = None) -> tuple[Online, History]:
     """Take in what is held of a block that will not be completed; `start` as for `advance`."""
-    end = _held_from(online) + len(online.readings)
+    end = _first_held(online) + len(online.readings)
     if end == online.samples:
         return online, _history([], len(online.theta))
     with ThreadPoolExecutor(THREADS) as pool:
-        online = _absorb(build, online, end, pool, start)
+        online = _take_block(build, online, end, pool, start)
     return online, _history([(online.samples, online.theta, online.cov)], len(online.theta))
 
 
 def save(
-    online: Online, history: History, path: Path, *, call: Mapping[str, Any] | None = None, taken: str = ""
-) -> None:
+    online: Online | None, history: History | None, path: Path, *,
+    call: Mapping[str, Any] | None = None, progress: Mapping[str, Any] | None = None,
+) -> None:  # fmt: skip
     """Write to a NumPy archive all that is needed to go on, and the estimates so far, whole or not at all.
 
     Parameters
     ----------
+    online, history
+        What is known; None before the first estimate.
     call
         What must be the same for the file to be taken up, see `check_call`: names and plain values.
-    taken
-        The `windsysid.results.provenance.RecordHash` of all samples that were taken in.
+    progress
+        What `check_call` gives back: names and plain values.
     """
-    arrays = {name: np.asarray(value) for name, value in online._asdict().items() if name != "bank"}
-    arrays |= {f"history_{name}": values for name, values in history._asdict().items()}
-    if online.bank is not None:
-        bank = online.bank
-        arrays |= {"bank_mean": bank.mean, "bank_cov": bank.cov, "bank_inputs": bank.inputs}
-        arrays["bank_samples"] = np.asarray(bank.samples)
-    arrays |= {"call": np.asarray(json.dumps(dict(call or {}))), "taken": np.asarray(taken)}
+    arrays: dict[str, Any] = {}
+    if online is not None and history is not None:
+        arrays |= {name: np.asarray(value) for name, value in online._asdict().items() if name != "bank"}
+        arrays |= {f"history_{name}": values for name, values in history._asdict().items()}
+        if online.bank is not None:
+            bank = online.bank
+            arrays |= {"bank_mean": bank.mean, "bank_cov": bank.cov, "bank_inputs": bank.inputs}
+            arrays["bank_samples"] = np.asarray(bank.samples)
+    arrays |= {name: np.asarray(json.dumps(dict(of or {}))) for name, of in (("call", call), ("progress", progress))}
     with claim_file(path, overwrite=True) as write:
-        write(lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
+        write(lambda file: np.savez(file, **arrays))
 
 
-def check_call(path: Path, call: Mapping[str, Any]) -> None:
-    """Refuse a checkpoint that `save` wrote for another `call`.
+def check_call(path: Path, call: Mapping[str, Any]) -> dict[str, Any]:
+    """The progress that `save` wrote; refuse a checkpoint that it wrote for another `call`.
 
     Raises
     ------
@@ -182,9 +198,11 @@ def check_call(path: Path, call: Mapping[str, Any]) -> None:
     """
     with _checkpoint(path) as archive:
         before, now = json.loads(str(archive["call"])), json.loads(json.dumps(call))
+        progress: dict[str, Any] = json.loads(str(archive["progress"]))
     differ = [name for name in now if before.get(name) != now[name]]
     if differ:
         raise another_call(path, differ)
+    return progress
 
 
 def another_call(path: Path, differ: Sequence[str]) -> ConfigurationError:
@@ -195,8 +213,8 @@ def another_call(path: Path, differ: Sequence[str]) -> ConfigurationError:
     )
 
 
-def restore(build: Callable[[Array], StateSpace], path: Path) -> tuple[Online, History, str]:
-    """What `save` wrote, and the hash `taken`: going on from it gives what going on without a stop would have given, bit for bit.
+def restore(build: Callable[[Array], StateSpace], path: Path) -> tuple[Online, History]:
+    """What `save` wrote: going on from it gives what going on without a stop would have given, bit for bit.
 
     Raises
     ------
@@ -208,15 +226,14 @@ def restore(build: Callable[[Array], StateSpace], path: Path) -> tuple[Online, H
         fields = {name: arrays[name] for name in Online._fields if name != "bank"}
         online = Online(**fields, bank=None)._replace(first=int(arrays["first"]), samples=int(arrays["samples"]))
         history = History(*(arrays[f"history_{name}"] for name in History._fields))
-        taken = str(arrays["taken"])
         if "bank_mean" not in arrays:
-            return online, history, taken
+            return online, history
         bank = bank_of([build(theta) for theta in neighbours(online.theta, online.widths, central=True)])
         if bank.mean.shape != arrays["bank_mean"].shape:
             raise ValueError("another model")
         mean, cov, inputs = arrays["bank_mean"], arrays["bank_cov"], arrays["bank_inputs"]
         bank = bank._replace(mean=mean, cov=cov, inputs=inputs, samples=int(arrays["bank_samples"]))
-    return online._replace(bank=bank), history, taken
+    return online._replace(bank=bank), history
 
 
 @contextmanager
@@ -231,13 +248,33 @@ def _checkpoint(path: Path) -> Iterator[Any]:
         ) from None
 
 
+def join_histories(histories: Sequence[History]) -> History:
+    """One history of several that follow each other."""
+    return History(*(np.concatenate(parts) for parts in zip(*histories, strict=True)))
+
+
+def spread_over_samples(
+    prior_mean: Array, prior_cov: Array, history: History | None, samples: int
+) -> tuple[Array, Array]:
+    """Mean and standard deviation of θ as they were known after each of so many samples (T, n_θ): the prior before the first estimate.
+
+    NaN where there is no history.
+    """
+    if history is None:
+        return (np.full((samples, len(prior_mean)), np.nan),) * 2
+    mean = np.concatenate([prior_mean[None], history.mean])
+    variance = np.array([np.diag(cov) for cov in (prior_cov, *history.cov)])
+    known = np.searchsorted(np.concatenate([[0], history.samples]), np.arange(1, samples + 1), side="right") - 1
+    return mean[known], np.sqrt(variance[known])
+
+
 def _history(rows: list[tuple[int, Array, Array]], n: int) -> History:
     samples = np.array([count for count, _, _ in rows], dtype=np.int64)
     mean, cov = (np.array([row[i] for row in rows]) for i in (1, 2))
     return History(samples, mean.reshape(-1, n), cov.reshape(-1, n, n))
 
 
-def _next(online: Online) -> int:
+def _next_due(online: Online) -> int:
     """The sample at which the next estimate is due."""
     if online.samples < online.first:
         return online.first
@@ -248,28 +285,28 @@ def _next(online: Online) -> int:
     return min(block, doubled) if doubled <= MEMORY * online.first else block
 
 
-def _held_from(online: Online) -> int:
+def _first_held(online: Online) -> int:
     """The number of the first sample held."""
     return 0 if online.samples < MEMORY * online.first else online.samples
 
 
-def _absorb(
+def _take_block(
     build: Callable[[Array], StateSpace], online: Online, end: int, pool: ThreadPoolExecutor, start: Start | None
 ) -> Online:
     """The estimate after `end` samples."""
-    held_from = _held_from(online)
+    held_from = _first_held(online)
     held = online.inputs[: end - held_from], online.readings[: end - held_from]
     ratio = end / online.first
     if online.bank is None or (ratio <= MEMORY and ratio in (1, 2, 4, 8)):
         begin_at = start(*held) if start and online.bank is None else (online.theta, online.cov)
-        online = _again(build, online, *held, pool, begin_at)
+        online = _find_anew(build, online, *held, pool, begin_at)
     else:
         part = slice(online.samples - held_from, None)
         bank, found = score(
             online.bank, held[0][part], held[1][part], online.widths, central=True, pool=pool
         )  # fmt: skip
         precision = online.precision + found.fisher
-        online = _moved(
+        online = _recentre_bank(
             build, online, bank, precision, np.asarray(np.linalg.solve(precision, found.gradient), dtype=np.float64)
         )
     online = online._replace(samples=end)
@@ -277,28 +314,30 @@ def _absorb(
     return online._replace(inputs=online.inputs[drop:], readings=online.readings[drop:])
 
 
-def _again(
+def _find_anew(
     build: Callable[[Array], StateSpace], online: Online, inputs: Array, readings: Array, pool: ThreadPoolExecutor,
     start: tuple[Array, Array],
 ) -> Online:  # fmt: skip
     """The mode of the posterior of all samples since the start, and the bank there."""
     mode = find_mode(
-        build, inputs, readings,
+        build, [(inputs, readings)],
         prior_mean=online.prior_mean, prior_cov=online.prior_cov,
         start=start[0], start_cov=start[1],
     )  # fmt: skip
     seen = mode.look
     if not (seen.central and mode.decrement < SETTLED):  # too long a step to follow along the slopes
         widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
-        seen = look(build, inputs, readings, mode.mean, widths, central=True, pool=pool)
+        seen = look(build, [(inputs, readings)], mode.mean, widths, central=True, pool=pool)
     information = np.linalg.inv(online.prior_cov)
     precision = seen.found.fisher + information
     pull = seen.found.gradient - information @ (seen.theta - online.prior_mean)
     step = np.asarray(np.linalg.solve(precision, pull), dtype=np.float64)
-    return _moved(build, online._replace(theta=seen.theta, widths=seen.widths), seen.bank, precision, step)
+    return _recentre_bank(build, online._replace(theta=seen.theta, widths=seen.widths), seen.bank, precision, step)
 
 
-def _moved(build: Callable[[Array], StateSpace], online: Online, bank: Bank, precision: Array, step: Array) -> Online:
+def _recentre_bank(
+    build: Callable[[Array], StateSpace], online: Online, bank: Bank, precision: Array, step: Array
+) -> Online:
     """θ one step on, and the bank's filters about it."""
     theta, widths = online.theta + step, INCREMENT / np.sqrt(np.diag(precision))
     fresh = bank_of([build(values) for values in neighbours(theta, widths, central=True)])

@@ -1,0 +1,315 @@
+"""One way from samples to an estimate, for whole records, records in pieces, and equations of one's own.
+
+A `Problem` says what is looked for; samples come in blocks (`windsysid.identification.samples`). `solve` takes them in as they would be on
+line (`windsysid.identification.recursive`), finds the mode of the posterior of all of them from where that ends
+(`windsysid.identification.posterior_mode`), leaves outliers out, and filters once more at the mode: those innovations judge the result.
+
+Maximum likelihood needs a fixed set of readings. So the mode is found with all of them, the outliers there are left out, and the mode is
+found anew; the set is judged again from all readings, until it stays.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.errors import WindsysidError
+from windsysid.filters import EKF, Info
+from windsysid.identification.outcome import check_finite
+from windsysid.identification.posterior_mode import Mode, find_mode
+from windsysid.identification.recursive import History, Online, advance, finish, join_histories
+from windsysid.identification.samples import Block, Samples, split_evenly
+from windsysid.results.load_history import Loads
+from windsysid.results.stretches import Stretch, measure_stretch
+from windsysid.results.whiteness import Whiteness, judge_stretches
+from windsysid.statespace.compose import StateSpace
+
+__all__ = ["Problem", "Solution", "solve"]
+
+GATE_SIGMAS = 5.0
+"""Standard deviations beyond which an innovation is an outlier: one in two million of normal ones."""
+
+MIN_OUTLIER_POWER = 0.02
+"""What outliers must add to a channel's mean squared innovation to be left out: a few that are hardly beyond the gate do no harm."""
+
+MAX_OUTLIER_SHARE = 0.05
+"""Share of a channel beyond which they are not outliers: then the model is wrong, and all are kept."""
+
+MAX_GATED_SEARCHES = 4
+"""Searches for the mode until the set of outliers stays."""
+
+MAX_CLIMBS = 2
+"""How often a search that has not settled goes on."""
+
+COVARIANCE_CHUNK = 1024
+"""Samples whose covariances are held at once."""
+
+
+class Problem(Protocol):
+    """What a record leaves to be found: n unknowns, and the model at any value of them."""
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean (n,) and covariance (n, n) of the unknowns."""
+
+    def build(self, unknowns: Array, /) -> StateSpace:
+        """The state-only model at the unknowns (n,)."""
+
+    def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
+        """Where to begin to look for the unknowns, and how uncertain that is (n,), (n, n), from the first T samples."""
+
+    def frequencies(self, unknowns: Array) -> Sequence[float]:
+        """Natural frequencies [Hz], near which unexplained vibration matters; none where every frequency does."""
+
+
+class Solution(NamedTuple):
+    """What samples say of a problem's unknowns.
+
+    Attributes
+    ----------
+    history
+        The estimates on line, after those that the search began with; None where the recursion lost its way.
+    mean, cov
+        The mode of the posterior (n,), and the inverse of its information (n, n).
+    iterations, settled
+        Steps of the last search, and whether its last one was small enough.
+    log_likelihood
+        Of the readings at the mode.
+    info, inputs, loads
+        What the filter said at the mode, and what went in, and the loads that were states: of the last block.
+    whiteness
+        The innovations at the mode against white noise, all of them.
+    outliers
+        How many readings of each channel were left out (m,).
+    samples, mean_inputs
+        How many samples there were, and the mean of what went in (n_u + n_w,).
+    """
+
+    history: History | None
+    mean: Array
+    cov: Array
+    iterations: int
+    settled: bool
+    log_likelihood: float
+    info: Info
+    inputs: Array
+    loads: Loads
+    whiteness: Whiteness
+    outliers: NDArray[np.int64]
+    samples: int
+    mean_inputs: Array
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out."""
+        return tuple(
+            f"{count} of {self.samples} samples of {channel.name} were left out as outliers (beyond {GATE_SIGMAS:g}σ)"
+            for channel, count in zip(self.whiteness.channels, self.outliers, strict=True)
+            if count
+        )
+
+
+def solve(
+    problem: Problem, samples: Samples, online: Online, *, rate: float, start: tuple[Array, Array] | None = None
+) -> Solution:
+    """Find the mode of the posterior of all samples.
+
+    Parameters
+    ----------
+    samples
+        All of them, from the first on.
+    online
+        What is known on line after some of them, none perhaps (`windsysid.identification.recursive.begin`).
+    rate
+        Samples per second [Hz].
+    start
+        Where the search for the mode begins, and how uncertain that is (n,), (n, n): where the recursion ends by default. With it, a
+        recursion that loses its way costs the history only.
+
+    Raises
+    ------
+    WindsysidError
+        If the filter diverges.
+    """
+    history: History | None = None
+    try:
+        online, history = _take_in(problem, samples, online)
+        check_finite(online.theta, online.precision)
+    except (WindsysidError, np.linalg.LinAlgError):
+        if start is None:
+            raise
+    mode, outliers, seen = _search(problem, samples, start or (online.theta, online.cov), rate)
+    return Solution(
+        history=history,
+        mean=mode.mean,
+        cov=mode.cov,
+        iterations=mode.iterations,
+        settled=mode.settled,
+        log_likelihood=seen.log_likelihood,
+        info=seen.info,
+        inputs=seen.inputs,
+        loads=seen.loads,
+        whiteness=judge_stretches(
+            seen.stretch, names=problem.build(mode.mean).readings, frequencies=problem.frequencies(mode.mean)
+        ),
+        outliers=outliers.counts(seen.info.whitened.shape[1]),
+        samples=seen.stretch.samples,
+        mean_inputs=seen.total_inputs / seen.stretch.samples,
+    )
+
+
+def _take_in(problem: Problem, samples: Samples, online: Online) -> tuple[Online, History]:
+    """Go on with the recursion from the sample that it has reached to the last."""
+    histories, first = [], 0
+    for inputs, readings in samples:
+        new = slice(max(online.reached - first, 0), None)
+        first += len(readings)
+        if first > online.reached:
+            online, history = advance(problem.build, online, inputs[new], readings[new], problem.start)
+            histories.append(history)
+    online, last = finish(problem.build, online, problem.start)
+    return online, join_histories([*histories, last])
+
+
+@dataclass(frozen=True)
+class Outliers:
+    """Readings that are left out: for each block the places in its readings (T, m), counted row by row."""
+
+    places: tuple[NDArray[np.int64], ...] = ()
+
+    def mask(self, block: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
+        """Which readings (T, m) of a block are outliers."""
+        found = np.zeros(shape, dtype=np.bool_)
+        if block < len(self.places):
+            found.reshape(-1)[self.places[block]] = True
+        return found
+
+    def counts(self, channels: int) -> NDArray[np.int64]:
+        """How many there are of each channel (m,)."""
+        columns = [places % channels for places in self.places]
+        return np.bincount(np.concatenate([[], *columns]).astype(np.int64), minlength=channels)
+
+    def same_as(self, other: "Outliers") -> bool:
+        """Whether the same readings are left out."""
+        return len(self.places) == len(other.places) and all(map(np.array_equal, self.places, other.places))
+
+
+@dataclass(frozen=True)
+class SamplesWithout:
+    """Samples whose outliers are missing readings."""
+
+    samples: Samples
+    outliers: Outliers
+
+    def __iter__(self) -> Iterator[Block]:
+        for block, (inputs, readings) in enumerate(self.samples):
+            yield inputs, np.where(self.outliers.mask(block, readings.shape), np.nan, readings)
+
+
+def _search(
+    problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float
+) -> "tuple[Mode, Outliers, _Seen]":
+    """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the mode."""
+    prior_mean, prior_cov = problem.prior
+    outliers, kept = Outliers(), samples
+    for _ in range(MAX_GATED_SEARCHES):
+        for _ in range(MAX_CLIMBS):
+            mode = find_mode(
+                problem.build, kept, prior_mean=prior_mean, prior_cov=prior_cov, start=start[0], start_cov=start[1]
+            )
+            start = mode.mean, mode.cov
+            if mode.settled:
+                break
+        check_finite(mode.mean, mode.cov)
+        model, frequencies = problem.build(mode.mean), problem.frequencies(mode.mean)
+        gated = replace(model, blocks=model.blocks._replace(gate=np.array([GATE_SIGMAS])))
+        seen = _filter(gated, samples, rate, frequencies)
+        found = _outliers(seen)
+        if found.same_as(outliers):
+            break
+        outliers, kept = found, SamplesWithout(samples, found)
+    if seen.gated.any():  # what a filter without a gate says
+        seen = _filter(model, samples, rate, frequencies, outliers)
+    return mode, outliers, seen
+
+
+def _outliers(seen: "_Seen") -> Outliers:
+    """Readings beyond the gate of a filter that takes none of them in, in channels that feel them, and not where they are the rule."""
+    felt = seen.gated_power > MIN_OUTLIER_POWER * seen.read
+    channels = felt & (seen.gated <= MAX_OUTLIER_SHARE * seen.stretch.samples)
+    places = tuple(at[channels[at % len(channels)]] for at in seen.gated_at)
+    return Outliers(places) if any(len(at) for at in places) else Outliers()
+
+
+class _Seen(NamedTuple):
+    """What one pass of a filter over all samples gave: sums over all, arrays of the last block."""
+
+    info: Info
+    inputs: Array
+    loads: Loads
+    log_likelihood: float
+    stretch: Stretch
+    total_inputs: Array
+    read: NDArray[np.int64]
+    gated: NDArray[np.int64]
+    gated_power: Array
+    gated_at: tuple[NDArray[np.int64], ...]
+
+
+def _filter(
+    model: StateSpace, samples: Samples, rate: float, frequencies: Sequence[float], outliers: Outliers | None = None
+) -> _Seen:
+    """Filter all samples with `model`, those marked as outliers left out."""
+    belief, m = EKF.init(model), len(model.readings)
+    log_likelihood, total_inputs = 0.0, np.zeros(len(model.inputs))
+    stretch: Stretch | None = None
+    read, gated, power = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64), np.zeros(m)
+    gated_at = []
+    for block, (inputs, readings) in enumerate(samples):
+        left_out = (outliers or Outliers()).mask(block, readings.shape)
+        kept = np.where(left_out, np.nan, readings) if outliers else readings
+        parts, loads = [], []
+        for first in range(0, len(inputs), COVARIANCE_CHUNK):
+            part = slice(first, first + COVARIANCE_CHUNK)
+            belief, info, covs = EKF.run_with_covariances(model, belief, inputs[part], kept[part])
+            parts.append(info)
+            loads.append(_acting_loads(model, inputs[part], info, covs))
+        info = Info(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        if outliers:
+            info = info._replace(gated=left_out)
+        log_likelihood += float(info.log_likelihood.sum())
+        total_inputs += inputs.sum(axis=0)
+        read += np.isfinite(readings).sum(axis=0)
+        gated += info.gated.sum(axis=0)
+        power += np.nansum(np.square(np.where(info.gated, info.innovation / info.innovation_std, 0.0)), axis=0)
+        gated_at.append(np.flatnonzero(info.gated))
+        for part in split_evenly(len(inputs)):
+            stretch = measure_stretch(
+                info.whitened[part], rate=rate, frequencies=frequencies, gated=info.gated[part], before=stretch
+            )
+    if stretch is None:
+        raise WindsysidError("no samples: expected at least one, got an empty record")
+    names, means, stds = zip(*loads, strict=True)
+    acting = Loads(names[0], np.concatenate(means), np.concatenate(stds))
+    return _Seen(
+        info, inputs, acting, log_likelihood, stretch, total_inputs, read, gated, power, tuple(gated_at)
+    )  # fmt: skip
+
+
+def _acting_loads(model: StateSpace, inputs: Array, info: Info, covs: Array) -> Loads:
+    """The loads that are states as the filter knew them after each sample, w = H(ψ) z."""
+    compiled, blocks = model.compiled, model.blocks
+    nx, nz = blocks.sizes[:2]
+    driven = np.any(blocks.load_output != 0.0, axis=(0, 2))
+    names = tuple(name for name, is_driven in zip(compiled.loads, driven, strict=True) if is_driven)
+    z, P = info.mean[:, nx : nx + nz], covs[:, nx : nx + nz, nx : nx + nz]
+    psi = inputs[:, blocks.azimuth[0]] if blocks.azimuth[0] >= 0 else np.zeros(len(z))
+    k = np.arange(1, (len(blocks.load_output) + 1) // 2)
+    turn = np.ones((len(z), len(blocks.load_output)))
+    turn[:, 1::2], turn[:, 2::2] = np.cos(np.outer(psi, k)), np.sin(np.outer(psi, k))
+    H = np.einsum("tk,kwz->twz", turn, blocks.load_output[:, driven])
+    std = np.sqrt(np.maximum(np.einsum("twz,tzy,twy->tw", H, P, H), 0.0))
+    return Loads(names, np.einsum("twz,tz->tw", H, z), std)
