@@ -160,3 +160,13 @@ def test_values_that_overflow_a_curve_are_refused_and_name_their_channel():
     record = Record(time, values, ("somebody's",), ("1",))
     with pytest.raises(RecordError, match="'somebody's' reaches 1e\\+305, too large to be resampled"):
         resample(record, 4.0)
+
+
+def test_an_azimuth_that_has_run_for_a_day_is_resampled_to_the_angle():
+    time = np.arange(24 * 3600 * 2) / 2.0
+    turned = 7.3 * time
+    record = Record(time, np.mod(0.1 * turned, 2.0 * np.pi)[:, None], ("rotor_azimuth",), ("rad",))
+    found = resample(record, 0.9)
+    off = found["rotor_azimuth"] - 0.73 * found.time
+    inside = slice(100, -100)
+    assert np.abs(np.mod(off[inside] + np.pi, 2.0 * np.pi) - np.pi).max() < 1e-6

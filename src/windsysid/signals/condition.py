@@ -197,10 +197,11 @@ def _low_pass(factor: int, margin: int) -> Array:
 
     across = np.linspace(0.4, 0.6, 41)
     gain = np.cos(0.25 * np.pi * (across - 0.4) / 0.1)
-    return np.asarray(
+    taps = np.asarray(
         firwin2(2 * margin + 1, [0.0, *(2.0 * across / factor), 1.0], [1.0, *gain, 0.0], window=("kaiser", 4.0)),
         dtype=np.float64,
     )
+    return taps / taps.sum()  # of an azimuth that has run for hours a millionth would be an angle
 
 
 def despike(values: ArrayLike, rate: float, *, threshold: float = 6.0, window: int = 11) -> Despiked:
