@@ -7,7 +7,7 @@ import pytest
 
 from windsysid.errors import ConfigurationError
 from windsysid.records.formats.columns import SUFFIXES
-from windsysid.units import UNITS, canonical, is_same_quantity, parameter_unit, si_unit, to_si, unit_text
+from windsysid.units import UNITS, canonical, is_same_quantity, si_unit, to_si, unit_text
 
 
 @pytest.mark.parametrize(
@@ -97,22 +97,6 @@ def test_every_ending_of_a_name_is_the_unit_that_it_spells(ending: str, unit: st
     for written, meant in (("m_s", "m/s"), ("km_h", "km/h"), ("rad_s", "rad/s"), ("deg_s", "deg/s")):
         spelt = spelt.replace(written, meant)
     assert canonical(spelt.replace("s2", "s^2")) == unit
-
-
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [
-        ("k_x", "N/m"), ("k_y", "N/m"), ("k_side_side", "N/m"), ("k_fore_aft", "N/m"), ("k_beta_1", "N*m/rad"),
-        ("k_roll", "N*m/rad"),
-        ("c_x", "N*s/m"), ("c_y", "N*s/m"), ("c_side_side", "N*s/m"), ("c_fore_aft", "N*s/m"),
-        ("c_beta_2", "N*m*s/rad"),
-        ("mass_x", "kg"), ("hub_mass", "kg"), ("blade_mass", "kg"), ("blade_first_moment", "kg*m"),
-        ("blade_inertia", "kg*m^2"),
-    ],
-)  # fmt: skip
-def test_a_parameter_has_the_unit_of_its_equation(name: str, unit: str):
-    """Force = k x + c v for a translation, moment = k θ + c ω for an angle."""
-    assert parameter_unit(name) == unit
 
 
 def test_every_unit_leads_to_an_si_unit_that_leads_to_itself():

@@ -17,7 +17,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.console import render
 from windsysid.mechanics.compile import compile_model
-from windsysid.modal.analysis import Spectrum, analyse, obstacles
+from windsysid.modal.analysis import Spectrum, analyse
 from windsysid.modal.stability import Unstable, unstable_ranges
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -65,7 +65,7 @@ def examine(turbine: Turbine, speeds: Array = SPEEDS) -> tuple[str, list[Unstabl
     model = compile_model(turbine.model)
     p = np.array([turbine.values[name] for name in model.parameters])
     unstable = unstable_ranges(lambda speed: analyse(turbine.model, model, p, speed).growth, speeds)
-    if obstacles(turbine.model, dict(zip(model.parameters, p.tolist(), strict=True))):
+    if turbine.model.modes().obstacles(dict(zip(model.parameters, p.tolist(), strict=True))):
         return "Floquet", unstable, None
     differences = [
         compare(analyse(turbine.model, model, p, s), analyse(turbine.model, model, p, s, method="Floquet")) / s

@@ -131,8 +131,8 @@ _MECHANICS = (
     ),
     Mutant(
         "tower in a yawing frame", "tower.py",
-        "total_derivative(x, rates) - self.yaw_rate * z,",
-        "total_derivative(x, rates) + self.yaw_rate * z,",
+        "self.rate(x) - self.yaw_rate * z,",
+        "self.rate(x) + self.yaw_rate * z,",
         "the frame of the nacelle turns the other way",
     ),
     Mutant(
@@ -143,8 +143,8 @@ _MECHANICS = (
     ),
     Mutant(
         "bearing of a sensor", "tower.py",
-        "(vector[0] * k.sp.sin(turn) - vector[1] * k.sp.cos(turn))",
-        "(vector[0] * k.sp.sin(turn) + vector[1] * k.sp.cos(turn))",
+        "vector[0] * self.sp.sin(turn) - vector[1] * self.sp.cos(turn)",
+        "vector[0] * self.sp.sin(turn) + vector[1] * self.sp.cos(turn)",
         "a sensor fixed to the tower reads fore-aft motion with the wrong sign",
     ),
     Mutant(
@@ -167,14 +167,14 @@ _MECHANICS = (
     ),
     Mutant(
         "moment in spring and damper", "sensors.py",
-        '* q + k.parameters[f"c_{name}"] * k.rate(q))',
-        '* q - k.parameters[f"c_{name}"] * k.rate(q))',
+        '* q + k.parameters[f"c_{name}"] * k.rate(q)',
+        '* q - k.parameters[f"c_{name}"] * k.rate(q)',
         "the damper's part of a measured moment has the wrong sign",
     ),
     Mutant(
         "gyro on a blade", "sensors.py",
-        "(turning + (k.omega + k.rate(k.lag(sensor.blade)) if sensor.blade else 0))",
-        "(turning + (k.omega - k.rate(k.lag(sensor.blade)) if sensor.blade else 0))",
+        "turning + (k.omega + k.rate(k.lag(sensor.blade)) if sensor.blade else 0)",
+        "turning + (k.omega - k.rate(k.lag(sensor.blade)) if sensor.blade else 0)",
         "a gyroscope on a blade reads lag with the wrong sign",
     ),
     Mutant(

@@ -34,6 +34,7 @@ from windsysid.errors import RecordError, WindsysidError
 from windsysid.identification.identify import identify
 from windsysid.identification.prepare import add_noise, with_noise
 from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.sensors import PlacedSensor
 from windsysid.modal.analysis import modes
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
@@ -221,7 +222,7 @@ def unexplained(record: Record) -> list[Unexplained]:
     from scipy.signal import csd
 
     turbine, step = load_turbine("nrel5mw_full"), 1.0 / record.rate
-    sensor = next(sensor for sensor in turbine.sensors if sensor.blade == 1)
+    sensor = next(sensor for sensor in turbine.sensors if isinstance(sensor, PlacedSensor) and sensor.blade == 1)
     lever, g, speed = turbine.tip_lever, turbine.values["gravity"], float(record["rotor_speed"].mean())
     turned = np.exp(-1j * np.unwrap(record["rotor_azimuth"]))
     roll, beta = record["tower_roll"], -record["Q_B1E1"] / lever

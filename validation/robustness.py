@@ -84,7 +84,7 @@ DAMAGES: dict[str, Damage] = {
 
 def two_blades(turbine: Turbine) -> Turbine:
     """The scale model with two blades."""
-    fewer = turbine.with_model(replace(turbine.model, blades=2))
+    fewer = turbine.with_model(replace(turbine.rotor, blades=2))
     keep = set(fewer.model.loads)
     return replace(
         fewer,

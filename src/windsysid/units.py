@@ -13,7 +13,6 @@ __all__ = [
     "UNITS",
     "canonical",
     "is_same_quantity",
-    "parameter_unit",
     "parse_quantity",
     "si_unit",
     "to_si",
@@ -148,24 +147,6 @@ def parse_quantity(text: str, unit: str) -> float:
     if not is_same_quantity(written, unit):
         raise ConfigurationError(f"expected a unit of the same quantity as {unit}")
     return to_si(amount, written)
-
-
-def parameter_unit(name: str) -> str:
-    """SI unit of a model's parameter, from its name."""
-    for start, unit in _OF_PARAMETERS.items():
-        if name.startswith(start):
-            return unit
-    return "1"
-
-
-_OF_PARAMETERS = {
-    "k_x": "N/m", "k_y": "N/m", "k_side_side": "N/m", "k_fore_aft": "N/m", "k_": "N*m/rad",
-    "c_x": "N*s/m", "c_y": "N*s/m", "c_side_side": "N*s/m", "c_fore_aft": "N*s/m", "c_hub_blade": "N*s",
-    "c_": "N*m*s/rad", "mass_": "kg", "tilt": "rad/m",
-    "hub_mass": "kg", "blade_mass": "kg", "blade_first_moment": "kg*m", "blade_inertia": "kg*m^2",
-    "roll_inertia": "kg*m^2",
-    "kappa": "rad/m", "eccentricity_angle": "rad", "eccentricity": "m", "gravity": "m/s^2", "hinge_offset": "m",
-}  # fmt: skip
 
 
 def unit_text(unit: str) -> str:

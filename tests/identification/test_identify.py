@@ -14,6 +14,7 @@ from windsysid.identification.pieces import identify_pieces
 from windsysid.identification.prepare import add_noise, usable_sensors, with_noise
 from windsysid.identification.prior import Prior
 from windsysid.mechanics import Sensor
+from windsysid.mechanics.sensors import Accelerometer
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification, coefficient_errors
@@ -193,7 +194,7 @@ def test_a_channel_of_the_users_own_list_must_be_there(verne555, record):
         identify(without(record, "tower_y_acceleration"), verne555, sensors=verne555.sensors)
     with pytest.raises(ConfigurationError, match="the sensor list is empty"):
         identify(record, verne555, sensors=())
-    far = Sensor(channel="blade_1_lag_acceleration", quantity="acceleration", point="blade_4", axis="lag", noise=0.1)
+    far = Accelerometer(channel="blade_1_lag_acceleration", point="blade_4", axis="lag", noise=0.1)
     with pytest.raises(ConfigurationError, match="sits on blade 4, but the turbine has 3 blades"):
         identify(record, verne555, sensors=(far,))
 

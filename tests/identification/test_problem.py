@@ -11,7 +11,8 @@ from tests.filters.test_protocol import chain_with
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import pose
-from windsysid.mechanics import RotorModel, Sensor, compile_model
+from windsysid.mechanics import RotorModel, compile_model
+from windsysid.mechanics.sensors import as_sensor
 from windsysid.records.record import Record
 from windsysid.statespace.compose import parameters_given
 from windsysid.statespace.gauss_markov import GaussMarkov
@@ -27,7 +28,7 @@ def test_the_first_state_is_as_uncertain_as_the_loudest_second_asks_for(verne555
     rigid = rigid.with_values({"c_x": 0.5 * critical})  # well damped, so that stiffness and inertia are told apart
     stiffness, damping, w = rigid.values["k_x"], rigid.values["c_x"], rigid.natural_frequency("x")
     gains = {"displacement": 1.0, "velocity": w, "acceleration": w**2, "moment": abs(stiffness + 1j * w * damping)}
-    sensor = Sensor(channel="read", quantity=quantity, point="tower", axis="x", noise=1e-3)
+    sensor = as_sensor({"channel": "read", "quantity": quantity, "point": "tower", "axis": "x", "noise": 1e-3})
     turbine = replace(rigid, sensors=(sensor,), loads=tuple(load for load in rigid.loads if load.load == "load_x"))
     time = np.arange(2000) / 100.0
     amplitude = 0.004

@@ -12,6 +12,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.identify import identify
 from windsysid.identification.prior import Prior
 from windsysid.mechanics import Sensor, compile_model
+from windsysid.mechanics.sensors import Accelerometer
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
@@ -49,8 +50,8 @@ def right(result: Identification) -> bool:
 
 
 def tower_fixed(bearing: float) -> Sensor:
-    return Sensor(
-        channel=f"tower_{bearing:.0f}_acceleration", quantity="acceleration", point="tower", axis="bearing", frame="tower",
+    return Accelerometer(
+        channel=f"tower_{bearing:.0f}_acceleration", point="tower", axis="bearing", frame="tower",
         bearing_deg=bearing, feels_gravity=True, noise=0.005, bias=0.1,
     )  # fmt: skip
 
@@ -157,7 +158,7 @@ def test_a_direction_without_a_sensor_is_locked(record: Record, tower: Turbine):
 
 
 def test_the_force_balance_wants_blades(record: Record, tower: Turbine):
-    with pytest.raises(ConfigurationError, match="turbine 'tower' is a tower under a rigid rotor"):
+    with pytest.raises(ConfigurationError, match="turbine 'tower' is of the kind 'tower': expected a rotor"):
         identify(record, tower, formulation="force-balance")
 
 

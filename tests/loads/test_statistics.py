@@ -14,6 +14,7 @@ from windsysid.loads.statistics import (
     noise_groups,
     values_of,
 )
+from windsysid.mechanics import RotorModel
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.turbine import Turbine
@@ -21,7 +22,7 @@ from windsysid.turbine.turbine import Turbine
 
 @pytest.fixture
 def statistics(verne555: Turbine):
-    return (*load_groups(verne555.loads), *noise_groups(verne555.sensors))
+    return (*load_groups(verne555.loads, verne555.model), *noise_groups(verne555.sensors))
 
 
 def test_hub_and_blades_have_an_rms_each_and_each_kind_of_sensor_its_noise(statistics):
@@ -45,7 +46,7 @@ def test_levels_may_be_wrong_by_a_factor_of_four_or_five_and_a_time_constant_by_
     mean, cov = problem.prior
     np.testing.assert_array_equal(mean[n:], 0.0)
     np.testing.assert_allclose(np.exp(np.sqrt(np.diag(cov)[n:])), list(factors.values()), rtol=0.01)
-    harmonic = load_groups([GaussMarkov("load_x", 4.0, 8.0, harmonic=3)])
+    harmonic = load_groups([GaussMarkov("load_x", 4.0, 8.0, harmonic=3)], RotorModel())
     assert [np.exp(s.spread) for s in harmonic] == pytest.approx([4.5, 2.0], rel=0.01)
 
 
@@ -67,7 +68,7 @@ def test_coordinates_and_values_are_each_others_inverse(statistics):
 
 def test_loads_and_sensors_move_by_the_factors_of_their_groups(verne555: Turbine, statistics):
     values = {s.name: s.given for s in statistics} | {"load_rms_blades": 30.0, "load_time_constant": 0.5}
-    loads = moved_loads(statistics[:3], values, verne555.loads)
+    loads = moved_loads(statistics[:3], values, verne555.loads, verne555.model)
     assert [(load.rms, load.time_constant) for load in loads] == [(15.0, 0.5)] * 2 + [(30.0, 0.5)] * 3
     sensors = moved_sensors(statistics[3:], values | {"noise_tower_acceleration": 0.2}, verne555.sensors)
     assert [sensor.noise for sensor in sensors] == pytest.approx([0.2, 0.2, 0.1, 0.1, 0.1])
@@ -75,11 +76,11 @@ def test_loads_and_sensors_move_by_the_factors_of_their_groups(verne555: Turbine
 
 def test_a_harmonic_of_the_file_has_an_rms_and_a_time_constant_of_its_own():
     loads = (GaussMarkov("load_x", 2.0, 1.0), GaussMarkov("load_x", 4.0, 8.0, harmonic=3))
-    statistics = load_groups(loads)
+    statistics = load_groups(loads, RotorModel())
     assert [s.name for s in statistics] == [
         "load_rms_support", "load_rms_support_3P", "load_time_constant", "load_time_constant_3P",
     ]  # fmt: skip
-    slow, line = moved_loads(statistics, values_of(statistics, np.array([0.0, 0.5, 0.0, 1.0])), loads)
+    slow, line = moved_loads(statistics, values_of(statistics, np.array([0.0, 0.5, 0.0, 1.0])), loads, RotorModel())
     assert (slow.rms, slow.time_constant) == (2.0, 1.0)
     assert line.rms == pytest.approx(4.0 * np.exp(0.5 + 0.5))
     assert line.time_constant == pytest.approx(8.0 * np.e)

@@ -16,27 +16,36 @@ import sympy as sp
 from tests.mechanics.models import CHAIN_VALUES, Reads, bouc_wen, chain, chain_sensors, duffing, symbols
 from windsysid.errors import ConfigurationError
 from windsysid.kernels.simd import LANES, vectors
-from windsysid.mechanics import CompiledModel, RotorModel, Sensor, compile_model
+from windsysid.mechanics import CompiledModel, RotorModel, compile_model
 from windsysid.mechanics.equations import Equations, lagrange
+from windsysid.mechanics.sensors import (
+    Accelerometer,
+    AngularRateSensor,
+    DisplacementSensor,
+    MomentSensor,
+    PlacedSensor,
+    StrainGauge,
+    VelocitySensor,
+)
 from windsysid.simulation.integrate import integrate
 from windsysid.turbine.file import load_turbine, packaged_turbines
 from windsysid.turbine.turbine import Turbine
 
-RICH = (
-    Sensor(channel="a", quantity="acceleration", point="tower", axis="x", frame="tower_top", position=(0.4, -0.3),
+RICH: tuple[PlacedSensor, ...] = (
+    Accelerometer(channel="a", point="tower", axis="x", frame="tower_top", position=(0.4, -0.3),
            feels_gravity=True, noise=1.0),
-    Sensor(channel="b", quantity="acceleration", point="tower", axis="y", noise=1.0),
-    Sensor(channel="c", quantity="acceleration", point="blade_1", axis="tangential", frame="blade",
+    Accelerometer(channel="b", point="tower", axis="y", noise=1.0),
+    Accelerometer(channel="c", point="blade_1", axis="tangential", frame="blade",
            position=(1.7, 0.2), deflection=1.9, slope=1.6, feels_gravity=True, noise=1.0),
-    Sensor(channel="d", quantity="acceleration", point="blade_2", axis="span", frame="blade", position=(1.1, -0.1),
+    Accelerometer(channel="d", point="blade_2", axis="span", frame="blade", position=(1.1, -0.1),
            gain=-2.5, noise=1.0),
-    Sensor(channel="e", quantity="acceleration", point="blade_1", axis="x", position=(1.1, 0.0), noise=1.0),
-    Sensor(channel="f", quantity="velocity", point="blade_2", axis="y", frame="tower_top", position=(0.9, 0.1),
-    noise=1.0), Sensor(channel="g", quantity="displacement", point="blade_2", axis="lag", noise=1.0),
-    Sensor(channel="h", quantity="angular_rate", point="blade_1", axis="lag", noise=1.0),
-    Sensor(channel="i", quantity="angular_rate", point="tower", axis="x", noise=1.0),
-    Sensor(channel="j", quantity="moment", point="blade_2", axis="lag", noise=1.0),
-    Sensor(channel="k", quantity="strain", point="tower", axis="x", gain=3e-3, noise=1.0),
+    Accelerometer(channel="e", point="blade_1", axis="x", position=(1.1, 0.0), noise=1.0),
+    VelocitySensor(channel="f", point="blade_2", axis="y", frame="tower_top", position=(0.9, 0.1),
+    noise=1.0), DisplacementSensor(channel="g", point="blade_2", axis="lag", noise=1.0),
+    AngularRateSensor(channel="h", point="blade_1", axis="lag", noise=1.0),
+    AngularRateSensor(channel="i", point="tower", axis="x", noise=1.0),
+    MomentSensor(channel="j", point="blade_2", axis="lag", noise=1.0),
+    StrainGauge(channel="k", point="tower", axis="x", gain=3e-3, noise=1.0),
 )  # fmt: skip
 
 ROTORS = [

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError
-from windsysid.mechanics import RotorModel, Sensor, compile_model, read_sensors
+from windsysid.mechanics import RotorModel, compile_model, read_sensors
+from windsysid.mechanics.sensors import Accelerometer, PlacedSensor, as_sensor
 from windsysid.simulation.integrate import integrate
 from windsysid.turbine.turbine import Turbine
 
@@ -15,15 +16,16 @@ ROLLING = RotorModel(3, roll="free")
 RATE = 2000.0
 KAPPA = -0.3
 
-TOWER = Sensor(channel="tower", quantity="acceleration", point="tower", axis="x", noise=1.0)
-BLADE = Sensor(
-    channel="blade", quantity="acceleration", point="blade_2", axis="tangential", frame="blade",
-    position=(2.0, 0.15), noise=1.0
+TOWER = Accelerometer(channel="tower", point="tower", axis="x", noise=1.0)
+BLADE = Accelerometer(
+    channel="blade", point="blade_2", axis="tangential", frame="blade", position=(2.0, 0.15), noise=1.0
 )  # fmt: skip
 
 
-def variants(sensor: Sensor, *changes: dict[str, Any]) -> list[Sensor]:
-    return [Sensor.model_validate(sensor.model_dump() | change) for change in changes]
+def variants(sensor: PlacedSensor, *changes: dict[str, Any]) -> list[PlacedSensor]:
+    found = [as_sensor(sensor.model_dump() | change) for change in changes]
+    assert all(isinstance(one, PlacedSensor) for one in found)
+    return [one for one in found if isinstance(one, PlacedSensor)]
 
 
 ACCELEROMETERS = [
@@ -67,7 +69,7 @@ def values(verne555: Turbine) -> dict[str, float]:
     return {**verne555.values, "roll_inertia": 3.0, "k_roll": 9000.0, "c_roll": 5.0, "kappa": KAPPA}
 
 
-def simulated(values: dict[str, float], sensors: list[Sensor]) -> tuple[Motion, np.ndarray]:
+def simulated(values: dict[str, float], sensors: list[PlacedSensor]) -> tuple[Motion, np.ndarray]:
     model = compile_model(ROLLING, sensors)
     time = np.arange(2001) / RATE
     speed = 7.0 + 0.5 * time
@@ -81,7 +83,7 @@ def simulated(values: dict[str, float], sensors: list[Sensor]) -> tuple[Motion, 
     return motion, response.readings
 
 
-def position(sensor: Sensor, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+def position(sensor: PlacedSensor, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Where the sensor is, in the fixed frame, and the angle of its own frame: built without SymPy."""
     roll, azimuth = motion.of("roll"), motion.inputs[:, 0]
     along, across = sensor.position
@@ -146,8 +148,8 @@ def test_velocity_and_displacement_are_those_of_the_same_point(values: dict[str,
 
 
 def test_lag_rate_moment_and_strain_read_what_they_say(values: dict[str, float]):
-    def made(quantity: str, point: str = "blade_1", axis: str = "lag", gain: float = 1.0) -> Sensor:
-        return Sensor.model_validate(
+    def made(quantity: str, point: str = "blade_1", axis: str = "lag", gain: float = 1.0) -> PlacedSensor:
+        return PlacedSensor.model_validate(
             {"channel": "c", "quantity": quantity, "point": point, "axis": axis, "gain": gain, "noise": 1.0}
         )
 
@@ -191,7 +193,7 @@ def test_a_load_reaches_the_accelerometer_at_once(verne555: Turbine):
     ],
 )
 def test_at_rest_an_accelerometer_reads_gravity_on_a_vertical_axis(
-    verne555: Turbine, sensor: Sensor, azimuth: float, expected: float
+    verne555: Turbine, sensor: PlacedSensor, azimuth: float, expected: float
 ):
     model = compile_model(RotorModel(3, lag="locked"), (sensor,))
     p = np.array([verne555.values[name] for name in model.parameters])
@@ -219,6 +221,8 @@ def listed(tmp_path: Path, text: str) -> Path:
 def test_a_sensor_list_is_read(tmp_path: Path):
     text = GOOD + GOOD.replace('"a"', '"b"').replace('"x"', '"y"') + "bias = 0.1\nposition = [0.5, -1.0]\n"
     first, second = read_sensors(listed(tmp_path, text))
+    assert isinstance(first, PlacedSensor)
+    assert isinstance(second, PlacedSensor)
     assert (first.channel, first.axis, first.noise, first.bias, first.unit) == ("a", "x", 0.05, 0.0, "m/s^2")
     assert (second.channel, second.bias, second.position, second.blade) == ("b", 0.1, (0.5, -1.0), 0)
 
@@ -227,18 +231,31 @@ def test_a_sensor_list_is_read(tmp_path: Path):
     ("text", "complaint"),
     [
         (GOOD + "nosie = 1.0\n", "sensor 1: unknown key 'nosie'"),
-        (GOOD.replace('"x"', '"span"'), "axis 'span' belongs to the frame 'blade', got frame 'fixed'"),
-        (GOOD.replace('"x"', '"lag"'), "a sensor on the tower reads x or y"),
+        (GOOD.replace('"x"', '"span"'), "on the tower the frame 'fixed' has the axes x, y, got 'span'"),
+        (GOOD.replace('"x"', '"lag"'), "on the tower the frame 'fixed' has the axes x, y, got 'lag'"),
         (GOOD.replace('"x"', '"w"'), r"axis: .*'x', 'y', 'z', 'span', 'tangential', 'lag' or 'bearing', got 'w'"),
-        (GOOD.replace('"x"', '"z"'), r"axis 'z' \(fore-aft\) belongs to the frame 'nacelle', got frame 'fixed'"),
-        (GOOD.replace('"x"', '"bearing"'), "axis 'bearing' belongs to the frame 'tower', got frame 'fixed'"),
-        (GOOD.replace('"x"', '"y"') + 'frame = "nacelle"\n', "the frame 'nacelle' has the axes 'x' and 'z', got 'y'"),
-        (GOOD + 'frame = "tower"\n', "the frame 'tower' has the axis 'bearing' only, got 'x'"),
+        (GOOD.replace('"x"', '"z"'), "the axes x, y, got 'z': that axis belongs to the frame nacelle"),
+        (GOOD.replace('"x"', '"bearing"'), "the axes x, y, got 'bearing': that axis belongs to the frame tower"),
+        (
+            GOOD.replace('"x"', '"y"') + 'frame = "nacelle"\n',
+            "the frame 'nacelle' has the axes x, z, got 'y': that axis belongs to the frame fixed or tower_top",
+        ),
+        (GOOD + 'frame = "tower"\n', "the frame 'tower' has the axes bearing, got 'x'"),
         (
             GOOD.replace('"tower"', '"blade_1"') + 'frame = "nacelle"\n',
             "the frame 'nacelle' belongs to a sensor on the tower, got point 'blade_1'",
         ),
-        (GOOD + 'frame = "blade"\n', "the frame 'blade' has the axes 'span' and 'tangential', got 'x'"),
+        (GOOD + 'frame = "blade"\n', "the frame 'blade' belongs to a sensor on a blade, got point 'tower'"),
+        (
+            GOOD.replace('"acceleration"', '"velocity"') + "feels_gravity = true\n",
+            "'feels_gravity' describes an accelerometer",
+        ),
+        (
+            GOOD.replace('"acceleration"', '"speed"'),
+            "quantity: expected one of acceleration, velocity, .*, got 'speed'",
+        ),
+        (GOOD.replace('"acceleration"', "[1]"), r"quantity: expected one of acceleration, .*, got \[1\]"),
+        ('sensor = ["a"]\n', "sensor 1: expected a table, got 'a'"),
         (GOOD + "deflection = 2.0\n", "'deflection' and 'slope' describe a bending blade"),
         (GOOD.replace('"tower"', '"nacelle"'), "point: .* got 'nacelle'"),
         (GOOD.replace('"tower"', '"blade_0"'), "point: .* got 'blade_0'"),
@@ -284,7 +301,7 @@ def test_a_sensor_on_a_blade_that_is_not_there_is_refused():
 
 
 def test_a_rotor_in_its_own_plane_refuses_what_yaws():
-    yawing = Sensor(channel="a", quantity="acceleration", point="tower", axis="z", frame="nacelle", noise=1.0)
+    yawing = Accelerometer(channel="a", point="tower", axis="z", frame="nacelle", noise=1.0)
     with pytest.raises(
         ConfigurationError, match="sensor 'a' is in the frame 'nacelle', which a rotor in its own plane"
     ):

@@ -8,6 +8,7 @@ import sympy as sp
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import Sensor, TowerModel, compile_model
+from windsysid.mechanics.sensors import Accelerometer, as_sensor
 from windsysid.signals import to_nacelle
 from windsysid.simulation.integrate import integrate
 
@@ -21,7 +22,9 @@ INPUTS = ("rotor_azimuth", "rotor_speed", "nacelle_yaw", "yaw_rate", "yaw_accele
 def sensor(axis: str, quantity: str = "acceleration", **more) -> Sensor:
     frame = "tower" if axis == "bearing" else "nacelle"
     channel = f"{axis}_{quantity}_{more.get('bearing_deg', '')}"
-    return Sensor(channel=channel, quantity=quantity, point="tower", axis=axis, frame=frame, noise=1.0, **more)
+    return as_sensor(
+        {"channel": channel, "quantity": quantity, "point": "tower", "axis": axis, "frame": frame, "noise": 1.0, **more}
+    )
 
 
 def real(name: str) -> sp.Symbol:
@@ -129,9 +132,9 @@ def test_what_this_tower_does_not_know_is_refused():
         TowerModel(side_side="locked", fore_aft="locked")
     with pytest.raises(ConfigurationError, match="expected 1 or more, got 0"):
         TowerModel(blades=0)
-    lag = Sensor(channel="lag", quantity="acceleration", point="blade_1", axis="lag", noise=1.0)
+    lag = Accelerometer(channel="lag", point="blade_1", axis="lag", noise=1.0)
     turning = sensor("x", "angular_rate")
-    for wrong in (lag, turning, Sensor(channel="y", quantity="acceleration", point="tower", axis="y", noise=1.0)):
+    for wrong in (lag, turning, Accelerometer(channel="y", point="tower", axis="y", noise=1.0)):
         with pytest.raises(
             ConfigurationError, match=f"sensor '{wrong.channel}': this turbine is a tower under a rigid"
         ):

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment
 
 from windsysid.mechanics import CompiledModel, RotorModel, compile_model
-from windsysid.modal.analysis import analyse, modes, modes_with_bands, obstacles
+from windsysid.modal.analysis import analyse, modes, modes_with_bands
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
@@ -258,10 +258,10 @@ def test_slopes_are_the_differences_of_exponents(verne555: Turbine, blades: int,
 )
 def test_where_colemans_transform_does_not_apply_is_said_in_words(changed: dict[str, float], why: list[str]):
     hammond = load_turbine("hammond").with_values(changed)
-    assert obstacles(hammond.model, dict(hammond.values)) == why
+    assert hammond.model.modes().obstacles(hammond.values) == why
     assert analyse(hammond.model, *compiled(hammond), 25.0).method == ("Floquet" if why else "Coleman")
-    assert obstacles(RotorModel(2), dict(hammond.values))[0] == "2 blades"
-    assert obstacles(RotorModel(4, lag="locked"), dict(hammond.values)) == []
+    assert RotorModel(2).modes().obstacles(hammond.values)[0] == "2 blades"
+    assert RotorModel(4, lag="locked").modes().obstacles(hammond.values) == []
 
 
 def test_a_round_whirl_of_the_support_is_named():

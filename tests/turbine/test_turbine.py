@@ -363,7 +363,9 @@ def test_a_turbine_that_is_written_comes_back(tmp_path: Path, name: str):
 
 def test_a_tower_has_no_rotor_of_its_own(verne555: Turbine):
     assert verne555.rotor is verne555.model
-    with pytest.raises(ConfigurationError, match="turbine 'tower' is a tower under a rigid rotor: expected one with"):
+    with pytest.raises(
+        ConfigurationError, match="turbine 'tower' is of the kind 'tower': expected a rotor with blades of its own"
+    ):
         _ = load_turbine("tower").rotor
 
 

@@ -10,6 +10,7 @@ from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.identification.outcome import Outcome
 from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.model import Coefficient
 from windsysid.modal.analysis import modes_with_bands
 from windsysid.records.record import Record
 from windsysid.results.diagnosis import diagnose
@@ -17,7 +18,6 @@ from windsysid.results.identification import Estimate, Identification, coefficie
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
 from windsysid.turbine.turbine import Turbine
-from windsysid.units import parameter_unit
 
 __all__ = ["Formulation", "conclude"]
 
@@ -46,6 +46,7 @@ def conclude(
     std = np.sqrt(np.diag(cov))
     estimates = []
     for i, q in enumerate(model.parameters):
+        known = turbine.model.coefficient(q.name)
         reference = turbine.values[q.name] or None  # nobody knows what the file sets to zero
         low, value, high = (float(q.physical(theta[i] + k * std[i])) for k in (-SIGMAS, 0.0, SIGMAS))
         spread = std[i] * (value if q.logarithmic else q.scale)
@@ -53,8 +54,8 @@ def conclude(
         estimates.append(
             Estimate(
                 name=q.name,
-                unit=parameter_unit(q.name),
-                kind=_KINDS.get(q.name[:2], "parameter"),
+                unit=known.unit,
+                kind=known.kind if known.kind in ("stiffness", "damping") else "parameter",
                 estimate=value,
                 low=low,
                 high=high,
@@ -63,13 +64,14 @@ def conclude(
                 prior=q.centre,
                 reference=reference,
                 average_error_percent=None if errors is None else float(np.mean(errors)),
-                tip=_at_the_tip(q.name, turbine, value, low, high, float(spread), reference or 0.0),
+                tip=_at_the_tip(known, turbine, value, low, high, float(spread), reference or 0.0),
             )
         )
     final = turbine.with_values({e.name: e.estimate for e in estimates})
     compiled = model.compiled if formulation == "joint" else compile_model(turbine.model)
     p, at_reference = (np.array([source.values[name] for name in compiled.parameters]) for source in (final, turbine))
-    speed = float(outcome.rotor[:, 1].mean())
+    turned = [i for i, name in enumerate(compiled.inputs) if name == "rotor_speed"]
+    speed = float(outcome.rotor[:, turned[0]].mean()) if turned else turbine.rotor_speed
     modes = modes_with_bands(turbine.model, compiled, p, speed, model.parameters, theta, cov, at_reference)
     diagnosis = diagnose(
         outcome.final,
@@ -130,14 +132,12 @@ def _conditions(record: Record, rotor_speed: float) -> Conditions:
     return Conditions(rotor_speed if turning else None, float(known.mean()) if known.size else None)
 
 
-_KINDS = {"k_": "stiffness", "c_": "damping"}
-
-
 def _at_the_tip(
-    name: str, turbine: Turbine, value: float, low: float, high: float, std: float, reference: float
+    known: Coefficient, turbine: Turbine, value: float, low: float, high: float, std: float, reference: float
 ) -> dict[str, float] | None:
     """A blade's coefficient per tip deflection, k_β/ℓ² or c_β/ℓ²."""
-    if not name.startswith(("k_beta", "c_beta")) or turbine.tip_lever == 0.0:
+    blades = [freedom.name for freedom in turbine.model.freedoms if freedom.blade]
+    if known.part not in blades or turbine.tip_lever == 0.0:
         return None
     square = turbine.tip_lever**2
     labels = ("estimate", "low", "high", "std", "reference")

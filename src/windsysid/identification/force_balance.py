@@ -176,8 +176,7 @@ def _check_channels(record: Record, stem: str) -> None:
 
 def _stems(turbine: Turbine) -> list[str]:
     """What the channels of each degree of freedom begin with: ``tower_x``, ``blade_1_lag``."""
-    names = turbine.rotor.coordinates
-    return [f"blade_{n.removeprefix('beta_')}_lag" if n.startswith("beta_") else f"tower_{n}" for n in names]
+    return [f"blade_{f.blade}_lag" if f.blade else f"tower_{f.name}" for f in turbine.rotor.freedoms]
 
 
 def balance_forces(

@@ -7,7 +7,6 @@ from windsysid.errors import ConfigurationError
 from windsysid.identification.conclude import Formulation, conclude
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.joint import identify_jointly
-from windsysid.identification.outcome import TURNING
 from windsysid.identification.prepare import (
     check_length,
     resample_for_model,
@@ -21,6 +20,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash, trace
+from windsysid.signals.inputs import TURNING
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 
 __all__ = ["identify"]

@@ -12,16 +12,16 @@ from windsysid.errors import WindsysidError
 from windsysid.filters import Info
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
-from windsysid.mechanics.tower import TowerModel
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.load_history import Loads
 from windsysid.results.whiteness import Whiteness
-from windsysid.signals import resample, rotor_inputs, tower_inputs
+from windsysid.signals import resample
+from windsysid.signals.inputs import TURNING, read_inputs
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["TURNING", "Outcome", "check_finite", "known_inputs", "known_loads"]
+__all__ = ["Outcome", "check_finite", "known_inputs", "known_loads"]
 
 
 class Outcome(NamedTuple):
@@ -80,20 +80,15 @@ class Outcome(NamedTuple):
     log_likelihood: float | None = None
 
 
-TURNING = ("rotor_azimuth", "rotor_speed", "nacelle_yaw")
-"""Channels that say how rotor and nacelle turned."""
-
-
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:
-    """The inputs that the turbine's model asks for (T, n_u), ψ and Ω first; between samples of a uniform grid where times are unequal."""
+    """The inputs that the turbine's model asks for (T, n_u); between samples of a uniform grid where times are unequal."""
     if not record.is_uniform:
-        even = resample(record.select([c for c in record.channels if c in TURNING]), record.rate)
+        wanted = (*TURNING, *turbine.model.inputs)
+        even = resample(record.select([c for c in record.channels if c in wanted]), record.rate)
         inputs = known_inputs(even, turbine, sensors)
         return np.column_stack([np.interp(record.time, even.time, column) for column in inputs.T])
-    if isinstance(turbine.model, TowerModel):
-        needs_yaw = any(sensor.frame == "tower" for sensor in sensors)
-        return tower_inputs(record, turbine.rotor_speed, needs_yaw=needs_yaw)
-    return rotor_inputs(record, turbine.rotor_speed)
+    required = {*turbine.model.required_inputs, *(name for sensor in sensors for name in sensor.needed_inputs)}
+    return read_inputs(record, turbine.model.inputs, turbine.rotor_speed, required=required)
 
 
 def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMarkov]]:

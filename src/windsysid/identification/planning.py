@@ -283,7 +283,7 @@ def plan(
     asked = identifiable(turbine, parameters) if parameters is not None else known
     notes: list[str] = []
     seen = seen_by(turbine, turbine.sensors, notes)
-    unknown = [name for name in dict.fromkeys([*known, *asked]) if _moves(seen, name)]
+    unknown = [name for name in dict.fromkeys([*known, *asked]) if seen.model.acts(name)]
     slowest, fastest, damping = _time_scales(seen)
     finding = min(PERIODS * 2.0 * math.pi / slowest, duration)
     thinning = max(1, int(rate / (ENOUGH * fastest / (2.0 * math.pi))))
@@ -357,16 +357,11 @@ def _as_planned(
     return turbine
 
 
-def _moves(turbine: Turbine, name: str) -> bool:
-    """Whether a parameter is one that still acts when degrees of freedom are locked."""
-    return name in turbine.model.coefficients or not name.startswith(("k_", "c_"))
-
-
 def _time_scales(turbine: Turbine) -> tuple[float, float, float]:
     """Slowest and fastest natural frequency [rad/s] and the slowest decay ζω [1/s] of the free degrees of freedom."""
     frequencies = {name: turbine.natural_frequency(name) for name in turbine.model.coordinates}
     moving = [w for w in frequencies.values() if w > 0.0] or [turbine.rotor_speed]
-    decays = [turbine.values[f"c_{name}"] / (2.0 * turbine.inertia(name)) for name in frequencies]
+    decays = [turbine.damping(name) / (2.0 * turbine.inertia(name)) for name in frequencies]
     return min(moving), max(moving), min([d for d in decays if d > 0.0], default=1e-3 * min(moving))
 
 

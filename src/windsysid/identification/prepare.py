@@ -9,14 +9,14 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import Info
-from windsysid.identification.outcome import TURNING, Outcome
+from windsysid.identification.outcome import Outcome
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import screen
 from windsysid.mechanics.sensors import Sensor
-from windsysid.mechanics.tower import TowerModel
 from windsysid.records.record import Record
 from windsysid.results.load_history import Loads
 from windsysid.signals import resample
+from windsysid.signals.inputs import TURNING
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
@@ -33,9 +33,6 @@ __all__ = [
     "with_noise",
 ]
 
-
-TOWER_SAMPLES = 12.0
-"""Samples per period of a tower: room for its blade-passing line, not for the blades' own modes and the tower's second."""
 
 FEWEST_PER_PERIOD, FEWEST = 2.5, 20
 """Samples per period of the slowest mode below which nothing of it is left in a resampled record, and fewest samples of such a record."""
@@ -92,7 +89,7 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
     for sensor in found:
         values = record[sensor.channel]
         unit = record.units[record.channels.index(sensor.channel)]
-        if sensor.quantity != "strain" and unit != sensor.unit:
+        if not sensor.accepts(unit):
             raise RecordError(
                 f"channel '{sensor.channel}': expected {sensor.unit} for {sensor.quantity}, got {unit}: correct the unit or the sensor"
             )
@@ -102,7 +99,7 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
                 "or choose another section"
             )
     for name in turbine.model.loads:
-        expected = "N*m" if "beta" in name else "N"
+        expected = turbine.model.freedom(name).load_unit
         if name in record and record.unit(name) != expected:
             raise RecordError(f"channel '{name}': expected {expected}, got {record.unit(name)}: correct its unit")
     return found
@@ -140,9 +137,9 @@ def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float 
     ConfigurationError
         If the rate that is asked for takes every mode out of the record, or leaves next to no readings.
     """
-    if rate is None and isinstance(turbine.model, TowerModel):
+    if rate is None and turbine.model.samples_per_period is not None:
         fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
-        rate = min(TOWER_SAMPLES * fastest / (2.0 * math.pi), recorded)
+        rate = min(turbine.model.samples_per_period * fastest / (2.0 * math.pi), recorded)
     elif rate is not None and not 0.0 < rate <= 1.001 * recorded:
         raise ConfigurationError(f"rate: expected more than 0 and at most the record's {recorded:.4g} Hz, got {rate:g}")
     if rate is None or rate > 0.95 * recorded:
@@ -216,7 +213,9 @@ def check_length(name: str, duration: float, rate: float, turbine: Turbine) -> N
     for coordinate in turbine.model.coordinates:
         if turbine.natural_frequency(coordinate) == 0.0:
             raise ConfigurationError(
-                f"turbine '{turbine.name}': expected a positive k_{coordinate}, got 0: correct the turbine file, or lock {coordinate}"
+                f"turbine '{turbine.name}': expected a positive "
+                f"{'/'.join(turbine.model.coefficients_of(coordinate, 'stiffness'))}, got 0: correct the turbine file, "
+                f"or lock {coordinate}"
             )
     least, why = turbine.least_duration
     if duration < least:

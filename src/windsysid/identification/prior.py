@@ -46,25 +46,20 @@ class Prior:
         chosen = []
         for name in names:
             reference = turbine.values[name]
-            if name.startswith("c_"):
+            known = turbine.model.coefficient(name)
+            if known.kind == "damping":
                 centre = reference * self.damping
                 spread = max((self.spread or turbine.spread[1]) * abs(centre), abs(centre - reference))
-                coordinate = name.removeprefix("c_")
-                critical = 2.0 * turbine.inertia(coordinate) * turbine.natural_frequency(coordinate)
-                chosen.append(Parameter(name, centre, spread, False, critical))
+                chosen.append(Parameter(name, centre, spread, False, turbine.critical_damping(known.part)))
                 continue
-            centre = reference * (self.stiffness if name.startswith("k_") else 1.0)
+            centre = reference * (self.stiffness if known.kind == "stiffness" else 1.0)
             relative = self.spread or turbine.spread[0]
-            if linear or not name.startswith(_POSITIVE):
+            if linear or known.kind == "geometry":
                 spread = max(relative * abs(centre), abs(centre - reference))
                 chosen.append(Parameter(name, centre, spread, False, abs(centre)))
             else:
                 chosen.append(Parameter(name, centre, max(relative, abs(math.log(centre / reference)))))
         return tuple(chosen)
-
-
-_POSITIVE = ("k_", "mass_", "hub_mass", "roll_inertia", "blade_mass", "blade_first_moment", "blade_inertia")
-"""What the names of log-scaled parameters begin with: stiffness, masses and their moments."""
 
 
 def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[str]:
@@ -84,13 +79,8 @@ def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[
     if not chosen:
         raise ConfigurationError("parameters: expected at least one name; leave them out for all coefficients")
     for name in chosen:
-        locked = name.startswith(("k_", "c_")) and name not in turbine.model.coefficients
-        if turbine.values.get(name, 0.0) == 0.0 or locked:
-            usable = [
-                known
-                for known, value in turbine.values.items()
-                if value != 0.0 and (known in turbine.model.coefficients or not known.startswith(("k_", "c_")))
-            ]
+        if turbine.values.get(name, 0.0) == 0.0 or not turbine.model.acts(name):
+            usable = [known for known, value in turbine.values.items() if value != 0.0 and turbine.model.acts(known)]
             raise ConfigurationError(
                 f"parameter '{name}' cannot be identified here: expected some of {', '.join(usable)}"
             )

@@ -20,9 +20,8 @@ from windsysid.loads.family import hypothesis
 from windsysid.loads.hypothesis import LoadHypothesis
 from windsysid.loads.statistics import Statistic, moved_sensors, noise_groups, values_of
 from windsysid.mechanics.compile import CompiledModel, compile_model
-from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.model import MechanicalModel
 from windsysid.mechanics.sensors import Sensor
-from windsysid.mechanics.tower import TowerModel
 from windsysid.records.record import Record
 from windsysid.statespace.compose import StateSpace, compose, parameters_given
 from windsysid.statespace.load_model import LoadModel
@@ -127,7 +126,7 @@ class Problem(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _compiled(model: RotorModel | TowerModel, sensors: tuple[Sensor, ...]) -> CompiledModel:
+def _compiled(model: MechanicalModel, sensors: tuple[Sensor, ...]) -> CompiledModel:
     return compile_model(model, sensors)
 
 
@@ -156,40 +155,11 @@ def pose(
 
 def seen_by(turbine: Turbine, sensors: Sequence[Sensor], notes: list[str]) -> Turbine:
     """The turbine with those degrees of freedom locked that no sensor sees."""
-    if isinstance(turbine.model, TowerModel):
-        changes = _unseen_directions(turbine.model, sensors, notes)
-    else:
-        changes = _unseen_of_the_rotor(turbine.model, sensors, notes)
-    if not changes:
+    model, locked = turbine.model.lock_unseen(sensors)
+    if not locked:
         return turbine
-    model = replace(turbine.model, **changes)  # type: ignore[arg-type]
+    notes += locked
     return replace(turbine, model=model, loads=tuple(load for load in turbine.loads if load.load in model.loads))
-
-
-def _unseen_directions(tower: TowerModel, sensors: Sequence[Sensor], notes: list[str]) -> dict[str, str]:
-    axes = {sensor.axis for sensor in sensors}
-    changes: dict[str, str] = {}
-    for direction, axis in (("side_side", "x"), ("fore_aft", "z")):
-        if direction in tower.coordinates and not axes & {axis, "bearing"}:
-            changes[direction] = "locked"
-            notes.append(f"no channel sees the tower move {direction.replace('_', '-')}: it is locked")
-    return changes
-
-
-def _unseen_of_the_rotor(rotor: RotorModel, sensors: Sequence[Sensor], notes: list[str]) -> dict[str, str]:
-    changes: dict[str, str] = {}
-    if rotor.lag == "free" and not any(sensor.blade for sensor in sensors):
-        changes["lag"] = "locked"
-        notes.append("no blade channels: the blades are locked, and only the support's coefficients are identified")
-    axes = {sensor.axis for sensor in sensors if not sensor.blade}
-    for axis in ("x", "y"):
-        coupled = rotor.lag == "free" and "lag" not in changes  # blades shake the hub, which shakes them back
-        if getattr(rotor, axis) == "free" and axis not in axes and not coupled:
-            changes[axis] = "locked"
-            notes.append(f"no channel sees {axis}: it is locked")
-    if changes.get("x") == "locked" and rotor.roll == "tied":
-        changes["roll"] = "locked"
-    return changes
 
 
 def _joint_model(
@@ -238,7 +208,7 @@ def _amplitudes(record: Record, turbine: Turbine, sensors: Sequence[Sensor], mod
         clear = gain[:, j] > 0.3 * gain[:, j].max()
         if clear.any():
             amplitudes[j] = 3.0 * np.min(loudest[clear] / gain[clear, j])
-    blades = np.array([name.startswith("beta_") for name in turbine.model.coordinates])
+    blades = np.array([freedom.blade > 0 for freedom in turbine.model.freedoms])
     for alike in (blades, ~blades):  # what no channel reads directly moves as far as its like
         seen = amplitudes[alike & np.isfinite(amplitudes)]
         amplitudes[alike & np.isnan(amplitudes)] = seen.max() if seen.size else 1.0

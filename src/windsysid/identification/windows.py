@@ -115,10 +115,13 @@ class Windows:
         if last <= first:
             return None
         inputs = np.hstack([known_inputs(part, self._turbine, self._sensors), known_loads(part, self._turbine)[0]])
-        if math.isfinite(self._reached):
-            inputs[:, 0] += self._turns(part, inputs[:, 0])
+        names = self._turbine.model.inputs
+        if "rotor_azimuth" in names:
+            azimuth = inputs[:, names.index("rotor_azimuth")]
+            if math.isfinite(self._reached):
+                azimuth += self._turns(part, azimuth)
+            self._azimuth = float(azimuth[last - 1])
         self._reached = float(part.time[last - 1])
-        self._azimuth = float(inputs[last - 1, 0])
         new_rows = slice(first, last)
         kept = held.time >= self._reached - self._margin
         self._held = replace(held, time=held.time[kept], values=held.values[kept])

@@ -7,7 +7,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.loads.hypothesis import LoadHypothesis, Values
 from windsysid.loads.rotor_wind import rotor_wind
 from windsysid.loads.statistics import Statistic, load_groups, moved_loads
-from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.rotor import as_rotor
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.process import load_on, second_order
@@ -33,16 +33,16 @@ def candidates(turbine: Turbine, loads: Sequence[GaussMarkov]) -> tuple[str, ...
     """The models to choose from for a turbine, the cheapest first: where there is a rotor, wind on it is what the others would have to imitate."""
     if not loads:
         return ("broadband",)
-    turning = isinstance(turbine.model, RotorModel) and turbine.rotor_speed > 0.0
+    turning = as_rotor(turbine.model) is not None and turbine.rotor_speed > 0.0
     return ("broadband", "rotor-wind" if turning else "second-order")
 
 
 def _broadband(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis:
     """The loads of the turbine file."""
-    statistics = load_groups(loads)
+    statistics = load_groups(loads, turbine.model)
 
     def blocks(values: Values) -> tuple[LoadModel, ...]:
-        return moved_loads(statistics, values, loads)
+        return moved_loads(statistics, values, loads, turbine.model)
 
     return LoadHypothesis("broadband", "first-order Gauss–Markov", turbine, statistics, blocks)
 
@@ -51,7 +51,7 @@ def _second_order(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothe
     """One second-order process on each degree of freedom; their rms as in the file, frequency and damping ratio common."""
     slowest = min(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
     plain = [load for load in loads if not load.harmonic]
-    levels = tuple(s for s in load_groups(plain) if s.name.startswith("load_rms"))
+    levels = tuple(s for s in load_groups(plain, turbine.model) if s.name.startswith("load_rms"))
     statistics = (
         *levels,
         Statistic("load_frequency", "Hz", 0.5 * slowest, spread=1.0),
@@ -61,7 +61,7 @@ def _second_order(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothe
     def blocks(values: Values) -> tuple[LoadModel, ...]:
         return tuple(
             load_on(load.load, second_order(load.rms, values["load_frequency"], values["load_damping"]))
-            for load in moved_loads(levels, values, plain)
+            for load in moved_loads(levels, values, plain, turbine.model)
         )
 
     return LoadHypothesis("second-order", "second-order processes", turbine, statistics, blocks)

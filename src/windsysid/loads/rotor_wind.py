@@ -30,7 +30,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.loads.hypothesis import LoadHypothesis, Values, with_level
 from windsysid.loads.rotor_forces import BladeForces, blade_force, rotor_harmonic
 from windsysid.loads.statistics import Statistic
-from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.rotor import COUPLING, as_rotor
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
@@ -56,24 +56,24 @@ SLOW_CORNER, SLOW_LEVEL = 0.33, 3.0
 OWN_CORNER, OWN_POWER, OWN_FALL = 2.2, 0.6, 0.9
 """Of what the hub feels alone: corner of its first term over f₁, powers of m by which corners rise and levels fall."""
 
-COUPLING = 0.5
+COUPLING_SPREAD = 0.5
 """Prior standard deviation of c_hub_blade over the geometric mean of the damping of hub and blade."""
 
 
 def rotor_wind(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis:
     """Wind on a turning rotor."""
-    rotor, v = turbine.model, turbine.values
+    rotor, v = as_rotor(turbine.model), turbine.values
     names = tuple(dict.fromkeys(load.load for load in loads))
     if turbine.rotor_speed == 0.0:
         raise ConfigurationError(
             "load model rotor-wind: expected a rotor that turns, got a parked one: choose broadband"
         )
-    if not isinstance(rotor, RotorModel) or not loads:
+    if rotor is None or not loads:
         raise ConfigurationError(
             "load model rotor-wind: expected a rotor with blades of its own and loads that are not all measured; choose broadband"
         )
     hub = tuple(name for name in names if name in ("load_x", "load_y"))
-    both = bool(hub) and any(name.startswith("load_beta") for name in names)
+    both = bool(hub) and any(rotor.freedom(name).blade for name in names)
     to = BladeForces(names, rotor.blades, v["hinge_offset"], rotor.lean(v))
     statistics = _rotor_statistics(turbine, loads, blades=both or not hub, hub=bool(hub), both=both)
     given = {s.name: s.given for s in statistics} | {"load_lever": _lever(turbine), "load_lever_rise": LEVER_RISE}
@@ -83,9 +83,9 @@ def rotor_wind(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis
 
     if not both:
         return LoadHypothesis("rotor-wind", "wind on the turning rotor", turbine, statistics, blocks)
-    coupled = replace(turbine, model=replace(rotor, air_couples=True), values={**v, "c_hub_blade": 0.0})
-    scale = math.sqrt(max(v[f"c_{hub[0].removeprefix('load_')}"] * v["c_beta_1"], 1e-300))
-    parameters = (Parameter("c_hub_blade", 0.0, COUPLING * scale, logarithmic=False, scale=scale),)
+    coupled = replace(turbine, model=replace(rotor, air_couples=True), values={**v, COUPLING: 0.0})
+    scale = math.sqrt(max(turbine.damping(rotor.freedom(hub[0]).name) * turbine.damping("beta_1"), 1e-300))
+    parameters = (Parameter(COUPLING, 0.0, COUPLING_SPREAD * scale, logarithmic=False, scale=scale),)
     return LoadHypothesis("rotor-wind", "wind on the turning rotor", coupled, statistics, blocks, parameters)
 
 
@@ -104,7 +104,7 @@ def _rotor_statistics(
     """What must be learned of the wind's loads, with priors of the file's size."""
     turn = turbine.rotor_speed / (2.0 * math.pi)
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
-    of_blades = [load.rms for load in loads if load.load.startswith("load_beta")]
+    of_blades = [load.rms for load in loads if turbine.model.freedom(load.load).blade]
     of_hub = [load.rms for load in loads if load.load in ("load_x", "load_y")]
     moment = of_blades[0] if of_blades else of_hub[0] * _lever(turbine)
     found = [

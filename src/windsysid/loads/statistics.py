@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.mechanics.model import MechanicalModel
 from windsysid.mechanics.sensors import Sensor
-from windsysid.mechanics.tower import DIRECTIONS
 from windsysid.statespace.gauss_markov import GaussMarkov
 
 __all__ = [
@@ -61,13 +61,12 @@ class Statistic:
     spread: float = SPREAD
 
 
-def load_groups(loads: Sequence[GaussMarkov]) -> tuple[Statistic, ...]:
-    """The statistics of loads as a turbine file lists them."""
+def load_groups(loads: Sequence[GaussMarkov], model: MechanicalModel) -> tuple[Statistic, ...]:
+    """The statistics of loads on a model, as its turbine file lists them."""
     found: dict[str, Statistic] = {}
     for load in loads:
-        name = _load_group(load)
-        unit = "N*m" if name.startswith(("load_rms_roll", "load_rms_blades")) else "N"
-        found.setdefault(name, Statistic(name, unit, load.rms))
+        name = _load_group(load, model)
+        found.setdefault(name, Statistic(name, model.freedom(load.load).load_unit, load.rms))
     for load in loads:
         name = _time_group(load)
         found.setdefault(name, Statistic(name, "s", load.time_constant, spread=TIME_CONSTANT_SPREAD))
@@ -78,7 +77,7 @@ def noise_groups(sensors: Sequence[Sensor]) -> tuple[Statistic, ...]:
     """The statistics of the sensors' noise."""
     found: dict[str, Statistic] = {}
     for sensor in sensors:
-        found.setdefault(_sensor_group(sensor), Statistic(_sensor_group(sensor), sensor.unit, sensor.noise))
+        found.setdefault(sensor.noise_group, Statistic(sensor.noise_group, sensor.unit, sensor.noise))
     return tuple(found.values())
 
 
@@ -95,14 +94,14 @@ def coordinates_of(statistics: Sequence[Statistic], values: Mapping[str, float])
 
 
 def moved_loads(
-    statistics: Sequence[Statistic], values: Mapping[str, float], loads: Sequence[GaussMarkov]
+    statistics: Sequence[Statistic], values: Mapping[str, float], loads: Sequence[GaussMarkov], model: MechanicalModel
 ) -> tuple[GaussMarkov, ...]:
     """The file's loads with the statistics that they have in `values`; those not among `statistics` as the file says."""
     factor = {s.name: values[s.name] / s.given for s in statistics}
     return tuple(
         replace(
             load,
-            rms=load.rms * factor[_load_group(load)],
+            rms=load.rms * factor[_load_group(load, model)],
             time_constant=load.time_constant * factor.get(_time_group(load), 1.0),
         )
         for load in loads
@@ -114,9 +113,7 @@ def moved_sensors(
 ) -> tuple[Sensor, ...]:
     """The sensors with the noise that it has in `values`."""
     factor = {s.name: values[s.name] / s.given for s in statistics}
-    return tuple(
-        sensor.model_copy(update={"noise": sensor.noise * factor[_sensor_group(sensor)]}) for sensor in sensors
-    )
+    return tuple(sensor.model_copy(update={"noise": sensor.noise * factor[sensor.noise_group]}) for sensor in sensors)
 
 
 def learned_statistics(statistics: Sequence[Statistic], eta: Array, cov: Array) -> tuple[Statistic, ...]:
@@ -142,11 +139,8 @@ def to_logarithms(statistics: Sequence[Statistic]) -> Array:
     return matrix
 
 
-def _load_group(load: GaussMarkov) -> str:
-    coordinate = load.load.removeprefix("load_")
-    support = {"x": "load_rms_support", "y": "load_rms_support", "roll": "load_rms_roll"}
-    tower = {name: f"load_rms_{name}" for name in DIRECTIONS}
-    return (support | tower).get(coordinate, "load_rms_blades") + _line(load)
+def _load_group(load: GaussMarkov, model: MechanicalModel) -> str:
+    return f"load_rms_{model.freedom(load.load).group}{_line(load)}"
 
 
 _TIME = "load_time_constant"
@@ -158,7 +152,3 @@ def _time_group(load: GaussMarkov) -> str:
 
 def _line(load: GaussMarkov) -> str:
     return f"_{load.harmonic}P" if load.harmonic else ""
-
-
-def _sensor_group(sensor: Sensor) -> str:
-    return f"noise_{'blade' if sensor.blade else 'tower'}_{sensor.quantity}"

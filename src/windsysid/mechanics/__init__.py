@@ -1,9 +1,18 @@
 """Mechanics: symbolic equations of motion and sensor readings, compiled to kernels with exact Jacobians."""
 
 from windsysid.mechanics.compile import CompiledModel, compile_model
-from windsysid.mechanics.model import Model
+from windsysid.mechanics.model import MechanicalModel, Model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor, read_sensors
 from windsysid.mechanics.tower import TowerModel
 
-__all__ = ["CompiledModel", "Model", "RotorModel", "Sensor", "TowerModel", "compile_model", "read_sensors"]
+__all__ = [
+    "CompiledModel",
+    "MechanicalModel",
+    "Model",
+    "RotorModel",
+    "Sensor",
+    "TowerModel",
+    "compile_model",
+    "read_sensors",
+]

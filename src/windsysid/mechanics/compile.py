@@ -113,8 +113,7 @@ def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequenc
     ConfigurationError
         If a name in `identified` is not a parameter of the model, or appears twice.
     """
-    structure = [getattr(sensor, "structure", None) or repr(sensor) for sensor in sensors]
-    text = "\n".join([model.signature, *structure, "identified", *identified, _version()])
+    text = "\n".join([*_structure(model, sensors), "identified", *identified, _version()])
     key = hashlib.sha256(text.encode()).hexdigest()[:20]
     cached = _loaded.get(key)
     if cached is None:
@@ -128,6 +127,19 @@ def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequenc
             write_whole(path, f"{source}{_checksum(source)}\n".encode())
         cached = _loaded[key] = CompiledModel(_import(path, source))
     return cached
+
+
+def _structure(model: Model, sensors: Sequence[Any]) -> list[str]:
+    """What the kernels depend on, as text.
+
+    This package's own classes say it, and `_version` changes with their code. Of a class from elsewhere nobody sees the code: there
+    the expressions themselves are the text, at the cost of deriving them in every process.
+    """
+    if all(type(part).__module__.split(".")[0] == "windsysid" for part in (model, *sensors)):
+        return [model.signature, *(getattr(sensor, "structure", None) or repr(sensor) for sensor in sensors)]
+    from sympy import srepr
+
+    return [model.equations().signature, *(str(srepr(expression)) for expression in model.readings(sensors))]
 
 
 _loaded: dict[str, CompiledModel] = {}

@@ -28,6 +28,7 @@ SMALLEST = 1e-30
 def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence[str]) -> str:
     """The Python module that holds a model's four kernels: rates and reading, each without and with Jacobians."""
     equations = model.equations()
+    _check_agreement(model, equations)
     names = [symbol.name for symbol in equations.parameters]
     for name in identified:
         if name not in names:
@@ -59,6 +60,18 @@ def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence
         lines += ["", "", *_kernel(name, equations, outputs)]
         lines += ["", "", *_kernel(f"{name}_jacobian", equations, outputs, chosen)]
     return "\n".join(lines) + "\n"
+
+
+def _check_agreement(model: "Model", equations: Equations) -> None:
+    """Refuse a `MechanicalModel` that does not say what its equations have, before arrays are filled in another order."""
+    for what in ("states", "inputs", "parameters", "loads"):
+        told = tuple(getattr(one, "name", one) for one in getattr(model, what, ()))
+        found = tuple(symbol.name for symbol in getattr(equations, what))
+        if model is not equations and hasattr(model, "freedoms") and told != found:
+            raise ConfigurationError(
+                f"model '{equations.name}': its {what} are {', '.join(told) or 'none'}, those of its equations {', '.join(found) or 'none'}: "
+                "expected the same in the same order"
+            )
 
 
 class _Slopes(NamedTuple):

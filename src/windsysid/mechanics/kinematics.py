@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from windsysid.mechanics.model import Coefficient
+
 if TYPE_CHECKING:
     import sympy as sp
 
@@ -29,6 +31,10 @@ class RotorLayout(Protocol):
         """Names of the free degrees of freedom."""
 
     @property
+    def parameters(self) -> Sequence[Coefficient]:
+        """Every parameter, in the order of the equations."""
+
+    @property
     def roll(self) -> str:
         """Roll of the support: locked, tied or free."""
 
@@ -51,15 +57,7 @@ class Kinematics:
         self.sp = sp
         self.zero = sp.Integer(0)
         self.psi, self.omega, self.omega_dot = (sp.Symbol(name, real=True) for name in INPUTS)
-        blade_names = ("blade_mass", "blade_first_moment", "blade_inertia", "k_beta", "c_beta")
-        names = [
-            *("hub_mass_x", "hub_mass_y", "k_x", "c_x", "k_y", "c_y"),
-            *("roll_inertia", "k_roll", "c_roll", "kappa"),
-            *("eccentricity", "eccentricity_angle", "gravity", "hinge_offset"),
-            *(f"{name}_{i}" for i in model.blade_numbers for name in blade_names),
-            *(["c_hub_blade"] if model.air_couples else []),
-        ]
-        self.parameters: dict[str, sp.Symbol] = {name: sp.Symbol(name, real=True) for name in names}
+        self.parameters: dict[str, sp.Symbol] = {c.name: self.symbol(c.name) for c in model.parameters}
         self.triples = [tuple(self.symbol(name + end) for end in ("", "_rate", "_acc")) for name in model.coordinates]
         self.coordinate = dict(zip(model.coordinates, self.triples, strict=True))
 

@@ -1,7 +1,20 @@
-"""What can be compiled: the protocol of a mechanical model."""
+"""What a mechanical model must say: its degrees of freedom, its parameters, its equations and what sensors read.
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+`Model` is what can be compiled. `MechanicalModel` is what a turbine can be made of: everything that the rest of the package asks of a
+structure is asked here, and nothing else looks at a model's class or takes the names of its parameters apart. A model of one's own derives
+from `MechanicalModel`, says what has no default, and is known to turbine files after `register_model`.
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self, TypeVar
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.errors import ConfigurationError
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -9,18 +22,272 @@ if TYPE_CHECKING:
     from windsysid.mechanics.equations import Equations
 
 
-__all__ = ["Model"]
+__all__ = [
+    "MODELS",
+    "Coefficient",
+    "Coordinate",
+    "FixedAxes",
+    "MechanicalModel",
+    "ModalAxes",
+    "Model",
+    "register_model",
+]
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One parameter of a mechanical model.
+
+    Attributes
+    ----------
+    name, unit
+        ``k_x``, SI unit.
+    kind
+        What it is. Stiffness and inertia are positive and identified on a logarithmic scale; damping may be negative.
+    part
+        What it belongs to: the name of a degree of freedom, which can be locked, or any other word.
+    """
+
+    name: str
+    kind: Literal["stiffness", "damping", "inertia", "geometry"]
+    unit: str
+    part: str
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One degree of freedom that is free to move.
+
+    Attributes
+    ----------
+    name
+        ``x``, ``beta_1`` …
+    unit
+        Of its displacement, ``m`` or ``rad``.
+    group
+        Loads on degrees of freedom of one group have one unknown level, the statistic ``load_rms_<group>``.
+    blade
+        Number of the hinged blade that it moves; 0 for the support.
+    """
+
+    name: str
+    unit: Literal["m", "rad"]
+    group: str
+    blade: int = 0
+
+    @property
+    def load(self) -> str:
+        """Name of the load on it."""
+        return f"load_{self.name}"
+
+    @property
+    def load_unit(self) -> str:
+        """SI unit of the load on it: a force or a moment."""
+        return "N" if self.unit == "m" else "N*m"
 
 
 class Model(Protocol):
-    """What can be compiled: `RotorModel`, or any `Equations`."""
+    """What can be compiled: a `MechanicalModel`, or any `Equations`."""
 
     @property
+    @abstractmethod
     def signature(self) -> str:
         """A text that is the same exactly when the equations are."""
 
+    @abstractmethod
     def equations(self) -> "Equations":
         """The symbolic equations."""
 
+    @abstractmethod
     def readings(self, sensors: Sequence[Any]) -> "list[sp.Expr]":
         """The symbolic readings of the sensors."""
+
+
+class ModalAxes(Protocol):
+    """The coordinates in which a structure's equations are constant, or nearly so, and in which its modes have names."""
+
+    @property
+    def turns(self) -> bool:
+        """Whether the equations depend on the rotor's azimuth or speed."""
+
+    @property
+    def hinged_blades(self) -> int:
+        """Number of blades that lag by themselves."""
+
+    @property
+    def averages(self) -> bool:
+        """Whether what is left of the azimuth may be averaged over a turn."""
+
+    def obstacles(self, values: Mapping[str, float]) -> list[str]:
+        """Why the equations are not constant in these coordinates, a phrase each; empty where they are."""
+
+    def transform(self, psi: Array) -> Array:
+        """T(ψ) of q = T ξ with its first and second derivative to ψ (3, K, n, n), at azimuths (K,)."""
+
+    def weights(self, values: Mapping[str, float]) -> Array:
+        """What each coordinate weighs (n,) [kg or kg·m²]."""
+
+    def name(self, shape: Complex) -> str:
+        """The name of a mode from its shape (n,), each displacement times the root of what it weighs."""
+
+
+@dataclass(frozen=True)
+class FixedAxes:
+    """`ModalAxes` of a structure whose equations are constant as they stand; a mode is named after what moves most."""
+
+    model: "MechanicalModel"
+    prefix: str = ""
+    turns: bool = False
+    hinged_blades: int = 0
+    averages: bool = False
+
+    def obstacles(self, values: Mapping[str, float]) -> list[str]:
+        """None."""
+        return []
+
+    def transform(self, psi: Array) -> Array:
+        """The identity, and zeros (3, K, n, n)."""
+        n = len(self.model.coordinates)
+        T = np.zeros((3, len(psi), n, n))
+        T[0] = np.eye(n)
+        return T
+
+    def weights(self, values: Mapping[str, float]) -> Array:
+        """Mass or inertia of each degree of freedom (n,)."""
+        return np.array([self.model.inertia(name, values) for name in self.model.coordinates])
+
+    def name(self, shape: Complex) -> str:
+        """The degree of freedom with most of the energy."""
+        return self.prefix + self.model.coordinates[int(np.argmax(np.abs(shape) ** 2))].replace("_", "-")
+
+
+class MechanicalModel(Model, Protocol):
+    """A structure as the package needs to know it. Members with a body are defaults.
+
+    Attributes
+    ----------
+    kind
+        The word that names it in a turbine file.
+    blades
+        Number of blades of the rotor, whose harmonics the structure feels; 0 where there is none.
+    samples_per_period
+        Readings per period of the fastest degree of freedom that hold what the model has and leave out what it has not; None: the record's own.
+    required_inputs
+        Inputs that a record must tell, because the equations depend on them.
+    """
+
+    kind: ClassVar[str]
+    blades: int = 0
+    samples_per_period: ClassVar[float | None] = None
+    required_inputs: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    @abstractmethod
+    def freedoms(self) -> tuple[Coordinate, ...]:
+        """The free degrees of freedom, in the order of the state vector."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[Coefficient, ...]:
+        """Every parameter of the equations."""
+
+    @abstractmethod
+    def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
+        """Mass [kg] or inertia [kg·m²] that moves with one degree of freedom when the others are held."""
+
+    @abstractmethod
+    def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
+        """What holds one degree of freedom [N/m or N·m/rad] when the others are held, the rotor turning at `rotor_speed` [rad/s]."""
+
+    def __hash__(self) -> int:
+        """Models with the same equations are one."""
+        return hash(self.signature)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the known inputs u, in the order of the equations (`windsysid.signals.inputs`)."""
+        return ()
+
+    def lock_unseen(self, sensors: Sequence[Any]) -> tuple[Self, tuple[str, ...]]:
+        """The model with those degrees of freedom locked that no sensor sees, and a note on each; by default all stay free."""
+        return self, ()
+
+    def modes(self) -> ModalAxes:
+        """The coordinates in which modes are found and named."""
+        return FixedAxes(self)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the free degrees of freedom."""
+        return tuple(freedom.name for freedom in self.freedoms)
+
+    @property
+    def loads(self) -> tuple[str, ...]:
+        """Names of the generalised loads: a force or moment on each free degree of freedom."""
+        return tuple(freedom.load for freedom in self.freedoms)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states: displacements, then velocities."""
+        return (*self.coordinates, *(f"{name}_rate" for name in self.coordinates))
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the stiffness and damping coefficients of the free degrees of freedom."""
+        order = {name: i for i, name in enumerate(self.coordinates)}
+        found = [c for c in self.parameters if c.kind in ("stiffness", "damping") and c.part in order]
+        return tuple(c.name for c in sorted(found, key=lambda c: order[c.part]))
+
+    def coefficient(self, name: str) -> Coefficient:
+        """The parameter of that name.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is none.
+        """
+        for known in self.parameters:
+            if known.name == name:
+                return known
+        names = ", ".join(known.name for known in self.parameters)
+        raise ConfigurationError(f"no parameter '{name}' in a model of the kind '{self.kind}': expected one of {names}")
+
+    def coefficients_of(self, coordinate: str, kind: str) -> tuple[str, ...]:
+        """Names of the coefficients of one kind that belong to a degree of freedom."""
+        return tuple(c.name for c in self.parameters if c.part == coordinate and c.kind == kind)
+
+    def freedom(self, name: str) -> Coordinate:
+        """The free degree of freedom of that name, or whose load has that name.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is none.
+        """
+        for freedom in self.freedoms:
+            if name in (freedom.name, freedom.load):
+                return freedom
+        raise ConfigurationError(
+            f"no degree of freedom or load '{name}': expected one of {', '.join(self.coordinates)}"
+        )
+
+    def acts(self, name: str) -> bool:
+        """Whether a parameter plays a part: not so stiffness and damping of what is locked."""
+        kinds = {c.name: c.kind for c in self.parameters}
+        return name in self.coefficients or kinds.get(name) in ("inertia", "geometry")
+
+    def natural_frequency(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
+        """ω [rad/s] of one degree of freedom when the others are held."""
+        return math.sqrt(self.stiffness(coordinate, values, rotor_speed) / self.inertia(coordinate, values))
+
+
+MODELS: dict[str, type[MechanicalModel]] = {}
+"""The mechanical models that a turbine file can name, by kind."""
+
+M = TypeVar("M", bound=type[MechanicalModel])
+
+
+def register_model(model: M) -> M:
+    """Make a mechanical model known to turbine files and saved results, by its `kind`; for use as a decorator of its class."""
+    MODELS[model.kind] = model
+    return model

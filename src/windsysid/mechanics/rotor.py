@@ -15,11 +15,14 @@ blades' azimuth only; `datum="unstressed"` keeps the weight on y as Eq (12) prin
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from windsysid.errors import ConfigurationError
+from windsysid.mechanics.kinematics import INPUTS, Kinematics
+from windsysid.mechanics.model import Coefficient, Coordinate, MechanicalModel, register_model
+from windsysid.mechanics.multi_blade import MultiBlade
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -27,13 +30,12 @@ if TYPE_CHECKING:
     from windsysid.mechanics.equations import Equations
     from windsysid.mechanics.sensors import Sensor
 
-from windsysid.mechanics.kinematics import Kinematics
-
-__all__ = ["RotorModel"]
+__all__ = ["RotorModel", "as_rotor"]
 
 
+@register_model
 @dataclass(frozen=True)
-class RotorModel:
+class RotorModel(MechanicalModel):
     """Which degrees of freedom of the rotor on its support move, and how.
 
     Parameters
@@ -53,6 +55,9 @@ class RotorModel:
         Whether the air that damps hub and blades also couples them, by the coefficient ``c_hub_blade`` (`Kinematics.dissipation`).
     """
 
+    kind: ClassVar[str] = "rotor"
+    required_inputs: ClassVar[tuple[str, ...]] = ("rotor_azimuth",)
+
     blades: int = 3
     x: Literal["free", "locked"] = "free"
     y: Literal["free", "locked"] = "free"
@@ -69,38 +74,55 @@ class RotorModel:
         if not self.coordinates:
             raise ConfigurationError("every degree of freedom is locked: free at least one")
 
-    @property
+    @cached_property
+    def freedoms(self) -> tuple[Coordinate, ...]:
+        """The free degrees of freedom: of the hub and the support, then the blades' lag angles."""
+        support = (Coordinate("x", "m", "support"), Coordinate("y", "m", "support"), Coordinate("roll", "rad", "roll"))
+        lags = [Coordinate(f"beta_{i}", "rad", "blades", i) for i in self.blade_numbers] if self.lag == "free" else []
+        return (*(freedom for freedom in support if getattr(self, freedom.name) == "free"), *lags)
+
+    @cached_property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the free degrees of freedom, in the order of the state vector."""
-        support = [name for name in ("x", "y", "roll") if getattr(self, name) == "free"]
-        lags = [f"beta_{i}" for i in self.blade_numbers] if self.lag == "free" else []
-        return (*support, *lags)
+        return tuple(freedom.name for freedom in self.freedoms)
+
+    @cached_property
+    def parameters(self) -> tuple[Coefficient, ...]:
+        """Every parameter, in the order of the equations: the paper's ten coefficients for three blades, masses and geometry."""
+        found = [
+            Coefficient("hub_mass_x", "inertia", "kg", "x"),
+            Coefficient("hub_mass_y", "inertia", "kg", "y"),
+            *_spring("x", "N/m", "N*s/m"),
+            *_spring("y", "N/m", "N*s/m"),
+            Coefficient("roll_inertia", "inertia", "kg*m^2", "roll"),
+            *_spring("roll", "N*m/rad", "N*m*s/rad"),
+            Coefficient("kappa", "geometry", "rad/m", "support"),
+            Coefficient("eccentricity", "geometry", "m", "hub"),
+            Coefficient("eccentricity_angle", "geometry", "rad", "hub"),
+            Coefficient("gravity", "geometry", "m/s^2", "site"),
+            Coefficient("hinge_offset", "geometry", "m", "hub"),
+        ]
+        for i in self.blade_numbers:
+            units = {"blade_mass": "kg", "blade_first_moment": "kg*m", "blade_inertia": "kg*m^2"}
+            found += [Coefficient(f"{name}_{i}", "inertia", unit, f"blade_{i}") for name, unit in units.items()]
+            found += _spring(f"beta_{i}", "N*m/rad", "N*m*s/rad")
+        return (*found, *([Coefficient(COUPLING, "damping", "N*s", "air")] if self.air_couples else []))
 
     @property
-    def loads(self) -> tuple[str, ...]:
-        """Names of the generalised loads: a force or moment on each free degree of freedom."""
-        return tuple(f"load_{name}" for name in self.coordinates)
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states: displacements, then velocities."""
-        return (*self.coordinates, *(f"{name}_rate" for name in self.coordinates))
+    def inputs(self) -> tuple[str, ...]:
+        """ψ, Ω and dΩ/dt."""
+        return INPUTS
 
     @property
     def blade_numbers(self) -> range:
         """1 … N."""
         return range(1, self.blades + 1)
 
-    @property
-    def coefficients(self) -> tuple[str, ...]:
-        """The stiffness and damping coefficients of the free degrees of freedom: the paper's ten for three blades."""
-        return tuple(f"{kind}_{name}" for name in self.coordinates for kind in ("k", "c"))
-
     def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
         """Mass [kg] or inertia [kg·m²] that moves with one degree of freedom when the others are held."""
         v = values
-        if coordinate.startswith("beta_"):
-            return v["blade_inertia_" + coordinate.removeprefix("beta_")]
+        if blade := self.blade_of(coordinate):
+            return v[f"blade_inertia_{blade}"]
         total = 0.0
         for i in self.blade_numbers:
             m, d = v[f"blade_mass_{i}"], v["hinge_offset"]
@@ -111,6 +133,38 @@ class RotorModel:
         own = {"x": v["hub_mass_x"], "y": v["hub_mass_y"], "roll": v["roll_inertia"]}[coordinate]
         leaning = self.lean(v) ** 2 * v["roll_inertia"] if coordinate == "x" else 0.0
         return total + own + leaning
+
+    def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
+        """The spring of one degree of freedom and, for a blade, its centrifugal stiffening."""
+        stiffness = values[f"k_{coordinate}"]
+        if blade := self.blade_of(coordinate):
+            stiffness += values[f"blade_first_moment_{blade}"] * values["hinge_offset"] * rotor_speed**2
+        return stiffness
+
+    def blade_of(self, coordinate: str) -> int:
+        """Number of the blade whose lag angle a degree of freedom is, free or locked; 0 for the support's."""
+        return next((i for i in self.blade_numbers if coordinate == f"beta_{i}"), 0)
+
+    def lock_unseen(self, sensors: "Sequence[Sensor]") -> "tuple[RotorModel, tuple[str, ...]]":
+        """The rotor with its blades locked where no sensor sits on one, and x or y where nothing sees them move."""
+        changes: dict[str, str] = {}
+        notes = []
+        if self.lag == "free" and not any(sensor.blade for sensor in sensors):
+            changes["lag"] = "locked"
+            notes.append("no blade channels: the blades are locked, and only the support's coefficients are identified")
+        seen = set().union(*(sensor.directions for sensor in sensors if not sensor.blade))
+        for axis in ("x", "y"):
+            coupled = self.lag == "free" and "lag" not in changes  # blades shake the hub, which shakes them back
+            if getattr(self, axis) == "free" and axis not in seen and not coupled:
+                changes[axis] = "locked"
+                notes.append(f"no channel sees {axis}: it is locked")
+        if changes.get("x") == "locked" and self.roll == "tied":
+            changes["roll"] = "locked"
+        return replace(self, **changes) if changes else self, tuple(notes)  # type: ignore[arg-type]
+
+    def modes(self) -> MultiBlade:
+        """Multi-blade coordinates."""
+        return MultiBlade(self)
 
     def lean(self, values: Mapping[str, float]) -> float:
         """κ [rad/m], by how much x leans the rotor: 0 where roll is locked."""
@@ -143,6 +197,23 @@ class RotorModel:
 
     def readings(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr]":
         """What each sensor reads, in x, a, u, p and w."""
-        from windsysid.mechanics.readings import reading
+        from windsysid.mechanics.readings import RotorMotion
 
-        return [reading(sensor, self.kinematics) for sensor in sensors]
+        return [sensor.reading(RotorMotion(self.kinematics)) for sensor in sensors]
+
+
+COUPLING = "c_hub_blade"
+"""The coefficient of the air that damps hub and blades together."""
+
+
+def as_rotor(model: MechanicalModel) -> RotorModel | None:
+    """The model as a rotor with blades of its own, which some methods need; None where it is another."""
+    return model if isinstance(model, RotorModel) else None
+
+
+def _spring(coordinate: str, stiffness: str, damping: str) -> tuple[Coefficient, ...]:
+    """Stiffness and damping of a degree of freedom, with their units."""
+    return (
+        Coefficient(f"k_{coordinate}", "stiffness", stiffness, coordinate),
+        Coefficient(f"c_{coordinate}", "damping", damping, coordinate),
+    )

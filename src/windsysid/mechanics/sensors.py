@@ -1,14 +1,18 @@
-"""What an instrument reads: point, axis, frame, whether it feels gravity, noise and bias.
+"""What an instrument reads: each kind of sensor a class, with its reading, its unit and its rules.
 
 A reading is an expression in displacements, velocities, accelerations, azimuth and loads. It is compiled with its
 Jacobians beside the equations of motion, and the simulator and the filters call that same function. An accelerometer
 reads the total acceleration of its point, the effect of loads included; one that feels gravity reads the specific
 force a − g along its own axis, in its own turning frame.
+
+A mechanical model says how its parts move (`Motion`); a sensor says what it makes of that. A sensor of one's own derives from `Sensor` or
+`PlacedSensor`, says its `quantity`, `unit` and `reading`, and is known to sensor lists after `register_sensor`.
 """
 
-from collections.abc import Sequence
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -16,12 +20,48 @@ from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    pass
+    import sympy as sp
 
 
-__all__ = ["Sensor", "first_problem", "read_sensors"]
+__all__ = [
+    "SENSORS",
+    "Accelerometer",
+    "AngularRateSensor",
+    "DisplacementSensor",
+    "MomentSensor",
+    "Motion",
+    "PlacedSensor",
+    "Sensor",
+    "StrainGauge",
+    "VelocitySensor",
+    "as_sensor",
+    "first_problem",
+    "read_sensors",
+    "register_sensor",
+]
 
-Quantity = Literal["acceleration", "velocity", "displacement", "angular_rate", "moment", "strain"]
+
+class Motion(Protocol):
+    """How a structure moves, in symbols: what a mechanical model tells its sensors."""
+
+    @property
+    def parameters(self) -> "Mapping[str, sp.Symbol]":
+        """The model's parameters by name."""
+
+    def displacement(self, name: str) -> "sp.Expr":
+        """The displacement of a degree of freedom; 0 if it is locked."""
+
+    def rate(self, expression: "sp.Expr") -> "sp.Expr":
+        """The time derivative of an expression."""
+
+    def along(self, sensor: "PlacedSensor", order: int) -> "sp.Expr":
+        """The `order`-th derivative of where the sensor sits, along its axis, and gravity where it feels it."""
+
+    def turning(self, sensor: "PlacedSensor") -> "sp.Expr":
+        """The rate [rad/s] at which the part turns on which the sensor sits."""
+
+    def spring_force(self, sensor: "PlacedSensor") -> "sp.Expr":
+        """Force or moment in what holds the part on which the sensor sits, along its axis."""
 
 
 class Sensor(BaseModel):
@@ -32,9 +72,70 @@ class Sensor(BaseModel):
     channel
         Name of the record's channel.
     quantity
-        ``acceleration``, ``velocity``, ``displacement`` [m … or rad … for the axis ``lag``], ``angular_rate`` [rad/s],
-        ``moment`` [N·m] (in the lag spring and damper of a blade; for the support, the force in its spring and damper
-        times `gain`, its lever arm), ``strain`` (the same times a `gain` [1/(N·m)] or [1/N]).
+        What it measures: the word that names its class in a sensor list.
+    gain
+        Reading per unit of the quantity.
+    noise
+        Standard deviation of the white noise of one sample, in the channel's unit.
+    bias
+        Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
+    drift
+        How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    channel: str = Field(min_length=1)
+    quantity: str
+    gain: float = 1.0
+    noise: float = Field(gt=0.0)
+    bias: float = Field(default=0.0, ge=0.0)
+    drift: float = Field(default=0.0, ge=0.0)
+
+    @property
+    @abstractmethod
+    def unit(self) -> str:
+        """SI unit of its channel."""
+
+    @abstractmethod
+    def reading(self, motion: Motion) -> "sp.Expr":
+        """What it reads of a structure that moves like that, noise and offset apart."""
+
+    @property
+    def blade(self) -> int:
+        """Number of the blade it sits on; 0 for the tower."""
+        return 0
+
+    @property
+    def directions(self) -> frozenset[str]:
+        """Axes of the support along which it sees motion: x, y, z."""
+        return frozenset()
+
+    @property
+    def needed_inputs(self) -> tuple[str, ...]:
+        """Inputs of the model that a record must tell for its sake."""
+        return ()
+
+    @property
+    def noise_group(self) -> str:
+        """Sensors of one group are equally loud: name of the statistic that is their noise."""
+        return f"noise_{'blade' if self.blade else 'tower'}_{self.quantity}"
+
+    @property
+    def structure(self) -> str:
+        """What its expression depends on, as text (noise and bias are numbers of the filter, not of the expression)."""
+        return repr(sorted(self.model_dump(exclude={"channel", "noise", "bias", "drift"}).items()))
+
+    def accepts(self, unit: str) -> bool:
+        """Whether its channel may be in this unit."""
+        return unit == self.unit
+
+
+class PlacedSensor(Sensor):
+    """A sensor at a point of the tower or of a blade, along an axis.
+
+    Attributes
+    ----------
     point
         ``tower`` (the support's top, where the hub sits) or ``blade_1`` … ``blade_N``.
     axis
@@ -54,20 +155,12 @@ class Sensor(BaseModel):
         [m/rad], and how far it turns [rad/rad]. A rigid blade's by default: its distance from the link, and 1.
     feels_gravity
         True for a real accelerometer.
-    gain
-        Reading per unit of the quantity.
-    noise
-        Standard deviation of the white noise of one sample, in the channel's unit.
-    bias
-        Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
-    drift
-        How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
+    may_feel_gravity
+        Whether sensors of this class can.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    may_feel_gravity: ClassVar[bool] = False
 
-    channel: str = Field(min_length=1)
-    quantity: Quantity
     point: str = Field(pattern=r"^(tower|blade_[1-9][0-9]*)$")
     axis: Literal["x", "y", "z", "span", "tangential", "lag", "bearing"]
     frame: Literal["fixed", "tower_top", "blade", "nacelle", "tower"] = "fixed"
@@ -76,37 +169,27 @@ class Sensor(BaseModel):
     deflection: float | None = Field(default=None, gt=0.0)
     slope: float = Field(default=1.0, ge=0.0)
     feels_gravity: bool = False
-    gain: float = 1.0
-    noise: float = Field(gt=0.0)
-    bias: float = Field(default=0.0, ge=0.0)
-    drift: float = Field(default=0.0, ge=0.0)
 
     @model_validator(mode="after")
-    def _axis_belongs_to_frame(self) -> "Sensor":
-        on_blade = self.point.startswith("blade")
-        if self.axis in ("span", "tangential") and self.frame != "blade":
-            raise ValueError(f"axis '{self.axis}' belongs to the frame 'blade', got frame '{self.frame}'")
-        if self.axis in ("x", "y") and self.frame == "blade":
-            raise ValueError(f"the frame 'blade' has the axes 'span' and 'tangential', got '{self.axis}'")
-        if self.axis == "z" and self.frame != "nacelle":
-            raise ValueError(f"axis 'z' (fore-aft) belongs to the frame 'nacelle', got frame '{self.frame}'")
-        if self.axis == "bearing" and self.frame != "tower":
-            raise ValueError(f"axis 'bearing' belongs to the frame 'tower', got frame '{self.frame}'")
-        if self.frame == "nacelle" and self.axis not in ("x", "z"):
-            raise ValueError(f"the frame 'nacelle' has the axes 'x' and 'z', got '{self.axis}'")
-        if self.frame == "tower" and self.axis != "bearing":
-            raise ValueError(f"the frame 'tower' has the axis 'bearing' only, got '{self.axis}'")
-        if on_blade and self.frame in ("nacelle", "tower"):
-            raise ValueError(f"the frame '{self.frame}' belongs to a sensor on the tower, got point '{self.point}'")
-        if not on_blade and (self.frame == "blade" or self.axis == "lag"):
+    def _axis_belongs_to_frame(self) -> "PlacedSensor":
+        place = 1 if self.blade else 0
+        axes, on = _AXES[self.frame][place], "a blade" if place else "the tower"
+        if not axes:
             raise ValueError(
-                "a sensor on the tower reads x or y in the frame 'fixed' or 'tower_top', x or z in the frame 'nacelle', "
-                "or along a bearing in the frame 'tower'"
+                f"the frame '{self.frame}' belongs to a sensor on {'the tower' if place else 'a blade'}, got point '{self.point}'"
             )
-        if not on_blade and (self.deflection is not None or self.slope != 1.0):
+        if self.axis not in axes:
+            frames = [frame for frame, there in _AXES.items() if self.axis in there[place]]
+            hint = f": that axis belongs to the frame {' or '.join(frames)}" if frames else ""
+            raise ValueError(
+                f"on {on} the frame '{self.frame}' has the axes {', '.join(axes)}, got '{self.axis}'{hint}"
+            )
+        if not place and (self.deflection is not None or self.slope != 1.0):
             raise ValueError(
                 "'deflection' and 'slope' describe a bending blade: remove them from a sensor on the tower"
             )
+        if self.feels_gravity and not self.may_feel_gravity:
+            raise ValueError(f"'feels_gravity' describes an accelerometer: remove it from a sensor of {self.quantity}")
         return self
 
     @property
@@ -115,23 +198,154 @@ class Sensor(BaseModel):
         return int(self.point.removeprefix("blade_")) if self.point.startswith("blade_") else 0
 
     @property
-    def structure(self) -> str:
-        """What its expression depends on, as text (noise and bias are numbers of the filter, not of the expression)."""
-        return repr(sorted(self.model_dump(exclude={"channel", "noise", "bias", "drift"}).items()))
+    def directions(self) -> frozenset[str]:
+        """Axes of the support along which it sees motion: both horizontal ones for a bearing."""
+        return frozenset(("x", "z")) if self.axis == "bearing" else frozenset((self.axis,))
+
+    @property
+    def needed_inputs(self) -> tuple[str, ...]:
+        """The yaw, for a sensor that does not yaw with the nacelle."""
+        return ("nacelle_yaw",) if self.frame == "tower" else ()
+
+
+_AXES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "fixed": (("x", "y"), ("x", "y", "lag")),
+    "tower_top": (("x", "y"), ("x", "y", "lag")),
+    "blade": ((), ("span", "tangential", "lag")),
+    "nacelle": (("x", "z"), ()),
+    "tower": (("bearing",), ()),
+}
+"""The axes of each frame, on the tower and on a blade."""
+
+SENSORS: dict[str, type[Sensor]] = {}
+"""The sensors that a list can name, by quantity."""
+
+S = TypeVar("S", bound=Sensor)
+
+
+def register_sensor(sensor: type[S]) -> type[S]:
+    """Make a class of sensors known to sensor lists, by its `quantity`; for use as a decorator of the class."""
+    SENSORS[sensor.model_fields["quantity"].default] = sensor
+    return sensor
+
+
+class _MotionSensor(PlacedSensor):
+    """Displacement, velocity or acceleration: [m …], or [rad …] along the axis ``lag``.
+
+    Attributes
+    ----------
+    order
+        How often the displacement is differentiated.
+    """
+
+    order: ClassVar[int]
 
     @property
     def unit(self) -> str:
         """SI unit of its channel."""
-        if self.quantity == "angular_rate":
-            return "rad/s"
-        if self.quantity in ("moment", "strain"):
-            return {"moment": "N*m", "strain": "1"}[self.quantity]
-        length = "rad" if self.axis == "lag" else "m"
-        return length + {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}[self.quantity]
+        return ("rad" if self.axis == "lag" else "m") + ("", "/s", "/s^2")[self.order]
+
+    def reading(self, motion: Motion) -> "sp.Expr":
+        """The gain times the motion along the axis."""
+        return self.gain * motion.along(self, self.order)
+
+
+@register_sensor
+class Accelerometer(_MotionSensor):
+    """Acceleration along an axis; a real one feels gravity."""
+
+    quantity: Literal["acceleration"] = "acceleration"
+    may_feel_gravity: ClassVar[bool] = True
+    order: ClassVar[int] = 2
+
+
+@register_sensor
+class VelocitySensor(_MotionSensor):
+    """Velocity along an axis."""
+
+    quantity: Literal["velocity"] = "velocity"
+    order: ClassVar[int] = 1
+
+
+@register_sensor
+class DisplacementSensor(_MotionSensor):
+    """Displacement along an axis."""
+
+    quantity: Literal["displacement"] = "displacement"
+    order: ClassVar[int] = 0
+
+
+@register_sensor
+class AngularRateSensor(PlacedSensor):
+    """A gyroscope in the plane of the rotor."""
+
+    quantity: Literal["angular_rate"] = "angular_rate"
+
+    @property
+    def unit(self) -> str:
+        """SI unit of its channel."""
+        return "rad/s"
+
+    def reading(self, motion: Motion) -> "sp.Expr":
+        """The gain times the rate at which its part turns."""
+        return self.gain * motion.turning(self)
+
+
+@register_sensor
+class MomentSensor(PlacedSensor):
+    """The moment in the lag spring and damper of a blade; for the support, the force in its spring and damper times `gain`, its lever arm."""
+
+    quantity: Literal["moment"] = "moment"
+
+    @property
+    def unit(self) -> str:
+        """SI unit of its channel."""
+        return "N*m"
+
+    def reading(self, motion: Motion) -> "sp.Expr":
+        """The gain times force or moment."""
+        return self.gain * motion.spring_force(self)
+
+
+@register_sensor
+class StrainGauge(MomentSensor):
+    """What a `MomentSensor` reads, times a `gain` [1/(N·m)] or [1/N]; its channel may be in any unit of a bridge."""
+
+    quantity: Literal["strain"] = "strain"  # type: ignore[assignment]
+
+    @property
+    def unit(self) -> str:
+        """SI unit of its channel."""
+        return "1"
+
+    def accepts(self, unit: str) -> bool:
+        """Any: the gain is in the channel's own unit."""
+        return True
+
+
+def as_sensor(table: Any) -> Sensor:
+    """The sensor that a table of a sensor list describes; its `quantity` names the class.
+
+    Raises
+    ------
+    ConfigurationError
+        In one line: what was expected, what was got.
+    """
+    if not isinstance(table, Mapping):
+        raise ConfigurationError(f"expected a table, got {table!r:.80}")
+    quantity = table.get("quantity")
+    if "quantity" not in table:
+        raise ConfigurationError("'quantity' is missing: add it")
+    if not (isinstance(quantity, str) and quantity in SENSORS):
+        raise ConfigurationError(f"quantity: expected one of {', '.join(SENSORS)}, got {quantity!r:.80}")
+    try:
+        return SENSORS[quantity].model_validate(table)
+    except ValidationError as error:
+        raise ConfigurationError(first_problem(error)) from None
 
 
 def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
-    """Read a sensor list from TOML: one ``[[sensor]]`` table per channel, keys as in `Sensor`.
+    """Read a sensor list from TOML: one ``[[sensor]]`` table per channel, keys as in the class of its quantity.
 
     Raises
     ------
@@ -158,9 +372,9 @@ def parse_sensors(tables: Sequence[object], source: str) -> tuple[Sensor, ...]:
     sensors: list[Sensor] = []
     for number, table in enumerate(tables, start=1):
         try:
-            sensors.append(Sensor.model_validate(table))
-        except ValidationError as error:
-            raise ConfigurationError(f"{source}: sensor {number}: {first_problem(error)}") from None
+            sensors.append(as_sensor(table))
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{source}: sensor {number}: {error}") from None
     channels = [sensor.channel for sensor in sensors]
     for channel in channels:
         if channels.count(channel) > 1:

@@ -21,16 +21,18 @@ Left out: torsion, and with it the rotor's gyroscopic moment, which turns a nodd
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from windsysid.errors import ConfigurationError
+from windsysid.mechanics.model import Coefficient, Coordinate, FixedAxes, MechanicalModel, register_model
 
 if TYPE_CHECKING:
     import sympy as sp
 
     from windsysid.mechanics.equations import Equations
-    from windsysid.mechanics.sensors import Sensor
+    from windsysid.mechanics.sensors import PlacedSensor, Sensor
 
 __all__ = ["TOWER_INPUTS", "TowerModel"]
 
@@ -40,8 +42,13 @@ TOWER_INPUTS = ("rotor_azimuth", "rotor_speed", "nacelle_yaw", "yaw_rate", "yaw_
 DIRECTIONS = ("side_side", "fore_aft")
 
 
+TOWER_SAMPLES = 12.0
+"""Samples per period of a tower: room for its blade-passing line, not for the blades' own modes and the tower's second."""
+
+
+@register_model
 @dataclass(frozen=True)
-class TowerModel:
+class TowerModel(MechanicalModel):
     """Which directions the tower top moves in.
 
     Parameters
@@ -51,6 +58,9 @@ class TowerModel:
     side_side, fore_aft
         ``"free"`` or ``"locked"``.
     """
+
+    kind: ClassVar[str] = "tower"
+    samples_per_period: ClassVar[float | None] = TOWER_SAMPLES
 
     blades: int = 3
     side_side: Literal["free", "locked"] = "free"
@@ -62,25 +72,29 @@ class TowerModel:
         if not self.coordinates:
             raise ConfigurationError("both directions of the tower are locked: free at least one")
 
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """The free directions, in the order of the state vector."""
-        return tuple(name for name in DIRECTIONS if getattr(self, name) == "free")
+    @cached_property
+    def freedoms(self) -> tuple[Coordinate, ...]:
+        """The free directions; the loads on each have a level of their own."""
+        return tuple(Coordinate(name, "m", name) for name in DIRECTIONS if getattr(self, name) == "free")
+
+    @cached_property
+    def parameters(self) -> tuple[Coefficient, ...]:
+        """Every parameter, in the order of the equations."""
+        found = []
+        for name in DIRECTIONS:
+            found += [
+                Coefficient(f"mass_{name}", "inertia", "kg", name),
+                Coefficient(f"k_{name}", "stiffness", "N/m", name),
+                Coefficient(f"c_{name}", "damping", "N*s/m", name),
+            ]
+        return (
+            *found, Coefficient("tilt", "geometry", "rad/m", "top"), Coefficient("gravity", "geometry", "m/s^2", "site")
+        )  # fmt: skip
 
     @property
-    def loads(self) -> tuple[str, ...]:
-        """Names of the loads: a force along each free direction of the nacelle."""
-        return tuple(f"load_{name}" for name in self.coordinates)
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states: displacements, then velocities."""
-        return (*self.coordinates, *(f"{name}_rate" for name in self.coordinates))
-
-    @property
-    def coefficients(self) -> tuple[str, ...]:
-        """Stiffness and damping of each free direction."""
-        return tuple(f"{kind}_{name}" for name in self.coordinates for kind in ("k", "c"))
+    def inputs(self) -> tuple[str, ...]:
+        """ψ, Ω, γ, γ̇ and γ̈."""
+        return TOWER_INPUTS
 
     @property
     def signature(self) -> str:
@@ -90,6 +104,23 @@ class TowerModel:
     def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
         """Modal mass [kg] of one direction."""
         return values[f"mass_{coordinate}"]
+
+    def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
+        """Stiffness [N/m] of one direction."""
+        return values[f"k_{coordinate}"]
+
+    def lock_unseen(self, sensors: "Sequence[Sensor]") -> "tuple[TowerModel, tuple[str, ...]]":
+        """The tower with a direction locked where no sensor sees it move."""
+        seen = set().union(*(sensor.directions for sensor in sensors))
+        unseen = [name for name, axis in zip(DIRECTIONS, ("x", "z"), strict=True) if axis not in seen]
+        unseen = [name for name in unseen if name in self.coordinates]
+        notes = [f"no channel sees the tower move {name.replace('_', '-')}: it is locked" for name in unseen]
+        changes = dict.fromkeys(unseen, "locked")
+        return replace(self, **changes) if changes else self, tuple(notes)  # type: ignore[arg-type]
+
+    def modes(self) -> FixedAxes:
+        """Side-side and fore-aft as they are."""
+        return FixedAxes(self, "tower ")
 
     def equations(self) -> "Equations":
         """Lagrange's equations of the tower top."""
@@ -116,19 +147,18 @@ class TowerModel:
     def readings(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr]":
         """What each sensor reads, in x, a, u, p and w."""
         k = _Kinematics(self)
-        return [_reading(sensor, k) for sensor in sensors]
+        return [sensor.reading(k) for sensor in sensors]
 
 
 class _Kinematics:
-    """The symbols of a `TowerModel` and the motion of its top; SymPy is imported here and not before."""
+    """The symbols of a `TowerModel` and the motion of its top, as sensors ask for it; SymPy is imported here and not before."""
 
     def __init__(self, model: TowerModel) -> None:
         import sympy as sp
 
         self.sp: Any = sp
         self.zero = sp.Integer(0)
-        names = [*(f"{kind}_{name}" for name in DIRECTIONS for kind in ("mass", "k", "c")), "tilt", "gravity"]
-        self.parameters: dict[str, sp.Symbol] = {name: self.symbol(name) for name in names}
+        self.parameters: dict[str, sp.Symbol] = {c.name: self.symbol(c.name) for c in model.parameters}
         psi, omega, self.yaw, self.yaw_rate, yaw_acceleration = (self.symbol(name) for name in TOWER_INPUTS)
         self.inputs = {
             psi: omega,
@@ -148,33 +178,50 @@ class _Kinematics:
 
     def moved(self, vector: "tuple[sp.Expr, ...]", times: int) -> "tuple[sp.Expr, ...]":
         """The vector in nacelle axes, or its absolute rate of change of some order: v̇ + i γ̇ v, in components."""
+        for _ in range(times):
+            x, z = vector
+            vector = (self.rate(x) - self.yaw_rate * z, self.rate(z) + self.yaw_rate * x)
+        return vector
+
+    def displacement(self, name: str) -> "sp.Expr":
+        """The displacement of one direction; 0 if locked."""
+        return self.coordinate[name][0] if name in self.coordinate else self.zero
+
+    def rate(self, expression: "sp.Expr") -> "sp.Expr":
+        """The time derivative of an expression in displacements, velocities and inputs."""
         from windsysid.mechanics.equations import total_derivative
 
         rates = self.inputs | {of: rate for q, v, a in self.coordinate.values() for of, rate in ((q, v), (v, a))}
-        for _ in range(times):
-            x, z = vector
-            vector = (
-                total_derivative(x, rates) - self.yaw_rate * z,
-                total_derivative(z, rates) + self.yaw_rate * x,
-            )
-        return vector
+        return total_derivative(expression, rates)
 
+    def along(self, sensor: "PlacedSensor", order: int) -> "sp.Expr":
+        """Displacement, velocity or acceleration of the top along the sensor's axis."""
+        vector = self.moved(self.top, order)
+        if sensor.feels_gravity:
+            x, z = self.top
+            leaning = self.parameters["gravity"] * self.parameters["tilt"]
+            vector = (vector[0] - leaning * x, vector[1] - leaning * z)
+        return self._component(vector, sensor)
 
-def _reading(sensor: "Sensor", k: _Kinematics) -> "sp.Expr":
-    if sensor.frame not in ("nacelle", "tower") or sensor.quantity == "angular_rate":
-        raise ConfigurationError(
+    def spring_force(self, sensor: "PlacedSensor") -> "sp.Expr":
+        """The force in the tower along the sensor's axis."""
+        x, z = self.top
+        return self._component((self.parameters["k_side_side"] * x, self.parameters["k_fore_aft"] * z), sensor)
+
+    def turning(self, sensor: "PlacedSensor") -> "sp.Expr":
+        """Not known: the top leans, but by how much its modal mass does not say."""
+        raise self._refusal(sensor)
+
+    def _component(self, vector: "tuple[sp.Expr, ...]", sensor: "PlacedSensor") -> "sp.Expr":
+        if sensor.frame not in ("nacelle", "tower"):
+            raise self._refusal(sensor)
+        if sensor.axis == "bearing":
+            turn = math.radians(sensor.bearing_deg) - self.yaw
+            return vector[0] * self.sp.sin(turn) - vector[1] * self.sp.cos(turn)
+        return vector[0 if sensor.axis == "x" else 1]
+
+    def _refusal(self, sensor: "PlacedSensor") -> ConfigurationError:
+        return ConfigurationError(
             f"sensor '{sensor.channel}': this turbine is a tower under a rigid rotor; expected an acceleration, velocity, displacement, "
             "moment or strain of the point 'tower' along x (side-side) or z (fore-aft) of the frame 'nacelle', or along a bearing of the frame 'tower'"
         )
-    x, z = k.top
-    if sensor.quantity in ("moment", "strain"):
-        vector = (k.parameters["k_side_side"] * x, k.parameters["k_fore_aft"] * z)
-    else:
-        vector = k.moved(k.top, ("displacement", "velocity", "acceleration").index(sensor.quantity))
-    if sensor.quantity == "acceleration" and sensor.feels_gravity:
-        leaning = k.parameters["gravity"] * k.parameters["tilt"]
-        vector = (vector[0] - leaning * x, vector[1] - leaning * z)
-    if sensor.axis == "bearing":
-        turn = math.radians(sensor.bearing_deg) - k.yaw
-        return sensor.gain * (vector[0] * k.sp.sin(turn) - vector[1] * k.sp.cos(turn))
-    return sensor.gain * vector[0 if sensor.axis == "x" else 1]

@@ -1,13 +1,10 @@
 """Modes of a rotor on its support, in the fixed frame, from stiffness and damping.
 
-Linearised about its motion, a rotor's equations still turn with it. Multi-blade coordinates (Coleman & Feingold 1958)
-
-    β_i = ξ_0 + Σ_n (ξ_nc cos nψ_i + ξ_ns sin nψ_i)  (+ (−1)^i ξ_d for even N),      q = T(ψ) ξ
-
-make them constant for three or more equal blades at constant Ω without gravity in the rotor plane, about β = 0.
-Everything else is Floquet's theory about the periodic motion that gravity and imbalance force
-(`windsysid.modal.floquet`); the multiple of Ω that it leaves open is found in multi-blade coordinates. Bands follow
-from the covariance of the coefficients by the delta method, with the exact derivatives
+Linearised about its motion, a rotor's equations still turn with it. Multi-blade coordinates
+(`windsysid.mechanics.multi_blade`) make them constant for three or more equal blades at constant Ω without gravity in
+the rotor plane, about β = 0. Everything else is Floquet's theory about the periodic motion that gravity and imbalance
+force (`windsysid.modal.floquet`); the multiple of Ω that it leaves open is found in multi-blade coordinates. Bands
+follow from the covariance of the coefficients by the delta method, with the exact derivatives
 
     dλ/dθ = ⟨qᵀ(t) dA(t)/dθ p(t)⟩,      p(t) e^{λt} a mode, qᵀ(t) its row of the inverse of all of them,
 
@@ -23,13 +20,12 @@ import numpy as np
 from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import CompiledModel
-from windsysid.mechanics.rotor import RotorModel
-from windsysid.mechanics.tower import TowerModel
+from windsysid.mechanics.model import MechanicalModel
 from windsysid.modal.floquet import about_periodic_motion, resolve
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["Spectrum", "analyse", "modes", "modes_with_bands", "obstacles", "unlocked"]
+__all__ = ["Spectrum", "analyse", "modes", "modes_with_bands", "unlocked"]
 
 
 AZIMUTHS = 24
@@ -40,9 +36,6 @@ STEP = 1e-4
 
 ASIDE = (1e-3, 3e-3)
 """Shares of the rotor speed by which to step aside from a narrow lock, to either side."""
-
-CIRCULAR = 0.8
-"""How round the orbit of the support must be to be called a whirl: 1 is a circle, 0 a line."""
 
 
 class Spectrum(NamedTuple):
@@ -93,27 +86,8 @@ class Spectrum(NamedTuple):
         return along / (2.0 * math.pi), (-self.slopes.real + (self.exponents.real[:, None] / size) * along) / size
 
 
-def obstacles(rotor: RotorModel | TowerModel, values: dict[str, float]) -> list[str]:
-    """Why the Coleman transform does not make this rotor's equations constant, a phrase each; empty where it does."""
-    if isinstance(rotor, TowerModel) or (rotor.lag == "locked" and rotor.roll == "locked"):
-        return []
-    found = []
-    least = 3 if rotor.lag == "free" else 2
-    if rotor.blades < least:
-        found.append("one blade" if rotor.blades == 1 else f"{rotor.blades} blades")
-    for name in ("blade_mass", "blade_first_moment", "blade_inertia", "k_beta", "c_beta"):
-        each = [values[f"{name}_{i}"] for i in rotor.blade_numbers]
-        if max(each) != min(each) and (rotor.lag == "free" or name.startswith("blade")):
-            found.append(f"blades differ in {name}")
-    if values["gravity"] != 0.0 and rotor.lag == "free":
-        found.append("gravity in the rotor plane")
-    if values["eccentricity"] != 0.0:
-        found.append("an eccentric hub")
-    return found
-
-
 def analyse(
-    rotor: RotorModel | TowerModel,
+    rotor: MechanicalModel,
     model: CompiledModel,
     p: Array,
     rotor_speed: float,
@@ -145,12 +119,13 @@ def analyse(
     """
     if directions is None:
         directions = np.zeros((0, len(p)))
-    if isinstance(rotor, TowerModel):
+    axes = rotor.modes()
+    if not axes.turns:
         return _constant(_Frame(rotor, model, p, 0.0), directions, np.zeros(1), "constant")
     values = dict(zip(model.parameters, (float(v) for v in p), strict=True))
-    if method != "Floquet" and not obstacles(rotor, values):
+    if method != "Floquet" and not axes.obstacles(values):
         return _constant(_Frame(rotor, model, p, rotor_speed), directions, np.zeros(1), "Coleman")
-    if method == "Coleman" and (rotor.blades >= 3 or rotor.lag == "locked"):
+    if method == "Coleman" and axes.averages:
         p = p.copy()
         p[model.parameters.index("gravity")] = 0.0
         turn = np.arange(AZIMUTHS) * 2.0 * math.pi / AZIMUTHS
@@ -161,7 +136,7 @@ def analyse(
 
 
 def unlocked(
-    rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
+    rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
 ) -> Spectrum:
     """`analyse`, except where a mode is locked to the rotor so narrowly that its band would vanish.
 
@@ -177,7 +152,7 @@ def unlocked(
 
 
 def _known(
-    rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
+    rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
 ) -> Spectrum:
     """`unlocked`, and where Floquet's theory has nothing to say of a slow turn, what an average over the turn says."""
     try:
@@ -186,13 +161,9 @@ def _known(
         return analyse(rotor, model, p, rotor_speed, directions, method="Coleman")
 
 
-def modes(
-    rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float
-) -> list[tuple[str, float, float]]:
-    """Name, frequency [Hz] and damping ratio of every oscillating mode, by rising frequency, to label a spectrum.
-
-    Slight inequality of the blades is averaged (`analyse`).
-    """
+def modes(rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float) -> list[tuple[str, float, float]]:
+    """Name, frequency [Hz] and damping ratio of every oscillating mode, by rising frequency; slight inequality averaged
+    (`analyse`): to label a spectrum."""
     return _rows(analyse(rotor, model, p, rotor_speed, method="Coleman"))
 
 
@@ -201,7 +172,7 @@ def _rows(found: Spectrum) -> list[tuple[str, float, float]]:
 
 
 def modes_with_bands(
-    rotor: RotorModel | TowerModel,
+    rotor: MechanicalModel,
     model: CompiledModel,
     p: Array,
     rotor_speed: float,
@@ -249,8 +220,8 @@ def directions_of(model: CompiledModel, parameters: Sequence[Parameter], theta: 
 class _Frame:
     """A rotor at one speed: its Jacobians along a motion, and the way to multi-blade coordinates."""
 
-    def __init__(self, rotor: RotorModel | TowerModel, model: CompiledModel, p: Array, rotor_speed: float) -> None:
-        self.rotor, self.model, self.p, self.speed = rotor, model, p, rotor_speed
+    def __init__(self, rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float) -> None:
+        self.axes, self.model, self.p, self.speed = rotor.modes(), model, p, rotor_speed
         self.n = len(rotor.coordinates)
         self.values = dict(zip(model.parameters, (float(v) for v in p), strict=True))
 
@@ -259,8 +230,9 @@ class _Frame:
         model, size = self.model, (len(psi), 2 * self.n)
         x, p = np.zeros(size) if x is None else np.ascontiguousarray(x), self.p if p is None else p
         inputs = np.zeros((len(psi), len(model.inputs)))
-        if isinstance(self.rotor, RotorModel):
-            inputs[:, 0], inputs[:, 1] = psi, self.speed
+        for name, known in (("rotor_azimuth", psi), ("rotor_speed", self.speed)):
+            if name in model.inputs:
+                inputs[:, model.inputs.index(name)] = known
         value, slope = np.empty(size), np.zeros((*size, 2 * self.n))
         w, B, G = (np.zeros(shape) for shape in (self.n, (2 * self.n, len(model.identified)), (2 * self.n, self.n)))
         for k in range(len(psi)):
@@ -286,7 +258,7 @@ class _Frame:
 
     def multi_blade(self, psi: Array) -> tuple[Array, Array]:
         """S (K, 2n, 2n) of [q, q̇] = S [ξ, ξ̇], and Ṡ."""
-        T, n = multi_blade(self.rotor, psi), self.n
+        T, n = self.axes.transform(psi), self.n
         S, rate = np.zeros((2, len(psi), 2 * n, 2 * n))
         S[:, :n, :n] = S[:, n:, n:] = T[0]
         S[:, n:, :n] = rate[:, :n, :n] = rate[:, n:, n:] = self.speed * T[1]
@@ -307,22 +279,16 @@ class _Frame:
         order = np.array([i for i in np.argsort(size) if exponents[i].imag > 1e-9 * size.max()], dtype=np.intp)
         weighted = np.sqrt(weights)[:, None] * shapes[:, order]
         weighted /= np.linalg.norm(weighted, axis=0)
-        names = _names(self.rotor, np.conj(weighted) if self.speed < 0.0 else weighted)
+        turned = np.conj(weighted) if self.speed < 0.0 else weighted
+        names = _numbered([self.axes.name(shape) for shape in turned.T])
         return Spectrum(exponents[order], tuple(names), weighted.T, slopes[order], growth, method)
 
-    def weights(self) -> Array:
-        """What each multi-blade coordinate weighs (n,): masses, and inertia for the blades."""
-        rotor, v = self.rotor, self.values
-        if isinstance(rotor, TowerModel):
-            return np.array([v[f"mass_{name}"] for name in rotor.coordinates])
-        blades = sum(v[f"blade_mass_{i}"] for i in rotor.blade_numbers)
-        lag = sum(v[f"blade_inertia_{i}"] for i in rotor.blade_numbers)
-        support = {"x": v["hub_mass_x"] + blades, "y": v["hub_mass_y"] + blades, "roll": rotor.inertia("roll", v)}
-        weights = [support[name] for name in rotor.coordinates if name in support]
-        if rotor.lag == "free":
-            N = rotor.blades
-            weights += [lag, *([0.5 * lag] * (2 * ((N - 1) // 2))), *([lag] if N % 2 == 0 else [])]
-        return np.array(weights)
+
+def _numbered(names: Sequence[str]) -> list[str]:
+    """Names that occur more than once with a number behind."""
+    return [
+        name if names.count(name) == 1 else f"{name} ({names[: i + 1].count(name)})" for i, name in enumerate(names)
+    ]
 
 
 def _constant(frame: _Frame, directions: Array, psi: Array, method: str) -> Spectrum:
@@ -364,7 +330,9 @@ def _of_matrix(frame: _Frame, system: Array, moved: Array, method: str) -> Spect
     if len(moved):
         slopes = np.einsum("mi,tij,jm->mt", np.linalg.pinv(vectors), moved, vectors)
     shapes = vectors[: frame.n, upper]
-    return frame.spectrum(exponents[upper], shapes, slopes[upper], float(exponents.real.max()), method, frame.weights())
+    return frame.spectrum(
+        exponents[upper], shapes, slopes[upper], float(exponents.real.max()), method, frame.axes.weights(frame.values)
+    )
 
 
 def _turning(frame: _Frame, directions: Array) -> Spectrum:
@@ -380,65 +348,11 @@ def _turning(frame: _Frame, directions: Array) -> Spectrum:
         slopes = np.stack([np.einsum("kmi,kij,kjm->m", rows, each, found.shapes) / len(psi) for each in moved], axis=1)
     upper = found.exponents.imag >= 0.0
     shapes = np.asarray(
-        np.linalg.solve(multi_blade(frame.rotor, psi)[0], found.shapes[:, : frame.n, upper]), dtype=np.complex128
+        np.linalg.solve(frame.axes.transform(psi)[0], found.shapes[:, : frame.n, upper]), dtype=np.complex128
     )
-    weights = frame.weights()
+    weights = frame.axes.weights(frame.values)
     multiples, standing = resolve(shapes, weights)
     exponents = found.exponents[upper] + 1j * speed * multiples
     spectrum = frame.spectrum(exponents, standing, slopes[upper], float(found.exponents.real.max()), "Floquet", weights)
     halves = 2.0 * spectrum.exponents.imag / speed
     return spectrum._replace(locked=bool(np.any(np.abs(halves - np.rint(halves)) < 1e-12)))
-
-
-def multi_blade(rotor: RotorModel | TowerModel, psi: Array) -> Array:
-    """T(ψ) and its first two derivatives to ψ (3, K, n, n) at azimuths (K,); the support's rows are the identity."""
-    n = len(rotor.coordinates)
-    T = np.zeros((3, len(psi), n, n))
-    T[0] = np.eye(n)
-    if isinstance(rotor, RotorModel) and rotor.lag == "free":
-        N, support = rotor.blades, n - rotor.blades
-        T[0, :, support:, support:] = 0.0
-        for b in range(N):
-            row, angle = support + b, psi + 2.0 * math.pi * b / N
-            T[0, :, row, support] = 1.0
-            for k in range(1, (N - 1) // 2 + 1):
-                column = support + 2 * k - 1
-                c, s = np.cos(k * angle), np.sin(k * angle)
-                T[:, :, row, column] = c, -k * s, -k * k * c
-                T[:, :, row, column + 1] = s, k * c, -k * k * s
-            if N % 2 == 0:
-                T[0, :, row, -1] = (-1.0) ** b
-    return T
-
-
-def _names(rotor: RotorModel | TowerModel, shapes: Complex) -> list[str]:
-    """A name for each weighted mode shape (n, m), from where its energy sits and which way it whirls."""
-    names = [_name(rotor, shape) for shape in shapes.T]
-    return [
-        name if names.count(name) == 1 else f"{name} ({names[: i + 1].count(name)})" for i, name in enumerate(names)
-    ]
-
-
-def _name(rotor: RotorModel | TowerModel, shape: Complex) -> str:
-    start = len(rotor.coordinates) - (rotor.blades if isinstance(rotor, RotorModel) and rotor.lag == "free" else 0)
-    support = {name: i for i, name in enumerate(rotor.coordinates[:start])}
-    energy = {f"tower {name.replace('_', '-')}": abs(shape[i]) ** 2 for name, i in support.items()}
-    if {"x", "y"} <= set(support):
-        whirl, roundness = _whirl(shape[support["x"]], shape[support["y"]])
-        if roundness > CIRCULAR:
-            energy[f"tower {whirl}"] = energy.pop("tower x") + energy.pop("tower y")
-    if isinstance(rotor, RotorModel) and rotor.lag == "free":
-        N = rotor.blades
-        energy["lag collective" if N > 1 else "lag"] = abs(shape[start]) ** 2
-        for k in range(1, (N - 1) // 2 + 1):
-            c, s = shape[start + 2 * k - 1], shape[start + 2 * k]
-            energy[f"lag {_whirl(c, s)[0]}{'' if k == 1 else f' {k}'}"] = abs(c) ** 2 + abs(s) ** 2
-        if N % 2 == 0:
-            energy["lag differential"] = abs(shape[-1]) ** 2
-    return max(energy, key=lambda key: energy[key])
-
-
-def _whirl(c: complex, s: complex) -> tuple[str, float]:
-    """Which way the orbit Re (c, s) e^{iωt} turns, and how round it is."""
-    area, size = float((np.conj(c) * s).imag), abs(c) ** 2 + abs(s) ** 2
-    return "forward" if area < 0.0 else "backward", 2.0 * abs(area) / size if size > 0.0 else 0.0

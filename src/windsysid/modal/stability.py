@@ -120,7 +120,7 @@ def meeting_speed(turbine: Turbine, axis: str) -> float | None:
         sum(turbine.values[f"{name}_{i}"] for i in blades) / len(blades)
         for name in ("k_beta", "blade_first_moment", "blade_inertia")
     )
-    support = math.sqrt(turbine.values[f"k_{axis}"] / turbine.inertia(axis))
+    support = turbine.natural_frequency(axis)
     stiffening = 1.0 - moment * turbine.values["hinge_offset"] / inertia
     if stiffening <= 0.0:
         return None

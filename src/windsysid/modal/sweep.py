@@ -16,8 +16,7 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
-from windsysid.mechanics.rotor import RotorModel
-from windsysid.modal.analysis import Spectrum, analyse, directions_of, obstacles, unlocked
+from windsysid.modal.analysis import Spectrum, analyse, directions_of, unlocked
 from windsysid.modal.stability import NEUTRAL, GroundResonance, meeting_speed, unstable_ranges
 from windsysid.modal.tracking import bends, link
 from windsysid.results.coercion import PosteriorLike, as_posterior
@@ -120,7 +119,7 @@ def find_modes(
     N = machine.turbine.model.blades
     return Campbell(
         machine.turbine.name, posterior.record or None, bool(posterior.parameters), grid, at, working,
-        () if parked else tuple(sorted({1, N, 2 * N})),
+        () if parked or not N else tuple(sorted({1, N, 2 * N})),
         curves, tuple(unstable), () if parked else tuple(machine.ground_resonance(working)), found[at].method,
         tuple(notes),
     )  # fmt: skip
@@ -145,7 +144,7 @@ class _Machine:
 
     def notes(self, method: str, posterior: Posterior) -> list[str]:
         """How it was computed, and from what."""
-        why = obstacles(self.turbine.model, dict(zip(self.model.parameters, self.p.tolist(), strict=True)))
+        why = self.turbine.model.modes().obstacles(dict(zip(self.model.parameters, self.p.tolist(), strict=True)))
         how = {
             "Coleman": (
                 "multi-blade coordinates (Coleman): three or more equal blades, nothing that pulls in the rotor plane"
@@ -176,7 +175,7 @@ class _Machine:
     def ground_resonance(self, operating: tuple[float, float]) -> list[GroundResonance]:
         """Where lag and support meet, for each direction in which the support moves."""
         turbine = self.turbine
-        if not isinstance(turbine.model, RotorModel) or turbine.model.lag == "locked" or turbine.model.blades < 2:
+        if turbine.model.modes().hinged_blades < 2:
             return []
         found = []
         for axis in ("x", "y"):

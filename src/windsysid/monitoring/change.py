@@ -38,6 +38,8 @@ class Change(NamedTuple):
         Natural logarithm of the odds that it moved; NaN for a mode, which moves if a coefficient does.
     chance
         Probability of a difference this large, or larger, without a change.
+    kind
+        Of a coefficient, ``stiffness``, ``damping`` …; empty for a mode or a statistic.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Change(NamedTuple):
     high: float
     log_odds: float
     chance: float
+    kind: str = ""
 
     @property
     def moved(self) -> bool:
@@ -136,8 +139,8 @@ class Comparison(Answer):
     def _unseen(self) -> list[str]:
         """What could have moved and not been seen, in words: a change is found from about four σ on."""
         told, dark = [], []
-        for kind, what in (("k_", "stiffness"), ("c_", "damping")):
-            steps = {c.name: 2.0 * _half_width(c) for c in self.coefficients if c.name.startswith(kind)}
+        for kind in ("stiffness", "damping"):
+            steps = {c.name: 2.0 * _half_width(c) for c in self.coefficients if c.kind == kind}
             dark += [name for name, step in steps.items() if step > UNTOLD]
             greatest = max((step for step in steps.values() if step <= UNTOLD), default=None)
             if greatest is not None:
@@ -146,7 +149,7 @@ class Comparison(Answer):
                     if greatest < math.log(2.0)
                     else f"a factor of {math.exp(greatest):.2g}"
                 )
-                told.append(f"a change of {what} by less than {size} could go unseen")
+                told.append(f"a change of {kind} by less than {size} could go unseen")
         return told + ([f"the records say too little of {', '.join(dark)} to show a change"] if dark else [])
 
     @property

@@ -41,7 +41,6 @@ from windsysid.monitoring.own_information import (
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
 from windsysid.statespace.parameter import Parameter
-from windsysid.units import parameter_unit
 
 __all__ = ["compare"]
 
@@ -112,6 +111,7 @@ def _changes(
     of_damage, cov_of_damage = difference.with_prior(1.0)
     said = [without_prior(result, frame) for result in (before, after)]
     units = {s.name: s.unit for s in before.statistics}
+    known = {c.name: c for c in before.turbine.model.parameters}
     changes = []
     for i, q in enumerate(frame):
         sigma, post = math.sqrt(cov[i, i]), cov_of_damage[i, i]
@@ -121,9 +121,9 @@ def _changes(
             limits = _ratio(*((float(mean[i]), math.sqrt(c[i, i])) for mean, c in said))
         log_odds = float(0.5 * math.log(post / q.prior[1] ** 2) + 0.5 * of_damage[i] ** 2 / post)
         chance = math.erfc(abs(delta[i]) / sigma / math.sqrt(2.0))
-        unit = units[q.name] if q.name in units else parameter_unit(q.name)
+        unit, kind = (units[q.name], "") if q.name in units else (known[q.name].unit, known[q.name].kind)
         a, b = (estimate_of(result, q.name) for result in (before, after))
-        changes.append(Change(q.name, unit, a, b, *limits, log_odds, chance))
+        changes.append(Change(q.name, unit, a, b, *limits, log_odds, chance, kind))
     return tuple(changes)
 
 

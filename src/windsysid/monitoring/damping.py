@@ -29,7 +29,6 @@ from windsysid.monitoring.own_information import without_prior
 from windsysid.monitoring.separation import Band, Separation, Split, State
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
-from windsysid.units import parameter_unit
 
 __all__ = ["separate_damping"]
 
@@ -84,7 +83,9 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
             f" {', '.join(result.record for result in posteriors) or 'none'}: record rotor_speed and identify again"
         )
     frame = known[0]
-    names = [f"c_{q}" for q in frame.turbine.model.coordinates if all(_identified(r, f"c_{q}") for r in known)]
+    model = frame.turbine.model
+    damping = [name for name in model.coefficients if model.coefficient(name).kind == "damping"]
+    names = [name for name in damping if all(_identified(result, name) for result in known)]
     if not names:
         raise ConfigurationError(
             f"{', '.join(result.record for result in known)}: expected a damping coefficient that all of them"
@@ -219,7 +220,8 @@ def _scattered(free: int, square: float) -> bool:
 
 def _split(name: str, fit: _Fit, width: float, frame: Posterior, states: Sequence[State], design: _Design) -> Split:
     """One coefficient, taken apart."""
-    coordinate = name.removeprefix("c_")
+    known = frame.turbine.model.coefficient(name)
+    coordinate = known.part
     frequency = frame.turbine.natural_frequency(coordinate)
     running = np.array([not state.parked for state in states])
     structural = fit.at(STRUCTURE, width)
@@ -230,7 +232,7 @@ def _split(name: str, fit: _Fit, width: float, frame: Posterior, states: Sequenc
     own = zip(fit.value.tolist(), (SIGMAS * fit.std).tolist(), strict=True)
     return Split(
         name=name,
-        unit=parameter_unit(name),
+        unit=known.unit,
         critical=2.0 * frame.turbine.inertia(coordinate) * frequency,
         frequency=frequency,
         measured=tuple(Band(value, value - half, value + half) for value, half in own),

@@ -47,6 +47,8 @@ class Blocks:
         Of each series, whether θ is a logarithm.
     reference
         Of each series, the value at θ = 0 (logarithmic) or θ = 1.
+    units
+        SI unit of each series, ``1`` for noise; empty where nobody says them.
     covariates
         (T, m); a block without all of them is left out.
     covariate_names
@@ -73,6 +75,7 @@ class Blocks:
     records: tuple[str, ...] = ()
     begin: datetime | None = None
     notes: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         shape = (len(self.time), len(self.names))
@@ -182,6 +185,7 @@ def gather(
         covariate_names=tuple(columns),
         trusted=np.array([posterior.trusted for posterior in posteriors]),
         records=tuple(posterior.record for posterior in posteriors),
+        units=(*(posteriors[0].turbine.model.coefficient(name).unit for name in names), *("1" for _ in sensors)),
         begin=begin,
         notes=tuple(notes),
     )

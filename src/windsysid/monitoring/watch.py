@@ -30,7 +30,6 @@ from windsysid.monitoring.changes import Change, Series, Watch
 from windsysid.monitoring.jumps import Belief, Rates, Track, learn_rates, threshold, track
 from windsysid.monitoring.series import DAY, FEWEST, Blocks
 from windsysid.results.posterior import SIGMAS
-from windsysid.units import parameter_unit
 
 __all__ = ["TOLERATED", "YEAR", "watch"]
 
@@ -261,7 +260,7 @@ def _describe(
     day = max(1, round(DAY / step))
     return Series(
         name=name,
-        unit=parameter_unit(name) if not name.startswith("noise_") else "1",
+        unit=blocks.units[i] if blocks.units else "",
         level=value(level),
         low=value(level - SIGMAS * std),
         high=value(level + SIGMAS * std),

@@ -18,7 +18,7 @@ def figure(comparison: Comparison) -> Figure:
 
     A band that has no end goes to the edge of the drawn; where nothing is told it is dotted and has no dot.
     """
-    of_damping = [c for c in comparison.coefficients if c.name.startswith("c_")]
+    of_damping = [c for c in comparison.coefficients if c.kind == "damping"]
     rest = [c for c in (*comparison.coefficients, *comparison.modes) if c not in of_damping]
     titles = ("stiffness and frequencies", "damping", "loads and noise")
     groups = [
@@ -42,9 +42,7 @@ def figure(comparison: Comparison) -> Figure:
             else:
                 ax.plot([left, right], [row, row], color=colour, lw=1.5, ls=":")
         ax.axvline(0.0, color=REFERENCE, ls="--", lw=0.8)
-        ax.set_yticks(
-            rows, [symbol(c.name) if c.name.startswith(("k_", "c_")) else c.name.replace("_", " ") for c in group]
-        )
+        ax.set_yticks(rows, [symbol(c.name) for c in group])
         ax.set_ylim(-0.7, len(group) - 0.3)
         ax.set_xlim(left, right)
         ax.set_title(title, fontsize=10, loc="left")
@@ -86,6 +84,6 @@ READING = (
 
 
 def _colour(change: Change, comparison: Comparison) -> str:
-    if change.name.startswith(("k_", "c_")):
+    if change in comparison.coefficients:
         return ERROR if change in comparison.moved else ESTIMATE
     return MEASURED

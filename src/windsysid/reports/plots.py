@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.mechanics.tower import DIRECTIONS
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
@@ -44,12 +43,15 @@ GREEK = (
 
 
 def symbol(name: str) -> str:
-    """A coefficient's name as it is written in formulas: ``k_beta_1`` → k_β1."""
-    letter, _, of = name.partition("_")
+    """A name as it is written in formulas, ``k_beta_1`` → k_β1, ``k_side_side`` → k side-side; in words where it begins
+    with a word."""
+    letter, *words = name.split("_")
+    if len(letter) > 1 and letter not in GREEK:
+        return name.replace("_", " ")
     letter = rf"\{letter}" if letter in GREEK else letter
-    if of in DIRECTIONS:
-        return f"${letter}$ {of.replace('_', '-')}"
-    of = of.replace("beta_", r"\beta ").replace("roll", r"\mathrm{roll}").replace("hub_blade", r"\mathrm{hub,blade}")
+    if len([word for word in words if len(word) > 1 and word not in GREEK]) > 1:
+        return f"${letter}$ {'-'.join(words)}"
+    of = " ".join(rf"\{w}" if w in GREEK else w if len(w) == 1 else rf"\mathrm{{{w}}}" for w in words)
     return f"${letter}_{{{of}}}$" if of else f"${letter}$"
 
 

@@ -29,8 +29,9 @@ def figure(watch: Watch) -> Figure:
         low, high = np.percentile(shown, [0.5, 99.5])
         room = 0.3 * (high - low) or 0.01 * abs(high) or 1.0
         left.set_ylim(low - room, high + room)
-        name = symbol(s.name) if s.name.startswith(("k_", "c_")) else s.name.removeprefix("noise_").replace("_", " ")
-        left.set_title(f"{name} [{unit_text(s.unit)}]" if s.unit != "1" else f"noise, {name}", fontsize=9, loc="left")
+        name = symbol(s.name.removeprefix("noise_"))
+        title = f"noise, {name}" if s.name.startswith("noise_") else f"{name} [{unit_text(s.unit)}]" if s.unit else name
+        left.set_title(title, fontsize=9, loc="left")
         right.plot(days[some], _highest(s.statistic, some.step) / s.limit, color=ESTIMATE, lw=0.8)
         right.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)
         for change in (c for c in watch.changes if c.name == s.name):

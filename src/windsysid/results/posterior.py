@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -144,9 +143,6 @@ def load_posterior(folder: str | Path) -> Posterior:
             " record again"
         ) from None
     turbine = parse_turbine(text, str(path))
-    if "c_hub_blade" in names and "c_hub_blade" not in turbine.values:  # a file of version 0.1
-        turbine = turbine.with_model(replace(turbine.rotor, air_couples=True))
-        turbine = replace(turbine, values={**turbine.values, "c_hub_blade": 0.0})
     parameters = tuple(
         Parameter(name, centre, spread, bool(logarithmic), scale)
         for name, centre, spread, logarithmic, scale in zip(names, *columns, strict=True)

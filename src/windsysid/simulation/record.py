@@ -10,8 +10,8 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
-from windsysid.mechanics.tower import TowerModel
 from windsysid.records.record import Record
+from windsysid.signals.inputs import TURNING, steady_inputs
 from windsysid.simulation.integrate import LoadSource, constant_speed_inputs, integrate
 from windsysid.simulation.random_loads import gauss_markov_loads
 from windsysid.turbine.coercion import TurbineLike, as_turbine
@@ -64,14 +64,12 @@ def simulate_record(
     model = compile_model(turbine.model, turbine.sensors)
     lead = round(LEAD_IN * rate)
     rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
-    turning, yaw = rotor[:, :2], isinstance(turbine.model, TowerModel)
-    if yaw:  # the nacelle stays where it is
-        rotor = np.hstack([turning, np.zeros((len(turning), 3))])
+    inputs = steady_inputs(model.inputs, turbine.rotor_speed, LEAD_IN + duration, rate)
     p = np.array([turbine.values[name] for name in model.parameters])
     start, substeps = np.zeros(len(model.states)), max(1, int(np.ceil(20.0 * fastest / rate)))
     if loads == "random":
         drawn = gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, rng, rotor[:, 0])
-        response = integrate(model, p, np.hstack([rotor, drawn]), rate=rate, start=start, substeps=substeps)
+        response = integrate(model, p, np.hstack([inputs, drawn]), rate=rate, start=start, substeps=substeps)
     else:
         from windsysid.simulation.wind import packaged_wind, wind_loads
         from windsysid.simulation.wind.feedback import integrate_with_feedback
@@ -79,13 +77,14 @@ def simulate_record(
         wind = wind_loads(turbine, *packaged_wind(turbine.name), rotor, rate=rate, seed=seed)
         damping = wind.damping if loads == "wind-feedback" else np.zeros_like(wind.damping)
         response, _ = integrate_with_feedback(
-            model, p, np.hstack([rotor, wind.loads]), damping, rate=rate, start=start, substeps=substeps
+            model, p, np.hstack([inputs, wind.loads]), damping, rate=rate, start=start, substeps=substeps
         )
     noise = rng.standard_normal(response.readings.shape) * [sensor.noise for sensor in turbine.sensors]
     bias = rng.standard_normal(len(turbine.sensors)) * [sensor.bias for sensor in turbine.sensors]
-    scada = [np.mod(rotor[lead:, :1], 2.0 * np.pi), rotor[lead:, 1:2], *([rotor[lead:, 2:3]] if yaw else [])]
-    values = np.hstack([*scada, (response.readings + noise + bias)[lead:]])
-    known = (("rotor_azimuth", "rad"), ("rotor_speed", "rad/s"), *([("nacelle_yaw", "rad")] if yaw else []))
+    known = [(name, "rad/s" if name == "rotor_speed" else "rad") for name in TURNING if name in model.inputs]
+    scada = {name: inputs[lead:, model.inputs.index(name)] for name, _ in known}
+    scada |= {name: np.mod(psi, 2.0 * np.pi) for name, psi in scada.items() if name == "rotor_azimuth"}
+    values = np.column_stack([*scada.values(), (response.readings + noise + bias)[lead:]])
     return Record(
         time=np.arange(len(values)) / rate,
         values=values,

@@ -255,7 +255,7 @@ def _responses(study: Study) -> list[tuple[Figure, str]]:
     figures = []
     for number, (name, label) in enumerate((("x", "x"), ("y", "y"), ("beta_1", "blade 1")), start=10):
         j = study.turbine.model.coordinates.index(name)
-        blade = name.startswith("beta")
+        blade = study.turbine.model.freedom(name).blade > 0
         units = ("mrad", "mrad/s") if blade else ("mm", "mm/s")
 
         def shown(values: Array, integrated: bool = not blade) -> Array:

@@ -60,16 +60,16 @@ def measure(turbine: Turbine, response: Response, inputs: Array, rng: np.random.
         "rotor_azimuth": (inputs[:, 0], "rad"),
         "rotor_speed": (inputs[:, 1], "rad/s"),
     }
-    for j, coordinate in enumerate(turbine.model.coordinates):
+    for j, freedom in enumerate(turbine.model.freedoms):
         motion = (response.states[:, j], response.states[:, n + j], response.rates[:, n + j])
-        if coordinate.startswith("beta_"):
+        if freedom.blade:
             quantities = ("displacement", "velocity", "acceleration")
             for quantity, values, unit in zip(quantities, motion, ("rad", "rad/s", "rad/s^2"), strict=True):
                 noisy = values + NOISE[f"lag_{quantity}"] * rng.standard_normal(samples)
-                channels[f"blade_{coordinate.removeprefix('beta_')}_lag_{quantity}"] = (noisy, unit)
+                channels[f"blade_{freedom.blade}_lag_{quantity}"] = (noisy, unit)
         else:
             noisy = motion[2] + NOISE["tower_acceleration"] * rng.standard_normal(samples)
-            channels[f"tower_{coordinate}_acceleration"] = (noisy, "m/s^2")
+            channels[f"tower_{freedom.name}_acceleration"] = (noisy, "m/s^2")
     return Record(
         time=np.arange(samples) / RATE,
         values=np.column_stack([values for values, _ in channels.values()]),

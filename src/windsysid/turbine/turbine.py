@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from windsysid.errors import ConfigurationError
-from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.model import MechanicalModel
+from windsysid.mechanics.rotor import RotorModel, as_rotor
 from windsysid.mechanics.sensors import Sensor
-from windsysid.mechanics.tower import TowerModel
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.units import RPM
 
@@ -47,7 +47,7 @@ class Turbine:
     description: str
     source: str
     assumed: tuple[str, ...]
-    model: RotorModel | TowerModel
+    model: MechanicalModel
     values: Mapping[str, float]
     rotor_speed: float
     spread: tuple[float, float]
@@ -71,12 +71,12 @@ class Turbine:
         Raises
         ------
         ConfigurationError
-            If the rotor is rigid: a `TowerModel`.
+            If it has none: a `TowerModel`, for instance.
         """
-        if isinstance(self.model, RotorModel):
-            return self.model
+        if (rotor := as_rotor(self.model)) is not None:
+            return rotor
         raise ConfigurationError(
-            f"turbine '{self.name}' is a tower under a rigid rotor: expected one with blades; choose another turbine file, "
+            f"turbine '{self.name}' is of the kind '{self.model.kind}': expected a rotor with blades of its own; choose another turbine file, "
             "or the joint formulation, which takes either"
         )
 
@@ -86,11 +86,15 @@ class Turbine:
 
     def natural_frequency(self, coordinate: str) -> float:
         """ω [rad/s] of one degree of freedom on its own spring (and, for a blade, its centrifugal stiffening)."""
-        stiffness = self.values[f"k_{coordinate}"]
-        if coordinate.startswith("beta_"):
-            i = coordinate.removeprefix("beta_")
-            stiffness += self.values[f"blade_first_moment_{i}"] * self.values["hinge_offset"] * self.rotor_speed**2
-        return math.sqrt(stiffness / self.inertia(coordinate))
+        return self.model.natural_frequency(coordinate, self.values, self.rotor_speed)
+
+    def damping(self, coordinate: str) -> float:
+        """What damps one degree of freedom [N·s/m or N·m·s/rad]: the sum of its coefficients."""
+        return sum((self.values[name] for name in self.model.coefficients_of(coordinate, "damping")), 0.0)
+
+    def critical_damping(self, coordinate: str) -> float:
+        """What would just keep one degree of freedom from vibrating [N·s/m or N·m·s/rad]: 2 m ω."""
+        return 2.0 * self.inertia(coordinate) * self.natural_frequency(coordinate)
 
     @property
     def slowest_frequency(self) -> float:
@@ -114,6 +118,6 @@ class Turbine:
             raise ConfigurationError(f"turbine '{self.name}' has no parameter '{min(unknown)}'")
         return replace(self, values={**self.values, **values})
 
-    def with_model(self, model: RotorModel | TowerModel) -> "Turbine":
+    def with_model(self, model: MechanicalModel) -> "Turbine":
         """The same turbine with other degrees of freedom."""
         return replace(self, model=model)

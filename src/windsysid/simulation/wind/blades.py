@@ -191,7 +191,7 @@ def _station_motion(turbine: "Turbine", aerodynamics: BladeAerodynamics, theta: 
         elif name == "roll":
             columns.append(np.broadcast_to(radii, (1, 1, len(radii))))
         else:
-            own = np.arange(1, model.blades + 1) == int(name.removeprefix("beta_"))
+            own = np.arange(1, model.blades + 1) == model.blade_of(name)
             columns.append(own[None, :, None] * levers)
     return columns
 

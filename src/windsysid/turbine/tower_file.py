@@ -1,0 +1,109 @@
+"""The turbine file of a tower under a rigid rotor (docs/tower.md)."""
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from windsysid.mechanics.sensors import Sensor
+from windsysid.mechanics.tower import DIRECTIONS, TowerModel
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.turbine.entries import File, Mass, NotNegative, Positive, Rotor, Table, quantity
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["TowerFile", "tower_tables"]
+
+
+class _TowerModel(Table):
+    kind: Literal["tower"]
+    blades: int = Field(default=3, ge=1, le=12)
+    side_side: Literal["free", "locked"] = "free"
+    fore_aft: Literal["free", "locked"] = "free"
+
+
+class _Direction(Table):
+    """One direction as the field knows it: how heavy, how fast, how damped."""
+
+    modal_mass: Mass
+    frequency: Annotated[float, quantity("Hz"), Positive]
+    damping_ratio: Annotated[float, quantity("%"), Field(gt=-1.0, lt=1.0)]
+
+    def values(self, name: str) -> dict[str, float]:
+        """Mass, k = m ω² and c = 2 ζ m ω."""
+        omega = 2.0 * math.pi * self.frequency
+        stiffness, damping = self.modal_mass * omega**2, 2.0 * self.damping_ratio * self.modal_mass * omega
+        return {f"mass_{name}": self.modal_mass, f"k_{name}": stiffness, f"c_{name}": damping}
+
+
+class _Top(Table):
+    tilt: Annotated[float, quantity("rad/m"), NotNegative] = 0.0
+    gravity: Annotated[float, quantity("m/s^2"), NotNegative] = 9.80665
+
+
+class _Forces(Table):
+    """Random forces on the tower top: how large, how fast they wander."""
+
+    time_constant: Annotated[float, quantity("s"), Positive]
+    side_side_rms: Annotated[float, quantity("N"), Positive]
+    fore_aft_rms: Annotated[float, quantity("N"), Positive]
+
+    def loads(self, model: TowerModel, harmonic: int) -> tuple[GaussMarkov, ...]:
+        rms = {"side_side": self.side_side_rms, "fore_aft": self.fore_aft_rms}
+        return tuple(GaussMarkov(f"load_{n}", rms[n], self.time_constant, harmonic) for n in model.coordinates)
+
+
+class TowerFile(File):
+    """Tables ``[model]``, ``[rotor]``, ``[side_side]``, ``[fore_aft]``, ``[top]``, ``[loads]`` and ``[blade_passing]``."""
+
+    model: _TowerModel
+    rotor: Rotor
+    side_side: _Direction
+    fore_aft: _Direction
+    top: _Top = _Top()
+    loads: _Forces
+    blade_passing: _Forces
+
+    def turbine(self, sensors: tuple[Sensor, ...]) -> Turbine:
+        """The turbine with this tower."""
+        model = TowerModel(**self.model.model_dump(exclude={"kind"}))
+        return Turbine(
+            name=self.name,
+            description=self.description,
+            source=self.source,
+            assumed=self.assumed,
+            model=model,
+            values=self.side_side.values("side_side") | self.fore_aft.values("fore_aft") | self.top.model_dump(),
+            rotor_speed=self.rotor.speed,
+            spread=(self.prior.stiffness, self.prior.damping),
+            loads=(*self.loads.loads(model, 0), *self.blade_passing.loads(model, model.blades)),
+            sensors=sensors,
+        )
+
+
+def tower_tables(turbine: Turbine) -> dict[str, Any]:
+    """A turbine that is a tower as the tables of its file."""
+    v, model = turbine.values, turbine.model
+    free = {name: "free" if name in model.coordinates else "locked" for name in DIRECTIONS}
+    directions = {}
+    for name in DIRECTIONS:
+        omega = turbine.natural_frequency(name)
+        directions[name] = {
+            "modal_mass": f"{v[f'mass_{name}']!r} kg",
+            "frequency": f"{omega / (2.0 * math.pi)!r} Hz",
+            "damping_ratio": f"{v[f'c_{name}'] / (2.0 * v[f'mass_{name}'] * omega)!r} 1",
+        }
+    return {
+        "model": {"kind": "tower", "blades": model.blades, **free},
+        "rotor": {"speed": f"{turbine.rotor_speed!r} rad/s"},
+        **directions,
+        "top": {"tilt": f"{v['tilt']!r} rad/m", "gravity": f"{v['gravity']!r} m/s^2"},
+        "loads": _forces(turbine, 0),
+        "blade_passing": _forces(turbine, model.blades),
+    }
+
+
+def _forces(turbine: Turbine, harmonic: int) -> dict[str, str]:
+    loads = {load.load: load for load in turbine.loads if load.harmonic == harmonic}
+    time_constant = next((load.time_constant for load in loads.values()), 1.0)
+    rms = {name: loads[f"load_{name}"].rms if f"load_{name}" in loads else 1.0 for name in DIRECTIONS}
+    return {"time_constant": f"{time_constant!r} s", **{f"{name}_rms": f"{value!r} N" for name, value in rms.items()}}
