@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,7 @@ def shaken(samples: int = 1500, seed: int = 0, force: np.ndarray | None = None) 
     return Record(np.arange(samples) / RATE, np.column_stack([force, noisy]), ("force", *NOISE), units, name="shaken")
 
 
-def fitted(record: Record, **changes: object) -> Fit:
+def fitted(record: Record | list[Record], **changes: object) -> Fit:
     options = {"parameters": PARAMETERS, "sensors": sensors(), "cov": AT_REST, "values": {"m": TRUTH["m"]}}
     return fit(SPRING, record, **(options | changes))  # type: ignore[arg-type]
 
@@ -290,3 +291,31 @@ def test_bad_input_is_refused_in_one_line(record: Record):
         with pytest.raises(kind, match=message) as error:
             call()
         assert "\n" not in str(error.value)
+
+
+def test_pieces_of_a_record_give_what_the_whole_gives(record: Record):
+    whole = fitted(record)
+    edges = (0, 400, 401, 900, 1500)
+    pieces = [
+        replace(record, time=record.time[a:b], values=record.values[a:b]) for a, b in pairwise(edges) if b - a > 1
+    ]
+    pieces[1] = replace(record, time=record.time[400:900], values=record.values[400:900])
+    found = fitted(pieces)
+    for e in found.estimates:
+        assert abs(e.estimate - whole[e.name].estimate) < 1e-6 * e.std
+    np.testing.assert_allclose(found.cov, whole.cov, rtol=1e-9)
+    np.testing.assert_allclose(found.time, whole.time, atol=1e-9)
+    np.testing.assert_allclose(found.innovation, whole.innovation, atol=1e-9)
+    assert found.samples == whole.samples
+    with pytest.raises(RecordError, match="begins after the one before"):
+        fitted([pieces[0], pieces[0]])
+
+
+def test_spikes_are_left_out_of_ones_own_equations_too(record: Record):
+    clean = fitted(record)
+    values = record.values.copy()
+    values[[300, 700, 1100], record.channels.index("position")] += 60.0 * NOISE["position"]
+    found = fitted(replace(record, values=values))
+    assert any("3 of 1500 samples of position were left out as outliers" in note for note in found.notes)
+    for e in found.estimates:
+        assert abs(e.estimate - clean[e.name].estimate) < 0.3 * e.std, e.name

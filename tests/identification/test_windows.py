@@ -1,8 +1,8 @@
 """Pieces give filters the samples that the whole record gives them, however they are cut."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +51,7 @@ def read_pieces(
     record: Record, cuts: Sequence[int], turbine: Turbine, sensors: Sequence[Sensor], rate: float | None
 ) -> Rows:
     edges = [0, *cuts, record.samples]
-    parts = [replace(record, time=record.time[a:b], values=record.values[a:b]) for a, b in itertools.pairwise(edges)]
+    parts = [replace(record, time=record.time[a:b], values=record.values[a:b]) for a, b in pairwise(edges)]
     windows = Windows(parts[0], turbine, sensors, rate)
     found = [*map(windows.take, parts), windows.finish()]
     rows = [(p.record.time, p.inputs, p.readings) for p in found if p is not None]

@@ -85,13 +85,14 @@ def identify(
     prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
     with show_progress("identify") as progress:
         if in_pieces is not None:
-            if formulation != "joint" or section is not None or rate is not None or add_noise != 0.0 or loads != "auto":
+            if formulation != "joint" or section is not None or add_noise != 0.0:
                 raise ConfigurationError(
-                    "--in-pieces goes with the joint formulation on a whole record: leave --section, --rate, --loads"
-                    " and --add-noise out"
+                    "--in-pieces goes with the joint formulation on a whole record: leave --section and --add-noise out"
                 )
             length = parse_option("--in-pieces", in_pieces, "s")
-            found, used = _identified_in_pieces(record, machine, listed, prior, rules, length, output, progress)
+            found, used = _identify_in_pieces(
+                record, machine, listed, prior, rules, length, output, progress, rate=rate, loads=loads
+            )
         else:
             recorded = data = read_record(
                 record, mapping=rules, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
@@ -127,7 +128,7 @@ def identify(
     )
 
 
-def _identified_in_pieces(
+def _identify_in_pieces(
     record: Path,
     machine: "Turbine",
     listed: Sequence["Sensor"] | None,
@@ -136,6 +137,9 @@ def _identified_in_pieces(
     length: float,
     output: Path,
     progress: Callable[[str], None],
+    *,
+    rate: float | None,
+    loads: str,
 ) -> tuple["Identification", "Record"]:
     """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
     from windsysid.identification.pieces import identify_pieces
@@ -169,6 +173,8 @@ def _identified_in_pieces(
             machine,
             sensors=listed,
             prior=prior,
+            rate=rate,
+            loads=loads,
             checkpoint=checkpoint,
             keep_checkpoint=True,
             progress=taken,

@@ -11,19 +11,21 @@ that the state-only filter likes best is the start.
 """
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from windsysid._types import Array
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.recursive import begin, spread_over_samples
+from windsysid.identification.samples import Samples, SamplesOnDisk
 from windsysid.identification.solve import Solution, solve
+from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import noted, screen
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Model
@@ -44,7 +46,6 @@ from windsysid.identification.own_problem import (
     known_columns,
     loads_behind_low_pass,
     read_columns,
-    state_only_model,
 )
 
 __all__ = ["Fit", "Reading", "fit"]
@@ -110,7 +111,7 @@ class Fit(Identification):
 
 def fit(
     model: Model,
-    record: Record,
+    record: Record | Iterable[Record],
     *,
     parameters: Sequence[Parameter],
     sensors: Sequence[Any],
@@ -131,7 +132,8 @@ def fit(
     model
         `Equations`, or anything that compiles.
     record
-        Holds a channel for every sensor and every input of the model, and for the loads that were measured.
+        Holds a channel for every sensor and every input of the model, and for the loads that were measured. Or its pieces in order, which are
+        then held on disk: the result is the same, with innovations and states of the last samples only where there are many.
     parameters
         What to identify, each with its prior.
     sensors
@@ -160,32 +162,23 @@ def fit(
     """
     if not parameters:
         raise ConfigurationError("parameters: expected at least one to identify, got none")
-    part = record.on_uniform_grid()
-    loads, notes = loads_behind_low_pass(loads, part)
-    known = dict(values or {})
-    prior: dict[str, Any] = {"rate": part.rate, "loads": loads, "sensors": sensors, "mean": mean, "cov": cov}
-    joint = compose(model, values=known, parameters=parameters, **prior)
-    known |= {q.name: q.centre for q in parameters}
-    plain = compose(model, values=known, **prior)
-    inputs = known_columns(joint, part, channels or {}, constant_loads(joint, part, channels or {}, loads, known))
-    readings = read_columns(part, sensors)
-    faults = noted(screen(record, None, [sensor.channel for sensor in sensors]))
+    prior: dict[str, Any] = {"sensors": sensors, "mean": mean, "cov": cov}
+    taken = _take(
+        record, model, parameters, dict(values or {}), loads, channels or {}, prior, learn_levels=learn_levels
+    )
+    problem, part, samples = taken.problem, taken.last, taken.samples
+    joint, plain, loads = problem.model, problem.plain, problem.loads
     names = [f"noise_{sensor.channel}" for sensor in sensors] + [f"rms_{load.states[0]}" for load in loads]
-    levels = len(names) if learn_levels else 0
-
-    def build(at: Array) -> StateSpace:
-        return state_only_model(plain, parameters, loads, at)
-
-    problem = OwnProblem(joint, build, np.full(levels, LEVEL_SPREAD))
+    levels = len(problem.levels)
+    columns = len(joint.inputs), len(joint.readings)
     for space in (joint, plain):  # compiles or loads the kernels outside the clock
-        EKF.run(space, EKF.init(space), inputs[:0], readings[:0])
-    run_bank(bank_of([plain]), inputs[:0], readings[:0])
+        EKF.run(space, EKF.init(space), np.empty((0, columns[0])), np.empty((0, columns[1])))
+    run_bank(bank_of([plain]), np.empty((0, columns[0])), np.empty((0, columns[1])))
     started = time.perf_counter()
-    samples = [(inputs, readings)]
-    first = -(-len(readings) // FIRST_FRACTION)
-    nothing = begin(*problem.prior, first, (inputs.shape[1], readings.shape[1]))
+    nothing = begin(*problem.prior, -(-taken.number // FIRST_FRACTION), columns)
     found = solve(problem, samples, nothing, rate=part.rate, start=problem.start_from(samples))
-    history = spread_over_samples(*problem.prior, found.history, len(readings))
+    history = spread_over_samples(*problem.prior, found.history, taken.number)
+    times = taken.begun + np.arange(taken.number) / part.rate if isinstance(samples, SamplesOnDisk) else part.time
     elapsed = time.perf_counter() - started
 
     n = len(parameters)
@@ -202,14 +195,14 @@ def fit(
         record=part.name,
         turbine=joint.compiled.name,
         sensors=joint.readings,
-        section=(float(part.time[0]), float(part.time[-1])),
+        section=(taken.begun, float(part.time[-1])),
         rate=part.rate,
-        samples=part.samples,
+        samples=taken.number,
         elapsed=elapsed,
         estimates=tuple(map(_estimate, parameters, found.mean[:n], spread[:n])),
         modes=(),
         parameters=tuple(parameters),
-        time=part.time,
+        time=times,
         mean=history[0][:, :n],
         std=history[1][:, :n],
         cov=found.cov[:n, :n],
@@ -218,17 +211,87 @@ def fit(
         whitened=found.info.whitened,
         log_likelihood=found.log_likelihood,
         notes=(
-            *notes,
+            *taken.notes,
             *found.notes,
-            *faults,
+            *taken.faults,
             *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
         ),
         statistics=tuple(learned),
-        diagnosis=_diagnosis(found, joint, part.rate, _damped_by_the_step(build(found.mean), found.info, inputs)),
+        diagnosis=_diagnosis(
+            found, joint, part.rate, _damped_by_the_step(problem.build(found.mean), found.info, found.inputs)
+        ),
         states=plain.states,
         state_mean=found.info.mean,
         state_std=found.info.std,
     )
+
+
+class _Taken(NamedTuple):
+    """A record and what it poses: the samples, how many, when they begin [s], the last piece of them, and what is to be said."""
+
+    problem: OwnProblem
+    samples: Samples
+    number: int
+    begun: float
+    last: Record
+    notes: tuple[str, ...]
+    faults: tuple[str, ...]
+
+
+def _take(
+    record: Record | Iterable[Record], model: Model, parameters: Sequence[Parameter], known: dict[str, float],
+    loads: Sequence[LoadModel], channels: Mapping[str, str], prior: Mapping[str, Any], *, learn_levels: bool,
+) -> _Taken:  # fmt: skip
+    """Pose the problem on the first piece, or the only one, and take all of them in."""
+    sensors = prior["sensors"]
+    whole = isinstance(record, Record)
+    problem: OwnProblem | None = None
+    last: Record | None = None
+    faults: list[Finding] = []
+    for piece in [record] if isinstance(record, Record) else record:
+        part = piece.on_uniform_grid()
+        if problem is None or last is None:
+            begun, rate = float(part.time[0]), part.rate
+            loads, notes = loads_behind_low_pass(loads, part)
+            settings = {**prior, "rate": rate, "loads": loads}
+            joint = compose(model, values=known, parameters=parameters, **settings)
+            known |= {q.name: q.centre for q in parameters}
+            plain = compose(model, values=known, **settings)
+            spreads = np.full((len(sensors) + len(loads)) * learn_levels, LEVEL_SPREAD)
+            problem = OwnProblem(joint, plain, tuple(loads), spreads)
+            constant = constant_loads(joint, part, channels, loads, known)
+            held = SamplesOnDisk((len(joint.inputs), len(sensors)))
+        else:
+            part = _go_on(last, part, sensors)
+        inputs, readings = (
+            known_columns(joint, part, channels, constant),
+            read_columns(part, sensors, first=last is None),
+        )
+        faults += screen(piece, None, [sensor.channel for sensor in sensors], refuse=last is None)
+        last = part
+        if not whole:
+            held.append(inputs, readings)
+    if problem is None or last is None:
+        raise RecordError("no pieces: expected at least one, got an empty record")
+    samples: Samples = [(inputs, readings)] if whole else held
+    number = len(readings) if whole else held.count
+    return _Taken(problem, samples, number, begun, last, notes, tuple(noted(faults)))
+
+
+def _go_on(before: Record, piece: Record, sensors: Sequence[Any]) -> Record:
+    """A piece with the samples that are missing before it."""
+    missing = [sensor.channel for sensor in sensors if sensor.channel not in piece]
+    if missing:
+        raise RecordError(f"{piece.name}: expected the channels of the first piece, got none of {', '.join(missing)}")
+    if abs(piece.rate / before.rate - 1.0) > 0.01:
+        raise RecordError(f"{piece.name}: expected pieces of {before.rate:.6g} Hz, got one of {piece.rate:.6g} Hz")
+    steps = round((piece.time[0] - before.time[-1]) * before.rate)
+    if steps < 1:
+        raise RecordError(f"{piece.name}: expected a piece that begins after the one before, got an overlap")
+    between = piece.time[0] - np.arange(steps - 1, 0, -1) / before.rate
+    nothing = np.full((steps - 1, len(piece.channels)), np.nan)
+    time, values = np.concatenate([between, piece.time]), np.vstack([nothing, piece.values])
+    return replace(piece, time=time, values=values)
 
 
 def _estimate(q: Parameter, theta: float, std: float) -> Estimate:

@@ -1,6 +1,6 @@
 """The problem that a record poses to one's own equations: inputs, readings, prior, model at given unknowns."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -31,14 +31,28 @@ FIRST_WIDTH = 0.05
 
 
 class OwnProblem(NamedTuple):
-    """What a record leaves to be found: θ and η, standard deviations of levels as logarithms of factors.
+    """What a record leaves to be found: θ and η, logarithms of factors on the noise of each reading and then on each load.
 
-    `model` is the joint model, `build` makes the state-only one for values of [θ | η], `levels` (n_η,) are the prior standard deviations of η.
+    Attributes
+    ----------
+    model
+        The joint model, θ in the state.
+    plain
+        The state-only model at the centres of the priors.
+    loads
+        Models of the loads that are states.
+    levels
+        Prior standard deviations of η (n_η,); none where levels are not learned.
     """
 
     model: StateSpace
-    build: Callable[[Array], StateSpace]
+    plain: StateSpace
+    loads: tuple[LoadModel, ...]
     levels: Array
+
+    def build(self, unknowns: Array) -> StateSpace:
+        """The state-only model at the unknowns (n,)."""
+        return state_only_model(self.plain, self.model.parameters, self.loads, unknowns)
 
     @property
     def prior(self) -> tuple[Array, Array]:
@@ -177,12 +191,12 @@ def known_columns(
     return columns
 
 
-def read_columns(record: Record, sensors: Sequence[Any]) -> Array:
-    """What the sensors read (T, m)."""
+def read_columns(record: Record, sensors: Sequence[Any], *, first: bool = True) -> Array:
+    """What the sensors read (T, m); in the first piece, each must hold numbers."""
     if not sensors:
         raise ConfigurationError("sensors: expected at least one reading, got none")
     readings = np.column_stack([record[sensor.channel] for sensor in sensors])
     for sensor, values in zip(sensors, readings.T, strict=True):
-        if not np.isfinite(values).any():
+        if first and not np.isfinite(values).any():
             raise RecordError(f"channel '{sensor.channel}' holds no numbers: leave it out of the sensors")
     return readings

@@ -193,7 +193,8 @@ class _Run:
             return
         if self.samples is None:
             columns = more.inputs.shape[1], more.readings.shape[1]
-            folder = None if self.checkpoint is None else self.checkpoint.absolute().parent
+            beside = None if self.checkpoint is None else self.checkpoint.absolute().parent
+            folder = beside if beside is not None and beside.is_dir() else None
             self.samples = SamplesOnDisk(columns, folder, every=self.windows.steps)
         self.samples.append(more.inputs, more.readings)
         self.ended = float(more.record.time[-1])

@@ -201,7 +201,7 @@ def _low_pass(factor: int, margin: int) -> Array:
         firwin2(2 * margin + 1, [0.0, *(2.0 * across / factor), 1.0], [1.0, *gain, 0.0], window=("kaiser", 4.0)),
         dtype=np.float64,
     )
-    return np.asarray(taps / taps.sum())  # a millionth of an azimuth that has run for hours would be an angle
+    return np.asarray(taps / taps.sum())  # of an azimuth that has run for hours a millionth would be an angle
 
 
 def despike(values: ArrayLike, rate: float, *, threshold: float = 6.0, window: int = 11) -> Despiked:
