@@ -17,6 +17,7 @@ as a ratio.
 
 import argparse
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -149,28 +150,39 @@ def slopes(function: Function, state: np.ndarray, before: np.ndarray, after: np.
     return np.stack([(4.0 * difference(j, 0.05) - difference(j, 0.1)) / 3.0 for j in range(len(state))], axis=1)
 
 
+def run_filterpy(
+    peer: Any,
+    problem: Problem,
+    predict: Callable[[np.ndarray, np.ndarray], None],
+    update: Callable[[np.ndarray, np.ndarray], None],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Means and standard deviations (T, n) of a filter that `predict` and `update` move."""
+    peer.x, peer.P = problem.mean / problem.size, problem.scaled(problem.cov)
+    peer.Q, peer.R = problem.scaled(problem.Q), np.eye(len(problem.unit))
+    means, stds = [], []
+    for k, (at, reading) in enumerate(zip(problem.inputs, problem.readings, strict=True)):
+        if k:
+            predict(problem.inputs[k - 1], at)
+        update(reading / problem.unit, at)
+        means.append(peer.x * problem.size)
+        stds.append(np.sqrt(np.diag(peer.P)) * problem.size)
+    return np.array(means)[:, : problem.n], np.array(stds)[:, : problem.n]
+
+
 def filterpy_extended(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     """Means and standard deviations (T, n)."""
     step, read = black_boxes(problem)
     peer = ExtendedKalmanFilter(dim_x=len(problem.mean), dim_z=len(problem.unit))
-    peer.x, peer.P = problem.mean / problem.size, problem.scaled(problem.cov)
-    peer.Q, peer.R = problem.scaled(problem.Q), np.eye(len(problem.unit))
-    means, stds = [], []
-    before = problem.inputs[0]
-    for k, (after, reading) in enumerate(zip(problem.inputs, problem.readings, strict=True)):
-        if k:
-            peer.F = slopes(step, peer.x, before, after)
-            peer.predict_x = lambda u=0, b=before, a=after: setattr(peer, "x", step(peer.x, b, a))
-            peer.predict()
-        peer.update(
-            reading / problem.unit,
-            HJacobian=lambda x, a=after: slopes(read, x, a, a),
-            Hx=lambda x, a=after: read(x, a, a),
-        )
-        before = after
-        means.append(peer.x * problem.size)
-        stds.append(np.sqrt(np.diag(peer.P)) * problem.size)
-    return np.array(means)[:, : problem.n], np.array(stds)[:, : problem.n]
+
+    def predict(before: np.ndarray, after: np.ndarray) -> None:
+        peer.F = slopes(step, peer.x, before, after)
+        peer.predict_x = lambda u=0: setattr(peer, "x", step(peer.x, before, after))
+        peer.predict()
+
+    def update(reading: np.ndarray, at: np.ndarray) -> None:
+        peer.update(reading, HJacobian=lambda x: slopes(read, x, at, at), Hx=lambda x: read(x, at, at))
+
+    return run_filterpy(peer, problem, predict, update)
 
 
 def filterpy_unscented(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
@@ -179,19 +191,15 @@ def filterpy_unscented(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     n = len(problem.mean)
     points = MerweScaledSigmaPoints(n, alpha=1.0, beta=1.0, kappa=3.0 - n)
     peer = UnscentedKalmanFilter(n, len(problem.unit), 1.0, hx=read, fx=step, points=points)
-    peer.x, peer.P = problem.mean / problem.size, problem.scaled(problem.cov)
-    peer.Q, peer.R = problem.scaled(problem.Q), np.eye(len(problem.unit))
-    means, stds = [], []
-    before = problem.inputs[0]
-    for k, (after, reading) in enumerate(zip(problem.inputs, problem.readings, strict=True)):
-        if k:
-            peer.predict(fx=lambda x, _, b=before, a=after: step(x, b, a))
+
+    def predict(before: np.ndarray, after: np.ndarray) -> None:
+        peer.predict(fx=lambda x, _: step(x, before, after))
+
+    def update(reading: np.ndarray, at: np.ndarray) -> None:
         peer.sigmas_f = points.sigma_points(peer.x, peer.P)
-        peer.update(reading / problem.unit, hx=lambda x, a=after: read(x, a, a))
-        before = after
-        means.append(peer.x * problem.size)
-        stds.append(np.sqrt(np.diag(peer.P)) * problem.size)
-    return np.array(means)[:, : problem.n], np.array(stds)[:, : problem.n]
+        peer.update(reading, hx=lambda x: read(x, at, at))
+
+    return run_filterpy(peer, problem, predict, update)
 
 
 def dynamax_all(problem: Problem, boost: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:

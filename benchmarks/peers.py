@@ -207,22 +207,25 @@ def filterpy_extended(problem: Problem, kernels: Kernels | Written, samples: int
     return _coefficients(peer.x, peer.P, problem)
 
 
+def _stonesoup(problem: Problem, samples: int, predictor: Any, updater: Any, belief: Any) -> Moments:
+    for k, (at, y) in enumerate(zip(problem.inputs[:samples], problem.readings, strict=False)):
+        updater.measurement_model.at = at
+        if k:
+            predictor.transition_model.between = problem.inputs[k - 1], at
+            prediction = predictor.predict(belief)
+        else:
+            prediction = GaussianStatePrediction(belief.state_vector, belief.covar)
+        belief = updater.update(SingleHypothesis(prediction, Detection(StateVector(y))))
+    return _coefficients(np.asarray(belief.mean).ravel(), np.asarray(belief.covar), problem)
+
+
 def stonesoup_extended(problem: Problem, kernels: Kernels | Written, samples: int) -> Moments:
     model = problem.model
     transition, reading = _Transition(), _Reading(ndim_state=problem.n, mapping=None)
     transition.kernels = reading.kernels = kernels
     transition.load_noise, reading.noise = model.blocks.load_noise[0], np.diag(model.blocks.noise)
     predictor, updater = ExtendedKalmanPredictor(transition), ExtendedKalmanUpdater(reading)
-    belief: Any = GaussianState(model.mean[:, None], model.cov)
-    for k, (at, y) in enumerate(zip(problem.inputs[:samples], problem.readings, strict=False)):
-        reading.at = at
-        if k:
-            transition.between = problem.inputs[k - 1], at
-            prediction = predictor.predict(belief)
-        else:
-            prediction = GaussianStatePrediction(belief.state_vector, belief.covar)
-        belief = updater.update(SingleHypothesis(prediction, Detection(StateVector(y))))
-    return _coefficients(np.asarray(belief.mean).ravel(), np.asarray(belief.covar), problem)
+    return _stonesoup(problem, samples, predictor, updater, GaussianState(model.mean[:, None], model.cov))
 
 
 def dynamax_joint(problem: Problem, unscented: bool) -> Callable[[int], Moments]:
@@ -307,16 +310,7 @@ def stonesoup_unscented(problem: Problem, kernels: Kernels, samples: int) -> Mom
     settings = _unscented(len(problem.mean))
     predictor = UnscentedKalmanPredictor(transition, **settings)
     updater = UnscentedKalmanUpdater(reading, **settings)
-    belief: Any = GaussianState(problem.mean[:, None], problem.cov)
-    for k, (at, y) in enumerate(zip(problem.inputs[:samples], problem.readings, strict=False)):
-        reading.at = at
-        if k:
-            transition.between = problem.inputs[k - 1], at
-            prediction = predictor.predict(belief)
-        else:
-            prediction = GaussianStatePrediction(belief.state_vector, belief.covar)
-        belief = updater.update(SingleHypothesis(prediction, Detection(StateVector(y))))
-    return _coefficients(np.asarray(belief.mean).ravel(), np.asarray(belief.covar), problem)
+    return _stonesoup(problem, samples, predictor, updater, GaussianState(problem.mean[:, None], problem.cov))
 
 
 def pykalman_unscented(problem: Problem, kernels: Kernels, samples: int) -> Moments:

@@ -21,7 +21,6 @@ from collections.abc import Callable, Iterable
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -30,6 +29,7 @@ from rich.table import Table
 from windsysid import StateSpace, load_turbine
 from windsysid.filters import EKF, FILTERS, Info
 from windsysid.filters.bank import LANES, bank_of, run_bank
+from windsysid.filters.protocol import empty_info
 from windsysid.identification.posterior_mode import posterior_mode
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import Problem, pose
@@ -213,31 +213,19 @@ class Reference:
         ]  # fmt: skip
         self._numbers = _Model(blocks.step[0], *(array.ctypes.data for array in self._arrays))
 
-    def run(self, inputs: Array, readings: Array) -> "Outputs":
+    def run(self, inputs: Array, readings: Array) -> Info:
         """Filter T samples from the model's prior."""
-        samples, n, m = len(inputs), len(self.model.states), len(self.model.readings)
-        outputs = Outputs(*(np.empty(shape) for shape in ((samples, n),) * 2 + ((samples, m),) * 4 + ((samples,),)))
+        samples = len(inputs)
+        outputs = empty_info(samples, len(self.model.states), len(self.model.readings))
         arrays = (self.model.mean, self.model.cov, np.ascontiguousarray(inputs), np.ascontiguousarray(readings))
         pointers = (ctypes.c_void_p(array.ctypes.data) for array in arrays)
-        where = _Outputs(*(array.ctypes.data for array in outputs))
+        where = _Outputs(*(array.ctypes.data for array in outputs[:-1]))
         self._run(ctypes.byref(self._numbers), ctypes.c_long(samples), *pointers, where)
         return outputs
 
 
-class Outputs(NamedTuple):
-    """What both filters give for each sample (`windsysid.filters.Info`)."""
-
-    mean: Array
-    std: Array
-    innovation: Array
-    innovation_std: Array
-    whitened: Array
-    whitening_std: Array
-    log_likelihood: Array
-
-
 class _Outputs(ctypes.Structure):
-    _fields_ = [(name, ctypes.c_void_p) for name in Outputs._fields]
+    _fields_ = [(name, ctypes.c_void_p) for name in Info._fields[:-1]]  # nothing is gated
 
 
 class _Model(ctypes.Structure):
@@ -247,7 +235,7 @@ class _Model(ctypes.Structure):
     ]
 
 
-def _check(found: Outputs, expected: Info, console: Console, how: str, model: StateSpace) -> None:
+def _check(found: Info, expected: Info, console: Console, how: str, model: StateSpace) -> None:
     """Stop where C computes something else."""
     units = (
         expected.std,
@@ -259,8 +247,7 @@ def _check(found: Outputs, expected: Info, console: Console, how: str, model: St
         1.0,
     )
     worst = 0.0
-    for name, array, unit in zip(Outputs._fields, found, units, strict=True):
-        other = getattr(expected, name)
+    for name, array, other, unit in zip(Info._fields, found, expected, units, strict=False):
         if not np.array_equal(np.isnan(array), np.isnan(other)):
             raise SystemExit(f"{how} and windsysid disagree about which '{name}' is missing")
         worst = max(worst, float(np.nanmax(np.abs(array - other) / unit)))

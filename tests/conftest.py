@@ -1,7 +1,12 @@
 """What several test modules share. Generated models go to the user's own cache, so that a second run is fast."""
 
+import sys
+from collections.abc import Callable
+from typing import NamedTuple
+
 import pytest
 
+from windsysid import cli
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
@@ -9,3 +14,28 @@ from windsysid.turbine.turbine import Turbine
 @pytest.fixture(scope="session")
 def verne555() -> Turbine:
     return load_turbine("verne555")
+
+
+class Ended(NamedTuple):
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: list[str]
+    """Lines on standard error, but for the news that something is compiled for the first time."""
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
+    """Run the command line in this process, as the console script would."""
+
+    def run(*arguments: object) -> Ended:
+        monkeypatch.setattr(sys, "argv", ["windsysid", *map(str, arguments)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        out, err = capsys.readouterr()
+        lines = [line for line in err.splitlines() if not line.startswith("windsysid: first run")]
+        return Ended(int(ended.value.code or 0), out, lines)
+
+    return run

@@ -6,11 +6,11 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from tests.conftest import Ended
 from windsysid import cli
 from windsysid.records.formats import read_record, write_record
 from windsysid.records.record import Record
@@ -18,29 +18,6 @@ from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 
 OUTB = Path(__file__).parents[3] / "shared" / "data" / "openfast" / "a2_rot12_decay_min.outb"
-
-
-class Ended(NamedTuple):
-    code: int
-    out: str
-    err: list[str]
-    """Lines on standard error, but for the news that something is compiled for the first time."""
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """Run the command line in this process, as the console script would."""
-
-    def run(*arguments: object) -> Ended:
-        monkeypatch.setattr(sys, "argv", ["windsysid", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capsys.readouterr()
-        lines = [line for line in err.splitlines() if not line.startswith("windsysid: first run")]
-        return Ended(int(ended.value.code or 0), out, lines)
-
-    return run
 
 
 @pytest.fixture(scope="module")

@@ -6,39 +6,15 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
 from tests.cli.disks import files_of_at_most
-from windsysid import cli
 from windsysid.output.folders import claim
 from windsysid.records.formats import read_record, write_record
 from windsysid.results.posterior import load_posterior
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
-
-
-class Ended(NamedTuple):
-    code: int
-    out: str
-    err: list[str]
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """Run the command line in this process, as the console script would."""
-
-    def run(*arguments: object) -> Ended:
-        monkeypatch.setattr(sys, "argv", ["windsysid", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capsys.readouterr()
-        lines = [line for line in err.splitlines() if not line.startswith("windsysid: first run")]
-        return Ended(int(ended.value.code or 0), out, lines)
-
-    return run
 
 
 @pytest.fixture(scope="module")

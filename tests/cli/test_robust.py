@@ -19,17 +19,14 @@ VERNE555 = Path(cli.__file__).parents[1] / "turbine" / "packaged" / "verne555.to
 
 
 @pytest.fixture
-def refusal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+def refusal(run):
     """The one line in which the command line refuses, with exit code 2."""
 
     def refusal(*arguments: object) -> str:
-        monkeypatch.setattr(sys, "argv", ["windsysid", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capsys.readouterr()
-        lines = [line for line in err.splitlines() if not line.startswith("windsysid: first run")]
-        assert (ended.value.code, out, len(lines)) == (2, "", 1), err
-        return lines[0]
+        ended = run(*arguments)
+        assert (ended.code, ended.out, len(ended.err)) == (2, "", 1), ended.err
+        line: str = ended.err[0]
+        return line
 
     return refusal
 

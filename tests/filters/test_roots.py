@@ -28,20 +28,21 @@ def in_vectors(matrix: np.ndarray) -> np.ndarray:
     return rows
 
 
+def filled(function: Callable[..., None], matrix: np.ndarray) -> np.ndarray:
+    """What a kernel makes of a square matrix in an array that held nothing."""
+    n = len(matrix)
+    out = padded(n, n)
+    out[:, :n] = np.nan
+    function(in_vectors(matrix), out)
+    return out[:, :n]
+
+
 def factorise(cov: np.ndarray) -> np.ndarray:
-    n = len(cov)
-    root = padded(n, n)
-    root[:, :n] = np.nan
-    factorise_rows(in_vectors(cov), root)
-    return root[:, :n]
+    return filled(factorise_rows, cov)
 
 
 def square(root: np.ndarray) -> np.ndarray:
-    n = len(root)
-    cov = padded(n, n)
-    cov[:, :n] = np.nan
-    square_rows(in_vectors(root), cov)
-    return cov[:, :n]
+    return filled(square_rows, root)
 
 
 def triangularise(matrix: np.ndarray) -> None:

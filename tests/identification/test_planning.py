@@ -3,13 +3,11 @@
 import json
 import math
 import re
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from windsysid import cli
 from windsysid.errors import ConfigurationError
 from windsysid.identification import planning
 from windsysid.identification.identify import identify
@@ -244,21 +242,6 @@ def test_durations_are_spelt_out(seconds, words):
 
 
 # the command line
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """Run the command line in this process; exit code, standard output, lines on standard error."""
-
-    def run(*arguments: object) -> tuple[int, str, list[str]]:
-        monkeypatch.setattr(sys, "argv", ["windsysid", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capsys.readouterr()
-        return int(ended.value.code or 0), out, [line for line in err.splitlines() if "first run" not in line]
-
-    return run
 
 
 def test_the_command_answers_and_writes_its_report(run, tmp_path):

@@ -3,7 +3,6 @@
 import json
 import math
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from windsysid import cli
 from windsysid.errors import ConfigurationError
 from windsysid.identification.identify import identify
 from windsysid.mechanics import RotorModel, compile_model
@@ -281,21 +279,6 @@ def test_what_is_no_range_of_speeds_is_refused(
 
 
 # the command line
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """Run the command line in this process; exit code, standard output, lines on standard error."""
-
-    def run(*arguments: object) -> tuple[int, str, list[str]]:
-        monkeypatch.setattr(sys, "argv", ["windsysid", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capsys.readouterr()
-        return int(ended.value.code or 0), out, [line for line in err.splitlines() if "first run" not in line]
-
-    return run
 
 
 def test_the_command_answers_and_writes_its_report(run, tmp_path):

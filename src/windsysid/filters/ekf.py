@@ -14,10 +14,9 @@ from typing import Any
 from numba import types
 
 from windsysid.filters.gaussian import ARGUMENTS, assimilate_sample, close_belief, keep, open_belief
-from windsysid.filters.protocol import Filter, compare
+from windsysid.filters.protocol import Filter, compare, expect_sample
 from windsysid.kernels.jit import JACOBIAN, compiled
 from windsysid.statespace.compose import StateSpace
-from windsysid.statespace.step import linearise_reading, predict_moments, set_parameters
 from windsysid.statespace.workspace import BLOCKS, WORKSPACE, workspace
 
 __all__ = ["EKF"]
@@ -49,12 +48,9 @@ def _run(
     before = previous
     for k in range(inputs.shape[0]):
         after = inputs[k]
-        set_parameters(blocks, ws, ws.mean)
-        if started and moves:
-            predict_moments(rates_jacobian, blocks, ws, ws.mean, ws.cov, before, after)
-        started = True
+        moves_now = moves and (started or k > 0)
+        expect_sample(rates_jacobian, reading_jacobian, blocks, ws, before, after, moves_now)
         before = after
-        linearise_reading(reading_jacobian, blocks, ws, ws.mean, after)
         compare(ws, blocks, readings[k], innovation[k], innovation_std[k], gated[k])
         for i in range(ws.mean.size):
             ws.about[i] = ws.mean[i]

@@ -34,14 +34,14 @@ import numpy as np
 from numba import types
 
 from windsysid.filters.gaussian import ARGUMENTS, assimilate_sample, close_belief, keep, open_belief
-from windsysid.filters.protocol import Filter, compare
+from windsysid.filters.protocol import Filter, compare, expect_sample
 from windsysid.filters.roots import factorise
 from windsysid.kernels.jit import JACOBIAN, compiled, pasted, uncounted
 from windsysid.kernels.parts import lanes_sum
 from windsysid.kernels.rows import inner, multiply, padded
 from windsysid.kernels.simd import LANES, load, splat, store
 from windsysid.statespace.compose import StateSpace
-from windsysid.statespace.step import linearise_reading, predict_moments, set_parameters
+from windsysid.statespace.step import linearise_reading, set_parameters
 from windsysid.statespace.workspace import BLOCKS, WORKSPACE, Matrix, Vector, scratch_type, workspace
 
 __all__ = ["IEKF"]
@@ -112,12 +112,9 @@ def _run(
     before = previous
     for k in range(inputs.shape[0]):
         after = inputs[k]
-        set_parameters(blocks, ws, ws.mean)
-        if started and moves:
-            predict_moments(rates_jacobian, blocks, ws, ws.mean, ws.cov, before, after)
-        started = True
+        moves_now = moves and (started or k > 0)
+        expect_sample(rates_jacobian, reading_jacobian, blocks, ws, before, after, moves_now)
         before = after
-        linearise_reading(reading_jacobian, blocks, ws, ws.mean, after)
         compare(ws, blocks, readings[k], innovation[k], innovation_std[k], gated[k])
         settled = _iterate(reading_jacobian, blocks, ws, steps, after, readings[k], gated[k])
         log_likelihood[k] = assimilate_sample(ws, blocks, readings[k], gated[k], whitened[k], whitening_std[k])

@@ -14,6 +14,7 @@ from windsysid.filters.gaussian import scratch
 from windsysid.kernels.jit import pasted
 from windsysid.kernels.rows import inner, multiply
 from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.step import linearise_reading, predict_moments, set_parameters
 
 __all__ = ["Belief", "Filter", "Info", "compare", "empty_info"]
 
@@ -77,6 +78,18 @@ def empty_info(samples: int, n: int, m: int) -> Info:
         np.empty(state), np.empty(state), np.empty(reading), np.empty(reading), np.empty(reading), np.empty(reading),
         np.empty(samples), np.zeros(reading, dtype=np.bool_),
     )  # fmt: skip
+
+
+def checked_samples(model: StateSpace, inputs: Array, readings: Array) -> tuple[Array, Array]:
+    """Inputs (T, n_u + n_w) and readings (T, m) as a kernel takes them; ValueError if a shape does not fit."""
+    inputs = np.require(inputs, np.float64, ["C", "W"])
+    readings = np.require(readings, np.float64, ["C", "W"])
+    columns, m = len(model.inputs), len(model.readings)
+    if inputs.shape != (len(inputs), columns) or readings.shape != (len(inputs), m):
+        raise ValueError(
+            f"expected inputs (T, {columns}) and readings (T, {m}), got {inputs.shape} and {readings.shape}"
+        )
+    return inputs, readings
 
 
 @dataclass(frozen=True)
@@ -162,20 +175,25 @@ class Filter:
         moves: bool = True,
         keep: bool = False,
     ) -> tuple[Belief, Info, Array]:
-        inputs = np.require(inputs, np.float64, ["C", "W"])
-        readings = np.require(readings, np.float64, ["C", "W"])
+        inputs, readings = checked_samples(model, inputs, readings)
         samples, n, m = len(inputs), len(model.states), len(model.readings)
-        if inputs.shape != (samples, len(model.inputs)) or readings.shape != (samples, m):
-            raise ValueError(
-                f"expected inputs (T, {len(model.inputs)}) and readings (T, {m}), got {inputs.shape} and"
-                f" {readings.shape}"
-            )
         mean, cov = belief.mean.copy(), belief.cov.copy()
         covs = np.empty((samples if keep else 0, n, n))
         info = empty_info(samples, n, m)
         self._kept(model)(mean, cov, belief.inputs, inputs, readings, belief.samples > 0, moves, covs, *info)
         last = inputs[-1].copy() if samples else belief.inputs
         return Belief(mean, cov, last, belief.samples + (samples if moves else 0)), info, covs
+
+
+@pasted
+def expect_sample(
+    rates_jacobian: Any, reading_jacobian: Any, blocks: Any, ws: Any, before: Any, after: Any, moves: bool
+) -> None:
+    """Predict ``ws.mean`` and ``ws.cov`` to the next sample if it `moves`, and linearise the readings there."""
+    set_parameters(blocks, ws, ws.mean)
+    if moves:
+        predict_moments(rates_jacobian, blocks, ws, ws.mean, ws.cov, before, after)
+    linearise_reading(reading_jacobian, blocks, ws, ws.mean, after)
 
 
 @pasted

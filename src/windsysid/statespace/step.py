@@ -56,13 +56,36 @@ def set_load_outputs(blocks: Any, ws: Any, before: Any, after: Any) -> None:
     load_output(blocks, ws, after, ws.H1)
 
 
+@pasted
+def set_load_ends(blocks: Any, ws: Any, state: Any, before: Any, after: Any) -> None:
+    """Loads at either end of a step, known ones and those of the load states: of `state`, and ``ws.z`` at the end."""
+    nx, nz, _, _, nu, nw = blocks.sizes
+    for i in range(nw):
+        first, last = before[nu + i], after[nu + i]
+        for j in range(nz):
+            first += ws.H0[i, j] * state[nx + j]
+            last += ws.H1[i, j] * ws.z[j]
+        ws.w0[i] = first
+        ws.w1[i] = last
+
+
+@pasted
+def set_stage_inputs(blocks: Any, ws: Any, before: Any, after: Any, at: float) -> None:
+    """Inputs and loads a share `at` of a step after its beginning: between samples they run linearly."""
+    _, _, _, _, nu, nw = blocks.sizes
+    for i in range(nu):
+        ws.u[i] = before[i] + at * (after[i] - before[i])
+    for i in range(nw):
+        ws.w[i] = ws.w0[i] + at * (ws.w1[i] - ws.w0[i])
+
+
 @uncounted
 def move(rates: Any, blocks: Any, ws: Any, state: Any, eta: Any, before: Any, after: Any) -> None:
     """The mechanical states one step on from `state` with the load noise `eta` (n_z,), by values alone, in ``ws.x``.
 
     Load states are left in ``ws.z``. It is what `linearise_transition` computes, without sensitivities.
     """
-    nx, nz, _, _, nu, nw = blocks.sizes
+    nx, nz, _, _, _, _ = blocks.sizes
     s = interval(blocks, after)
     h, phi = blocks.step[s], blocks.load_transition[s]
     set_parameters(blocks, ws, state)
@@ -71,13 +94,7 @@ def move(rates: Any, blocks: Any, ws: Any, state: Any, eta: Any, before: Any, af
         for j in range(nz):
             moved += phi[i, j] * state[nx + j]
         ws.z[i] = moved
-    for i in range(nw):
-        first, last = before[nu + i], after[nu + i]
-        for j in range(nz):
-            first += ws.H0[i, j] * state[nx + j]
-            last += ws.H1[i, j] * ws.z[j]
-        ws.w0[i] = first
-        ws.w1[i] = last
+    set_load_ends(blocks, ws, state, before, after)
     for i in range(nx):
         ws.x[i] = state[i]
         ws.total[i] = 0.0
@@ -85,10 +102,7 @@ def move(rates: Any, blocks: Any, ws: Any, state: Any, eta: Any, before: Any, af
         at = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
         weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
         ahead = h if stage == 2 else 0.5 * h
-        for i in range(nu):
-            ws.u[i] = before[i] + at * (after[i] - before[i])
-        for i in range(nw):
-            ws.w[i] = ws.w0[i] + at * (ws.w1[i] - ws.w0[i])
+        set_stage_inputs(blocks, ws, before, after, at)
         rates(ws.x, ws.u, ws.p, ws.w, ws.rate)
         for i in range(nx):
             ws.total[i] += weight * ws.rate[i]
@@ -104,7 +118,7 @@ def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, b
 
     F is the derivative of the state after the step to the state before, Γ that to the load noise η.
     """
-    nx, nz, nb, nt, nu, nw = blocks.sizes
+    nx, nz, nb, nt, _, nw = blocks.sizes
     s = interval(blocks, after)
     h, phi = blocks.step[s], blocks.load_transition[s]
     set_load_outputs(blocks, ws, before, after)
@@ -113,13 +127,7 @@ def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, b
         for j in range(nz):
             moved += phi[i, j] * mean[nx + j]
         ws.z[i] = moved
-    for i in range(nw):
-        first, last = before[nu + i], after[nu + i]
-        for j in range(nz):
-            first += ws.H0[i, j] * mean[nx + j]
-            last += ws.H1[i, j] * ws.z[j]
-        ws.w0[i] = first
-        ws.w1[i] = last
+    set_load_ends(blocks, ws, mean, before, after)
     J, G, S, slope_S, total_S, vectors = ws.J, ws.G, ws.S, ws.slope_S, ws.total_S, nx * ws.S.shape[1] // LANES
     for i in range(nx):
         ws.x[i] = mean[i]
@@ -131,10 +139,7 @@ def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, b
         at = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
         weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
         ahead = h if stage == 2 else 0.5 * h
-        for i in range(nu):
-            ws.u[i] = before[i] + at * (after[i] - before[i])
-        for i in range(nw):
-            ws.w[i] = ws.w0[i] + at * (ws.w1[i] - ws.w0[i])
+        set_stage_inputs(blocks, ws, before, after, at)
         rates_jacobian(ws.x, ws.u, ws.p, ws.w, ws.rate, J, ws.J_p, G)
         early, late = splat(1.0 - at), splat(at)
         for i in range(nx):

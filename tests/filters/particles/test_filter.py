@@ -12,10 +12,18 @@ import scipy.special
 import scipy.stats
 import sympy as sp
 
-from tests.filters.test_protocol import LOADS, chain_with, record, rotor_with_everything, without_mechanics
+from tests.filters.test_protocol import (
+    LOADS,
+    assert_a_sample_without_readings_is_a_prediction,
+    assert_same,
+    chain_with,
+    record,
+    rotor_with_everything,
+    without_mechanics,
+)
 from tests.mechanics.models import CHAIN_VALUES, Reads, chain_sensors, symbols
 from windsysid.errors import ConfigurationError
-from windsysid.filters import EKF, Cloud, Mixture, MixtureInfo, ParticleFilter, RaoBlackwellised, Split, degeneracy
+from windsysid.filters import EKF, Mixture, MixtureInfo, ParticleFilter, RaoBlackwellised, Split, degeneracy
 from windsysid.filters.particles.cloud import weighted_quantiles
 from windsysid.filters.particles.resampling import Resampling, ancestors
 from windsysid.filters.particles.weights import ParticleInfo, liu_west
@@ -56,11 +64,6 @@ MODELS = {
     "line": without_mechanics,
 }
 every_model = pytest.mark.parametrize("name", MODELS)
-
-
-def assert_same(one: Cloud | ParticleInfo, other: Cloud | ParticleInfo) -> None:
-    for name, a, b in zip(one._fields, one, other, strict=True):
-        np.testing.assert_array_equal(a, b, err_msg=name)
 
 
 def joined(infos: list[ParticleInfo]) -> ParticleInfo:
@@ -134,12 +137,7 @@ def seeded(seed: int) -> ParticleFilter:
 def test_what_is_missing_is_left_out(name: str):
     model, pf = MODELS[name](), ParticleFilter(particles=300)
     inputs, readings = record(model)
-    belief, _ = pf.run(model, pf.init(model), inputs[:10], readings[:10])
-    predicted = pf.predict(model, belief, inputs[10])
-    stepped, info = pf.step(model, belief, inputs[10], np.full(len(model.readings), np.nan))
-    assert_same(stepped, predicted)
-    assert info.log_likelihood[0] == 0.0
-    assert np.isnan(info.innovation).all()
+    assert_a_sample_without_readings_is_a_prediction(pf, model, inputs, readings)
     _, info = pf.run(model, pf.init(model), inputs, readings)
     for array in (info.innovation, info.innovation_std, info.whitened):
         np.testing.assert_array_equal(np.isnan(array), np.isnan(readings))

@@ -46,6 +46,7 @@ from windsysid.filters.particles.kernels import (
 )
 from windsysid.filters.particles.resampling import Resampling, check_resampling
 from windsysid.filters.particles.weights import ParticleInfo, resample, survivors
+from windsysid.filters.protocol import checked_samples
 from windsysid.kernels.jit import VALUE
 from windsysid.kernels.philox import Purpose, key_of, normals
 from windsysid.statespace.compose import StateSpace
@@ -203,14 +204,8 @@ class ParticleFilter:
     def _filter(
         self, model: StateSpace, belief: Cloud, inputs: Array, readings: Array, *, moves: bool = True
     ) -> tuple[Cloud, ParticleInfo]:
-        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
-        readings = np.ascontiguousarray(readings, dtype=np.float64)
+        inputs, readings = checked_samples(model, inputs, readings)
         samples, n, m = len(inputs), len(model.states), len(model.readings)
-        if inputs.shape != (samples, len(model.inputs)) or readings.shape != (samples, m):
-            raise ValueError(
-                f"expected inputs (T, {len(model.inputs)}) and readings (T, {m}), got {inputs.shape} and"
-                f" {readings.shape}"
-            )
         if np.isfinite(model.blocks.gate[0]):
             raise ConfigurationError("gate: a particle filter has none: give `freedom`, for sensors with outliers")
         run = _Run(self, model, belief, moves)

@@ -32,6 +32,7 @@ from windsysid.filters.particles.cloud import reflected
 from windsysid.filters.particles.filter import ParticleFilter, pool
 from windsysid.filters.particles.resampling import Resampling, normalised
 from windsysid.filters.particles.weights import resample, survivors
+from windsysid.filters.protocol import checked_samples
 from windsysid.statespace.compose import StateSpace
 
 __all__ = ["Mixture", "MixtureInfo", "RaoBlackwellised", "Split"]
@@ -182,14 +183,8 @@ class RaoBlackwellised:
         )  # fmt: skip
 
     def _filter(self, model: Split, belief: Mixture, inputs: Array, readings: Array) -> tuple[Mixture, MixtureInfo]:
-        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
-        readings = np.ascontiguousarray(readings, dtype=np.float64)
+        inputs, readings = checked_samples(model.given, inputs, readings)
         samples, m, nt = len(inputs), len(model.given.readings), len(model.joint.parameters)
-        if inputs.shape != (samples, len(model.given.inputs)) or readings.shape != (samples, m):
-            raise ValueError(
-                f"expected inputs (T, {len(model.given.inputs)}) and readings (T, {m}), got {inputs.shape} and"
-                f" {readings.shape}"
-            )
         _check(model)
         least = self.threshold * self.particles
         bounds = {i - model.joint.parameter_block.start: b for i, b in self._plain().bounds_of(model.joint).items()}

@@ -23,30 +23,24 @@ from typing import BinaryIO, TypeVar
 
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.output.files import claim_file
-from windsysid.records.formats.csv import open_csv, read_csv, write_csv
+from windsysid.records.formats.csv import open_csv, write_csv
 from windsysid.records.formats.files import check_input, named_after
 from windsysid.records.formats.mapping import Mapping, load_mapping
-from windsysid.records.formats.netcdf import open_netcdf, read_netcdf, write_netcdf
-from windsysid.records.formats.openfast import open_openfast, read_openfast
-from windsysid.records.formats.parquet import open_parquet, read_parquet, write_parquet
-from windsysid.records.formats.source import Progress, Source, gather_section, pieces
+from windsysid.records.formats.netcdf import open_netcdf, write_netcdf
+from windsysid.records.formats.openfast import open_openfast
+from windsysid.records.formats.parquet import open_parquet, write_parquet
+from windsysid.records.formats.source import Progress, Source, gather, gather_section, pieces
 from windsysid.records.record import Record
 
 __all__ = [
-    "iterate_record", "load_mapping", "read_csv", "read_netcdf", "read_openfast", "read_parquet", "read_record",
-    "write_record",
+    "iterate_record", "load_mapping", "read_record", "write_record",
 ]  # fmt: skip
 
 T = TypeVar("T")
 
 _CSV, _NETCDF, _PARQUET = (".csv", ".txt", ".dat", ".tsv"), (".nc", ".nc4", ".netcdf"), (".parquet",)
-_READERS: dict[str, Callable[..., Record]] = {
-    **dict.fromkeys(_CSV, read_csv),
-    **dict.fromkeys(_NETCDF, read_netcdf),
-    **dict.fromkeys(_PARQUET, read_parquet),
-    **dict.fromkeys((".out", ".outb"), read_openfast),
-}
-_OPENERS: dict[str, Callable[[Path, Mapping], Source]] = {
+# an opener is told whether the `whole` file will be read
+_OPENERS: dict[str, Callable[..., Source]] = {
     **dict.fromkeys(_CSV, open_csv),
     **dict.fromkeys(_NETCDF, open_netcdf),
     **dict.fromkeys(_PARQUET, open_parquet),
@@ -83,23 +77,25 @@ def read_record(
     Returns
     -------
     Record
-        In SI units, named after the file.
+        In SI units, under the name it was written with, otherwise the file's. Of OpenFAST's output, `rotor_azimuth` is
+        wrapped to [0, 2π), the time is as uniform as it was before it was rounded for the file, and a unit that
+        windsysid does not know stays with its values as ``"as written: <unit>"``.
 
     Raises
     ------
     RecordError
-        If there is no such file, its ending is not one of those, its content is not a record, or the section
-        reaches outside it.
+        If there is no such file, its ending is not one of those, its content is damaged or no record, a cell is not a
+        number (the first is named by column and line), a value is infinite, a unit is unknown, the time is missing,
+        unsorted or repeated, the section reaches outside the record, or an optional package is not installed.
     ConfigurationError
         If the mapping is wrong or lists a column that is not there.
     """
     path = Path(path)
     rules = _rules(mapping)
-    if section is None:
-        reader = _of_ending(path, _READERS)
-        return reader(path, mapping=rules, progress=progress)
     opener = _of_ending(path, _OPENERS)
     with named_after(path):
+        if section is None:
+            return gather(opener(path, rules, whole=True), progress)
         return gather_section(opener(path, rules), *section, progress)
 
 

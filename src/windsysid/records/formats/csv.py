@@ -30,13 +30,12 @@ from windsysid.errors import RecordError
 from windsysid.records.formats.clock import Clock, make_clock, start_of
 from windsysid.records.formats.columns import Column, find_time, plan_columns
 from windsysid.records.formats.dialect import Layout, find_layout, is_number, split
-from windsysid.records.formats.files import named_after
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Block, Progress, Source, gather
+from windsysid.records.formats.source import Block, Source
 from windsysid.records.formats.text import LineBlock, encoding_of, last_line, line_blocks
 from windsysid.records.record import Array, Record
 
-__all__ = ["open_csv", "read_csv", "write_csv"]
+__all__ = ["open_csv", "write_csv"]
 
 Numbers = npt.NDArray[np.int64]
 
@@ -44,34 +43,7 @@ _TRUTHS = (b"True", b"TRUE", b"true", b"False", b"FALSE", b"false")
 _HEAD = 1 << 18  # bytes that tell how a file is written
 
 
-def read_csv(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
-    """Read a record from text.
-
-    Parameters
-    ----------
-    path : str or Path
-    mapping : Mapping, optional
-    progress : callable, optional
-        Called with the fraction read.
-
-    Returns
-    -------
-    Record
-        In SI units, named after the file.
-
-    Raises
-    ------
-    RecordError
-        If the file is missing, empty or no table, could be read in two ways, a cell is not a number (the first is
-        named by column and line), a value is infinite, a unit is unknown, or the time is missing, unsorted or
-        repeated.
-    """
-    path = Path(path)
-    with named_after(path):
-        return gather(open_csv(path, mapping or Mapping()), progress)
-
-
-def open_csv(path: Path, mapping: Mapping) -> Source:
+def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     """Find out how a file is written; `windsysid.records.formats` is the way in."""
     encoding = encoding_of(path, mapping.csv.encoding)
     last = last_line(path, encoding)

@@ -19,9 +19,9 @@ import numpy as np
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.records.formats.clock import split_since, start_of
 from windsysid.records.formats.columns import Cell, name_and_unit, plan_columns
-from windsysid.records.formats.files import named_after, read_start
+from windsysid.records.formats.files import read_start
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Block, Progress, Source, gather, indexed_source
+from windsysid.records.formats.source import Block, Source, indexed_source
 from windsysid.records.moments import has_zone, split_start
 from windsysid.records.record import Array, Record
 from windsysid.units import si_unit, to_si
@@ -29,7 +29,7 @@ from windsysid.units import si_unit, to_si
 if TYPE_CHECKING:
     import h5netcdf
 
-__all__ = ["check_seal", "open_hdf5", "open_netcdf", "read_netcdf", "sealed", "write_netcdf"]
+__all__ = ["check_seal", "open_hdf5", "open_netcdf", "sealed", "write_netcdf"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _SEAL = b"windsysid crc32 "  # and eight digits, after the end of the HDF5 file, where nobody else looks
@@ -38,31 +38,6 @@ _VALUES = 1 << 20  # read at once
 _SOME = 10_000  # values that show in which units they are plausible
 _HOW = "give the variable its attribute units"
 _FEW = 1 << 24  # values that fit into memory without thinking
-
-
-def read_netcdf(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
-    """Read a record from netCDF-4.
-
-    Parameters
-    ----------
-    path : str or Path
-    mapping : Mapping, optional
-    progress : callable, optional
-        Called with the fraction read.
-
-    Returns
-    -------
-    Record
-        In SI units, under the name it was written with, otherwise the file's.
-
-    Raises
-    ------
-    RecordError
-        If the file is missing, damaged or not netCDF-4, or does not hold a record.
-    """
-    path = Path(path)
-    with named_after(path):
-        return gather(open_netcdf(path, mapping or Mapping(), whole=True), progress)
 
 
 def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:

@@ -39,14 +39,13 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.clock import start_of
 from windsysid.records.formats.columns import Cell, Column, plan_columns
 from windsysid.records.formats.dialect import is_number
-from windsysid.records.formats.files import named_after
 from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.formats.packed import open_packed
-from windsysid.records.formats.source import Progress, Source, gather, indexed_source
-from windsysid.records.record import AS_WRITTEN, Array, Record
+from windsysid.records.formats.source import Source, indexed_source
+from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
 
-__all__ = ["CHANNELS", "open_openfast", "read_openfast"]
+__all__ = ["CHANNELS", "open_openfast"]
 
 
 CHANNELS: dict[str, tuple[str, float]] = {
@@ -74,36 +73,6 @@ CHANNELS: dict[str, tuple[str, float]] = {
 
 _INSTALL = 'reading OpenFAST files needs openfast_io; install it with: pip install "windsysid[openfast]"'
 _HEADER_LINES = 8  # of a .out file: names in the seventh, units in the eighth
-
-
-def read_openfast(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
-    """Read OpenFAST output, text or binary, with our names and signs (see the module).
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.out`` or ``.outb``.
-    mapping : Mapping, optional
-        Goes before our names and signs; its keys are OpenFAST's own names.
-    progress : callable, optional
-        Called with the fraction read.
-
-    Returns
-    -------
-    Record
-        In SI units, named after the file. `rotor_azimuth` is wrapped to [0, 2π). The time is exactly uniform
-        wherever it was so before it was rounded for the file. A unit that windsysid does not know stays with
-        its values as ``"as written: <unit>"``.
-
-    Raises
-    ------
-    RecordError
-        If the file is missing, damaged, cut off or not OpenFAST output, a cell is not a number, a value is
-        infinite, or `openfast_io` is not installed.
-    """
-    path = Path(path)
-    with named_after(path):
-        return gather(open_openfast(path, mapping or Mapping(), whole=True), progress)
 
 
 def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:

@@ -15,13 +15,13 @@ import numpy as np
 from windsysid.errors import OutputError, RecordError
 from windsysid.records.formats.clock import Clock, exact_seconds, make_clock, moments_clock, start_of
 from windsysid.records.formats.columns import Cell, find_time, name_and_unit, plan_columns
-from windsysid.records.formats.files import named_after, read_start
+from windsysid.records.formats.files import read_start
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Block, Progress, Source, gather, shifted
+from windsysid.records.formats.source import Block, Source, shifted
 from windsysid.records.moments import split_start
 from windsysid.records.record import Array, Record
 
-__all__ = ["open_parquet", "read_parquet", "write_parquet"]
+__all__ = ["open_parquet", "write_parquet"]
 
 _INSTALL = 'Parquet files need pyarrow; install it with: pip install "windsysid[parquet]"'
 _GROUP = 1 << 16  # rows
@@ -29,32 +29,7 @@ _SOME = 10_000  # values that show in which units they are plausible
 _VALUES = 1 << 20  # read at once
 
 
-def read_parquet(path: str | Path, *, mapping: Mapping | None = None, progress: Progress | None = None) -> Record:
-    """Read a record from Parquet.
-
-    Parameters
-    ----------
-    path : str or Path
-    mapping : Mapping, optional
-    progress : callable, optional
-        Called with the fraction read.
-
-    Returns
-    -------
-    Record
-        In SI units, under the name it was written with, otherwise the file's.
-
-    Raises
-    ------
-    RecordError
-        If the file is missing, damaged or no Parquet, holds no record, or pyarrow is not installed.
-    """
-    path = Path(path)
-    with named_after(path):
-        return gather(open_parquet(path, mapping or Mapping()), progress)
-
-
-def open_parquet(path: Path, mapping: Mapping) -> Source:
+def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     """Open a file; its row groups are read as far as they are needed."""
     if read_start(path, 4) != b"PAR1":
         raise RecordError("is not Parquet; give the file the ending of what it is, or export it again")
