@@ -20,7 +20,7 @@ from rich.table import Table
 from windsysid import Parameter, StateSpace, Turbine, compile_model, compose, load_turbine
 from windsysid.filters import FILTERS, smooth
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 
 RATE, DURATION, LEAD_IN = 100.0, 100.0, 60.0
 
@@ -30,7 +30,7 @@ def record(turbine: Turbine, start: Sequence[float], lead_in: float, seed: int) 
     rng = np.random.default_rng([seed, 1])
     model = compile_model(turbine.model, turbine.sensors)
     rotor = constant_speed_inputs(turbine.rotor_speed, lead_in + DURATION, RATE)
-    loads = gauss_markov_loads(turbine.loads, model.loads, len(rotor), RATE, rng)
+    loads = draw_loads(turbine.loads, model.loads, len(rotor), RATE, rng)
     p = [turbine.values[name] for name in model.parameters]
     clean = integrate(model, p, np.hstack([rotor, loads]), rate=RATE, start=start, substeps=2).readings
     noise = [sensor.noise for sensor in turbine.sensors] * rng.standard_normal(clean.shape)

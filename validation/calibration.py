@@ -28,7 +28,7 @@ from windsysid.identification.problem import pose
 from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
@@ -101,7 +101,7 @@ def measured(turbine: Turbine, rotor: Array, seed: int, offset: float = 0.0) -> 
     """
     rng = np.random.default_rng(seed)
     model = compile_model(turbine.model, turbine.sensors)
-    loads = gauss_markov_loads(turbine.loads, model.loads, len(rotor), RATE, rng)
+    loads = draw_loads(turbine.loads, model.loads, len(rotor), RATE, rng)
     start = np.zeros(len(model.states))
     start[:2] = offset / math.sqrt(2.0)
     p = np.array([turbine.values[name] for name in model.parameters])

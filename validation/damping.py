@@ -33,7 +33,7 @@ from windsysid.records.formats import write_record
 from windsysid.records.record import Record
 from windsysid.results.posterior import Posterior
 from windsysid.simulation.integrate import integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.simulation.record import LEAD_IN, simulate_record
 from windsysid.simulation.wind import blade_loads, packaged_wind, wind_loads
 from windsysid.simulation.wind.feedback import integrate_with_feedback
@@ -209,7 +209,7 @@ def stop_record(seed: int) -> Record:
     grip = np.clip(1.0 - (time - STOPS_AT) / FEATHERS_IN, 0.0, 1.0)
     speed = STOP_RPM / RPM * spin
     azimuth = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) / RATE)])
-    loads = gauss_markov_loads(turbine.loads, model.loads, len(time), RATE, rng, azimuth)
+    loads = draw_loads(turbine.loads, model.loads, len(time), RATE, rng, azimuth)
     loads = loads * (QUIET + (1.0 - QUIET) * grip)[:, None] + np.outer(grip, [SIDE, THRUST])
     still = np.zeros((len(time), 3))  # the nacelle does not yaw
     inputs = np.hstack([azimuth[:, None], speed[:, None], still, loads])

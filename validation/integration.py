@@ -106,7 +106,7 @@ def simulated_truths(*, duration: float = 600.0, seed: int = 0) -> list[Truth]:
     from windsysid.mechanics.compile import compile_model
     from windsysid.simulation.integrate import constant_speed_inputs
     from windsysid.simulation.integrate import integrate as respond
-    from windsysid.simulation.random_loads import gauss_markov_loads
+    from windsysid.simulation.random_loads import draw_loads
     from windsysid.simulation.record import LEAD_IN
     from windsysid.turbine.file import load_turbine
 
@@ -114,7 +114,7 @@ def simulated_truths(*, duration: float = 600.0, seed: int = 0) -> list[Truth]:
     model = compile_model(turbine.model)
     n = len(turbine.model.coordinates)
     rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
-    loads = gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, np.random.default_rng(seed))
+    loads = draw_loads(turbine.loads, model.loads, len(rotor), rate, np.random.default_rng(seed))
     p = np.array([turbine.values[name] for name in model.parameters])
     response = respond(model, p, np.hstack([rotor, loads]), rate=rate, start=np.zeros(2 * n))
     lead = round(LEAD_IN * rate)

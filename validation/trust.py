@@ -26,7 +26,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.simulation.record import LEAD_IN
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.study.drawn_prior import DrawnPrior
@@ -74,16 +74,14 @@ def _turning(turbine: Turbine, drawn: Array, psi: Array, rate: float, size: floa
     drawn = drawn.copy()
     for j, load in enumerate(turbine.loads):
         names = ("cos", "sin")
-        pair = gauss_markov_loads(
-            [GaussMarkov(name, size * load.rms, 2.0) for name in names], names, len(psi), rate, rng
-        )
+        pair = draw_loads([GaussMarkov(name, size * load.rms, 2.0) for name in names], names, len(psi), rate, rng)
         drawn[:, j] += pair[:, 0] * np.cos(psi) + pair[:, 1] * np.sin(psi)
     return drawn
 
 
 def _second_time_constant(turbine: Turbine, drawn: Array, psi: Array, rate: float, size: float, rng: Rng) -> Array:
     faster = [replace(load, rms=size * load.rms, time_constant=0.03 * load.time_constant) for load in turbine.loads]
-    return drawn + gauss_markov_loads(faster, turbine.model.loads, len(psi), rate, rng)
+    return drawn + draw_loads(faster, turbine.model.loads, len(psi), rate, rng)
 
 
 def _coloured(readings: Array, noise: Array, size: float, rng: Rng) -> Array:
@@ -130,7 +128,7 @@ def faulty_record(fault: Fault, size: float, seed: int, *, duration: float = 100
     rng = np.random.default_rng([seed, 7])
     model = compile_model(turbine.model, turbine.sensors)
     rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
-    drawn = gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, rng)
+    drawn = draw_loads(turbine.loads, model.loads, len(rotor), rate, rng)
     if fault.loads is not None:
         drawn = fault.loads(turbine, drawn, rotor[:, 0], rate, size, rng)
     p = np.array([turbine.values[name] for name in model.parameters])

@@ -306,12 +306,15 @@ def test_turbines_are_listed_with_source_and_assumptions(run):
 
 OPTIONS = {
     "study": ("--output", "--seed"),
-    "simulate": ("--turbine", "--duration", "Length [s]", "--rate", "[Hz]", "--output", "--seed"),
+    "simulate": (
+        "--turbine", "--duration", "Length [s]", "--rate", "[Hz]", "--output", "--seed",
+        "second-order: ", "rotor-wind: ", "wind-feedback: ",
+    ),
     "identify": (
         "record", "--turbine", "--sensors", "--formulation", "joint", "force-balance", "--section", "START END",
         "to use [s]",
         "--prior-scale", "--add-noise", "PERCENT", "--seed", "--output", "--overwrite", "--no-report",
-        "--loads", "rotor-wind", "--in-pieces", "LENGTH", "--rate", "--mapping",
+        "--loads", "broadband: ", "rotor-wind: ", "--in-pieces", "LENGTH", "--rate", "--mapping",
     ),
     "inspect": ("record", "--turbine", "--output", "--mapping", "--section-length", "[s]", "--overwrite"),
     "plan": (

@@ -10,7 +10,7 @@ from windsysid.filters import FILTERS, Filter, Info
 from windsysid.mechanics import RotorModel
 from windsysid.mechanics.equations import Equations
 from windsysid.simulation.integrate import integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
@@ -333,7 +333,7 @@ def test_a_wrong_model_is_less_likely_than_the_right_one(filter_: Filter):
     # So that the likelihood can be used to choose: a stiffness 30 % off loses against the true one.
     right = chain_with(loads=LOADS)
     rng = np.random.default_rng(23)
-    loads = gauss_markov_loads(LOADS, right.compiled.loads, 500, 50.0, rng)
+    loads = draw_loads(LOADS, right.compiled.loads, 500, 50.0, rng)
     clean = integrate(right.compiled, right.blocks.p, loads, rate=50.0, start=np.zeros(6), substeps=8).readings
     readings = clean + np.sqrt(right.blocks.noise) * rng.standard_normal(clean.shape)
     wrong = chain_with(loads=LOADS, values=CHAIN_VALUES | {"k_1": 1.3 * CHAIN_VALUES["k_1"]})

@@ -14,7 +14,7 @@ from tests.filters.test_protocol import (
 )
 from windsysid.filters import EKF, UKF, Filter, smooth, smoother
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.statespace.compose import compose
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
@@ -65,7 +65,7 @@ def test_a_parameter_that_stays_has_one_value_throughout(filter_: Filter):
     model = chain_with(loads=LOADS, parameters=[Parameter("k_2", 330.0, 0.2), Parameter("c_1", 1.0, 0.3, False, 10.0)])
     rng = np.random.default_rng(61)
     truth = chain_with(loads=LOADS)
-    loads = gauss_markov_loads(LOADS, truth.compiled.loads, 3000, 50.0, rng)
+    loads = draw_loads(LOADS, truth.compiled.loads, 3000, 50.0, rng)
     clean = integrate(truth.compiled, truth.blocks.p, loads, rate=50.0, start=np.zeros(6), substeps=4).readings
     readings = clean + np.sqrt(truth.blocks.noise) * rng.standard_normal(clean.shape)
     smoothed = smooth(model, np.zeros((3000, 3)), readings, filter_)
@@ -125,7 +125,7 @@ def test_smoothed_loads_of_the_rotor_are_better_than_filtered_and_err_as_they_sa
     unknown = np.hstack([rotor, np.zeros((100, 5))])
     squares, filtered = [], []
     for _ in range(60):
-        loads = gauss_markov_loads(verne555.loads, model.compiled.loads, 100, 100.0, rng)
+        loads = draw_loads(verne555.loads, model.compiled.loads, 100, 100.0, rng)
         start = np.diag(model.cov)[:10] ** 0.5 * rng.standard_normal(10)
         response = integrate(model.compiled, model.blocks.p, np.hstack([rotor, loads]), rate=100.0, start=start)
         readings = response.readings + np.sqrt(model.blocks.noise) * rng.standard_normal(response.readings.shape)

@@ -16,7 +16,7 @@ from windsysid import ConfigurationError, Equations, Fit, GaussMarkov, Parameter
 from windsysid.mechanics.compile import compile_model
 from windsysid.signals import resample
 from windsysid.simulation.integrate import integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.statespace.process import load_on, second_order
 
 RATE = 100.0
@@ -102,7 +102,7 @@ def test_noise_is_learned_whatever_was_guessed(record: Record, factor: float):
 
 def test_the_level_of_a_load_that_nobody_measured_is_learned():
     load = GaussMarkov("force", 3.0, 0.5)
-    drawn = gauss_markov_loads([load], ("force",), 6000, RATE, np.random.default_rng(5))
+    drawn = draw_loads([load], ("force",), 6000, RATE, np.random.default_rng(5))
     record = shaken(6000, 5, drawn[:, 0]).select(list(NOISE))
     found = fitted(record, loads=[GaussMarkov("force", 3.0 / 5.0, 0.5)])
     rms = found.statistics[-1]
@@ -119,7 +119,7 @@ def test_the_level_of_a_load_that_nobody_measured_is_learned():
 def test_a_load_scaled_by_hand_is_the_load_that_was_learned():
     # The level must act on the load's noise and on its first covariance alike.
     load = GaussMarkov("force", 3.0, 0.5)
-    drawn = gauss_markov_loads([load], ("force",), 1500, RATE, np.random.default_rng(6))
+    drawn = draw_loads([load], ("force",), 1500, RATE, np.random.default_rng(6))
     record = shaken(1500, 6, drawn[:, 0]).select(list(NOISE))
     learned = fitted(record, loads=[GaussMarkov("force", 1.0, 0.5)])
     by_hand = [GaussMarkov("force", learned.statistics[-1].estimate, 0.5)]
@@ -166,7 +166,7 @@ def test_a_constant_load_is_a_record_of_that_value(record: Record):
 
 def test_a_record_that_went_through_a_low_pass_has_loads_that_did(record: Record):
     # As if the user had said so of the load, which `identify` does by itself.
-    drawn = gauss_markov_loads([GaussMarkov("force", 3.0, 0.5)], ("force",), 3000, RATE, np.random.default_rng(7))
+    drawn = draw_loads([GaussMarkov("force", 3.0, 0.5)], ("force",), 3000, RATE, np.random.default_rng(7))
     slow = resample(shaken(3000, 7, drawn[:, 0]).select(list(NOISE)), 25.0)
     by_itself = fitted(slow, loads=[GaussMarkov("force", 3.0, 0.5)])
     plain = replace(slow, attributes={})

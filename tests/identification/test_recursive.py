@@ -11,7 +11,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.identification.posterior_mode import posterior_mode
 from windsysid.identification.recursive import History, Online, advance, begin, finish, restore, save
 from windsysid.simulation.integrate import integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.gauss_markov import GaussMarkov
 
@@ -40,7 +40,7 @@ def record() -> tuple[Array, Array]:
     truth = build(np.zeros(3))
     rng = np.random.default_rng(6)
     loads = [GaussMarkov("load_1", 5.0, 0.5), GaussMarkov("load_3", 5.0, 0.5)]
-    drawn = gauss_markov_loads(loads, truth.compiled.loads, 2100, 50.0, rng)
+    drawn = draw_loads(loads, truth.compiled.loads, 2100, 50.0, rng)
     clean = integrate(truth.compiled, truth.blocks.p, drawn, rate=50.0, start=np.zeros(6), substeps=4).readings
     readings = clean + np.sqrt(truth.blocks.noise) * rng.standard_normal(clean.shape)
     readings[rng.random(readings.shape) < 0.05] = np.nan

@@ -18,7 +18,7 @@ from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.signals import resample, tower_inputs, with_nacelle_axes
 from windsysid.simulation.integrate import integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -65,7 +65,7 @@ def yawing(tower: Turbine) -> Record:
     yaw = 0.3 + math.radians(0.6) * np.clip(time - 200.0, 0.0, 120.0)
     yaw_rate = np.where((time > 200.0) & (time < 320.0), math.radians(0.6), 0.0)
     psi, rng = tower.rotor_speed * time, np.random.default_rng(3)
-    loads = gauss_markov_loads(tower.loads, model.loads, len(time), RATE, rng, psi)
+    loads = draw_loads(tower.loads, model.loads, len(time), RATE, rng, psi)
     inputs = np.column_stack([psi, np.full_like(time, tower.rotor_speed), yaw, yaw_rate, 0.0 * time, loads])
     p = [tower.values[name] for name in model.parameters]
     read = integrate(model, p, inputs, rate=RATE, start=np.zeros(4)).readings

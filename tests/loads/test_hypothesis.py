@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from windsysid.errors import ConfigurationError
 from windsysid.loads.family import candidates, hypothesis
-from windsysid.loads.hypothesis import LoadHypothesis
+from windsysid.loads.hypothesis import HYPOTHESES, SupposedLoads
 from windsysid.mechanics import RotorModel
 from windsysid.simulation.wind import BladeAerodynamics, WindConditions, coherence, kaimal_spectrum, packaged_wind
 from windsysid.statespace.load_model import LoadModel
@@ -20,7 +20,7 @@ from windsysid.turbine.turbine import Turbine
 Array = np.ndarray
 
 
-def given(model: LoadHypothesis, **values: float) -> Sequence[LoadModel]:
+def given(model: SupposedLoads, **values: float) -> Sequence[LoadModel]:
     """The blocks at given values, some of them changed."""
     return model.blocks({s.name: s.given for s in model.statistics} | values)
 
@@ -237,3 +237,20 @@ def test_what_there_is_to_choose_from(verne555: Turbine):
         hypothesis("gusts", verne555, verne555.loads)
     with pytest.raises(ConfigurationError, match="load model rotor-wind: expected a rotor with blades of its own"):
         hypothesis("rotor-wind", tower, tower.loads)
+
+
+def test_a_hypothesis_starts_as_loud_as_the_simplest_found_its_loads(verne555: Turbine):
+    louder = {"load_rms_support": 2.0, "load_rms_blades": 3.0}
+    second, wind = (hypothesis(name, verne555, verne555.loads).statistics for name in ("second-order", "rotor-wind"))
+    found = HYPOTHESES["second-order"].start_from(louder, second)
+    assert found == {s.name: s.given * louder[s.name] for s in second if s.name in louder}
+    found = HYPOTHESES["rotor-wind"].start_from(louder, wind)
+    factors = {s.name: found[s.name] / s.given for s in wind if s.name in found}
+    assert factors == pytest.approx({"load_rms_wind": 3.0, "load_rms_eddies": 3.0, "load_rms_hub": 2.0})
+    found = HYPOTHESES["rotor-wind"].start_from({"load_rms_blades": 3.0}, wind)
+    assert found["load_rms_hub"] == pytest.approx(3.0 * next(s.given for s in wind if s.name == "load_rms_hub"))
+
+
+def test_only_the_hypothesis_that_was_tested_on_wind_warns_of_its_bands():
+    cautious = {name for name in ("broadband", "second-order", "rotor-wind") if HYPOTHESES[name].caution}
+    assert cautious == {"rotor-wind"}

@@ -3,12 +3,16 @@
 import numpy as np
 import pytest
 import scipy.integrate
+from scipy.signal import lfilter
 
 from windsysid.errors import ConfigurationError
+from windsysid.loads.family import hypothesis
 from windsysid.mechanics import compile_model
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
+from windsysid.simulation.record import simulate_record
 from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.statespace.process import load_on, second_order
 from windsysid.turbine.turbine import Turbine
 
 
@@ -82,7 +86,7 @@ def test_drawn_loads_have_the_stated_rms_and_correlation_time():
     # (2/n)(1 + ρ²)/(1 − ρ²), hence half its root for the rms; of ρ itself √((1 − ρ²)/n). Bounds are four of them.
     load = GaussMarkov("load_x", rms=15.0, time_constant=0.5)
     n, rate = 200_000, 20.0
-    drawn = gauss_markov_loads([load], ("load_y", "load_x"), n, rate, np.random.default_rng(11))
+    drawn = draw_loads([load], ("load_y", "load_x"), n, rate, np.random.default_rng(11))
     assert drawn.shape == (n, 2)
     assert not drawn[:, 0].any()
     w = drawn[:, 1]
@@ -99,13 +103,84 @@ def test_drawn_loads_are_stationary_from_the_first_sample():
     # The rms of the first sample over 4000 independent draws; its standard error is 1/√(2 · 4000) of it.
     names = tuple(f"load_{i}" for i in range(4000))
     loads = [GaussMarkov(name, rms=3.0, time_constant=2.0) for name in names]
-    drawn = gauss_markov_loads(loads, names, 2, 100.0, np.random.default_rng(12))
+    drawn = draw_loads(loads, names, 2, 100.0, np.random.default_rng(12))
     for k in (0, 1):
         assert np.sqrt(np.mean(drawn[k] ** 2)) == pytest.approx(3.0, rel=4.0 / np.sqrt(8000))
 
 
+def test_drawn_first_order_loads_are_scipys_recursion_to_the_bit():
+    load, line = GaussMarkov("load_x", 15.0, 0.5), GaussMarkov("load_y", 4.0, 8.0, harmonic=3)
+    azimuth = np.linspace(0.0, 40.0, 500)
+    drawn = draw_loads([load, line], ("load_x", "load_y"), 500, 20.0, np.random.default_rng(7), azimuth)
+    rng = np.random.default_rng(7)
+    for one, n, column in ((load, 1, 0), (line, 2, 1)):
+        factor, variance = np.exp(-0.05 / one.time_constant), one.rms**2 * -np.expm1(-0.1 / one.time_constant)
+        noise = rng.standard_normal((500, n)) * np.sqrt(variance)
+        noise[:1] *= one.rms / np.sqrt(variance)
+        expected = lfilter([1.0], [1.0, -factor], noise, axis=0)
+        if n == 2:
+            expected = expected * np.column_stack([np.cos(3 * azimuth), np.sin(3 * azimuth)])
+        np.testing.assert_array_equal(drawn[:, column], expected.sum(axis=1))
+
+
+def test_a_drawn_second_order_load_has_the_correlation_of_a_damped_oscillation():
+    # R(t) = σ² e^{−ζωt} (cos ω_d t + ζ/√(1−ζ²) sin ω_d t). Over n samples of a process with that correlation, the
+    # standard error of R(t)/σ² is below √(2 Σ ρ²/n), summed over all lags of either sign; bounds are four of them.
+    rms, frequency, ratio, rate, n = 3.0, 1.5, 0.2, 20.0, 200_000
+    block = load_on("load_x", second_order(rms, frequency, ratio))
+    w = draw_loads([block], ("load_x",), n, rate, np.random.default_rng(5))[:, 0]
+    t, omega = np.arange(200) / rate, 2.0 * np.pi * frequency
+    turn = omega * np.sqrt(1.0 - ratio**2)
+    rho = np.exp(-ratio * omega * t) * (np.cos(turn * t) + ratio / np.sqrt(1.0 - ratio**2) * np.sin(turn * t))
+    bound = 4.0 * np.sqrt(2.0 * (2.0 * np.sum(rho**2) - 1.0) / n)
+    for lag in (0, 1, 3, 7, 20):
+        assert np.mean(w[lag:] * w[: n - lag]) / rms**2 == pytest.approx(rho[lag], abs=bound), lag
+
+
+def test_the_first_sample_of_a_drawn_block_is_stationary_too():
+    # Mean square of the first sample over 4000 draws; its standard error is √(2/4000) of it.
+    block, rng = load_on("load_x", second_order(3.0, 1.5, 0.2)), np.random.default_rng(6)
+    first = [draw_loads([block], ("load_x",), 2, 50.0, rng)[:, 0] for _ in range(4000)]
+    np.testing.assert_allclose(np.mean(np.square(first), axis=0), 9.0, rtol=4.0 * np.sqrt(2.0 / 4000))
+
+
+def test_a_load_that_a_model_does_not_have_is_not_drawn_in_silence():
+    with pytest.raises(ConfigurationError, match="load 'load_x': expected one of load_y"):
+        draw_loads([GaussMarkov("load_x", 1.0, 1.0)], ("load_y",), 5, 10.0, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("name", ["broadband", "second-order", "rotor-wind"])
+def test_the_simulator_plays_every_hypothesis(verne555: Turbine, name: str):
+    """What it draws has the variances of the hypothesis at every azimuth, averaged over a turn, within four standard
+    errors."""
+    supposed = hypothesis(name, verne555, verne555.loads)
+    names, rate, samples = supposed.turbine.model.loads, 50.0, 40_000
+    azimuth = verne555.rotor_speed * np.arange(samples) / rate
+    drawn = draw_loads(supposed.given(), names, samples, rate, np.random.default_rng(3), azimuth)
+    variance = np.zeros(len(names))
+    for block in supposed.given():
+        for load, rows in block.outputs.items():
+            along = np.einsum("kn,nm,km->k", rows, block.cov, rows)
+            variance[names.index(load)] += along[0] + 0.5 * along[1:].sum()
+    parts = np.square(drawn).reshape(40, -1, len(names)).mean(axis=1)
+    error = parts.std(axis=0, ddof=1) / np.sqrt(40)
+    assert np.all(np.abs(parts.mean(axis=0) - variance) < 4.0 * error)
+    record = simulate_record(verne555, duration=2.0, rate=50.0, loads=name)
+    assert np.isfinite(record.values).all()
+
+
+def test_loads_that_nobody_knows_are_refused(verne555: Turbine):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"loads: expected one of random, wind, wind-feedback, broadband, second-order, rotor-wind.*; got 'gusts'",
+    ):
+        simulate_record(verne555, duration=2.0, rate=50.0, loads="gusts")
+    with pytest.raises(ConfigurationError, match="load model rotor-wind: expected a rotor with blades of its own"):
+        simulate_record("tower", duration=2.0, rate=50.0, loads="rotor-wind")
+
+
 def test_the_same_seed_draws_the_same_loads():
-    draw = lambda seed: gauss_markov_loads(  # noqa: E731
+    draw = lambda seed: draw_loads(  # noqa: E731
         [GaussMarkov("a", 1.0, 1.0)], ("a",), 50, 10.0, np.random.default_rng(seed)
     )
     np.testing.assert_array_equal(draw(1), draw(1))

@@ -6,10 +6,19 @@ from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 import typer
+from typer.core import TyperCommand, TyperOption
 
 from windsysid.errors import ConfigurationError
 
-__all__ = ["claim_output", "parse_option", "print_and_save", "print_table", "rotor_speeds", "show_progress"]
+__all__ = [
+    "ListsLoads",
+    "claim_output",
+    "parse_option",
+    "print_and_save",
+    "print_table",
+    "rotor_speeds",
+    "show_progress",
+]
 
 app = typer.Typer(
     add_completion=False,
@@ -25,6 +34,20 @@ Mapping = Annotated[
     Path | None, typer.Option(help="TOML file that says what a record's columns are (docs/records.md).")
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are already there.")]
+
+
+class ListsLoads(TyperCommand):
+    """A command whose help of ``--loads`` ends with the registered hypotheses; they are imported when somebody asks for
+    help."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        from windsysid.loads.family import describe_hypotheses
+
+        for option in self.params:
+            if option.name == "loads" and isinstance(option, TyperOption):
+                option.help = f"{option.help} {describe_hypotheses()}."
+        super().format_help(ctx, formatter)
 
 
 def parse_option(option: str, text: str, unit: str) -> float:

@@ -17,12 +17,21 @@ if TYPE_CHECKING:
     from windsysid.results.identification import Identification
     from windsysid.turbine.turbine import Turbine
 
-from windsysid.cli.common import Mapping, Overwrite, TurbineOption, app, claim_output, parse_option, show_progress
+from windsysid.cli.common import (
+    ListsLoads,
+    Mapping,
+    Overwrite,
+    TurbineOption,
+    app,
+    claim_output,
+    parse_option,
+    show_progress,
+)
 
 __all__ = []
 
 
-@app.command()
+@app.command(cls=ListsLoads)
 def identify(
     context: typer.Context,
     record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
@@ -45,8 +54,8 @@ def identify(
         ),
     ] = None,
     loads: Annotated[
-        Literal["auto", "broadband", "second-order", "rotor-wind"],
-        typer.Option(help="What the loads are taken for (docs/loads.md); auto: the record chooses."),
+        str,
+        typer.Option(metavar="NAME", help="What the loads are taken for (docs/loads.md). auto: the record chooses;"),
     ] = "auto",
     prior_scale: Annotated[float, typer.Option(help="Centre every prior this many times off its reference.")] = 1.0,
     add_noise: Annotated[

@@ -1,7 +1,7 @@
 """The commands that make, look at and list: simulate, inspect, turbines, study."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     pass
 
 from windsysid.cli.common import (
+    ListsLoads,
     Mapping,
     Overwrite,
     TurbineOption,
@@ -50,19 +51,20 @@ def study(
     print(f"report: {output / 'report.html'}")
 
 
-@app.command()
+@app.command(cls=ListsLoads)
 def simulate(
     turbine: TurbineOption,
     output: Annotated[Path, typer.Option(help="Record to write: .csv or .nc.")],
     duration: Annotated[float, typer.Option(help=r"Length \[s].")] = 600.0,
     rate: Annotated[float, typer.Option(help="Samples per second [Hz].")] = 100.0,
     loads: Annotated[
-        Literal["random", "wind", "wind-feedback"],
+        str,
         typer.Option(
+            metavar="NAME",
             help=(
-                "random: the turbine file's. wind: turbulent wind on the blades; wind-feedback: with aerodynamic"
-                " damping."
-            )
+                "What drives the turbine. random: the turbine file's own loads; wind: turbulent wind on the blades;"
+                " wind-feedback: with aerodynamic damping;"
+            ),
         ),
     ] = "random",
     seed: Annotated[int, typer.Option(min=0, help="Seed of loads and noise.")] = 0,

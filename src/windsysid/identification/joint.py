@@ -17,6 +17,7 @@ from windsysid.identification.problem import Problem
 from windsysid.identification.recursive import join_histories, spread_over_samples
 from windsysid.identification.solve import Solution, solve
 from windsysid.loads.family import candidates
+from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -27,11 +28,6 @@ __all__ = ["describe_solution", "first_estimate", "identify_jointly", "load_mode
 
 PERIODS = 10.0
 """Periods of the slowest degree of freedom before the first estimate on line."""
-
-WIND_CAUTION = (
-    "under simulated turbulent wind ±2σ of this load model held the truth in nine cases of ten (docs/calibration.md)"
-)
-"""What a result under `rotor-wind` says of itself; ``python -m validation.mismatch`` prints how often."""
 
 
 def identify_jointly(
@@ -108,7 +104,8 @@ def _describe_loads(problem: Problem, why: str) -> tuple[str, ...]:
     if not problem.loads.statistics:
         return (f"all loads are known, the noise learned from the record; {total}",)
     taken = f"loads are states ({problem.loads.text}), their statistics and the noise learned from the record; {total}"
-    return (taken, why, WIND_CAUTION) if problem.loads.name == "rotor-wind" else (taken, why)
+    caution = HYPOTHESES[problem.loads.name].caution
+    return (taken, why, caution) if caution else (taken, why)
 
 
 def _list_doubts(solution: Solution, given: Turbine, used: Turbine) -> tuple[str, ...]:

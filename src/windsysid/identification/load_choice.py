@@ -27,6 +27,7 @@ from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import FIRST_WIDTH, Problem, pose
 from windsysid.identification.recursive import MEMORY, History, Online, advance, begin, finish, join_histories
+from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, values_of
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -188,14 +189,12 @@ def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
 
 def _start(problem: Problem, tried: Sequence[Candidate]) -> Start:
     """Where to look first: the simplest model where its joint filter ends, others at the prior, with loads as loud as the simplest found them."""
-    if not tried and problem.loads.name == "broadband":
+    if not tried and problem.loads.name == next(iter(HYPOTHESES)):
         return problem.start
     n = len(problem.parameters)
     mean = problem.prior[0].copy()
     if tried:
-        louder = _compare_levels(tried[0])
-        values = {s.name: s.given * louder.get(s.name, louder["hub" if "hub" in s.name else "blades"])
-                  for s in problem.statistics if s.name.startswith("load_rms")}  # fmt: skip
+        values = HYPOTHESES[problem.loads.name].start_from(_compare_levels(tried[0]), problem.loads.statistics)
         mean[n:] = coordinates_of(problem.statistics, values)
 
     def start(inputs: Array, readings: Array) -> tuple[Array, Array]:
@@ -205,7 +204,7 @@ def _start(problem: Problem, tried: Sequence[Candidate]) -> Start:
 
 
 def _compare_levels(simplest: Candidate) -> dict[str, float]:
-    """How much louder than in the file the loads are, by the level of their spectra: by statistic, and for hub and blades."""
+    """How much louder than in the file the loads are, by the level of their spectra: a factor for each statistic."""
     n = len(simplest.problem.parameters)
     statistics = simplest.problem.statistics
     values = values_of(statistics, simplest.online.theta[n:])
@@ -214,11 +213,7 @@ def _compare_levels(simplest: Candidate) -> dict[str, float]:
     def level(of: dict[str, float], name: str) -> float:
         return of[name] / math.sqrt(of.get("load_time_constant", 1.0))
 
-    found = {name: level(values, name) / level(given, name) for name in given if name.startswith("load_rms")}
-    either = max(found.values(), default=1.0)
-    found["blades"] = found.get("load_rms_blades", either)
-    found["hub"] = found.get("load_rms_support", either)
-    return found
+    return {name: level(values, name) / level(given, name) for name in given if name.startswith("load_rms")}
 
 
 def _describe_choice(best: Candidate, tried: Sequence[Candidate], seconds: float) -> str:

@@ -17,7 +17,7 @@ from windsysid.filters import EKF
 from windsysid.identification.outcome import known_inputs, known_loads
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.loads.family import hypothesis
-from windsysid.loads.hypothesis import LoadHypothesis
+from windsysid.loads.hypothesis import SupposedLoads
 from windsysid.loads.statistics import Statistic, moved_sensors, noise_groups, values_of
 from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.mechanics.model import MechanicalModel
@@ -64,7 +64,7 @@ class Problem(NamedTuple):
     turbine: Turbine
     model: StateSpace
     sensors: tuple[Sensor, ...]
-    loads: LoadHypothesis
+    loads: SupposedLoads
     statistics: tuple[Statistic, ...]
     inputs: Array
     readings: Array

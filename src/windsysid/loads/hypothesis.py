@@ -1,28 +1,35 @@
-"""A hypothesis of what the loads are, with the statistics that a record must tell."""
+"""Hypotheses of what the loads are: what each supposes of a turbine, where it applies, and the registry that holds them all.
+
+A hypothesis of one's own derives from `LoadHypothesis` and is known everywhere after `register_loads`: `identify` takes its name and tries it by
+itself where it applies, `simulate` plays it, the command line lists it.
+"""
 
 import math
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar, TypeVar
 
 from windsysid.loads.statistics import Statistic
+from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.process import Process
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["LoadHypothesis", "with_level"]
+__all__ = ["HYPOTHESES", "LoadHypothesis", "SupposedLoads", "register_loads", "with_level"]
 
 Values = Mapping[str, float]
 
 
 @dataclass(frozen=True)
-class LoadHypothesis:
-    """A load model for one turbine.
+class SupposedLoads:
+    """What a hypothesis supposes of one turbine.
 
     Attributes
     ----------
     name
-        Its name in the family.
+        Of the hypothesis.
     text
         What it takes the loads for, in words.
     turbine
@@ -41,6 +48,74 @@ class LoadHypothesis:
     statistics: tuple[Statistic, ...]
     blocks: Callable[[Values], tuple[LoadModel, ...]]
     parameters: tuple[Parameter, ...] = ()
+
+    def given(self) -> tuple[LoadModel, ...]:
+        """The load states with the statistics as the turbine file gives them."""
+        return self.blocks({s.name: s.given for s in self.statistics})
+
+
+class LoadHypothesis(ABC):
+    """One idea of what the loads are.
+
+    Attributes
+    ----------
+    name
+        What a user calls it.
+    text
+        What it takes the loads for, in words.
+    caution
+        What every result under it says of itself; empty for nothing.
+    """
+
+    name: ClassVar[str]
+    text: ClassVar[str]
+    caution: ClassVar[str] = ""
+
+    def applies_to(self, turbine: Turbine) -> bool:
+        """Whether the loads of a turbine may be like that; by default those of any."""
+        return True
+
+    @abstractmethod
+    def suppose(self, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
+        """What it supposes of a turbine, `loads` being those of its file that are states.
+
+        Raises
+        ------
+        ConfigurationError
+            If it makes no sense for this turbine.
+        """
+
+    def start_from(self, louder: Values, statistics: Sequence[Statistic]) -> dict[str, float]:
+        """Where to begin to look for its statistics, by name, after the simplest hypothesis has been tried; those left out stay as given.
+
+        Parameters
+        ----------
+        louder
+            By which factor the simplest found its loads louder than the file says, by the name of its statistic.
+        statistics
+            Of this hypothesis. By default levels of the same name are as much louder, and others as much as the loudest.
+        """
+        return {s.name: s.given * as_loud_as(louder, s.name) for s in statistics if s.name.startswith("load_rms")}
+
+
+def as_loud_as(louder: Values, name: str) -> float:
+    """The factor of one statistic of the simplest hypothesis, or the greatest where it has none of that name."""
+    return louder.get(name, max(louder.values(), default=1.0))
+
+
+HYPOTHESES: dict[str, LoadHypothesis] = {}
+"""Every hypothesis by its name, in the order in which it was registered: the simplest first."""
+
+H = TypeVar("H", bound=LoadHypothesis)
+
+
+def register_loads(hypothesis: type[H]) -> type[H]:
+    """Make a hypothesis known by its name; for use as a decorator of its class.
+
+    Of those that apply to a turbine, a record chooses between the simplest and the one registered last.
+    """
+    HYPOTHESES[hypothesis.name] = hypothesis()
+    return hypothesis
 
 
 def with_level(process: Process, level: float) -> Process:

@@ -27,7 +27,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from windsysid.errors import ConfigurationError
-from windsysid.loads.hypothesis import LoadHypothesis, Values, with_level
+from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, Values, as_loud_as, with_level
 from windsysid.loads.rotor_forces import BladeForces, blade_force, rotor_harmonic
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.rotor import COUPLING, as_rotor
@@ -37,9 +37,7 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.process import Process, first_order, load_on, rational, second_order
 from windsysid.turbine.turbine import Turbine
 
-__all__ = [
-    "rotor_wind",
-]
+__all__ = ["RotorWind"]
 
 CORNER_POWER = 0.7
 """Corner of the m-th term over that of the first: m to this power."""
@@ -60,33 +58,54 @@ COUPLING_SPREAD = 0.5
 """Prior standard deviation of c_hub_blade over the geometric mean of the damping of hub and blade."""
 
 
-def rotor_wind(turbine: Turbine, loads: Sequence[GaussMarkov]) -> LoadHypothesis:
+class RotorWind(LoadHypothesis):
     """Wind on a turning rotor."""
-    rotor, v = as_rotor(turbine.model), turbine.values
-    names = tuple(dict.fromkeys(load.load for load in loads))
-    if turbine.rotor_speed == 0.0:
-        raise ConfigurationError(
-            "load model rotor-wind: expected a rotor that turns, got a parked one: choose broadband"
-        )
-    if rotor is None or not loads:
-        raise ConfigurationError(
-            "load model rotor-wind: expected a rotor with blades of its own and loads that are not all measured; choose broadband"
-        )
-    hub = tuple(name for name in names if name in ("load_x", "load_y"))
-    both = bool(hub) and any(rotor.freedom(name).blade for name in names)
-    to = BladeForces(names, rotor.blades, v["hinge_offset"], rotor.lean(v))
-    statistics = _rotor_statistics(turbine, loads, blades=both or not hub, hub=bool(hub), both=both)
-    given = {s.name: s.given for s in statistics} | {"load_lever": _lever(turbine), "load_lever_rise": LEVER_RISE}
 
-    def blocks(values: Values) -> tuple[LoadModel, ...]:
-        return _rotor_blocks(to, given | dict(values), hub)
+    name = "rotor-wind"
+    text = "wind on the turning rotor"
+    caution = "under simulated turbulent wind ±2σ of this load model held the truth in nine cases of ten (docs/calibration.md)"
+    """``python -m validation.mismatch`` prints how often."""
 
-    if not both:
-        return LoadHypothesis("rotor-wind", "wind on the turning rotor", turbine, statistics, blocks)
-    coupled = replace(turbine, model=replace(rotor, air_couples=True), values={**v, COUPLING: 0.0})
-    scale = math.sqrt(max(turbine.damping(rotor.freedom(hub[0]).name) * turbine.damping("beta_1"), 1e-300))
-    parameters = (Parameter(COUPLING, 0.0, COUPLING_SPREAD * scale, logarithmic=False, scale=scale),)
-    return LoadHypothesis("rotor-wind", "wind on the turning rotor", coupled, statistics, blocks, parameters)
+    def applies_to(self, turbine: Turbine) -> bool:
+        """Whether there is a rotor with blades that turns."""
+        return as_rotor(turbine.model) is not None and turbine.rotor_speed > 0.0
+
+    def suppose(self, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
+        """A series in azimuth on blades and hub, small eddies, and the air that couples both."""
+        rotor, v = as_rotor(turbine.model), turbine.values
+        names = tuple(dict.fromkeys(load.load for load in loads))
+        if turbine.rotor_speed == 0.0:
+            raise ConfigurationError(
+                "load model rotor-wind: expected a rotor that turns, got a parked one: choose broadband"
+            )
+        if rotor is None or not loads:
+            raise ConfigurationError(
+                "load model rotor-wind: expected a rotor with blades of its own and loads that are not all measured; choose broadband"
+            )
+        hub = tuple(name for name in names if name in ("load_x", "load_y"))
+        both = bool(hub) and any(rotor.freedom(name).blade for name in names)
+        to = BladeForces(names, rotor.blades, v["hinge_offset"], rotor.lean(v))
+        statistics = _rotor_statistics(turbine, loads, blades=both or not hub, hub=bool(hub), both=both)
+        given = {s.name: s.given for s in statistics} | {"load_lever": _lever(turbine), "load_lever_rise": LEVER_RISE}
+
+        def blocks(values: Values) -> tuple[LoadModel, ...]:
+            return _rotor_blocks(to, given | dict(values), hub)
+
+        if not both:
+            return SupposedLoads(self.name, self.text, turbine, statistics, blocks)
+        coupled = replace(turbine, model=replace(rotor, air_couples=True), values={**v, COUPLING: 0.0})
+        scale = math.sqrt(max(turbine.damping(rotor.freedom(hub[0]).name) * turbine.damping("beta_1"), 1e-300))
+        parameters = (Parameter(COUPLING, 0.0, COUPLING_SPREAD * scale, logarithmic=False, scale=scale),)
+        return SupposedLoads(self.name, self.text, coupled, statistics, blocks, parameters)
+
+    def start_from(self, louder: Values, statistics: Sequence[Statistic]) -> dict[str, float]:
+        """What the hub feels alone is as much louder as the loads on the support, all else as those on the blades."""
+        like = {"load_rms_hub": "load_rms_support"}
+        return {
+            s.name: s.given * as_loud_as(louder, like.get(s.name, "load_rms_blades"))
+            for s in statistics
+            if s.name.startswith("load_rms")
+        }
 
 
 LEVER_RISE = 0.4

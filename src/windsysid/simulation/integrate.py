@@ -1,7 +1,7 @@
 """The response of a compiled model to loads, by Runge–Kutta's fourth-order method between samples."""
 
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
@@ -13,10 +13,6 @@ from windsysid.kernels.jit import VALUE, compiled
 from windsysid.mechanics.compile import CompiledModel
 
 __all__ = ["Response", "constant_speed_inputs", "integrate", "integrator"]
-
-
-LoadSource = Literal["random", "wind", "wind-feedback"]
-"""What drives a simulated turbine."""
 
 
 class Response(NamedTuple):

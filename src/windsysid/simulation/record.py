@@ -9,14 +9,19 @@ import os
 import numpy as np
 
 from windsysid.errors import ConfigurationError
+from windsysid.loads.family import hypothesis
+from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.signals.inputs import TURNING, steady_inputs
-from windsysid.simulation.integrate import LoadSource, constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.integrate import constant_speed_inputs, integrate
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 
 __all__ = ["simulate_record"]
+
+WIND = ("wind", "wind-feedback")
+"""Loads that are simulated from turbulence and not drawn from a hypothesis."""
 
 SHARE = 0.7
 """Of the memory of a machine: what a simulation may take."""
@@ -26,7 +31,7 @@ LEAD_IN = 60.0
 
 
 def simulate_record(
-    turbine: TurbineLike, *, duration: float, rate: float, seed: int = 0, loads: LoadSource = "random"
+    turbine: TurbineLike, *, duration: float, rate: float, seed: int = 0, loads: str = "random"
 ) -> Record:
     """What the turbine's sensors record at its usual rotor speed; SI, reproducible for a seed.
 
@@ -37,15 +42,21 @@ def simulate_record(
     rate
         Samples per second [Hz].
     loads
-        ``"random"``: the turbine file's Gauss–Markov loads. ``"wind"``: turbulent wind on the packaged blades
+        What drives the turbine. ``"random"``: the Gauss–Markov loads of its file. The name of a hypothesis
+        (`windsysid.loads.family`): what that supposes, with the file's statistics. ``"wind"``: turbulent wind on the packaged blades
         (docs/wind.md), as if tower and blades stood still. ``"wind-feedback"``: with their motion, aerodynamic damping included.
 
     Raises
     ------
     ConfigurationError
-        If duration or rate are out of range, the turbine has no packaged wind, or the motion grows without bound.
+        If duration or rate are out of range, there are no such loads or none for this turbine, or the motion grows without bound.
     """
     turbine = as_turbine(turbine)
+    if loads not in (known := ("random", *WIND, *HYPOTHESES)):
+        raise ConfigurationError(f"loads: expected one of {', '.join(known)}; got '{loads}'")
+    played = next(iter(HYPOTHESES)) if loads == "random" else loads
+    supposed = hypothesis(played, turbine, turbine.loads) if played not in WIND else None
+    turbine = turbine if supposed is None else supposed.turbine
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * np.pi)
     if not (np.isfinite(rate) and 4.0 * fastest <= rate <= 1e5):
         raise ConfigurationError(
@@ -67,8 +78,8 @@ def simulate_record(
     inputs = steady_inputs(model.inputs, turbine.rotor_speed, LEAD_IN + duration, rate)
     p = np.array([turbine.values[name] for name in model.parameters])
     start, substeps = np.zeros(len(model.states)), max(1, int(np.ceil(20.0 * fastest / rate)))
-    if loads == "random":
-        drawn = gauss_markov_loads(turbine.loads, model.loads, len(rotor), rate, rng, rotor[:, 0])
+    if supposed is not None:
+        drawn = draw_loads(supposed.given(), model.loads, len(rotor), rate, rng, rotor[:, 0])
         response = integrate(model, p, np.hstack([inputs, drawn]), rate=rate, start=start, substeps=substeps)
     else:
         from windsysid.simulation.wind import packaged_wind, wind_loads

@@ -16,7 +16,7 @@ from windsysid._types import Array
 from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.simulation.integrate import Response, constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["DURATION", "NOISE", "RATE", "SECTION", "Reference", "measure", "simulate_reference"]
@@ -46,7 +46,7 @@ def simulate_reference(turbine: Turbine, seed: int) -> Reference:
     rng = np.random.default_rng(seed)
     model = compile_model(turbine.model)
     samples = round(DURATION * RATE)
-    loads = gauss_markov_loads(turbine.loads, turbine.model.loads, samples, RATE, rng)
+    loads = draw_loads(turbine.loads, turbine.model.loads, samples, RATE, rng)
     inputs = np.hstack([constant_speed_inputs(turbine.rotor_speed, DURATION, RATE), loads])
     p = np.array([turbine.values[name] for name in model.parameters])
     response = integrate(model, p, inputs, rate=RATE, start=np.zeros(len(model.states)))

@@ -30,7 +30,7 @@ from windsysid.filters.particles.weights import ParticleInfo, liu_west
 from windsysid.kernels.philox import Purpose, normals, uniforms
 from windsysid.mechanics.equations import Equations
 from windsysid.simulation.integrate import integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.parameter import Parameter
 
@@ -333,7 +333,7 @@ def split(truth: float = 300.0) -> tuple[Split, np.ndarray, np.ndarray]:
     sensors, cov = chain_sensors(bias=0.3), 0.01 * np.eye(6)
     joint = chain_with(loads=LOADS, parameters=[Parameter("k_2", 330.0, 0.2)], sensors=sensors, cov=cov)
     given = chain_with(loads=LOADS, sensors=sensors, cov=cov)
-    loads = gauss_markov_loads(LOADS, given.compiled.loads, 400, 50.0, rng)
+    loads = draw_loads(LOADS, given.compiled.loads, 400, 50.0, rng)
     p = np.array([values[name] for name in given.compiled.parameters])
     clean = integrate(given.compiled, p, loads, rate=50.0, start=np.zeros(6), substeps=4).readings
     readings = clean + np.sqrt(given.blocks.noise) * rng.standard_normal(clean.shape)

@@ -81,7 +81,7 @@ def simulate_direction(
     ConfigurationError
         If T is negative or the rate is not positive.
     """
-    from windsysid.simulation.random_loads import gauss_markov_loads
+    from windsysid.simulation.random_loads import draw_loads
     from windsysid.statespace.gauss_markov import GaussMarkov
 
     if samples < 0 or not (math.isfinite(rate) and rate > 0.0):
@@ -90,7 +90,7 @@ def simulate_direction(
     delta = np.full(samples, direction.mean_deg)
     if direction.std_deg > 0.0:
         process = GaussMarkov("direction", direction.std_deg, direction.time_constant)
-        delta += gauss_markov_loads([process], ["direction"], samples, rate, np.random.default_rng(seed))[:, 0]
+        delta += draw_loads([process], ["direction"], samples, rate, np.random.default_rng(seed))[:, 0]
     for change in direction.changes:
         delta += change.by_deg * _ramp(time, change)
     return np.asarray(np.deg2rad(delta))
