@@ -86,7 +86,7 @@ def _one_run(which: tuple[int, str, str]) -> Run:
     seed, wind, model = which
     turbine = load_turbine("verne555")
     truth = total_coefficients(turbine, wind, seed)
-    record = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed, loads=wind)  # type: ignore[arg-type]
+    record = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed, loads=wind)
     found = identify(record, truth, prior=DrawnPrior(seed=seed), loads=model)
     names = truth.model.coefficients
     estimates = [found[name] for name in names]

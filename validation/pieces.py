@@ -30,7 +30,7 @@ from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import gauss_markov_loads
+from windsysid.simulation.random_loads import draw_loads
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace import compose
 from windsysid.turbine.file import load_turbine
@@ -116,7 +116,7 @@ def modulated(turbine: Turbine, duration: float, rate: float, seed: int) -> Reco
     p = np.array([turbine.values[name] for name in model.parameters])
     samples = round(duration * rate)
     rotor = constant_speed_inputs(turbine.rotor_speed, duration, rate)[:samples]
-    loads = gauss_markov_loads(turbine.loads, model.loads, samples, rate, rng)
+    loads = draw_loads(turbine.loads, model.loads, samples, rate, rng)
     time = np.arange(samples) / rate
     loads *= np.where(time < 0.5 * duration, 1.0, np.where(time < 0.75 * duration, 3.0, 1.0 / 3.0))[:, None]
     exact = integrate(model, p, np.hstack([rotor, loads]), rate=rate, start=np.zeros(len(model.states)))
@@ -140,7 +140,7 @@ def _own(pieces: float | None) -> Identification:
     load = GaussMarkov("w", 5.0, 0.5)
     built = compose.compose(model, rate=50.0, values=truth, loads=[load], sensors=sensors, cov=np.eye(4))
     rng = np.random.default_rng(3)
-    force = gauss_markov_loads([load], built.compiled.loads, 10_000, 50.0, rng)
+    force = draw_loads([load], built.compiled.loads, 10_000, 50.0, rng)
     exact = integrate(built.compiled, built.blocks.p, force, rate=50.0, start=np.zeros(4), substeps=4).readings
     noisy = exact + 0.02 * rng.standard_normal(exact.shape)
     record = Record(np.arange(len(noisy)) / 50.0, noisy, ("low", "high"), ("m/s^2",) * 2, name="two masses")

@@ -52,8 +52,8 @@ def simulate_record(
         If duration or rate are out of range, there are no such loads or none for this turbine, or the motion grows without bound.
     """
     turbine = as_turbine(turbine)
-    if loads not in (known := ("random", *WIND, *HYPOTHESES)):
-        raise ConfigurationError(f"loads: expected one of {', '.join(known)}; got '{loads}'")
+    if loads not in (playable := ("random", *WIND, *HYPOTHESES)):
+        raise ConfigurationError(f"loads: expected one of {', '.join(playable)}; got '{loads}'")
     played = next(iter(HYPOTHESES)) if loads == "random" else loads
     supposed = hypothesis(played, turbine, turbine.loads) if played not in WIND else None
     turbine = turbine if supposed is None else supposed.turbine
