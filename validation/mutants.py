@@ -593,8 +593,8 @@ _LOADS = (
 _CHANGES = (
     Mutant(
         "prior of a change of damping", "comparison.py",
-        'TYPICAL = {"k": 0.1, "c": 0.5,',
-        'TYPICAL = {"k": 0.1, "c": 0.1,',
+        'TYPICAL = {"stiffness": 0.1, "damping": 0.5,',
+        'TYPICAL = {"stiffness": 0.1, "damping": 0.1,',
         "a damping is expected to change as little as a stiffness",
     ),
     Mutant(

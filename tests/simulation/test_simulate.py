@@ -155,7 +155,7 @@ def test_the_simulator_plays_every_hypothesis(verne555: Turbine, name: str):
     errors."""
     supposed = hypothesis(name, verne555, verne555.loads)
     names, rate, samples = supposed.turbine.model.loads, 50.0, 40_000
-    azimuth = verne555.rotor_speed / rate * np.arange(samples, dtype=np.float64)
+    azimuth = np.asarray(verne555.rotor_speed * np.arange(samples) / rate, dtype=np.float64)
     drawn = draw_loads(supposed.given(), names, samples, rate, np.random.default_rng(3), azimuth)
     variance = np.zeros(len(names))
     for block in supposed.given():

@@ -22,9 +22,9 @@ __all__ = [
 ]
 
 
-TYPICAL = {"k": 0.1, "c": 0.5, "load": 0.5, "noise": 0.5}
-"""Relative prior standard deviation of a change: of stiffness (and anything else), damping, loads' and noise's levels.
-"""
+TYPICAL = {"stiffness": 0.1, "damping": 0.5, "load": 0.5, "noise": 0.5}
+"""Prior standard deviation of a change, relative: of stiffness (and anything else), damping, statistics of loads and of
+noise."""
 
 FAINT = 1e-6
 """Share of the prior's information that is left where it is taken out."""
@@ -128,7 +128,7 @@ def common_frame(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
         if other is None:
             continue
         a, b = estimate_of(before, q.name), estimate_of(after, q.name)
-        typical = TYPICAL.get(q.name.partition("_")[0], TYPICAL["k"])
+        typical = TYPICAL.get(before.turbine.model.coefficient(q.name).kind, TYPICAL["stiffness"])
         if (q.logarithmic or other.logarithmic) and min(a, b) > 0.0:
             found.append(Parameter(q.name, math.sqrt(a * b), typical))
             continue

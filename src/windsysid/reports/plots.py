@@ -388,7 +388,7 @@ def plot_loads(identification: Identification, window: float | None = None) -> F
     ConfigurationError
         If no load was a state.
     """
-    loads, time = identification.loads, identification.innovation_time
+    loads, time, machine = identification.loads, identification.innovation_time, identification.machine
     if loads is None or not loads.names:
         raise ConfigurationError(
             "no load was a state here: expected a result of the joint formulation without measured loads"
@@ -411,7 +411,8 @@ def plot_loads(identification: Identification, window: float | None = None) -> F
         )
         right.plot(time[inside], mean[inside], color=ESTIMATE, lw=1.0, label="estimate")
         _name(left, name)
-        left.set_ylabel("[N·m]" if "beta" in name or "roll" in name else "[N]")
+        if machine is not None:
+            left.set_ylabel(f"[{unit_text(machine.model.freedom(name).load_unit)}]")
         tidy(left)
         tidy(right)
     axes[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize=8)
