@@ -28,10 +28,23 @@ if TYPE_CHECKING:
     from windsysid.identification.profile import Profile, profile_likelihood
     from windsysid.inspection import inspect_record as inspect
     from windsysid.inspection.inspection import Inspection
+    from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, register_loads
     from windsysid.mechanics.compile import CompiledModel, compile_model
     from windsysid.mechanics.equations import Equations, lagrange
+    from windsysid.mechanics.model import Coefficient, Coordinate, MechanicalModel, register_model
     from windsysid.mechanics.rotor import RotorModel
-    from windsysid.mechanics.sensors import Sensor, read_sensors
+    from windsysid.mechanics.sensors import (
+        Accelerometer,
+        AngularRateSensor,
+        DisplacementSensor,
+        MomentSensor,
+        PlacedSensor,
+        Sensor,
+        StrainGauge,
+        VelocitySensor,
+        read_sensors,
+        register_sensor,
+    )
     from windsysid.mechanics.tower import TowerModel
     from windsysid.modal.campbell import Campbell
     from windsysid.modal.sweep import find_modes as modes
@@ -72,8 +85,13 @@ _WHERE = {
     "inspection.inspection": "Inspection",
     "mechanics.compile": "CompiledModel compile_model",
     "mechanics.equations": "Equations lagrange",
+    "loads.hypothesis": "LoadHypothesis SupposedLoads register_loads",
+    "mechanics.model": "Coefficient Coordinate MechanicalModel register_model",
     "mechanics.rotor": "RotorModel",
-    "mechanics.sensors": "Sensor read_sensors",
+    "mechanics.sensors": (
+        "Accelerometer AngularRateSensor DisplacementSensor MomentSensor PlacedSensor Sensor StrainGauge VelocitySensor "
+        "read_sensors register_sensor"
+    ),
     "mechanics.tower": "TowerModel",
     "modal.campbell": "Campbell",
     "modal.sweep": "modes=find_modes",
@@ -111,11 +129,16 @@ _PUBLIC = {
 }
 
 __all__ = [  # noqa: RUF022
+    "Accelerometer",
+    "AngularRateSensor",
     "Belief",
     "Campbell",
+    "Coefficient",
     "Comparison",
     "CompiledModel",
     "ConfigurationError",
+    "Coordinate",
+    "DisplacementSensor",
     "EKF",
     "Equations",
     "Estimate",
@@ -127,10 +150,14 @@ __all__ = [  # noqa: RUF022
     "Info",
     "Inspection",
     "LoadBlock",
+    "LoadHypothesis",
+    "MechanicalModel",
     "Mode",
+    "MomentSensor",
     "OutputError",
     "Parameter",
     "ParticleFilter",
+    "PlacedSensor",
     "Plan",
     "Posterior",
     "Prior",
@@ -145,9 +172,12 @@ __all__ = [  # noqa: RUF022
     "Separation",
     "Smoothed",
     "StateSpace",
+    "StrainGauge",
+    "SupposedLoads",
     "TowerModel",
     "Turbine",
     "UKF",
+    "VelocitySensor",
     "Watch",
     "WindsysidError",
     "__version__",
@@ -174,6 +204,9 @@ __all__ = [  # noqa: RUF022
     "read_blocks",
     "read_record",
     "read_sensors",
+    "register_loads",
+    "register_model",
+    "register_sensor",
     "save_belief",
     "simulate",
     "smooth",
