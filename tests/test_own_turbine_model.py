@@ -24,14 +24,15 @@ SEEDS = (0, 1, 2)
 @pytest.fixture(scope="module")
 def own() -> Iterator[Any]:
     """The example, registered for the tests of this file."""
-    known = [(registry, dict(registry)) for registry in (MODELS, HYPOTHESES, SENSORS)]
+    registries: tuple[dict[str, Any], ...] = (MODELS, HYPOTHESES, SENSORS)
+    known = [dict(registry) for registry in registries]
     spec = importlib.util.spec_from_file_location("own_turbine_model", FILE)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     yield module
-    for registry, before in known:
+    for registry, before in zip(registries, known, strict=True):
         registry.clear()
         registry.update(before)
 
