@@ -193,8 +193,10 @@ SUPPOSED = {"k_tower": 1.6e6, "c_tower": 10e3, "k_damper": 55e3, "c_damper": 10e
 """What its file says instead."""
 
 turbine = ws.Turbine(
-    name="damped tower", description="a parked offshore tower with a tuned mass damper", source="made up", assumed=tuple(TRUTH),
-    model=DampedTower(), values=TRUTH, rotor_speed=0.0, spread=(0.3, 0.6), loads=(ws.GaussMarkov("load_tower", 30e3, 5.0),),
+    name="damped tower", description="a parked offshore tower with a tuned mass damper", source="made up",
+    assumed=tuple(TRUTH),
+    model=DampedTower(), values=TRUTH, rotor_speed=0.0, spread=(0.3, 0.6),
+    loads=(ws.GaussMarkov("load_tower", 30e3, 5.0),),
     sensors=(
         ws.Accelerometer(channel="top_acceleration", point="tower", axis="x", noise=0.003),
         StrokeSensor(channel="damper_stroke", noise=0.002),

@@ -33,7 +33,7 @@ from windsysid.identification.prepare import add_noise, with_noise
 from windsysid.identification.prior import Prior
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes_with_bands
-from windsysid.monitoring.change import MOVED, Comparison
+from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison
 from windsysid.monitoring.comparison import compare
 from windsysid.output.folders import result_file
 from windsysid.records.formats import read_record
@@ -498,7 +498,9 @@ def halves(record: str, turbine: str, found: Sequence[tuple[Posterior, Posterior
         moved = [str(change) for change in compare(before, after).coefficients if change.moved]
         met = met and not moved
         answers.append("; ".join(moved) or f"nothing moved; {_nearest(compare(before, after))}")
-    return Changed(f"{record}, second half over first", turbine, tuple(answers), f"no odds beyond {MOVED:g} : 1", met)
+    return Changed(
+        f"{record}, second half over first", turbine, tuple(answers), f"no odds beyond {MOVED_MIN_ODDS:g} : 1", met
+    )
 
 
 def _nearest(comparison: Comparison) -> str:

@@ -530,8 +530,8 @@ _LOADS = (
     ),
     Mutant(
         "low-pass in hertz", "process.py",
-        "pole = 2.0 * math.pi * BEYOND * self.low_pass",
-        "pole = BEYOND * self.low_pass",
+        "pole = 2.0 * math.pi * CUT_OFF_FACTOR * self.low_pass",
+        "pole = CUT_OFF_FACTOR * self.low_pass",
         "a cut-off in Hz is taken for rad/s",
     ),
     Mutant(
@@ -593,8 +593,8 @@ _LOADS = (
 _CHANGES = (
     Mutant(
         "prior of a change of damping", "comparison.py",
-        'TYPICAL = {"stiffness": 0.1, "damping": 0.5,',
-        'TYPICAL = {"stiffness": 0.1, "damping": 0.1,',
+        'TYPICAL_CHANGE = {"stiffness": 0.1, "damping": 0.5,',
+        'TYPICAL_CHANGE = {"stiffness": 0.1, "damping": 0.1,',
         "a damping is expected to change as little as a stiffness",
     ),
     Mutant(
@@ -647,8 +647,8 @@ _CHANGES = (
     ),
     Mutant(
         "ninety days", "jumps.py",
-        "WINDOW = 12_960",
-        "WINDOW = 1_296",
+        "MAX_JUMP_AGE_BLOCKS = 12_960",
+        "MAX_JUMP_AGE_BLOCKS = 1_296",
         "a jump is forgotten after nine days",
     ),
     Mutant(

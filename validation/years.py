@@ -37,7 +37,7 @@ from windsysid.errors import WindsysidError
 from windsysid.identification.planning import plan
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY, Blocks, gather
-from windsysid.monitoring.watch import TOLERATED, YEAR, watch
+from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR, watch
 from windsysid.results.directions import standard_deviations
 from windsysid.results.posterior import Posterior
 from windsysid.turbine.file import load_turbine
@@ -137,7 +137,7 @@ def simulate_blocks(
 
 
 def false_alarms(
-    place: Site, years: int, rate: float, *, tolerated: Mapping[str, float] = TOLERATED, seed: int = 0
+    place: Site, years: int, rate: float, *, tolerated: Mapping[str, float] = TOLERATED_DRIFT, seed: int = 0
 ) -> int:
     """Alarms in that many years without a change."""
     of = (simulate_blocks(place, days=YEAR / DAY, seed=seed + year) for year in range(years))
@@ -241,7 +241,7 @@ def main() -> None:
         seen.add_column(heading, justify="left" if heading == "change" else "right")
     for wind in WINDS:
         place = site(options.turbine, wind)
-        kinds = ((STATED, TOLERATED), (OFTEN, dict.fromkeys(TOLERATED, 0.0)))
+        kinds = ((STATED, TOLERATED_DRIFT), (OFTEN, dict.fromkeys(TOLERATED_DRIFT, 0.0)))
         rates = [false_alarms(place, options.years, rate, tolerated=of) / options.years for rate, of in kinds]
         jumps = smallest(place, "k_beta_1")
         alarms.add_row(f"{wind:g}", *(f"{rate:.3g}" for rate in rates), *(f"{jump:.2g} %" for jump in jumps))

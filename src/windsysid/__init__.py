@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, register_loads
     from windsysid.mechanics.compile import CompiledModel, compile_model
     from windsysid.mechanics.equations import Equations, lagrange
+    from windsysid.mechanics.kinematics import RotorLayout
     from windsysid.mechanics.model import Coefficient, Coordinate, MechanicalModel, register_model
     from windsysid.mechanics.rotor import RotorModel
     from windsysid.mechanics.sensors import (
@@ -86,11 +87,12 @@ _WHERE = {
     "mechanics.compile": "CompiledModel compile_model",
     "mechanics.equations": "Equations lagrange",
     "loads.hypothesis": "LoadHypothesis SupposedLoads register_loads",
+    "mechanics.kinematics": "RotorLayout",
     "mechanics.model": "Coefficient Coordinate MechanicalModel register_model",
     "mechanics.rotor": "RotorModel",
     "mechanics.sensors": (
-        "Accelerometer AngularRateSensor DisplacementSensor MomentSensor PlacedSensor Sensor StrainGauge VelocitySensor "
-        "read_sensors register_sensor"
+        "Accelerometer AngularRateSensor DisplacementSensor MomentSensor PlacedSensor Sensor StrainGauge "
+        "VelocitySensor read_sensors register_sensor"
     ),
     "mechanics.tower": "TowerModel",
     "modal.campbell": "Campbell",
@@ -167,6 +169,7 @@ __all__ = [  # noqa: RUF022
     "Reading",
     "Record",
     "RecordError",
+    "RotorLayout",
     "RotorModel",
     "Sensor",
     "Separation",

@@ -8,6 +8,8 @@ import textwrap
 import unicodedata
 from typing import TYPE_CHECKING, Any
 
+from windsysid.output.table import Table as OurTable
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -71,7 +73,7 @@ _CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 def render(*parts: Any, width: int | None = None) -> str:
-    """Render Rich tables and plain lines as text.
+    """Render tables, Rich's or ours, and plain lines as text.
 
     Tables are at most as wide as `width` or the terminal; cells are wrapped and never cut off.
     """
@@ -83,11 +85,23 @@ def render(*parts: Any, width: int | None = None) -> str:
     console = Console(width=width, color_system=None, highlight=False, markup=False, emoji=False, soft_wrap=True)
     with console.capture() as capture:
         for part in parts:
-            if isinstance(part, Table):
-                _fit(part, console, encoding)
-            console.print(part if isinstance(part, Table) else _wrapped(str(part), width))
+            shown = _as_rich(part) if isinstance(part, OurTable) else part
+            if isinstance(shown, Table):
+                _fit(shown, console, encoding)
+            console.print(shown if isinstance(shown, Table) else _wrapped(str(shown), width))
     text = "\n".join(line.rstrip() for line in capture.get().split("\n")).rstrip("\n")
     return _CONTROLS.sub("?", text)
+
+
+def _as_rich(table: OurTable) -> "Table":
+    from rich.table import Table
+
+    shown = Table(title=table.caption or None, title_justify="left")
+    for i, heading in enumerate(table.headings):
+        shown.add_column(heading, justify="left" if i in table.words else "right")
+    for row in table.rows:
+        shown.add_row(*row)
+    return shown
 
 
 def _fit(table: "Table", console: "Console", encoding: str) -> None:

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from windsysid.errors import ConfigurationError
 from windsysid.identification.identify import identify
 from windsysid.mechanics import RotorModel, compile_model
-from windsysid.modal.analysis import analyse, directions_of, modes_with_bands, unlocked
+from windsysid.modal.analysis import analyse, analyse_unlocked, directions_of, modes_with_bands
 from windsysid.modal.campbell import Campbell, Margin
 from windsysid.modal.stability import meeting_speed, unstable_ranges
 from windsysid.modal.sweep import find_modes
@@ -245,7 +245,7 @@ def test_stepping_aside_from_a_lock_does_not_move_the_other_modes():
     candidates = k * (1.0 + np.linspace(-2e-5, 2e-5, 41))
     held = next((value for value in candidates if analyse(turbine.model, model, at(value), speed).locked), None)
     assert held is not None
-    beside = unlocked(turbine.model, model, at(held), speed)
+    beside = analyse_unlocked(turbine.model, model, at(held), speed)
     softer, stiffer = (analyse(turbine.model, model, at(held * factor), speed) for factor in (0.998, 1.002))
     assert not any(s.locked for s in (beside, softer, stiffer))
     for name in ("lag backward", "lag collective", "lag forward"):

@@ -18,11 +18,11 @@ from windsysid.identification.prior import Prior
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes
-from windsysid.monitoring.change import MOVED, Change, Comparison
+from windsysid.monitoring.change import MOVED_MIN_ODDS, Change, Comparison
 from windsysid.monitoring.comparison import compare
 from windsysid.monitoring.damping import separate_damping
 from windsysid.monitoring.own_information import own_information, without_prior
-from windsysid.monitoring.series import FEWEST, gather
+from windsysid.monitoring.series import MIN_BLOCKS, gather
 from windsysid.results.identification import Identification
 from windsysid.results.posterior import Conditions, Posterior, load_posterior
 from windsysid.simulation.record import simulate_record
@@ -161,10 +161,10 @@ def test_a_result_that_is_its_prior_says_nothing(verne555):
 
 def test_blocks_do_not_depend_on_the_priors_of_their_results(verne555):
     rng, sets = np.random.default_rng(3), [support(verne555), support(verne555, 1.4, 0.5, 300.0)]
-    said = [(drawn(rng, cov), cov) for cov in (correlated(rng) for _ in range(FEWEST))]
+    said = [(drawn(rng, cov), cov) for cov in (correlated(rng) for _ in range(MIN_BLOCKS))]
     alike, mixed = (
         gather([bayes(verne555, q, *said_in(q, *s)) for q, s in zip(priors, said, strict=True)])
-        for priors in ([sets[0]] * FEWEST, [sets[i % 2] for i in range(FEWEST)])
+        for priors in ([sets[0]] * MIN_BLOCKS, [sets[i % 2] for i in range(MIN_BLOCKS)])
     )
     np.testing.assert_allclose(mixed.theta, alike.theta, atol=1e-6)
     np.testing.assert_allclose(mixed.std, alike.std, rtol=1e-5)
@@ -364,7 +364,7 @@ def test_false_alarms_are_as_rare_as_the_odds_promise_and_bands_hold(tower):
         found = compare(a, b).coefficients
         alarms += sum(change.moved for change in found)
         held += sum(change.low < 0.0 < change.high for change in found)
-    assert alarms <= 2 * runs / MOVED
+    assert alarms <= 2 * runs / MOVED_MIN_ODDS
     assert held / (2 * runs) == pytest.approx(0.954, abs=0.025)
 
 

@@ -110,12 +110,10 @@ STATES = ((0.0, 4.0), (7.0, 6.0), (9.0, 8.0), (12.0, 10.0), (12.0, 13.0), (12.0,
 def test_bands_hold_though_records_scatter_more_than_they_say(parked, factor, least):
     rng, held = np.random.default_rng(3), []
     states = [state for state in STATES if parked or state[0]]
-    for _ in range(300):
+    for _ in range(100):
         true = np.array([line(*state) for state in states])
         found = true[:, None] * (1.0 + 0.08 * factor * rng.standard_normal((len(true), 2)))
-        sigma = 0.08 * np.sqrt(
-            found * true[:, None]
-        )  # as a likelihood has it: the variance in proportion to the estimate
+        sigma = 0.08 * np.sqrt(found * true[:, None])  # of a likelihood: the variance in proportion to the estimate
         results = [result(f, s, *state, prior=(1e5, 1e6)) for f, s, state in zip(found, sigma, states, strict=True)]
         for split in separate_damping(results).splits:
             bands = (told(split.structural), *(band for band in split.aerodynamic if band is not None))

@@ -21,8 +21,8 @@ def series(count: int, *, slopes: tuple[float, ...] = (), wander: float = 0.0, s
 
 
 def unclipped(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(glr, "CLIP", 1e9)
-    monkeypatch.setattr(glr, "PULL", 1e9)
+    monkeypatch.setattr(glr, "INNOVATION_LIMIT_SIGMAS", 1e9)
+    monkeypatch.setattr(glr, "PULL_LIMIT_SIGMAS", 1e9)
 
 
 def vague(d: int, variance: float = 4.0) -> Belief:
@@ -54,7 +54,7 @@ def test_the_statistic_is_the_likelihood_ratio_of_a_regression(monkeypatch: pyte
     # Without wander a jump before block k is one more column: the drop of the sum of squares by generalised least
     # squares is ℓ.
     unclipped(monkeypatch)
-    monkeypatch.setattr(glr, "SPACING", 0.0)
+    monkeypatch.setattr(glr, "CANDIDATE_SPACING", 0.0)
     y, r, x = series(60, slopes=(0.5,))
     y[35:] += 2.0
     done = track(y, r, x, vague(2, 1e8), Rates(0.0, 1.0))
@@ -92,12 +92,12 @@ def test_rates_are_those_of_scipys_likelihood(monkeypatch: pytest.MonkeyPatch):
     assert found.wander == pytest.approx(weight @ np.exp(logs) / weight.sum(), rel=0.05)
 
 
-@pytest.mark.parametrize(("clip", "lowest", "highest"), [(1e9, 0.8, 1.1), (glr.CLIP, 0.45, 0.9)])
+@pytest.mark.parametrize(("clip", "lowest", "highest"), [(1e9, 0.8, 1.1), (glr.INNOVATION_LIMIT_SIGMAS, 0.45, 0.9)])
 def test_false_alarms_come_as_often_as_stated_or_less(
     monkeypatch: pytest.MonkeyPatch, clip: float, lowest: float, highest: float
 ):
     # 600 alarms are expected, so that their count is known to 4 %; thinning and clipping take some away.
-    monkeypatch.setattr(glr, "CLIP", clip)
+    monkeypatch.setattr(glr, "INNOVATION_LIMIT_SIGMAS", clip)
     rate, count = 1e-3, 2_000
     alarms, blocks = 0, 0
     rng = np.random.default_rng(5)
@@ -168,8 +168,8 @@ def test_a_jump_is_looked_for_in_windows_of_every_length_up_to_the_longest(
     monkeypatch: pytest.MonkeyPatch, window: int
 ):
     unclipped(monkeypatch)
-    monkeypatch.setattr(glr, "SPACING", 0.0)
-    monkeypatch.setattr(glr, "WINDOW", window)
+    monkeypatch.setattr(glr, "CANDIDATE_SPACING", 0.0)
+    monkeypatch.setattr(glr, "MAX_JUMP_AGE_BLOCKS", window)
     y, r, x = series(70, slopes=(0.5,), seed=7)
     y[30:] += 3.0
     done = track(y, r, x, vague(2, 1e8), Rates(0.0, 1.0))
@@ -181,7 +181,7 @@ def test_a_jump_is_looked_for_in_windows_of_every_length_up_to_the_longest(
 
 def test_a_jump_is_looked_for_ninety_days_back_and_no_longer():
     ninety_days = 90 * 24 * 6  # records of 10 minutes
-    assert ninety_days == glr.WINDOW
+    assert ninety_days == glr.MAX_JUMP_AGE_BLOCKS
     jump, count = 40, ninety_days + 2000
     y = np.random.default_rng(8).standard_normal(count) + 8.0 * (np.arange(count) >= jump)
     done = track(y, np.ones(count), np.empty((count, 0)), vague(1, 1e8), Rates(0.0, 1.0))

@@ -389,7 +389,7 @@ def test_a_result_that_waits_is_read_where_nothing_may_be_written(tmp_path: Path
         patch.setattr(output, "_finish", lambda _: None)
         save(tmp_path, NEW)
         assert content(tmp_path) == OLD
-        patch.setattr(output, "grab", lambda _: None)
+        patch.setattr(output, "try_lock", lambda _: None)
         assert {name: result_file(tmp_path, name).read_bytes() for name in NEW} == NEW
         assert not result_file(tmp_path, "changes.png").exists()
     assert result_file(tmp_path, "plan.png").read_bytes() == b"new"

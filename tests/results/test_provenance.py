@@ -17,7 +17,7 @@ import pytest
 from windsysid import ConfigurationError, __version__, cli
 from windsysid.identification.identify import identify
 from windsysid.monitoring import series as blocks_module
-from windsysid.monitoring.series import FEWEST, read_blocks
+from windsysid.monitoring.series import MIN_BLOCKS, read_blocks
 from windsysid.records import formats
 from windsysid.records.formats import iterate_record, read_record, write_record
 from windsysid.records.formats.netcdf import sealed
@@ -137,7 +137,7 @@ def test_a_result_of_version_010_which_has_no_checksum_is_read(saved: bytes, tmp
     posterior = load_posterior(tmp_path)
     assert (posterior.start, posterior.record_hash, posterior.statistics) == (None, None, ())
     assert posterior.section == (2.0, 19.98)
-    blocks = read_blocks([tmp_path] * FEWEST)
+    blocks = read_blocks([tmp_path] * MIN_BLOCKS)
     assert blocks.notes[0].startswith("12 results of an older version do not hold the noise of their sensors")
 
 
@@ -167,7 +167,7 @@ def make(saved: bytes, tmp_path: Path) -> Make:
     return make
 
 
-def hourly(count: int = FEWEST, zone: str = "Z") -> list[str | None]:
+def hourly(count: int = MIN_BLOCKS, zone: str = "Z") -> list[str | None]:
     return [f"2026-03-01T{hour:02d}:00:00{zone}" for hour in range(count)]
 
 
@@ -179,8 +179,8 @@ def numbers(records: tuple[str, ...]) -> list[int]:
 def test_records_are_put_in_order_of_time(make: Make, zone: str):
     folders = make(hourly(zone=zone))
     blocks = read_blocks(sorted(folders, key=str))  # res-1, res-10, res-11, res-12, res-2 …
-    assert numbers(blocks.records) == list(range(1, FEWEST + 1))
-    np.testing.assert_allclose(blocks.time, 3600.0 * np.arange(FEWEST))
+    assert numbers(blocks.records) == list(range(1, MIN_BLOCKS + 1))
+    np.testing.assert_allclose(blocks.time, 3600.0 * np.arange(MIN_BLOCKS))
     assert (np.diff(blocks.theta[:, 0]) > 0.0).all()
     assert blocks.begin is not None
     assert blocks.begin.isoformat().startswith("2026-03-01T00:00:02")  # where the section begins
@@ -191,16 +191,16 @@ def test_records_are_put_in_order_of_time(make: Make, zone: str):
 def test_records_of_several_zones_are_put_in_order_of_the_moment(make: Make):
     starts = hourly()
     starts[5] = "2026-03-01T06:00:00+01:00"  # 05:00 UTC
-    assert numbers(read_blocks(list(reversed(make(starts)))).records) == list(range(1, FEWEST + 1))
+    assert numbers(read_blocks(list(reversed(make(starts)))).records) == list(range(1, MIN_BLOCKS + 1))
 
 
 def test_without_times_the_order_is_the_natural_one_or_as_given_and_that_is_said(make: Make):
-    folders = make([None] * FEWEST)
+    folders = make([None] * MIN_BLOCKS)
     blocks = read_blocks(sorted(folders, key=str))
-    assert numbers(blocks.records) == list(range(1, FEWEST + 1))
+    assert numbers(blocks.records) == list(range(1, MIN_BLOCKS + 1))
     assert any("natural order, res-1 … res-12" in note for note in blocks.notes)
     backwards = read_blocks(list(reversed(folders)))
-    assert numbers(backwards.records) == list(range(FEWEST, 0, -1))
+    assert numbers(backwards.records) == list(range(MIN_BLOCKS, 0, -1))
     assert any("12 of 12 records do not say when they began" in note for note in backwards.notes)
 
 
@@ -233,9 +233,9 @@ def test_lines_of_covariates_go_with_their_records(make: Make, tmp_path: Path, m
     monkeypatch.setattr(blocks_module, "load_posterior", cache(load_posterior))
     folders = make(hourly())
     given = sorted(folders, key=str)
-    wind = np.arange(1.0, FEWEST + 1.0)
+    wind = np.arange(1.0, MIN_BLOCKS + 1.0)
 
-    by_time = [f"2026-03-01T{i:02d}:00Z,{i + 1}" for i in range(FEWEST)]
+    by_time = [f"2026-03-01T{i:02d}:00Z,{i + 1}" for i in range(MIN_BLOCKS)]
     blocks = read_blocks(given, covariates(tmp_path, ["time,wind", *by_time]))
     np.testing.assert_array_equal(blocks.covariates[:, 0], wind)
 
@@ -243,11 +243,11 @@ def test_lines_of_covariates_go_with_their_records(make: Make, tmp_path: Path, m
     blocks = read_blocks(given, covariates(tmp_path, ["folder,wind", *by_name]))
     np.testing.assert_array_equal(blocks.covariates[:, 0], wind)
 
-    in_order = [f"{600 * i},{i + 1}" for i in range(FEWEST)]  # says nothing of which folder is meant
+    in_order = [f"{600 * i},{i + 1}" for i in range(MIN_BLOCKS)]  # says nothing of which folder is meant
     with pytest.raises(ConfigurationError, match=r"contradicts when the records began: add a column 'folder'"):
         read_blocks(given, covariates(tmp_path, ["time,wind", *in_order]))
     blocks = read_blocks(folders, covariates(tmp_path, ["time,wind", *in_order]))
-    np.testing.assert_allclose(blocks.time, 3600.0 * np.arange(FEWEST))  # the records' own
+    np.testing.assert_allclose(blocks.time, 3600.0 * np.arange(MIN_BLOCKS))  # the records' own
 
     wrong = [line.replace("T07:00", "T07:30") for line in by_time]
     with pytest.raises(ConfigurationError, match=r"no line has the time of 'res-8', 2026-03-01T07:00:02\+00:00"):
@@ -257,12 +257,12 @@ def test_lines_of_covariates_go_with_their_records(make: Make, tmp_path: Path, m
 
 
 def test_a_table_says_the_times_of_records_that_do_not(make: Make, tmp_path: Path):
-    folders = make([None] * FEWEST)
-    lines = [f"res-{i + 1},{600 * i},{i + 1}" for i in range(FEWEST)]
+    folders = make([None] * MIN_BLOCKS)
+    lines = [f"res-{i + 1},{600 * i},{i + 1}" for i in range(MIN_BLOCKS)]
     blocks = read_blocks(list(reversed(folders)), covariates(tmp_path, ["folder,time,wind", *reversed(lines)]))
-    assert numbers(blocks.records) == list(range(1, FEWEST + 1))
-    np.testing.assert_array_equal(blocks.covariates[:, 0], np.arange(1.0, FEWEST + 1.0))
-    np.testing.assert_array_equal(blocks.time, 600.0 * np.arange(FEWEST))
+    assert numbers(blocks.records) == list(range(1, MIN_BLOCKS + 1))
+    np.testing.assert_array_equal(blocks.covariates[:, 0], np.arange(1.0, MIN_BLOCKS + 1.0))
+    np.testing.assert_array_equal(blocks.time, 600.0 * np.arange(MIN_BLOCKS))
 
 
 def test_a_summary_changed_by_hand_changes_no_computation(make: Make):

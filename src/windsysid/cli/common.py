@@ -108,13 +108,7 @@ def show_progress(title: str) -> Iterator[Any]:
 
 def print_table(headings: Any, rows: Any, title: str) -> None:
     """Print rows under headings, as wide as the terminal at most."""
-    from rich.table import Table
-
     from windsysid.console import render
+    from windsysid.output.table import Table
 
-    table = Table(title=title, title_justify="left")
-    for heading in headings:
-        table.add_column(heading)
-    for row in rows:
-        table.add_row(*row)
-    print(render(table))
+    print(render(Table(headings, rows, title, words=range(len(headings)))))

@@ -46,16 +46,16 @@ from windsysid.statespace.workspace import BLOCKS, WORKSPACE, Matrix, Vector, sc
 
 __all__ = ["IEKF"]
 
-BENT = 0.2
+BEND_LIMIT_SIGMAS = 0.2
 """Standard deviations of its noise that a reading is off its linearisation, above which the sample is iterated."""
 
-ITERATIONS = 10
+MAX_ITERATIONS = 10
 """Most Gauss–Newton steps per sample."""
 
-SETTLED = 0.01
+STEP_TOLERANCE_SIGMAS = 0.01
 """Length of a step, in standard deviations of the state after the update, below which it is the last."""
 
-HALVINGS = 5
+MAX_HALVINGS = 5
 """How often a step that makes J grow is halved before the state stays where it is."""
 
 
@@ -144,17 +144,17 @@ def _iterate(reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, inputs: An
     if not _bends(reading_jacobian, blocks, ws, steps, inputs, readings, gated):
         return True
     cost = _cost(ws, steps, blocks, readings, gated)
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         _gauss_newton(ws, steps, blocks, readings, gated)
-        if not _length(ws, steps, blocks, readings, gated) > SETTLED:
+        if not _length(ws, steps, blocks, readings, gated) > STEP_TOLERANCE_SIGMAS:
             return True
-        for halved in range(HALVINGS + 2):
-            length = splat(1.0 if halved <= HALVINGS else 0.0)
+        for halved in range(MAX_HALVINGS + 2):
+            length = splat(1.0 if halved <= MAX_HALVINGS else 0.0)
             for c in range(vectors):
                 store(at, c, load(at, c) + length * load(towards, c))
                 store(push, c, load(push, c) + length * load(pushes, c))
             _linearise(reading_jacobian, blocks, ws, inputs)
-            if halved > HALVINGS:
+            if halved > MAX_HALVINGS:
                 return False
             reached = _cost(ws, steps, blocks, readings, gated)
             if reached <= cost:
@@ -192,7 +192,7 @@ def _bends(reading_jacobian: Any, blocks: Any, ws: Any, steps: Any, inputs: Any,
     bent = False
     for c in range(readings.size):
         if not (np.isnan(readings[c]) or gated[c]):
-            bent = bent or abs(ws.y[c] - line[c]) > BENT * np.sqrt(blocks.noise[c])
+            bent = bent or abs(ws.y[c] - line[c]) > BEND_LIMIT_SIGMAS * np.sqrt(blocks.noise[c])
         ws.y[c] = steps.y[c]
     for c in range(rows):
         store(ws.H, c, load(steps.H, c))

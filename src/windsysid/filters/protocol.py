@@ -157,7 +157,7 @@ class Filter:
         return self._filter(model, belief, inputs, readings, keep=True)
 
     def _kept(self, model: StateSpace) -> Callable[..., None]:
-        """The kernel with its scratch, which each thread makes once for a model: a step costs less than its scratch."""
+        """The kernel with its scratch; each thread makes it once for a model, since that takes longer than a step."""
         kernels: dict[str, Callable[..., None]] = scratch.__dict__
         key = f"{self.name} of {id(model)}"
         if key not in kernels:

@@ -17,7 +17,15 @@ from windsysid.inspection.inspection import Inspection
 from windsysid.inspection.plausibility import Rotor
 from windsysid.inspection.screening import examine
 from windsysid.inspection.sections import Proposal, propose
-from windsysid.inspection.spectra import VARIES, Spectrogram, Spectrum, cleaned, expected_modes, spectra, spectrogram
+from windsysid.inspection.spectra import (
+    SPECTROGRAM_MIN_SPREAD,
+    Spectrogram,
+    Spectrum,
+    cleaned,
+    expected_modes,
+    spectra,
+    spectrogram,
+)
 from windsysid.inspection.stops import Stop, find_stops
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
@@ -111,7 +119,7 @@ def _modes(
     found = tuple(expected_modes(turbine, speed))
     if not found:
         notes.append(f"{turbine.name}: a rotor with fewer than three free blades has no modes in the fixed frame.")
-    if rotor is None or rotor.variation < VARIES:
+    if rotor is None or rotor.variation < SPECTROGRAM_MIN_SPREAD:
         return found, ()
     low, high = np.percentile(rotor.speed, (0.5, 99.5))
     speeds = np.linspace(float(low), float(high), 9)

@@ -24,11 +24,11 @@ Severity = Literal["note", "warning", "unusable"]
 SEVERITIES: tuple[Severity, ...] = ("unusable", "warning", "note")
 """The worst first. A note is good to know; a warning needs a hand; what is unusable has to be left out."""
 
-JUMP = 8.0
+SPIKE_MIN_SIGMAS = 8.0
 """A spike's jump, in standard deviations of the steps around it."""
-LONGEST_SPIKE = 5
+MAX_SPIKE_SAMPLES = 5
 """Samples; what lasts longer is not called a spike."""
-GAP = 1.5
+GAP_MIN_STEPS = 1.5
 """A step longer than this many usual ones is a gap."""
 
 _TURN = 2.0 * np.pi
@@ -79,7 +79,7 @@ def clock_faults(record: Record) -> list[Finding]:
     usual = 1.0 / record.rate
     found = []
     scatter = float(np.percentile(np.abs(steps / usual - 1.0), 90.0)) / 1.645
-    gap = steps > max(GAP, 1.0 + 5.0 * scatter) * usual  # a clock that scatters loses no sample by it
+    gap = steps > max(GAP_MIN_STEPS, 1.0 + 5.0 * scatter) * usual  # a clock that scatters loses no sample by it
     if gap.any():
         spans = np.column_stack([record.time[:-1][gap], record.time[1:][gap]])
         lost = int(np.sum(np.rint(steps[gap] / usual) - 1))
@@ -87,8 +87,8 @@ def clock_faults(record: Record) -> list[Finding]:
         found.append(
             Finding(
                 "", "gaps", "unusable" if share > 0.5 else "warning",
-                f"{_many(len(spans), 'gap')} in the time, the longest {steps[gap].max():.3g} s, "
-                f"{_many(lost, 'sample')} lost ({_percent(share)}), {when(spans)}: choose a section between them",
+                f"{count_of(len(spans), 'gap')} in the time, the longest {steps[gap].max():.3g} s, "
+                f"{count_of(lost, 'sample')} lost ({_percent(share)}), {when(spans)}: choose a section between them",
                 lost, spans,
             )
         )  # fmt: skip
@@ -102,7 +102,7 @@ def clock_faults(record: Record) -> list[Finding]:
                 "", "irregular sampling", "warning" if worst > 0.1 else "note",
                 f"steps of {usual:.4g} s vary by {_percent(spread)} rms, {_percent(worst)} at most"
                 + (
-                    f", {_many(int(off.sum()), 'step')} more than 10 % off: resample to a uniform rate first"
+                    f", {count_of(int(off.sum()), 'step')} more than 10 % off: resample to a uniform rate first"
                     if off.any()
                     else ""
                 ),
@@ -140,7 +140,7 @@ def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = Fa
     if spread <= 1e-12 * float(np.abs(x).max()):
         return [*found, _constant(channel, kind, x, unit)]
     step = float(np.median(np.diff(time)))
-    adjacent = np.diff(time) < GAP * step
+    adjacent = np.diff(time) < GAP_MIN_STEPS * step
     lsb = _converter_step(x)
     turning = kind == "azimuth" and spread < 1.1 * max(_TURN, 360.0 if spread > 2.2 * _TURN else 0.0)
     turn = 0.0 if not turning else (360.0 if spread > 1.1 * _TURN else _TURN)
@@ -166,7 +166,7 @@ def when(spans: Array, most: int = 4) -> str:
     listed = [f"{a:.6g}" if b - a < 0.05 else f"{a:.6g}–{b:.6g}" for a, b in spans[:most]]
     text = listed[0] if len(listed) == 1 else ", ".join(listed[:-1]) + " and " + listed[-1]
     more = len(spans) - most
-    return f"at {text} s" + (f" and {_many(more, 'more place')}" if more > 0 else "")
+    return f"at {text} s" + (f" and {count_of(more, 'more place')}" if more > 0 else "")
 
 
 def _missing(record: Record, channel: str, known: Mask) -> list[Finding]:
@@ -192,7 +192,7 @@ def _missing(record: Record, channel: str, known: Mask) -> list[Finding]:
         else ("choose a section without them" if severity == "warning" else "short enough to be bridged")
     )
     text = (
-        f"{_many(count, 'sample')} missing ({_percent(share)}) in {_many(len(spans), 'place')}, the longest"
+        f"{count_of(count, 'sample')} missing ({_percent(share)}) in {count_of(len(spans), 'place')}, the longest"
         f" {longest:.3g} s, {when(spans)}: {advice}"
     )
     return [Finding(channel, "missing", severity, text, count, spans)]
@@ -221,15 +221,15 @@ def _spikes(x: Array, adjacent: Mask, lsb: float, step: float, turn: float, kind
     scale = _local_scale(np.where(adjacent, np.abs(d), 0.0), step)
     quartile = np.percentile(x, (25.0, 75.0))
     floor = 0.03 * turn if turn else 0.5 * 0.7413 * float(quartile[1] - quartile[0])
-    jump = JUMP
+    jump = SPIKE_MIN_SIGMAS
     if kind in ("wind speed", "direction"):  # gusts are short too
-        jump, floor = 2.0 * JUMP, 6.0 * floor
+        jump, floor = 2.0 * SPIKE_MIN_SIGMAS, 6.0 * floor
     threshold = np.maximum(jump * scale, max(floor, 4.0 * lsb))
     out = np.flatnonzero((np.abs(d) > threshold) & adjacent)
     level = np.concatenate([[0.0], np.cumsum(d)])
     width = np.zeros(out.size, dtype=np.int64)
     away = np.ones(out.size, dtype=np.bool_)
-    for w in range(1, LONGEST_SPIKE + 1):
+    for w in range(1, MAX_SPIKE_SAMPLES + 1):
         inside = out + w + 1 < x.size
         at = np.minimum(out + w, x.size - 2)
         height = np.abs(d[out])
@@ -272,8 +272,8 @@ def _spikes_found(channel: str, x: Array, time: Array, spike: Mask, unit: str) -
     share = float(spike.mean())
     relative = f", {largest / usual:.2g} × the usual rms" if usual > 0.0 else ""
     text = (
-        f"{_many(len(spans), 'spike')} ({_many(int(spike.sum()), 'sample')}) up to {largest:.3g} {unit_text(unit)} off"
-        f" the median{relative}, {when(spans)}: remove them (despike) before anything else"
+        f"{count_of(len(spans), 'spike')} ({count_of(int(spike.sum()), 'sample')}) up to {largest:.3g}"
+        f" {unit_text(unit)} off the median{relative}, {when(spans)}: remove them (despike) before anything else"
     )
     return Finding(channel, "spikes", "unusable" if share > 0.1 else "warning", text, int(spike.sum()), spans)
 
@@ -299,9 +299,9 @@ def _clipping_found(channel: str, x: Array, time: Array, clipped: Mask, unit: st
     spans = _spans(time, clipped)
     share = float(clipped.mean())
     text = (
-        f"{_many(int(clipped.sum()), 'sample')} ({_percent(share)}) sit at {' and '.join(f'{end:g}' for end in ends)}"
-        f" {unit_text(unit)}, {when(spans)}: the amplifier is overdriven; what is larger is lost, so amplitudes and"
-        " damping come out wrong"
+        f"{count_of(int(clipped.sum()), 'sample')} ({_percent(share)}) sit at"
+        f" {' and '.join(f'{end:g}' for end in ends)} {unit_text(unit)}, {when(spans)}: the amplifier is overdriven;"
+        " what is larger is lost, so amplitudes and damping come out wrong"
     )
     return Finding(channel, "clipping", "unusable" if share > 0.05 else "warning", text, int(clipped.sum()), spans)
 
@@ -331,7 +331,7 @@ def _frozen(
     count = int(lengths[long].sum())
     text = (
         f"frozen: repeats one value for up to {float((spans[:, 1] - spans[:, 0]).max()) + step:.3g} s,"
-        f" {_many(count, 'sample')} ({_percent(count / x.size)}), {when(spans)}: treat them as missing"
+        f" {count_of(count, 'sample')} ({_percent(count / x.size)}), {when(spans)}: treat them as missing"
     )
     return [Finding(channel, "frozen", "unusable" if count > 0.5 * x.size else "warning", text, count, spans)]
 
@@ -379,8 +379,8 @@ def _repeated_rows(record: Record) -> list[Finding]:
         return []
     spans = _spans(record.time, repeated)
     text = (
-        f"{_many(int(repeated.sum()), 'row')} repeat the row before in all {int(chosen.sum())} channels that vibrate,"
-        f" {when(spans)}: the logger stalled or wrote twice; treat them as missing"
+        f"{count_of(int(repeated.sum()), 'row')} repeat the row before in all {int(chosen.sum())} channels that"
+        f" vibrate, {when(spans)}: the logger stalled or wrote twice; treat them as missing"
     )
     return [Finding("", "repeated rows", "warning", text, int(repeated.sum()), spans)]
 
@@ -401,7 +401,7 @@ def _spans(time: Array, mask: Mask) -> Array:
     return np.column_stack([time[runs[:, 0]], time[runs[:, 1] - 1]])
 
 
-def _many(count: int, what: str) -> str:
+def count_of(count: int, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
 
 

@@ -2,8 +2,9 @@
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from windsysid.console import render
 from windsysid.inspection.channels import kinds, most_telling
 from windsysid.inspection.health import SEVERITIES, Finding
 from windsysid.inspection.plausibility import Rotor
@@ -11,11 +12,9 @@ from windsysid.inspection.sections import Proposal
 from windsysid.inspection.spectra import Spectrogram, Spectrum
 from windsysid.inspection.stops import Stop
 from windsysid.output.answers import Answer
+from windsysid.output.table import Table
 from windsysid.records.record import Record
-from windsysid.units import RPM
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from windsysid.units import RPM, unit_text
 
 __all__ = ["STOPS_TITLE", "Inspection"]
 
@@ -131,21 +130,23 @@ class Inspection(Answer):
 
         return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
-    def table(self) -> "Table":
-        """The findings as a Rich table."""
-        return _rich("What is wrong", ("channel", "severity", "finding"), self.finding_rows())
+    def table(self) -> Table:
+        """The findings."""
+        return Table(("channel", "severity", "finding"), self.finding_rows(), "What is wrong", words=(0, 1, 2))
 
-    def sections_table(self) -> "Table":
-        """The proposed sections as a Rich table."""
-        return _rich(self.sections_title, ("section [s]", "verdict", "why"), self.section_rows())
+    def sections_table(self) -> Table:
+        """The proposed sections."""
+        headings = ("section [s]", "verdict", "why")
+        return Table(headings, self.section_rows(), self.sections_title, words=(0, 1, 2))
 
-    def stops_table(self) -> "Table":
-        """Stops of the rotor as a Rich table."""
-        return _rich(STOPS_TITLE, ("section [s]", "why"), self.stop_rows())
+    def stops_table(self) -> Table:
+        """Stops of the rotor."""
+        return Table(("section [s]", "why"), self.stop_rows(), STOPS_TITLE, words=(0, 1))
 
-    def peaks_table(self) -> "Table":
-        """Spectral peaks of the most telling channels as a Rich table."""
-        return _rich("Spectral peaks", ("channel", "Hz", "rms", "what it may be"), self.peak_rows(most_channels=6))
+    def peaks_table(self, most_channels: int = 6) -> Table:
+        """Spectral peaks of the most telling channels."""
+        headings = ("channel", "frequency [Hz]", "rms", "what it may be")
+        return Table(headings, self.peak_rows(most_channels), "Spectral peaks", words=(0, 3))
 
     @property
     def sections_title(self) -> str:
@@ -181,8 +182,6 @@ class Inspection(Answer):
 
     def peak_rows(self, most_channels: int = 1000) -> list[tuple[str, str, str, str]]:
         """Channel, frequency, rms, and what it may be, of every peak."""
-        from windsysid.units import unit_text
-
         return [
             (
                 spectrum.channel if i == 0 else "",
@@ -207,8 +206,6 @@ class Inspection(Answer):
         )
 
     def __str__(self) -> str:
-        from windsysid.console import render
-
         parts: list[Any] = [self.heading(), f"Verdict: {self.verdict}", ""]
         if self.findings:
             parts += [self.table(), ""]
@@ -222,17 +219,3 @@ class Inspection(Answer):
             listed = ", ".join(f"{name} {frequency:.4g} Hz" for name, frequency, _ in self.modes)
             parts.append(f"Expected modes of {self.turbine} at this speed, fixed frame: {listed}")
         return render(*parts, *self.notes)
-
-
-def _rich(title: str, headings: tuple[str, ...], rows: Any) -> "Table":
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left")
-    for heading in headings:
-        long = heading in ("channel", "finding", "why", "what it may be")
-        table.add_column(
-            heading, justify="right" if heading in ("Hz", "rms") else "left", no_wrap=not long, overflow="fold"
-        )
-    for row in rows:
-        table.add_row(*row)
-    return table

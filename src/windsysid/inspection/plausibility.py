@@ -16,7 +16,7 @@ __all__ = ["Rotor", "implausible", "rotor_of"]
 
 
 GRAVITY = 9.80665
-SLOWEST = 0.05
+MIN_ROTOR_SPEED = 0.05
 """Least rotor speed of a running machine [rad/s]."""
 
 _TURN = 2.0 * np.pi
@@ -53,7 +53,7 @@ class Rotor:
         self.speed, self.source = speed, source
         self.mean = float(np.mean(speed))
         self.variation = float(np.std(speed) / abs(self.mean)) if self.mean else 0.0
-        self.turns = abs(self.mean) > SLOWEST
+        self.turns = abs(self.mean) > MIN_ROTOR_SPEED
 
 
 def rotor_of(record: Record, usable: "set[str] | None" = None) -> Rotor | None:

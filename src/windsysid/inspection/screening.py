@@ -12,7 +12,7 @@ import numpy as np
 from windsysid.errors import RecordError
 from windsysid.inspection.channels import VIBRATION, Kind, kinds
 from windsysid.inspection.health import SEVERITIES, Finding, channel_faults, clock_faults
-from windsysid.inspection.plausibility import SLOWEST, Rotor, implausible, rotor_of
+from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor, implausible, rotor_of
 from windsysid.records.record import Record
 
 if TYPE_CHECKING:
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["examine", "noted", "screen"]
 
 _DEAD = ("constant", "frozen")
-_HUGE = 1e100
-_OFFSET = 3.0
+_MAX_VALUE = 1e100
+_OFFSET_SIGMAS = 3.0
 """A mean is expected where a sensor's offset has a prior standard deviation of a third of it."""
 
 
@@ -37,13 +37,15 @@ def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], d
     """
     known = kinds(record)
     size = np.nanmax(np.abs(record.values), axis=0, initial=0.0)
-    if np.any(size > _HUGE):
+    if np.any(size > _MAX_VALUE):
         k = int(np.argmax(size))
         raise RecordError(
-            f"{record.name}: channel '{record.channels[k]}' reaches {size[k]:.3g}: expected less than {_HUGE:g}; "
+            f"{record.name}: channel '{record.channels[k]}' reaches {size[k]:.3g}: expected less than {_MAX_VALUE:g}; "
             "leave those cells empty, or write NaN"
         )
-    standing = "rotor_speed" in record and bool(np.nanmin(np.abs(record["rotor_speed"]), initial=np.inf) < SLOWEST)
+    standing = "rotor_speed" in record and bool(
+        np.nanmin(np.abs(record["rotor_speed"]), initial=np.inf) < MIN_ROTOR_SPEED
+    )
     findings = clock_faults(record)
     for channel, kind in known.items():
         findings += channel_faults(record, channel, kind, standing)
@@ -103,7 +105,7 @@ def screen(
         if finding.kind != "unit" or finding.severity != "warning" or known[channel] == "wind speed":
             continue
         offset = (offsets or {}).get(channel, 0.0)
-        if not offset or abs(float(np.nanmean(record[channel]))) > _OFFSET * offset:
+        if not offset or abs(float(np.nanmean(record[channel]))) > _OFFSET_SIGMAS * offset:
             way_out = ", or leave it out of the sensors" if channel in measured else ""
             raise RecordError(f"{record.name}: channel '{channel}': {finding.text} Correct its unit{way_out}")
     return [finding for finding in findings if finding.severity != "note"]

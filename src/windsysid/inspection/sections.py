@@ -22,21 +22,21 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.inspection.channels import VIBRATION, Kind
 from windsysid.inspection.health import Finding, joined
-from windsysid.inspection.plausibility import SLOWEST, Rotor
+from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor
 from windsysid.records.record import Record
 from windsysid.units import RPM
 
 __all__ = ["Proposal", "propose"]
 
 
-MOST = 5
-PER_SECTION = 40
+MAX_PROPOSALS = 5
+BLOCKS_PER_SECTION = 40
 """Blocks in a section: windows start at each block."""
 
 ROTOR_LIMIT, WIND_LIMIT, DIRECTION_LIMIT, FAULT_LIMIT = 0.05, 0.20, np.radians(15.0), 0.02
-WEAK = 0.25
+MIN_VIBRATION_FACTOR = 0.25
 """Vibration below this many times the record's median is too little to identify from."""
-CHANGE_LIMIT = 2.0
+MAX_VIBRATION_CHANGE = 2.0
 """Vibration that grows or fades by more than this factor between the halves of a section is not stationary."""
 
 
@@ -86,7 +86,7 @@ def propose(
     step = 1.0 / record.rate
     whole = record.duration + step
     length = min(length, whole)
-    blocks = PER_SECTION
+    blocks = BLOCKS_PER_SECTION
     size = length / blocks
     count = int(whole / size * (1.0 + 1e-12))
     edges = np.searchsorted(record.time, record.time[0] - 0.5 * step + size * np.arange(count + 1))
@@ -107,7 +107,7 @@ def propose(
 
     if rotor is not None and rotor.turns:
         mean, std, drift = cut.moments(rotor.speed, record.time)
-        parked = np.abs(mean) < SLOWEST
+        parked = np.abs(mean) < MIN_ROTOR_SPEED
         turning = np.where(parked, np.inf, np.abs(mean))
         spread, drift = std / turning, np.abs(drift) / turning
         rpm = np.abs(mean) * RPM
@@ -148,7 +148,7 @@ def propose(
     for w in order:
         if all(abs(w - other) >= blocks for other in chosen):
             chosen.append(w)
-        if len(chosen) == MOST:
+        if len(chosen) == MAX_PROPOSALS:
             break
     return tuple(
         Proposal(
@@ -273,10 +273,10 @@ def _judge_excitation(record: Record, known: dict[str, Kind], cut: _Blocks, judg
         np.where(weak > 0.0, weak, np.maximum(0.25 * weak, -0.5)),
         words,
         [f"vibration only {v:.2g} × the record's usual" for v in level],
-        -np.log2(WEAK),
+        -np.log2(MIN_VIBRATION_FACTOR),
     )
     verb = ["grows" if g > 0.0 else "fades" for g in growth.mean(axis=0)]
-    penalty = 0.5 * np.log2(factor) / np.log2(CHANGE_LIMIT)
+    penalty = 0.5 * np.log2(factor) / np.log2(MAX_VIBRATION_CHANGE)
     judge(
         penalty,
         ["equally strong in both halves" if f < 1.2 else f"it {v} by {f:.2g} × between the halves" for f,

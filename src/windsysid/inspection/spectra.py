@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.errors import RecordError
 from windsysid.inspection.channels import in_rotating_frame
 from windsysid.inspection.health import Finding
 from windsysid.inspection.plausibility import Rotor
@@ -23,14 +24,15 @@ __all__ = ["Line", "Peak", "Spectrogram", "Spectrum", "cleaned", "expected_modes
 
 
 MOST_PEAKS = 8
-SEGMENTS = 6
-"""A record is cut into so many lengths (eleven segments, overlapping by half), none longer than `LONGEST`."""
-LONGEST = 100.0
-NEAR_MODE = 0.08
+SEGMENTS_PER_RECORD = 6
+"""A record is cut into so many lengths (eleven segments, overlapping by half), none longer than
+`MAX_SEGMENT_SECONDS`."""
+MAX_SEGMENT_SECONDS = 100.0
+MODE_TOLERANCE = 0.08
 """A peak this near to an expected mode may be that mode: the turbine file's values are references, not truth."""
-BROAD = 0.06
+BROAD_PEAK_HALF_WIDTH = 0.06
 """Half-width of a broad peak, relative to its frequency."""
-VARIES = 0.02
+SPECTROGRAM_MIN_SPREAD = 0.02
 """Relative standard deviation of the rotor speed from which a spectrogram is drawn against it."""
 
 
@@ -128,8 +130,6 @@ class Spectrogram:
 
 def cleaned(record: Record, channels: Sequence[str], findings: Sequence[Finding]) -> tuple[Array, Array, float, str]:
     """Time (T,), values (T, m) and rate of channels on a uniform grid, faults bridged; and a remark, if one is due."""
-    from windsysid.errors import RecordError
-
     values = np.column_stack([record[name] for name in channels]) if channels else np.empty((record.samples, 0))
     for finding in findings:
         if finding.kind in ("spikes", "frozen") and finding.channel in channels:
@@ -214,7 +214,7 @@ def spectra(
     from scipy.signal import welch
 
     samples = len(values)
-    size = int(min(max(samples // SEGMENTS, min(samples, 256)), LONGEST * rate))
+    size = int(min(max(samples // SEGMENTS_PER_RECORD, min(samples, 256)), MAX_SEGMENT_SECONDS * rate))
     if size < 16:
         return ()
     from scipy.fft import next_fast_len
@@ -259,7 +259,7 @@ def _peaks(
             around = density[max(i - 2, 0) : i + 3]
             found.append(Peak(at, float(above[i]), float(np.sqrt(around.sum() * step)), _matches(at, lines)))
     for peak in _broad_peaks(frequency, density, resolution, lines):
-        if all(abs(peak.frequency - other.frequency) > BROAD * peak.frequency for other in found):
+        if all(abs(peak.frequency - other.frequency) > BROAD_PEAK_HALF_WIDTH * peak.frequency for other in found):
             found.append(peak)
     return tuple(sorted(found, key=lambda peak: -peak.rms)[:MOST_PEAKS])
 
@@ -270,13 +270,19 @@ def _broad_peaks(frequency: Array, density: Array, resolution: float, lines: Seq
     The search is the same, on a logarithmic axis.
     """
     step = frequency[1]
-    lowest = 2.0 * resolution / BROAD  # below this a band of ± BROAD holds too few lines to be averaged
+    lowest = (
+        2.0 * resolution / BROAD_PEAK_HALF_WIDTH
+    )  # below this a band of ± BROAD_PEAK_HALF_WIDTH holds too few lines to be averaged
     if lowest >= 0.5 * frequency[-1]:
         return []
-    centre = np.geomspace(lowest, frequency[-1] / (1.0 + BROAD), int(np.log(frequency[-1] / lowest) / np.log(1.02)) + 2)
+    centre = np.geomspace(
+        lowest, frequency[-1] / (1.0 + BROAD_PEAK_HALF_WIDTH), int(np.log(frequency[-1] / lowest) / np.log(1.02)) + 2
+    )
     power = np.concatenate([[0.0], np.cumsum(density) * step])
     edges = np.append(frequency - 0.5 * step, frequency[-1] + 0.5 * step)
-    band = np.interp(centre * (1.0 + BROAD), edges, power) - np.interp(centre * (1.0 - BROAD), edges, power)
+    band = np.interp(centre * (1.0 + BROAD_PEAK_HALF_WIDTH), edges, power) - np.interp(
+        centre * (1.0 - BROAD_PEAK_HALF_WIDTH), edges, power
+    )
     band = np.maximum(band, 1e-300)
     level = 10.0 * np.log10(band / centre)
     found = []
@@ -286,9 +292,12 @@ def _broad_peaks(frequency: Array, density: Array, resolution: float, lines: Seq
         rise = float(level[i] - max(low.min(), high.min()))
         if level[i] == near.max() and rise > 5.0 and band[i] > 1e-8 * band.max():
             at = float(centre[i])
-            inside = np.abs(frequency - at) <= BROAD * at
+            inside = np.abs(frequency - at) <= BROAD_PEAK_HALF_WIDTH * at
             at = float(np.average(frequency[inside], weights=density[inside]))
-            wide = [Line(x.name, x.frequency, max(x.half_width, 0.5 * BROAD * at), x.mode, x.number) for x in lines]
+            wide = [
+                Line(x.name, x.frequency, max(x.half_width, 0.5 * BROAD_PEAK_HALF_WIDTH * at), x.mode, x.number)
+                for x in lines
+            ]
             found.append(Peak(at, rise, float(np.sqrt(band[i])), _matches(at, wide)))
     return found
 
@@ -306,7 +315,7 @@ def _matches(at: float, lines: Sequence[Line]) -> tuple[str, ...]:
     return tuple(
         f"{line.name} {100.0 * (at / line.frequency - 1.0):+.1f} %".replace("-", "−")
         for line in near
-        if line.mode and abs(at - line.frequency) <= NEAR_MODE * line.frequency
+        if line.mode and abs(at - line.frequency) <= MODE_TOLERANCE * line.frequency
     )
 
 
@@ -322,7 +331,7 @@ def spectrogram(
 
     duration = values.size / rate
     seconds = 5.0 * 2.0 * np.pi / abs(rotor.mean) if rotor is not None and rotor.turns else duration / 20.0
-    if not (varies := rotor is not None and rotor.turns and rotor.variation > VARIES):
+    if not (varies := rotor is not None and rotor.turns and rotor.variation > SPECTROGRAM_MIN_SPREAD):
         seconds = max(2.0 * seconds, duration / 60.0)
     size = int(min(max(seconds * rate, 32), values.size / 4))
     if size < 16:

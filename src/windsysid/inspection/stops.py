@@ -12,26 +12,26 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.inspection.channels import VIBRATION, Kind
-from windsysid.inspection.plausibility import SLOWEST, Rotor
+from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor
 from windsysid.records.record import Record
 from windsysid.units import RPM
 
 __all__ = ["Stop", "find_stops"]
 
 
-RUNNING, STOPPED, STARTED = 0.6, 0.1, 0.2
+RUNNING_MIN_SHARE, STOPPED_MAX_SHARE, STARTED_MIN_SHARE = 0.6, 0.1, 0.2
 """Shares of the usual rotor speed: it runs above the first, stands below the second, turns again above the third."""
 
-SUDDEN = 60.0
+MAX_FALL_SECONDS = 60.0
 """Longest fall from running to stopped [s]."""
 
-SHORTEST, LONGEST = 30.0, 1200.0
+MIN_SECTION_SECONDS, MAX_SECTION_SECONDS = 30.0, 1200.0
 """Length of a section after a stop [s]: a shorter one is not listed, a longer one is cut."""
 
-FIRST = 10.0
+EARLY_SECONDS = 10.0
 """Vibration right after the stop is that of so many seconds."""
 
-DECAYED = 1.5
+DECAY_MIN_FACTOR = 1.5
 """Vibration right after the stop over that of the section's second half, from which it is a decay."""
 
 
@@ -64,7 +64,7 @@ class Stop:
     @property
     def decays(self) -> bool:
         """Whether the stop set off a vibration that dies away."""
-        return self.decay >= DECAYED
+        return self.decay >= DECAY_MIN_FACTOR
 
     def summary(self) -> dict[str, Any]:
         """As plain values."""
@@ -94,25 +94,29 @@ def find_stops(record: Record, rotor: Rotor | None, known: dict[str, Kind]) -> t
     if rotor is None:
         return ()
     speed, time = np.abs(rotor.speed), record.time
-    turning = speed[speed > max(0.5 * np.percentile(speed, 99.0), SLOWEST)]
+    turning = speed[speed > max(0.5 * np.percentile(speed, 99.0), MIN_ROTOR_SPEED)]
     if not turning.size:
         return ()
     usual = float(np.median(turning))
-    stopped = speed < STOPPED * usual
+    stopped = speed < STOPPED_MAX_SHARE * usual
     entries = np.flatnonzero(stopped[1:] & ~stopped[:-1]) + 1
-    runs, turns = np.flatnonzero(speed > RUNNING * usual), np.flatnonzero(speed > STARTED * usual)
+    runs, turns = np.flatnonzero(speed > RUNNING_MIN_SHARE * usual), np.flatnonzero(speed > STARTED_MIN_SHARE * usual)
     found: list[Stop] = []
     for entry in entries:
         before = np.searchsorted(runs, entry) - 1
-        if before < 0 or time[entry] - time[runs[before]] > SUDDEN or (found and found[-1].start > time[runs[before]]):
+        if (
+            before < 0
+            or time[entry] - time[runs[before]] > MAX_FALL_SECONDS
+            or (found and found[-1].start > time[runs[before]])
+        ):
             continue
         again = np.searchsorted(turns, entry)
         end = float(time[turns[again]] if again < len(turns) else time[-1])
-        start, end = float(time[entry]), min(end, float(time[entry]) + LONGEST)
-        if end - start >= SHORTEST:
+        start, end = float(time[entry]), min(end, float(time[entry]) + MAX_SECTION_SECONDS)
+        if end - start >= MIN_SECTION_SECONDS:
             channel, decay = _decay(record.section(start, end), known)
             lasted = runs[: before + 1]
-            earlier = speed[lasted[time[lasted] > time[lasted[-1]] - SUDDEN]]
+            earlier = speed[lasted[time[lasted] > time[lasted[-1]] - MAX_FALL_SECONDS]]
             fall = float(time[entry] - time[lasted[-1]])
             found.append(Stop(round(start, 3), round(end, 3), float(np.median(earlier)), fall, decay, channel))
     return tuple(found)
@@ -120,7 +124,7 @@ def find_stops(record: Record, rotor: Rotor | None, known: dict[str, Kind]) -> t
 
 def _decay(section: Record, known: dict[str, Kind]) -> tuple[str, float]:
     """The channel whose vibration falls most, and by how much."""
-    early = section.time < section.time[0] + FIRST
+    early = section.time < section.time[0] + EARLY_SECONDS
     late = section.time > section.time[0] + 0.5 * section.duration
     best = ("", 0.0)
     for channel in (name for name, kind in known.items() if kind in VIBRATION):

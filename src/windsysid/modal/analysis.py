@@ -25,16 +25,16 @@ from windsysid.modal.floquet import about_periodic_motion, resolve
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["Spectrum", "analyse", "modes", "modes_with_bands", "unlocked"]
+__all__ = ["Spectrum", "analyse", "analyse_unlocked", "modes", "modes_with_bands"]
 
 
-AZIMUTHS = 24
+AVERAGED_AZIMUTHS = 24
 """Azimuths over which a turn is averaged."""
 
-STEP = 1e-4
+DIFFERENCE_STEP = 1e-4
 """Of the central differences in θ, of the order of 1: A is linear or nearly so in what is identified."""
 
-ASIDE = (1e-3, 3e-3)
+LOCK_ASIDE_SHARES = (1e-3, 3e-3)
 """Shares of the rotor speed by which to step aside from a narrow lock, to either side."""
 
 
@@ -128,14 +128,14 @@ def analyse(
     if method == "Coleman" and axes.averages:
         p = p.copy()
         p[model.parameters.index("gravity")] = 0.0
-        turn = np.arange(AZIMUTHS) * 2.0 * math.pi / AZIMUTHS
+        turn = np.arange(AVERAGED_AZIMUTHS) * 2.0 * math.pi / AVERAGED_AZIMUTHS
         return _constant(_Frame(rotor, model, p, rotor_speed), directions, turn, "Coleman")
     if rotor_speed == 0.0:
         return _standing(_Frame(rotor, model, p, 0.0), directions)
     return _turning(_Frame(rotor, model, p, rotor_speed), directions)
 
 
-def unlocked(
+def analyse_unlocked(
     rotor: MechanicalModel, model: CompiledModel, p: Array, rotor_speed: float, directions: Array | None = None
 ) -> Spectrum:
     """`analyse`, except where a mode is locked to the rotor so narrowly that its band would vanish.
@@ -143,7 +143,7 @@ def unlocked(
     There it returns the mean of the modes at speeds a hair below and above.
     """
     found = analyse(rotor, model, p, rotor_speed, directions)
-    for share in ASIDE if found.locked else ():
+    for share in LOCK_ASIDE_SHARES if found.locked else ():
         above, below = (analyse(rotor, model, p, (1.0 + s) * rotor_speed, directions) for s in (share, -share))
         if not (above.locked or below.locked) and above.names == below.names:
             exponents, slopes = 0.5 * (above.exponents + below.exponents), 0.5 * (above.slopes + below.slopes)
@@ -156,7 +156,7 @@ def _known(
 ) -> Spectrum:
     """`unlocked`, and where Floquet's theory has nothing to say of a slow turn, what an average over the turn says."""
     try:
-        return unlocked(rotor, model, p, rotor_speed, directions)
+        return analyse_unlocked(rotor, model, p, rotor_speed, directions)
     except ConfigurationError:
         return analyse(rotor, model, p, rotor_speed, directions, method="Coleman")
 
@@ -248,12 +248,12 @@ class _Frame:
         """
         pushes, slopes = [np.zeros((len(psi), 2 * self.n, 0))], []
         for i, direction in enumerate(directions):
-            shift = 0.0 if dx is None else STEP * dx[:, :, i]
+            shift = 0.0 if dx is None else DIFFERENCE_STEP * dx[:, :, i]
             base = np.zeros((len(psi), 2 * self.n)) if x is None else x
-            above = self.rates(psi, base + shift, self.p + STEP * direction)
-            below = self.rates(psi, base - shift, self.p - STEP * direction)
-            pushes.append(((above[0] - below[0]) / (2.0 * STEP))[:, :, None])
-            slopes.append((above[1] - below[1]) / (2.0 * STEP))
+            above = self.rates(psi, base + shift, self.p + DIFFERENCE_STEP * direction)
+            below = self.rates(psi, base - shift, self.p - DIFFERENCE_STEP * direction)
+            pushes.append(((above[0] - below[0]) / (2.0 * DIFFERENCE_STEP))[:, :, None])
+            slopes.append((above[1] - below[1]) / (2.0 * DIFFERENCE_STEP))
         return np.concatenate(pushes, axis=2), np.array(slopes).reshape(-1, len(psi), 2 * self.n, 2 * self.n)
 
     def multi_blade(self, psi: Array) -> tuple[Array, Array]:

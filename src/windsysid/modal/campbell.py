@@ -4,21 +4,19 @@ import json
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.console import render
 from windsysid.modal.stability import GroundResonance, Unstable
 from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
+from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
 
 __all__ = ["Campbell", "Margin"]
 
@@ -198,18 +196,11 @@ class Campbell(Answer):
             )
         return rows
 
-    def table(self) -> "Table":
-        """`rows` as a Rich table."""
-        from rich.table import Table
-
+    def table(self) -> Table:
+        """The modes at the usual speed, and how far each stays from the rotor's harmonics."""
         low, high = (value * RPM for value in self.operating)
         over = f"distance from nP over {low:.3g} … {high:.3g} rpm" if self.orders else "parked"
-        table = Table(title=f"{self.title}: {over}", title_justify="left")
-        for heading in self.headings:
-            table.add_column(heading, justify="left" if heading == "mode" else "right")
-        for row in self.rows:
-            table.add_row(*row)
-        return table
+        return Table(self.headings, self.rows, f"{self.title}: {over}")
 
     @property
     def title(self) -> str:
@@ -280,8 +271,6 @@ class Campbell(Answer):
         )
 
     def __str__(self) -> str:
-        from windsysid.console import render
-
         return render(self.table(), *self.sentences, *self.notes)
 
 

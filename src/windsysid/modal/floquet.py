@@ -28,16 +28,16 @@ __all__ = ["FloquetModes", "about_periodic_motion", "floquet", "interpolate", "r
 STAGES = 6
 """Of Gauss's collocation: order 12."""
 
-LEAST_STEPS = 24
+MIN_STEPS = 24
 """In a period, however slow the system."""
 
-MOST_STEPS = 4000
+MAX_STEPS = 4000
 """In a period: a turn that takes longer is too slow."""
 
-REACH = 1.0
+MAX_STEP_EIGENVALUE = 1.0
 """Step times the largest eigenvalue of A: the error of a step is then about 2e-13."""
 
-LOST = 1e-11
+LOST_MULTIPLIER_RATIO = 1e-11
 """A multiplier that much smaller than the largest has drowned in rounding errors."""
 
 
@@ -94,11 +94,11 @@ def floquet(system: Callable[[Array], Array], period: float, steps: int | None =
     ------
     ConfigurationError
         If a mode dies out within a period, so that nothing of it is left to see, or a period holds more than
-        `MOST_STEPS` steps.
+        `MAX_STEPS` steps.
     """
     time, fundamental = _fundamental(system, period, steps or steps_needed(system, period))
     multipliers, vectors = np.linalg.eig(fundamental[-1])
-    if np.abs(multipliers).min() < LOST * max(1.0, float(np.abs(multipliers).max())):
+    if np.abs(multipliers).min() < LOST_MULTIPLIER_RATIO * max(1.0, float(np.abs(multipliers).max())):
         raise ConfigurationError(
             f"a vibration dies out within a single turn of {period:.3g} s, too slow a turn for Floquet's theory: choose"
             " a higher rotor speed"
@@ -114,16 +114,16 @@ def steps_needed(system: Callable[[Array], Array], period: float) -> int:
     Raises
     ------
     ConfigurationError
-        If they are more than `MOST_STEPS`.
+        If they are more than `MAX_STEPS`.
     """
     samples = system(np.arange(8.0) * (period / 8.0))
     fastest = max(float(np.abs(np.linalg.eigvals(A)).max()) for A in samples)
-    if fastest * period > MOST_STEPS * REACH:
+    if fastest * period > MAX_STEPS * MAX_STEP_EIGENVALUE:
         raise ConfigurationError(
             f"a turn of {period:.3g} s holds {fastest * period / (2.0 * math.pi):.3g} vibrations, too slow a turn for"
             " Floquet's theory: choose a higher rotor speed"
         )
-    return max(LEAST_STEPS, math.ceil(fastest * period / REACH))
+    return max(MIN_STEPS, math.ceil(fastest * period / MAX_STEP_EIGENVALUE))
 
 
 def about_periodic_motion(
@@ -156,7 +156,7 @@ def about_periodic_motion(
     least = steps_needed(along(x), period)
     for steps in (least, 2 * least, 4 * least, 8 * least):
         x = interpolate(x, 2.0 * math.pi / steps * np.arange(float(steps)))
-        found = _settled(rates, along, x, period)
+        found = _iterate_periodic_motion(rates, along, x, period)
         if found is None:
             break
         x, modes, resolved = found
@@ -168,7 +168,7 @@ def about_periodic_motion(
     )
 
 
-def _settled(
+def _iterate_periodic_motion(
     rates: Callable[[Array, Array], tuple[Array, Array]],
     along: Callable[[Array], Callable[[Array], Array]],
     x: Array,

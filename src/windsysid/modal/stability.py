@@ -16,14 +16,14 @@ from windsysid._types import Array
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import RPM
 
-__all__ = ["NEUTRAL", "RESOLUTION", "GroundResonance", "Unstable", "meeting_speed", "unstable_ranges"]
+__all__ = ["NEUTRAL_GROWTH", "SPEED_RESOLUTION", "GroundResonance", "Unstable", "meeting_speed", "unstable_ranges"]
 
 Triple = tuple[float, float, float]
 
-NEUTRAL = 1e-6
+NEUTRAL_GROWTH = 1e-6
 """Growth in units of the rotor speed [rad/s] that counts as none: an undamped mode neither grows nor decays."""
 
-RESOLUTION = 0.01 / RPM
+SPEED_RESOLUTION = 0.01 / RPM
 """0.01 rpm [rad/s]."""
 
 
@@ -58,7 +58,9 @@ class GroundResonance(NamedTuple):
     growing: bool
 
 
-def unstable_ranges(growth: Callable[[float], float], speeds: Array, resolution: float = RESOLUTION) -> list[Unstable]:
+def unstable_ranges(
+    growth: Callable[[float], float], speeds: Array, resolution: float = SPEED_RESOLUTION
+) -> list[Unstable]:
     """Ranges of rotor speed in which `growth` [1/s] is positive, their ends to `resolution` [rad/s].
 
     Parameters
@@ -71,7 +73,7 @@ def unstable_ranges(growth: Callable[[float], float], speeds: Array, resolution:
     from scipy.optimize import minimize_scalar
 
     def over(speed: float) -> float:
-        return growth(speed) - NEUTRAL * max(speed, 1.0)
+        return growth(speed) - NEUTRAL_GROWTH * max(speed, 1.0)
 
     def peak(low: float, high: float) -> tuple[float, float]:
         best = minimize_scalar(lambda s: -over(s), bounds=(low, high), method="bounded", options={"xatol": resolution})

@@ -16,8 +16,8 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
-from windsysid.modal.analysis import Spectrum, analyse, directions_of, unlocked
-from windsysid.modal.stability import NEUTRAL, GroundResonance, meeting_speed, unstable_ranges
+from windsysid.modal.analysis import Spectrum, analyse, analyse_unlocked, directions_of
+from windsysid.modal.stability import NEUTRAL_GROWTH, GroundResonance, meeting_speed, unstable_ranges
 from windsysid.modal.tracking import bends, link
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
@@ -32,15 +32,15 @@ from windsysid.modal.campbell import Campbell
 
 __all__ = ["find_modes"]
 
-POINTS = 41
-"""Rotor speeds of a diagram; the operating range has `INSIDE` of its own."""
+DIAGRAM_SPEEDS = 41
+"""Rotor speeds of a diagram; the operating range has `OPERATING_SPEEDS` of its own."""
 
-INSIDE = 9
+OPERATING_SPEEDS = 9
 
-ROUNDS = 5
+REFINEMENT_ROUNDS = 5
 """Of refinement where a curve bends or ends: halfway between the speeds there."""
 
-AROUND = 0.1
+OPERATING_SHARE = 0.1
 """The operating range by default: the usual speed and this share of it to either side."""
 
 
@@ -83,13 +83,15 @@ def find_modes(
     chosen = _checked("speeds", speeds or usually)
     working = (0.0, 0.0)
     if not parked:
-        working = _checked("operating range", operating or ((1.0 - AROUND) * usual, (1.0 + AROUND) * usual))
+        working = _checked(
+            "operating range", operating or ((1.0 - OPERATING_SHARE) * usual, (1.0 + OPERATING_SHARE) * usual)
+        )
     chosen = (min(chosen[0], working[0]), max(chosen[1], working[1]))
     reference = usual if chosen[0] <= usual <= chosen[1] else 0.5 * (working[0] + working[1])
     known: dict[float, Spectrum] = {}
     left_out: dict[str, list[float]] = {}
-    new = [*np.linspace(*chosen, POINTS).tolist(), *np.linspace(*working, INSIDE).tolist(), reference]
-    for _ in range(ROUNDS):
+    new = [*np.linspace(*chosen, DIAGRAM_SPEEDS).tolist(), *np.linspace(*working, OPERATING_SPEEDS).tolist(), reference]
+    for _ in range(REFINEMENT_ROUNDS):
         for speed in new:
             progress(f"{speed * RPM:.3g} rpm")
             try:
@@ -137,7 +139,7 @@ class _Machine:
 
     def spectrum(self, speed: float) -> Spectrum:
         """The modes at a speed, or a hair beside it where a mode is locked so narrowly that its band would vanish."""
-        return unlocked(self.turbine.model, self.model, self.p, speed, self.directions)
+        return analyse_unlocked(self.turbine.model, self.model, self.p, speed, self.directions)
 
     def growth(self, speed: float) -> float:
         return analyse(self.turbine.model, self.model, self.p, speed).growth
@@ -214,7 +216,7 @@ class _Machine:
                     speed,
                     (margin[0], margin[1], margin[2]),
                     (z, z - spread, z + spread),
-                    there.growth > NEUTRAL * centre,
+                    there.growth > NEUTRAL_GROWTH * centre,
                 )
             )
         return found

@@ -15,7 +15,7 @@ __all__ = ["Curve", "bends", "link"]
 
 Triple = tuple[float, float, float]
 
-BEND = 0.005
+MAX_BEND = 0.005
 """Share of the diagram's height by which a curve may leave the straight line between its neighbours."""
 
 
@@ -87,7 +87,7 @@ def bends(curves: Sequence[Curve], speeds: Array) -> list[float]:
         height = float(np.nanmax(values) - min(np.nanmin(values), 0.0)) if curves else 1.0
         for v in values:
             straight = (v[:-2] * step[1:] + v[2:] * step[:-1]) / (step[1:] + step[:-1])
-            here[1:-1] |= np.abs(v[1:-1] - straight) > BEND * height
+            here[1:-1] |= np.abs(v[1:-1] - straight) > MAX_BEND * height
             seen = np.isfinite(v)
             here[:-1] |= seen[:-1] != seen[1:]
             here[1:] |= seen[:-1] != seen[1:]

@@ -5,19 +5,21 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from windsysid.console import render
 from windsysid.output.answers import Answer
+from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.units import unit_text
 
-__all__ = ["HEADINGS", "MOVED", "Change", "Comparison"]
+__all__ = ["HEADINGS", "MOVED_MIN_ODDS", "Change", "Comparison"]
 
 UNTOLD = math.log(10.0)
 """A change is not told where its band (±2σ) reaches further than this factor either way."""
 
-MOVED = 100.0
+MOVED_MIN_ODDS = 100.0
 """Odds from which a coefficient is said to have moved."""
 
-SUSPECT = 10.0
+SUSPECT_MIN_ODDS = 10.0
 """Odds from which it is said that it may have."""
 
 
@@ -55,13 +57,13 @@ class Change(NamedTuple):
 
     @property
     def moved(self) -> bool:
-        """Whether the odds are beyond `MOVED`."""
-        return self.log_odds > math.log(MOVED)
+        """Whether the odds are beyond `MOVED_MIN_ODDS`."""
+        return self.log_odds > math.log(MOVED_MIN_ODDS)
 
     @property
     def suspect(self) -> bool:
-        """Whether the odds are beyond `SUSPECT`."""
-        return self.log_odds > math.log(SUSPECT)
+        """Whether the odds are beyond `SUSPECT_MIN_ODDS`."""
+        return self.log_odds > math.log(SUSPECT_MIN_ODDS)
 
     @property
     def told(self) -> bool:
@@ -126,7 +128,7 @@ class Comparison(Answer):
         if self.moved:
             told = [f"moved: {', '.join(map(str, self.moved))}"]
         else:
-            told = [f"nothing moved: no coefficient reaches odds of {MOVED:g} : 1"]
+            told = [f"nothing moved: no coefficient reaches odds of {MOVED_MIN_ODDS:g} : 1"]
         if suspects:
             told.append(f"may have moved: {', '.join(suspects)}")
         if not self.moved:
@@ -151,6 +153,10 @@ class Comparison(Answer):
                 )
                 told.append(f"a change of {kind} by less than {size} could go unseen")
         return told + ([f"the records say too little of {', '.join(dark)} to show a change"] if dark else [])
+
+    def table(self) -> Table:
+        """Every quantity in either record, and its change."""
+        return Table(HEADINGS, self.rows, f"{self.records[0]} (A) → {self.records[1]} (B)", words=(0, 1))
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -187,16 +193,9 @@ class Comparison(Answer):
 
     def __str__(self) -> str:
         """The answer, the table, the doubts."""
-        from rich.table import Table
-
-        from windsysid.console import render
-
-        table = Table(title=f"{self.records[0]} (A) → {self.records[1]} (B)", title_justify="left")
-        for i, heading in enumerate(HEADINGS):
-            table.add_column(heading, justify="left" if i < 2 else "right")
-        for row in self.rows:
-            table.add_row(*row)
-        return render(table, self.sentence, *(f"not to be trusted: {doubt}" for doubt in self.doubts), *self.notes)
+        return render(
+            self.table(), self.sentence, *(f"not to be trusted: {doubt}" for doubt in self.doubts), *self.notes
+        )
 
 
 HEADINGS = ("", "unit", "A", "B", "change", "±2σ band", "odds of a move", "by chance")

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from windsysid._types import Array
+from windsysid.console import render
 from windsysid.monitoring.series import DAY, Blocks
 from windsysid.output.answers import Answer
+from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.units import unit_text
 
@@ -128,6 +130,13 @@ class Watch(Answer):
             f" {sharpest.smallest:.2g} % in {sharpest.name} would have been found within a day"
         )
 
+    def tables(self) -> list[Table]:
+        """Level, drift and scatter of each series; the effects of covariates, where there are any."""
+        told = [Table(HEADINGS, self.rows, f"{len(self.blocks.time)} records", words=(0, 1))]
+        if self.effects:
+            told.append(Table(self.effect_headings, self.effects, "Effect of one unit of a covariate, ±2σ"))
+        return told
+
     @property
     def rows(self) -> list[tuple[str, ...]]:
         """One line a series, under `HEADINGS`."""
@@ -178,22 +187,7 @@ class Watch(Answer):
 
     def __str__(self) -> str:
         """The answer, the table, the notes."""
-        from rich.table import Table
-
-        from windsysid.console import render
-
-        tables = []
-        for title, headings, rows, words in (
-            (f"{len(self.blocks.time)} records", HEADINGS, self.rows, 2),
-            ("effect of covariates, ±2σ", self.effect_headings, self.effects, 1),
-        ):
-            table = Table(title=title, title_justify="left")
-            for i, heading in enumerate(headings):
-                table.add_column(heading, justify="left" if i < words else "right")
-            for row in rows:
-                table.add_row(*row)
-            tables += [table] if rows else []
-        return render(*tables, self.sentence, *self.notes)
+        return render(*self.tables(), self.sentence, *self.notes)
 
 
 HEADINGS = ("", "unit", "now, ±2σ", "drift, ±2σ", "wander a day", "scatter ÷ σ", "seen in a day")

@@ -9,8 +9,8 @@ a change δ = θ_B − θ_A between them and nothing else known of θ, leave of 
 
 Both are the same for (B, A), but for the sign of g. What one of the two does not see has no information in P. The odds
 that a coefficient moved are those of Savage and Dickey: the prior density of δ = 0 over the posterior one, with priors
-N(0, τ²) of changes of the size that damage makes (`TYPICAL`). The change itself is told with a prior `VAGUE` times as
-wide.
+N(0, τ²) of changes of the size that damage makes (`TYPICAL_CHANGE`). The change itself is told with a prior
+`VAGUE_PRIOR_FACTOR` times as wide.
 
 Stiffness is compared in ln k. The likelihood of damping is Gaussian in c and not in ln c, and c may be hardly told from
 zero: damping is compared in c, and its change is the ratio c_B / c_A with the limits of Fieller's theorem, which are
@@ -31,7 +31,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import analyse, directions_of
 from windsysid.monitoring.change import UNTOLD, Change, Comparison
 from windsysid.monitoring.own_information import (
-    TYPICAL,
+    TYPICAL_CHANGE,
     Difference,
     common_frame,
     difference_between,
@@ -44,7 +44,7 @@ from windsysid.statespace.parameter import Parameter
 
 __all__ = ["compare"]
 
-VAGUE = 100.0
+VAGUE_PRIOR_FACTOR = 100.0
 """How many times wider the prior of a change is where its size is estimated."""
 
 
@@ -79,7 +79,7 @@ def compare(before: PosteriorLike, after: PosteriorLike) -> Comparison:
     doubts += _differing_models(before, after)
     moved = [change.name for change in coefficients if change.moved]
     if same and moved:
-        sure = _hashed(before, after)
+        sure = _have_same_values(before, after)
         same = sure
         doubts.append(
             f"both results are of {before.record}{', the same values' if sure else ': if that is one record'}, so"
@@ -97,7 +97,7 @@ def _frame_of_statistics(before: Posterior, after: Posterior) -> tuple[Parameter
     given = [{s.name: s for s in result.statistics} for result in (before, after)]
     loads = [{name for name in of if name.startswith("load_")} for of in given]
     return tuple(
-        Parameter(name, math.sqrt(s.estimate * given[1][name].estimate), TYPICAL[name.partition("_")[0]])
+        Parameter(name, math.sqrt(s.estimate * given[1][name].estimate), TYPICAL_CHANGE[name.partition("_")[0]])
         for name, s in given[0].items()
         if name in given[1] and (loads[0] == loads[1] or name.startswith("noise_"))
     )
@@ -107,7 +107,7 @@ def _changes(
     before: Posterior, after: Posterior, frame: Sequence[Parameter], difference: Difference
 ) -> tuple[Change, ...]:
     """The changes of what is in `frame`."""
-    delta, cov = difference.with_prior(VAGUE)
+    delta, cov = difference.with_prior(VAGUE_PRIOR_FACTOR)
     of_damage, cov_of_damage = difference.with_prior(1.0)
     said = [without_prior(result, frame) for result in (before, after)]
     units = {s.name: s.unit for s in before.statistics}
@@ -168,7 +168,7 @@ def _modes(
     They are the coefficients' changes times d ln f / dθ, averaged over both results.
     """
     speed = 0.5 * (before.turbine.rotor_speed + after.turbine.rotor_speed)
-    delta, cov = difference.with_prior(VAGUE)
+    delta, cov = difference.with_prior(VAGUE_PRIOR_FACTOR)
     found = []
     for result in (before, after):
         turbine = result.turbine
@@ -194,7 +194,7 @@ def _modes(
     return tuple(changes)
 
 
-def _hashed(before: Posterior, after: Posterior) -> bool:
+def _have_same_values(before: Posterior, after: Posterior) -> bool:
     """Whether both results say which values they were identified from."""
     return before.record_hash is not None and after.record_hash is not None
 
@@ -205,7 +205,7 @@ def _shared_data(before: Posterior, after: Posterior) -> tuple[bool, tuple[str, 
     The hashes of the records tell; their names do where an older version wrote no hash.
     """
     names = [result.record.rpartition(", ")[0] for result in (before, after)]
-    if _hashed(before, after):
+    if _have_same_values(before, after):
         if before.record_hash != after.record_hash:
             return False, ()
         if before.section == after.section:
@@ -238,19 +238,19 @@ def _differing_models(before: Posterior, after: Posterior) -> list[str]:
     told = []
     if fixed:
         told.append(
-            f"the turbine files of the two results differ in {_some(fixed)}: what moved may be the files; identify both"
-            " with one file"
+            f"the turbine files of the two results differ in {_list_some(fixed)}: what moved may be the files; identify"
+            " both with one file"
         )
     alone = [
         q.name for r in (before, after) for q in r.parameters if (q.name in identified[0]) != (q.name in identified[1])
     ]
     if alone:
         told.append(
-            f"only one of the two results identified {_some(alone)}: what the other took for it counts as change"
+            f"only one of the two results identified {_list_some(alone)}: what the other took for it counts as change"
         )
     return told
 
 
-def _some(names: Sequence[str]) -> str:
+def _list_some(names: Sequence[str]) -> str:
     """Up to four names, and how many more there are."""
     return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")

@@ -33,28 +33,28 @@ from windsysid.results.posterior import SIGMAS, Posterior
 __all__ = ["separate_damping"]
 
 
-PARKED = 0.1
+PARKED_MAX_SHARE = 0.1
 """Share of the fastest record's rotor speed below which a rotor counts as parked or idling."""
 
-STILL = 0.05
+PARKED_MAX_SPEED = 0.05
 """Rotor speed below which it does in any case [rad/s]."""
 
-APART = 1.5
+MIN_WIND_RATIO = 1.5
 """Least ratio of the winds of parked records from which these tell what the wind does to a parked rotor."""
 
-TOLERANCE = 1e-6
+DESIGN_TOLERANCE = 1e-6
 """Of the design, relative: below it a direction counts as not seen."""
 
-WIDER = 4
+SCATTER_PRIOR_POWER = 4
 """The prior density of φ falls with this power."""
 
-PASSES = 10
+VARIANCE_PASSES = 10
 """Times that the variances are taken at the fit."""
 
-WISHED = 0.5
+WISHED_RELATIVE_BAND = 0.5
 """A parked record is asked for that would bring ±2σ of structural damping to this share of it."""
 
-SCATTERED = 0.01
+SCATTER_PROBABILITY = 0.01
 """Probability of so much scatter about the fits, were the records' own bands all there is, below which it is said."""
 
 STRUCTURE = np.array([1.0, 0.0, 0.0, 0.0])
@@ -93,7 +93,7 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
         )
     states = _states(known)
     design = _design(states)
-    fits = [_Fit(design.rows, *_said(known, name)) for name in names]
+    fits = [_Fit(design.rows, *_read_estimates(known, name)) for name in names]
     parked_air = any(state.parked for state in states) and not design.parked_wind
     free, square = sum(fit.free for fit in fits), sum(fit.square for fit in fits)
     width = _half_width(free, square)
@@ -104,7 +104,7 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
         for result in posteriors
         if result.conditions.rotor_speed is None
     ]
-    if _scattered(free, square):
+    if _is_scatter_significant(free, square):
         doubts.append(
             f"records scatter about the fits by {math.sqrt(square / free):.2g} of their own σ: something else moved"
             " too, or their bands are too narrow; the bands given here have it in"
@@ -126,7 +126,7 @@ def _identified(result: Posterior, name: str) -> bool:
 def _states(results: Sequence[Posterior]) -> tuple[State, ...]:
     """How the turbine ran in each."""
     speeds = [abs(result.conditions.rotor_speed or 0.0) for result in results]
-    limit = max(PARKED * max(speeds), STILL)
+    limit = max(PARKED_MAX_SHARE * max(speeds), PARKED_MAX_SPEED)
     return tuple(
         State(result.record, speed, result.conditions.wind_speed, speed < limit)
         for result, speed in zip(results, speeds, strict=True)
@@ -150,7 +150,7 @@ def _design(states: Sequence[State]) -> _Design:
     running, parked = ([state for state in states if state.parked == which] for which in (False, True))
     running_wind = bool(running) and all(state.wind_speed is not None for state in running)
     blowing = [state.wind_speed for state in parked if state.wind_speed is not None]
-    parked_wind = len(blowing) > 1 and len(blowing) == len(parked) and max(blowing) > APART * min(blowing)
+    parked_wind = len(blowing) > 1 and len(blowing) == len(parked) and max(blowing) > MIN_WIND_RATIO * min(blowing)
     fastest = max((state.rotor_speed for state in running), default=1.0)
     strongest = max((state.wind_speed or 0.0 for state in states), default=0.0) or 1.0
     rows = []
@@ -168,10 +168,10 @@ class _Fit:
 
     def __init__(self, rows: Array, value: Array, std: Array) -> None:
         _, sizes, directions = np.linalg.svd(rows)
-        self.seen = directions[: int((sizes > TOLERANCE * sizes[0]).sum())]  # (rank, 4)
+        self.seen = directions[: int((sizes > DESIGN_TOLERANCE * sizes[0]).sum())]  # (rank, 4)
         design = rows @ self.seen.T
         fitted = value
-        for _ in range(PASSES):
+        for _ in range(VARIANCE_PASSES):
             s = std * np.sqrt(_stretch(fitted, value))
             self.cov = np.linalg.inv((design / s[:, None] ** 2).T @ design)
             self.mean = self.cov @ (design.T @ (value / s**2))
@@ -183,7 +183,7 @@ class _Fit:
     def at(self, row: Array, width: float) -> Band | None:
         """The combination `row` of c₀, a, b and d with its band; None where the records do not determine it."""
         along = self.seen @ row
-        if np.linalg.norm(row - along @ self.seen) > TOLERANCE * np.linalg.norm(row):
+        if np.linalg.norm(row - along @ self.seen) > DESIGN_TOLERANCE * np.linalg.norm(row):
             return None
         value, half = float(along @ self.mean), width * math.sqrt(along @ self.cov @ along)
         return Band(value, value - half, value + half)
@@ -204,18 +204,18 @@ def _half_width(free: int, square: float) -> float:
     from scipy.special import erfc
 
     factor = np.geomspace(1.0, 1e3, 4000)
-    log_weight = (1.0 - WIDER - free) * np.log(factor) - 0.5 * square / factor**2
+    log_weight = (1.0 - SCATTER_PRIOR_POWER - free) * np.log(factor) - 0.5 * square / factor**2
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     outside = math.erfc(SIGMAS / math.sqrt(2.0))
     return float(brentq(lambda h: weight @ erfc(h / factor / math.sqrt(2.0)) - outside, 1.0, 1e5))
 
 
-def _scattered(free: int, square: float) -> bool:
+def _is_scatter_significant(free: int, square: float) -> bool:
     """Whether `free` squares add up to more than chance makes of them."""
     from scipy.special import gammaincc
 
-    return free > 0 and bool(gammaincc(0.5 * free, 0.5 * square) < SCATTERED)
+    return free > 0 and bool(gammaincc(0.5 * free, 0.5 * square) < SCATTER_PROBABILITY)
 
 
 def _split(name: str, fit: _Fit, width: float, frame: Posterior, states: Sequence[State], design: _Design) -> Split:
@@ -244,7 +244,7 @@ def _split(name: str, fit: _Fit, width: float, frame: Posterior, states: Sequenc
     )
 
 
-def _said(results: Sequence[Posterior], name: str) -> tuple[Array, Array]:
+def _read_estimates(results: Sequence[Posterior], name: str) -> tuple[Array, Array]:
     """What the records themselves say of one coefficient: values and standard deviations (T,), SI."""
     frame = results[0]
     scale = next(q.reference for q in frame.parameters if q.name == name)
@@ -271,8 +271,8 @@ def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
         return []
     minutes = max(_minutes(split) for split in wanted)
     help_ = (
-        f"record {minutes:.0f} min with the rotor parked or idling in weak wind for ±{100 * WISHED:.0f} %, or a stop"
-        " with the decay after it (windsysid inspect finds it)"
+        f"record {minutes:.0f} min with the rotor parked or idling in weak wind for ±{100 * WISHED_RELATIVE_BAND:.0f}"
+        " %, or a stop with the decay after it (windsysid inspect finds it)"
     )
     if splits[0].structural is None:
         why = (
@@ -286,10 +286,10 @@ def _lacking(states: Sequence[State], splits: Sequence[Split]) -> list[str]:
 
 
 def _minutes(split: Split) -> float:
-    """Length of a parked record that brings structural damping to `WISHED`: σ_c/c = 1/√(ζωT)."""
+    """Length of a parked record that brings structural damping to `WISHED_RELATIVE_BAND`: σ_c/c = 1/√(ζωT)."""
     seen = [split.structural.value] if split.structural is not None else [band.value for band in split.measured]
     ratio = max(min(seen) / split.critical, 1e-3)
-    return math.ceil((SIGMAS / WISHED) ** 2 / (ratio * split.frequency) / 60.0)
+    return math.ceil((SIGMAS / WISHED_RELATIVE_BAND) ** 2 / (ratio * split.frequency) / 60.0)
 
 
 def _notes(states: Sequence[State], splits: Sequence[Split], design: _Design) -> list[str]:
@@ -304,7 +304,7 @@ def _notes(states: Sequence[State], splits: Sequence[Split], design: _Design) ->
             if design.parked_wind
             else (
                 f"what the air does to a parked or idling rotor{at} counts as structure: parked records in winds"
-                f" {APART:g} times apart tell the two apart (docs/damping.md)"
+                f" {MIN_WIND_RATIO:g} times apart tell the two apart (docs/damping.md)"
             )
         )
     elif splits[0].structural is not None:

@@ -9,11 +9,11 @@ unit jump before block k leaves the trace G_t(k) = h_tᵀ e_t(k) / √S_t on the
 
     ℓ_t = max_k  (|Σ G z| − ν₀ Σ G²)₊² / Σ G²,
 
-twice the logarithm of the likelihood ratio of a jump of the likeliest size before the likeliest block against one of
-the tolerated size ν₀, which nobody wants to hear of, or none. An innovation counts as ν₀ and `CLIP` standard deviations
-at most, and pulls at the level with `PULL` at most, so that a bad block is no alarm: to pass a threshold of b² it takes
-more than b² / CLIP² blocks. Of the blocks k, those are kept that are about `SPACING` of their age apart, up to an age
-of `WINDOW` blocks. Missing blocks are NaN.
+twice the logarithm of a likelihood ratio: a jump of the likeliest size before the likeliest block, against no jump or
+one of the tolerated size ν₀. In the test an innovation counts as ν₀ and `INNOVATION_LIMIT_SIGMAS` standard deviations
+at most, and it pulls at the level with `PULL_LIMIT_SIGMAS` at most. A bad block alone is therefore no alarm: to pass a
+threshold of b² it takes more than b² / `INNOVATION_LIMIT_SIGMAS`² blocks. The blocks k that are kept are about
+`CANDIDATE_SPACING` of their age apart, up to an age of `MAX_JUMP_AGE_BLOCKS` blocks. Missing blocks are NaN.
 
 `threshold` turns a rate of false alarms into b²: Siegmund and Venkatraman's approximation for white innovations, every
 k, no clipping and ν₀ = 0, beside which there are fewer.
@@ -32,26 +32,35 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 
-__all__ = ["CLIP", "WINDOW", "Belief", "Rates", "Track", "learn_rates", "threshold", "track"]
+__all__ = [
+    "INNOVATION_LIMIT_SIGMAS",
+    "MAX_JUMP_AGE_BLOCKS",
+    "Belief",
+    "Rates",
+    "Track",
+    "learn_rates",
+    "threshold",
+    "track",
+]
 
 
-CLIP = 3.0
+INNOVATION_LIMIT_SIGMAS = 3.0
 """Standard deviations beyond ν₀ that one innovation may count for in the test and in the likelihood."""
 
-PULL = 1.5
+PULL_LIMIT_SIGMAS = 1.5
 """Standard deviations beyond which an innovation's pull on the level is cut off.
 
 This is Huber's estimator, 96 % efficient where there are no bad blocks.
 """
 
-WINDOW = 12_960
+MAX_JUMP_AGE_BLOCKS = 12_960
 """Blocks that a jump may lie back when it is found: 90 days of 10 minutes."""
 
-SPACING = 0.1
+CANDIDATE_SPACING = 0.1
 """Distance of the blocks k that are kept, as a share of their age."""
 
-MOST = 400
-"""More blocks k than `WINDOW` and `SPACING` ever keep."""
+MAX_CANDIDATES = 400
+"""More blocks k than `MAX_JUMP_AGE_BLOCKS` and `CANDIDATE_SPACING` ever keep."""
 
 TYPICAL_WANDER = (math.log(1e-3), math.log(10.0))
 """Prior of ln(√q / √r): median and standard deviation.
@@ -91,7 +100,7 @@ class Track(NamedTuple):
     since
         The block k of the maximum (T,); −1 where there is none.
     log_likelihood
-        Of the innovations, Huber's beyond `CLIP`.
+        Of the innovations, Huber's beyond `INNOVATION_LIMIT_SIGMAS`.
     stopped
         The first block, from `first` on, whose statistic passed the threshold; −1 if none did.
     belief
@@ -145,8 +154,10 @@ def track(
     mean, cov = prior.mean.copy(), np.ascontiguousarray(prior.cov.copy())
     h = np.column_stack([np.ones(count), x])
     freed = np.zeros(h.shape) if freed is None else freed
-    rest = np.array([rates.wander, rates.scatter, limit, CLIP, SPACING, tolerated, PULL])
-    whole = np.array([first, WINDOW if test else 0, MOST], dtype=np.int64)
+    rest = np.array(
+        [rates.wander, rates.scatter, limit, INNOVATION_LIMIT_SIGMAS, CANDIDATE_SPACING, tolerated, PULL_LIMIT_SIGMAS]
+    )
+    whole = np.array([first, MAX_JUMP_AGE_BLOCKS if test else 0, MAX_CANDIDATES], dtype=np.int64)
     log_likelihood, stopped = _kernel()(y, r, h, freed, rest, whole, mean, cov, level, std, whitened, statistic, since)
     return Track(level, std, whitened, statistic, since, log_likelihood, stopped, Belief(mean, cov))
 
@@ -190,7 +201,7 @@ def learn_rates(y: Array, r: Array, x: Array, prior: Belief, freed: Array | None
 def threshold(rate: float) -> float:
     """The b² that ℓ_t passes `rate` times per block where nothing jumps: b φ(b) ∫ x ν(x)² dx = rate.
 
-    Jumps may lie back 1 to `WINDOW` blocks, which bounds the integral to b/√WINDOW … b.
+    Jumps may lie back 1 to `MAX_JUMP_AGE_BLOCKS` blocks, which bounds the integral to b/√MAX_JUMP_AGE_BLOCKS … b.
     """
     from scipy.integrate import quad
     from scipy.optimize import brentq
@@ -201,7 +212,7 @@ def threshold(rate: float) -> float:
         return float((norm.cdf(half) - 0.5) / half / (half * norm.cdf(half) + norm.pdf(half)))
 
     def excess(b: float) -> float:
-        integral = quad(lambda x: x * nu(x) ** 2, b / math.sqrt(WINDOW), b)[0]
+        integral = quad(lambda x: x * nu(x) ** 2, b / math.sqrt(MAX_JUMP_AGE_BLOCKS), b)[0]
         return math.log(b * norm.pdf(b) * integral / rate)
 
     return float(brentq(excess, 1.0, 30.0)) ** 2

@@ -12,7 +12,7 @@ from windsysid.results.posterior import Posterior
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
-    "TYPICAL",
+    "TYPICAL_CHANGE",
     "Difference",
     "common_frame",
     "difference_between",
@@ -22,14 +22,14 @@ __all__ = [
 ]
 
 
-TYPICAL = {"stiffness": 0.1, "damping": 0.5, "load": 0.5, "noise": 0.5}
-"""Prior standard deviation of a change, relative: of stiffness (and anything else), damping, statistics of loads and of
-noise."""
+TYPICAL_CHANGE = {"stiffness": 0.1, "damping": 0.5, "load": 0.5, "noise": 0.5}
+"""Relative prior standard deviation of a change: of stiffness (and anything else), damping, loads' and noise's levels.
+"""
 
-FAINT = 1e-6
+PRIOR_SHARE_LEFT = 1e-6
 """Share of the prior's information that is left where it is taken out."""
 
-UNSEEN = 1e-9
+MIN_VARIANCE_SHARE = 1e-9
 """Least share by which a record must narrow the prior's variance in a direction; less is rounding."""
 
 
@@ -67,7 +67,7 @@ def own_information(result: Posterior, frame: Sequence[Parameter]) -> tuple[Arra
     # numbers.
     measure = np.linalg.inv(np.linalg.cholesky(prior_cov))
     share, axes = np.linalg.eigh(measure @ cov @ measure.T)
-    seen = share < 1.0 - UNSEEN
+    seen = share < 1.0 - MIN_VARIANCE_SHARE
     rows, share = axes[:, seen].T @ measure, share[seen]
     information = (rows.T * (1.0 / share - 1.0)) @ rows
     vector = rows.T @ (rows @ (mean - prior_mean) / share) + information @ prior_mean
@@ -82,7 +82,9 @@ def without_prior(result: Posterior, frame: Sequence[Parameter]) -> tuple[Array,
     """
     information, vector = own_information(result, frame)
     centre, spread = np.array([q.prior for q in frame]).T
-    mean, cov = _settled(information * np.outer(spread, spread), vector * spread + FAINT * centre / spread, FAINT)
+    mean, cov = combine_with_prior(
+        information * np.outer(spread, spread), vector * spread + PRIOR_SHARE_LEFT * centre / spread, PRIOR_SHARE_LEFT
+    )
     return mean * spread, cov * np.outer(spread, spread)
 
 
@@ -128,7 +130,8 @@ def common_frame(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
         if other is None:
             continue
         a, b = estimate_of(before, q.name), estimate_of(after, q.name)
-        typical = TYPICAL.get(before.turbine.model.coefficient(q.name).kind, TYPICAL["stiffness"])
+        kind = before.turbine.model.coefficient(q.name).kind
+        typical = TYPICAL_CHANGE.get(kind, TYPICAL_CHANGE["stiffness"])
         if (q.logarithmic or other.logarithmic) and min(a, b) > 0.0:
             found.append(Parameter(q.name, math.sqrt(a * b), typical))
             continue
@@ -151,7 +154,7 @@ class Difference(NamedTuple):
 
     def with_prior(self, width: float) -> tuple[Array, Array]:
         """Mean (n,) and covariance (n, n) in the frame's coordinates; the prior is so many times damage's."""
-        mean, cov = _settled(self.information, self.vector, width**-2.0)
+        mean, cov = combine_with_prior(self.information, self.vector, width**-2.0)
         return mean * self.spread, cov * np.outer(self.spread, self.spread)
 
 
@@ -161,13 +164,13 @@ def difference_between(before: Posterior, after: Posterior, frame: Sequence[Para
     (a, h_a), (b, h_b) = (own_information(result, frame) for result in (before, after))
     a, b, h_a, h_b = a * np.outer(spread, spread), b * np.outer(spread, spread), h_a * spread, h_b * spread
     values, axes = np.linalg.eigh(a + b)
-    seen = values > FAINT
+    seen = values > PRIOR_SHARE_LEFT
     pooled = (axes[:, seen] / values[seen]) @ axes[:, seen].T
     shared = a @ pooled @ b
     return Difference(0.5 * (shared + shared.T), a @ (pooled @ h_b) - b @ (pooled @ h_a), spread)
 
 
-def _settled(information: Array, vector: Array, prior: float) -> tuple[Array, Array]:
+def combine_with_prior(information: Array, vector: Array, prior: float) -> tuple[Array, Array]:
     """Mean (n,) and covariance (n, n) of an information and a vector; every direction has the information `prior`."""
     values, axes = np.linalg.eigh(information)
     cov = (axes / (values.clip(0.0) + prior)) @ axes.T

@@ -4,7 +4,9 @@ import json
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from windsysid.console import render
 from windsysid.output.answers import Answer
+from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.units import RPM, unit_text
 
@@ -140,6 +142,10 @@ class Separation(Answer):
             f" {totals}"
         )
 
+    def table(self) -> Table:
+        """What the structure has of each coefficient and what the air adds, in every state."""
+        return Table(HEADINGS, self.rows, "structural and aerodynamic damping", words=(0, 1, 2))
+
     @property
     def rows(self) -> list[tuple[str, ...]]:
         """As a table under `HEADINGS`."""
@@ -186,17 +192,8 @@ class Separation(Answer):
 
     def __str__(self) -> str:
         """The answer, the table, what is lacking."""
-        from rich.table import Table
-
-        from windsysid.console import render
-
-        table = Table(title="structural and aerodynamic damping", title_justify="left")
-        for i, heading in enumerate(HEADINGS):
-            table.add_column(heading, justify="left" if i < 3 else "right")
-        for row in self.rows:
-            table.add_row(*row)
         doubts = (f"not to be trusted: {doubt}" for doubt in self.doubts)
-        return render(table, self.sentence, *self.lacking, *doubts, *self.notes)
+        return render(self.table(), self.sentence, *self.lacking, *doubts, *self.notes)
 
 
 HEADINGS = ("", "unit", "of", "c", "±2σ band", "of critical", "±2σ band")

@@ -21,10 +21,10 @@ from windsysid.monitoring.own_information import without_prior
 from windsysid.records.moments import moment
 from windsysid.results.posterior import SIGMAS, Posterior, load_posterior
 
-__all__ = ["DAY", "FEWEST", "Blocks", "gather", "read_blocks"]
+__all__ = ["DAY", "MIN_BLOCKS", "Blocks", "gather", "read_blocks"]
 
 
-FEWEST = 12
+MIN_BLOCKS = 12
 """Blocks that a watch needs."""
 
 DAY = 86400.0
@@ -87,8 +87,8 @@ class Blocks:
                 f"blocks: expected covariates of shape {(shape[0], len(self.covariate_names))}, got"
                 f" {self.covariates.shape}"
             )
-        if shape[0] < FEWEST:
-            raise ConfigurationError(f"blocks: expected at least {FEWEST} records to learn from, got {shape[0]}")
+        if shape[0] < MIN_BLOCKS:
+            raise ConfigurationError(f"blocks: expected at least {MIN_BLOCKS} records to learn from, got {shape[0]}")
         if not (np.diff(self.time) > 0.0).all():
             raise ConfigurationError(
                 "blocks: expected times that increase from record to record: put the records in order"
@@ -140,8 +140,8 @@ def gather(
         do not, or lengths disagree.
     """
     count = len(posteriors)
-    if count < FEWEST:
-        raise ConfigurationError(f"expected at least {FEWEST} records to learn from, got {count}")
+    if count < MIN_BLOCKS:
+        raise ConfigurationError(f"expected at least {MIN_BLOCKS} records to learn from, got {count}")
     columns = {name: np.asarray(values, dtype=np.float64) for name, values in (covariates or {}).items()}
     notes: list[str] = []
     spans = _spans(posteriors) if time is None else None

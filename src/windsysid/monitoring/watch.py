@@ -5,9 +5,9 @@ Every record leaves a block: what it says of each coefficient, without its prior
 (temperature, wind speed, power …). Each coefficient is a level that may wander, plus slopes times covariates, plus the
 block's own error (`windsysid.monitoring.jumps`). Level and slopes are learned as the blocks come, from a prior; how
 fast the level wanders and by how much blocks scatter more than their bands say is learned by maximum likelihood from
-the first `LEARNING` blocks, and again whenever there are twice as many. A test for a jump of any size above `TOLERATED`
-at any time runs on the whitened innovations of each series; the false alarms of a year are shared out evenly among the
-series.
+the first `MAX_LEARNING_BLOCKS` blocks, and again whenever there are twice as many. A test for a jump of any size above
+`TOLERATED_DRIFT` at any time runs on the whitened innovations of each series; the false alarms of a year are shared out
+evenly among the series.
 
 After an alarm the jump becomes one more coefficient of the regression, before each block that it may have happened
 before: their likelihoods are when, their mixture is how much. The level is then free to be another, and the watch goes
@@ -28,37 +28,37 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.changes import Change, Series, Watch
 from windsysid.monitoring.jumps import Belief, Rates, Track, learn_rates, threshold, track
-from windsysid.monitoring.series import DAY, FEWEST, Blocks
+from windsysid.monitoring.series import DAY, MIN_BLOCKS, Blocks
 from windsysid.results.posterior import SIGMAS
 
-__all__ = ["TOLERATED", "YEAR", "watch"]
+__all__ = ["TOLERATED_DRIFT", "YEAR", "watch"]
 
 
-LEARNING = 1008
+MAX_LEARNING_BLOCKS = 1008
 """Blocks before the first alarm: a week of 10 minutes; half of the blocks where there are fewer than twice as many."""
 
-SLOPE = {"k": 0.05, "c": 0.5, "noise": 0.5}
+SLOPE_PRIOR = {"k": 0.05, "c": 0.5, "noise": 0.5}
 """Relative prior standard deviation of a covariate's effect: on stiffness (and anything else), damping, noise.
 
 The effect is that of one standard deviation of the covariate.
 """
 
-JUMP = {"k": 0.3, "c": 1.0, "noise": 1.0}
+JUMP_SLOPE_PRIOR = {"k": 0.3, "c": 1.0, "noise": 1.0}
 """Prior standard deviation of what a jump does to the effects of covariates, relative, and a third of its own."""
 
-TOLERATED = {"k": 0.005, "c": 0.1, "noise": 0.1}
+TOLERATED_DRIFT = {"k": 0.005, "c": 0.1, "noise": 0.1}
 """Jumps up to this size, relative, are no alarm however sure they are: they are drift."""
 
-BAD = 5.0
+OUTLIER_SIGMAS = 5.0
 """Standard deviations from the median of five beyond which a block near a jump is left out.
 
 It would be taken for the new level.
 """
 
-PLACES = 200
+MAX_JUMP_PLACES = 200
 """Blocks at which a jump is tried, where it may have happened before any of more."""
 
-HINDSIGHT = 144
+MAX_HINDSIGHT_BLOCKS = 144
 """Blocks after an alarm, where there are any, that help to tell when and how much: a day."""
 
 YEAR = 365.25 * DAY
@@ -66,13 +66,13 @@ YEAR = 365.25 * DAY
 SENSOR, STRUCTURE, NOISE = "check the sensor first", "the turbine", "the sensor"
 
 
-def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED) -> Watch:
+def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED_DRIFT) -> Watch:
     """What drifted and what jumped.
 
     Parameters
     ----------
     blocks
-        At least `FEWEST` records.
+        At least `MIN_BLOCKS` records.
     alarms_per_year
         False alarms that are accepted, all series together, in a year of blocks.
     tolerated
@@ -83,26 +83,26 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
     ConfigurationError
         If the rate is not between 1e-6 and 100 a year, or no series can be followed.
     """
-    missing = [kind for kind in TOLERATED if kind not in tolerated]
+    missing = [kind for kind in TOLERATED_DRIFT if kind not in tolerated]
     if missing:
         raise ConfigurationError(
-            f"tolerated: expected a size for {', '.join(TOLERATED)}, got none for {', '.join(missing)}"
+            f"tolerated: expected a size for {', '.join(TOLERATED_DRIFT)}, got none for {', '.join(missing)}"
         )
     if not 1e-6 <= alarms_per_year <= 100.0:
         raise ConfigurationError(f"alarms per year: expected 1e-6 to 100, got {alarms_per_year:g}")
     count = len(blocks.time)
-    begins = min(LEARNING, count // 2)
+    begins = min(MAX_LEARNING_BLOCKS, count // 2)
     step = float(np.median(np.diff(blocks.time)))
-    x, names, scales, notes = _standardised(blocks, begins)
+    x, names, scales, notes = _standardise_covariates(blocks, begins)
     there = np.asarray(np.isfinite(x).all(axis=1))
     if not there.all():
         notes.append(f"{int((~there).sum())} of {count} records lack a covariate and were left out")
     followed = [
-        i for i in range(len(blocks.names)) if np.isfinite(blocks.theta[there][:begins, i]).sum() >= FEWEST // 2
+        i for i in range(len(blocks.names)) if np.isfinite(blocks.theta[there][:begins, i]).sum() >= MIN_BLOCKS // 2
     ]
     if not followed:
         raise ConfigurationError(
-            f"expected at least {FEWEST // 2} estimates to learn from in the first {begins} records"
+            f"expected at least {MIN_BLOCKS // 2} estimates to learn from in the first {begins} records"
         )
     limit = threshold(alarms_per_year * step / YEAR / len(followed))
     series, jumps = [], []
@@ -154,9 +154,9 @@ def _follow(
     centre = float(np.median(known))
     scale = 1.0 if blocks.logarithmic[i] else max(abs(centre), usual)
     kind = _kind(blocks.names[i])
-    slopes = np.full(x.shape[1], (SLOPE[kind] * scale) ** 2)
+    slopes = np.full(x.shape[1], (SLOPE_PRIOR[kind] * scale) ** 2)
     prior = Belief(np.append(centre, np.zeros(len(slopes))), np.diag(np.append((10.0 * usual) ** 2, slopes)))
-    jump, freed, jumps = JUMP[kind] * scale, np.zeros((count, 1 + len(slopes))), []
+    jump, freed, jumps = JUMP_SLOPE_PRIOR[kind] * scale, np.zeros((count, 1 + len(slopes))), []
     begin, first, least = begins, begins, tolerated[kind] * scale
     tested = np.zeros(count)
     while True:
@@ -180,7 +180,7 @@ def _follow(
                 break
             found = _locate(y, r, x, prior, rates, freed, whole, jump, scale)
             jumps.append(found)
-            near = slice(max(0, found.earliest - HINDSIGHT), found.found + 1)
+            near = slice(max(0, found.earliest - MAX_HINDSIGHT_BLOCKS), found.found + 1)
             y[near] = _without_bad(y[near], rates.scatter * r[near])
             y[found.earliest : found.latest] = np.nan  # nobody knows on which side these are
             freed[found.latest] = _freedom(whole.belief.mean, jump, scale)
@@ -201,15 +201,15 @@ def _locate(
     found, likely = alarm.stopped, int(alarm.since[alarm.stopped])
     age = found - likely + 1
     since = int(np.flatnonzero(freed[: found + 1, 0])[-1]) + 1 if freed[: found + 1].any() else 0
-    start = max(since, likely - max(2 * age, HINDSIGHT))
-    end = min(found + max(age, HINDSIGHT), len(y))
+    start = max(since, likely - max(2 * age, MAX_HINDSIGHT_BLOCKS))
+    end = min(found + max(age, MAX_HINDSIGHT_BLOCKS), len(y))
     before = track(y[:start], r[:start], x[:start], prior, rates, freed=freed[:start], test=False).belief
     d = len(before.mean)
     mean, cov = np.append(before.mean, np.zeros(d)), np.zeros((2 * d, 2 * d))
     cov[:d, :d] = before.cov
     cov[range(d, 2 * d), range(d, 2 * d)] = _freedom(before.mean, jump, scale)
     places = np.arange(max(start, likely - 2 * age), found + 1)
-    places = places[:: -(-len(places) // PLACES)]
+    places = places[:: -(-len(places) // MAX_JUMP_PLACES)]
     part = slice(start, end)
     good = _without_bad(y[part], rates.scatter * r[part])
     levels = np.empty((len(places), 3))
@@ -230,10 +230,10 @@ def _locate(
 
 
 def _without_bad(y: Array, variance: Array) -> Array:
-    """Blocks (T,), NaN for what is `BAD` beside its neighbours; a step is none."""
+    """Blocks (T,), NaN for what is `OUTLIER_SIGMAS` beside its neighbours; a step is none."""
     around = np.lib.stride_tricks.sliding_window_view(np.pad(y, 2, constant_values=np.nan), 5)
     middle = np.array([np.median(five[np.isfinite(five)]) if np.isfinite(five).any() else np.nan for five in around])
-    return np.where(np.abs(y - middle) > BAD * np.sqrt(variance), np.nan, y)
+    return np.where(np.abs(y - middle) > OUTLIER_SIGMAS * np.sqrt(variance), np.nan, y)
 
 
 def _freedom(mean: Array, jump: float, scale: float) -> Array:
@@ -322,12 +322,12 @@ def _lost_trust(blocks: Blocks, jump: _Jump) -> bool:
     """Whether most results were trusted before the jump and most are not after it."""
     if blocks.trusted is None:
         return False
-    before = blocks.trusted[max(0, jump.earliest - HINDSIGHT) : jump.earliest]
+    before = blocks.trusted[max(0, jump.earliest - MAX_HINDSIGHT_BLOCKS) : jump.earliest]
     after = blocks.trusted[jump.latest : jump.found + 1]
     return bool(len(before) and len(after) and before.mean() > 0.5 > after.mean())
 
 
-def _standardised(blocks: Blocks, begins: int) -> tuple[Array, list[str], Array, list[str]]:
+def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[Array, list[str], Array, list[str]]:
     """Covariates as standard scores of the learning time, their names, standard deviations, and those left out."""
     x = np.asarray(blocks.covariates, dtype=np.float64)
     missing = [
@@ -358,4 +358,4 @@ def _percent(blocks: Blocks, i: int, part: float, std: float, of: float) -> tupl
 
 def _kind(name: str) -> str:
     kind = name.partition("_")[0]
-    return kind if kind in SLOPE else "k"
+    return kind if kind in SLOPE_PRIOR else "k"

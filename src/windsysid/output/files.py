@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from windsysid.errors import OutputError
-from windsysid.output.locks import LOCK, PART, grab, release, sweep
+from windsysid.output.locks import LOCK, PART, release, remove_abandoned, try_lock
 
-__all__ = ["claim_file", "explained", "make_folders", "place_file", "remove_empty", "replace_file", "sync"]
+__all__ = ["claim_file", "explain_errors", "make_folders", "place_file", "remove_empty", "replace_file", "sync"]
 
 Write = Callable[[BinaryIO], object]
 
@@ -39,13 +39,13 @@ def claim_file(path: str | Path, *, overwrite: bool = False) -> Iterator[Callabl
     handle: int | None = None
 
     def write(content: Write) -> None:
-        with explained(str(path), remedy):
+        with explain_errors(str(path), remedy):
             replace_file(path, content, overwrite=overwrite)
 
     try:
-        with explained(str(path), remedy):
+        with explain_errors(str(path), remedy):
             make_folders(path.absolute().parent, made)
-            handle = grab(lock)
+            handle = try_lock(lock)
         if handle is None:
             raise OutputError(f"{path}: another process is writing it; wait for it, or choose another name")
         yield write
@@ -65,9 +65,9 @@ def replace_file(path: Path, write: Write, *, overwrite: bool = True) -> None:
     OSError
         If it cannot be written: `path` is then as it was, and nothing is left beside it.
     """
-    sweep(path.parent)
+    remove_abandoned(path.parent)
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}{PART}")
-    handle = grab(part)  # the lock says that the process is alive: others leave the file alone
+    handle = try_lock(part)  # the lock says that the process is alive: others leave the file alone
     if handle is None:
         raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
     try:
@@ -89,7 +89,7 @@ def _there(path: Path) -> OutputError:
 
 
 @contextmanager
-def explained(what: str, remedy: str) -> Iterator[None]:
+def explain_errors(what: str, remedy: str) -> Iterator[None]:
     """Turn what the system says into one line."""
     try:
         yield

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from windsysid.errors import OutputError
-from windsysid.output.files import explained, make_folders, place_file, remove_empty, replace_file, sync
-from windsysid.output.locks import HOME, MANIFEST, TRIES, grab, release, sweep
+from windsysid.output.files import explain_errors, make_folders, place_file, remove_empty, replace_file, sync
+from windsysid.output.locks import HOME, MANIFEST, TRIES, release, remove_abandoned, try_lock
 
 __all__ = ["Saveable", "claim", "result_file"]
 
@@ -97,7 +97,7 @@ def claim(
     made: list[Path] = []
     handle: int | None = None
     try:
-        with explained(f"output {given}", "choose another folder, with space left"):
+        with explain_errors(f"output {given}", "choose another folder, with space left"):
             _refuse_kept(given, folder, overwrite=overwrite)
             handle = _enter(given, folder, made)
             _recover(folder)
@@ -105,7 +105,7 @@ def claim(
             _refuse_changed(given, folder, NAMES)
 
         def write(files: Mapping[str, bytes]) -> None:
-            with explained(f"output {given}", "choose another folder, with space left"):
+            with explain_errors(f"output {given}", "choose another folder, with space left"):
                 _refuse_changed(given, folder, files)
                 _commit(folder, files)
                 _finish(folder)
@@ -127,7 +127,7 @@ def result_file(folder: str | Path, name: str) -> Path:
     if noted is None or not noted.staging(folder).is_dir():
         return folder / name
     with contextlib.suppress(OSError):  # the folder may not be writable, or a living process may be at it
-        handle = grab(folder / HOME / "lock")
+        handle = try_lock(folder / HOME / "lock")
         if handle is not None:
             try:
                 _recover(folder)
@@ -239,7 +239,7 @@ def _recover(folder: Path) -> None:
         for path in (folder / HOME).iterdir():
             if path.name.startswith("new-") and (note is None or path.name != note.waiting):
                 shutil.rmtree(path)
-        sweep(folder / HOME)
+        remove_abandoned(folder / HOME)
 
 
 # refusals
@@ -299,7 +299,7 @@ def _enter(given: Path, folder: Path, made: list[Path]) -> int:
     for _ in range(TRIES):
         try:
             make_folders(folder / HOME, made)
-            handle = grab(folder / HOME / "lock")
+            handle = try_lock(folder / HOME / "lock")
         except FileNotFoundError:  # another process has just let go of it, and removed it
             continue
         if handle is not None:

@@ -8,13 +8,13 @@ import sys
 import time
 from pathlib import Path
 
-__all__ = ["grab", "release", "sweep"]
+__all__ = ["release", "remove_abandoned", "try_lock"]
 
 HOME, MANIFEST, LOCK, PART = ".windsysid", "manifest.json", ".windsysid-lock", ".windsysid-part"
 TRIES, PAUSE = 10, 0.02  # a lock that is let go or swept up at this moment is asked for again [s]
 
 
-def grab(path: Path) -> int | None:
+def try_lock(path: Path) -> int | None:
     """Open a file and lock it; None while another process holds it. The lock ends with the process."""
     for attempt in range(TRIES):
         if attempt:
@@ -67,7 +67,7 @@ def release(handle: int, lock: Path) -> None:
         os.close(handle)
 
 
-def sweep(folder: Path) -> None:
+def remove_abandoned(folder: Path) -> None:
     """Remove what processes that are dead left half written: the parts that nobody holds."""
     names: list[str] = []
     with contextlib.suppress(PermissionError):  # of a folder that may be written but not listed

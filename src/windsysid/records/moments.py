@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping
 from datetime import datetime, timedelta
 
-__all__ = ["SINCE", "has_zone", "in_words", "moment", "moved", "split_start", "tidy"]
+__all__ = ["SINCE", "has_zone", "in_words", "moment", "shift_moment", "split_start", "tidy"]
 
 _MOMENT = re.compile(r"\d{4}-\d{2}-\d{2}[ T]\d{2}:\d{2}(:\d{2}([.,]\d{1,9})?)? ?(Z|[+-]\d{2}(:?\d{2})?)?")
 
@@ -40,7 +40,7 @@ def has_zone(text: str) -> bool:
     return moment(text).tzinfo is not None
 
 
-def moved(text: str, seconds: float) -> str:
+def shift_moment(text: str, seconds: float) -> str:
     """The moment `seconds` later, in the same zone."""
     then = moment(text) + timedelta(seconds=seconds)
     later = then.isoformat(timespec="auto" if then.microsecond % 1000 or not then.microsecond else "milliseconds")
@@ -67,7 +67,7 @@ def split_start(attributes: Mapping[str, str], first: float) -> tuple[str | None
             continue
         ours = key.startswith("start_time")
         rest = {k: v for k, v in attributes.items() if k != key or not ours}
-        return (text if seconds == 0.0 else moved(text, -seconds)), rest
+        return (text if seconds == 0.0 else shift_moment(text, -seconds)), rest
     return None, dict(attributes)
 
 

@@ -5,7 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.modal.campbell import Campbell
-from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.output.table import Table
+from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from windsysid.monitoring.change import HEADINGS, MOVED, Change, Comparison
-from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.monitoring.change import MOVED_MIN_ODDS, Change, Comparison
+from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 
 __all__ = ["figure", "files"]
@@ -56,15 +56,15 @@ def files(comparison: Comparison) -> dict[str, bytes]:
     drawn = png(figure(comparison))
     before, after = comparison.records
     caption = (
-        f"From {before} (A) to {after} (B). Orange: a coefficient that moved, at odds of {MOVED:g} : 1 and more; grey:"
-        " frequencies of modes, loads and noise. A band that reaches the edge has no end there; a dotted line: the"
-        " records do not tell."
+        f"From {before} (A) to {after} (B). Orange: a coefficient that moved, at odds of {MOVED_MIN_ODDS:g} : 1 and"
+        " more; grey: frequencies of modes, loads and noise. A band that reaches the edge has no end there; a dotted"
+        " line: the records do not tell."
     )
     sections = [
         Section(
             "What moved", text=[comparison.sentence, *comparison.doubts, *comparison.notes], figures=[(drawn, caption)]
         ),
-        Section("In numbers", text=[READING], tables=[Table(HEADINGS, comparison.rows, words=(0, 1))]),
+        Section("In numbers", text=[READING], tables=[comparison.table()]),
     ]
     return {
         "report.html": report_page("What moved between two records", f"{before} (A) → {after} (B)", sections),

@@ -4,8 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.monitoring.separation import HEADINGS, Separation, Split
-from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.monitoring.separation import Separation, Split
+from windsysid.output.table import Table
+from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 
 __all__ = ["figure", "files"]
@@ -79,7 +80,7 @@ def files(separation: Separation) -> dict[str, bytes]:
             *separation.notes],
             figures=[(drawn, caption)],
         ),
-        Section("In numbers", tables=[Table(HEADINGS, separation.rows, words=(0, 1, 2)), records]),
+        Section("In numbers", tables=[separation.table(), records]),
     ]  # fmt: skip
     subtitle = (
         f"{len(separation.states)} records, {sum(state.parked for state in separation.states)} of them of a parked"

@@ -7,21 +7,13 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING
 
+from windsysid.output.table import Table
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-__all__ = ["Section", "Table", "png", "report_page"]
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of text under headings; columns in `words` are set left and may wrap, the others, numbers, are set right."""
-
-    headings: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    caption: str = ""
-    words: Sequence[int] = (0,)
+__all__ = ["Section", "png", "report_page"]
 
 
 @dataclass(frozen=True)

@@ -3,16 +3,16 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from windsysid.records.moments import in_words, moved
+from windsysid.output.table import Table
+from windsysid.records.moments import in_words, shift_moment
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import Provenance
-from windsysid.units import unit_text
 
 if TYPE_CHECKING:
     pass
 
-from windsysid.reports.html import Section, Table, report_page
+from windsysid.reports.html import Section, report_page
 
 __all__ = ["identification_report", "provenance_section"]
 
@@ -37,7 +37,7 @@ def identification_report(identification: Identification, record: Record) -> byt
         Section(
             "Result",
             text=[*_trust(i), *i.notes],
-            tables=[coefficient_table(i), *tip_tables(i), *mode_tables(i), *statistic_tables(i)],
+            tables=i.tables(),
         ),
         Section(
             "How the estimates came about",
@@ -95,7 +95,7 @@ def provenance_section(identification: Identification, provenance: Provenance) -
     start, (begin, end) = provenance.start, identification.section
     used = f"{begin:g} … {end:g} s"
     if start is not None:
-        used += f", {moved(start, begin)} … {moved(start, end)}"
+        used += f", {shift_moment(start, begin)} … {shift_moment(start, end)}"
     rows = [
         ("record", identification.record),
         ("start of the record", in_words(start)),
@@ -134,70 +134,6 @@ def _trust(identification: Identification) -> list[str]:
     """Whether to trust it, a paragraph for every reason not to."""
     diagnosis = identification.diagnosis
     return [f"trust: NO: because {reason}" for reason in diagnosis.reasons] or [str(diagnosis)]
-
-
-def coefficient_table(identification: Identification) -> Table:
-    """Estimates with bands, and references where they are known."""
-    rows = []
-    for e in identification.estimates:
-        difference = "" if not e.reference else f"{100.0 * (e.estimate / e.reference - 1.0):+.2f} %"
-        reference = "" if e.reference is None else f"{e.reference:.5g}"
-        band = f"{e.low:.5g} … {e.high:.5g}"
-        rows.append(
-            (
-                e.name,
-                f"{e.estimate:.5g}",
-                band,
-                unit_text(e.unit),
-                f"{100.0 * e.informed_by_data:.1f} %",
-                reference,
-                difference,
-            )
-        )
-    headings = ("coefficient", "estimate", "±2σ band", "unit", "informed by data", "reference", "difference")
-    return Table(headings, rows, "Identified coefficients")
-
-
-def tip_tables(identification: Identification) -> list[Table]:
-    """Blade coefficients per tip deflection, where the turbine has a tip lever."""
-    rows = []
-    for e in identification.estimates:
-        if e.tip is not None:
-            t = e.tip
-            unit = "N/m" if e.kind == "stiffness" else "N·s/m"
-            name = e.name.replace("beta", "tip")
-            difference = f"{100.0 * (t['estimate'] / t['reference'] - 1.0):+.2f} %"
-            band = f"{t['low']:.5g} … {t['high']:.5g}"
-            rows.append((name, f"{t['estimate']:.5g}", band, unit, f"{t['reference']:.5g}", difference))
-    if not rows:
-        return []
-    headings = ("coefficient", "estimate", "±2σ band", "unit", "reference", "difference")
-    return [Table(headings, rows, "Blades in tip coordinates (k_β/ℓ², c_β/ℓ²)")]
-
-
-def mode_tables(identification: Identification) -> list[Table]:
-    """Frequencies and damping ratios of the modes."""
-    rows = [(*mode.cells(), *mode.reference_cells()) for mode in identification.modes]
-    headings = (
-        "mode",
-        "frequency [Hz]",
-        "±2σ band",
-        "damping ratio [%]",
-        "±2σ band",
-        "reference [Hz]",
-        "reference [%]",
-    )
-    return [Table(headings, rows, "Modes at the record's rotor speed, fixed frame")] if rows else []
-
-
-def statistic_tables(identification: Identification) -> list[Table]:
-    """What was learned of loads and noise."""
-    rows = [
-        (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
-        for s in identification.statistics
-    ]
-    headings = ("statistic", "estimate", "±2σ band", "unit", "in the file")
-    return [Table(headings, rows, "Loads and noise, learned from the record")] if rows else []
 
 
 def diagnosis_tables(identification: Identification) -> list[Table]:

@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from windsysid.inspection.inspection import STOPS_TITLE
-from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.inspection_figures import overview, spectra_figure, spectrogram_figure
 
 if TYPE_CHECKING:
@@ -15,8 +14,6 @@ LEGEND = (
     "Faults are orange; blue are the proposed sections, numbered, the best one darker; dashed lines are where the rotor"
     " stops and starts. Every spike is drawn: each pixel shows the least and the greatest value in it."
 )
-
-PEAKS = ("channel", "frequency [Hz]", "rms", "what it may be")
 
 
 def files(inspection: "Inspection") -> dict[str, bytes]:
@@ -36,17 +33,17 @@ def files(inspection: "Inspection") -> dict[str, bytes]:
                     for n, p in enumerate(i.proposals, 1)
                 ),
             ],
-            tables=[Table(("section [s]", "why"), i.stop_rows(), STOPS_TITLE, (0, 1))] if i.stops else [],
+            tables=[i.stops_table()] if i.stops else [],
             figures=_with(pictures.get("overview"), _overview_caption(i)),
         ),
     ]
     if i.spectra:
-        peaks = i.peak_rows(most_channels=12)
+        peaks = i.peaks_table(most_channels=12)
         sections.append(
             Section(
                 "What vibrates",
                 text=[_mode_text(i)] if i.modes else [],
-                tables=[Table(PEAKS, peaks, "Spectral peaks", (0, 3))] if peaks else [],
+                tables=[peaks] if peaks.rows else [],
                 figures=[
                     *_with(pictures.get("spectra"), _spectra_caption(i)),
                     *_with(pictures.get("spectrogram"), _spectrogram_caption(i)),

@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from windsysid.identification.planning import Plan, percent, spell
-from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.output.table import Table
+from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.results.directions import standard_deviations
 from windsysid.results.posterior import SIGMAS
@@ -19,7 +20,7 @@ __all__ = ["figure", "files"]
 TICKS = (1, 3, 10, 30, 60, 180, 600, 1800, 3600, 10800, 36000, 86400, 259200, 864000, 2592000, 8640000, 31536000)
 """Durations [s] that the axis may name."""
 
-NEAR = 1.12
+LABEL_SHARE_FACTOR = 1.12
 """Factor within which curves share a label."""
 
 
@@ -41,7 +42,7 @@ def figure(plan: Plan) -> Figure:
         colour = {"k": ESTIMATE, "c": ERROR}.get(kind, MEASURED)
         ax.loglog(time, curve, color=colour, lw=1.2, alpha=0.8)
         label = symbol(name) if kind in ("k", "c") else name
-        if groups and groups[-1][0] == colour and curve[-1] < NEAR * groups[-1][1]:
+        if groups and groups[-1][0] == colour and curve[-1] < LABEL_SHARE_FACTOR * groups[-1][1]:
             groups[-1][2].append(label)
         else:
             groups.append((colour, float(curve[-1]), [label]))

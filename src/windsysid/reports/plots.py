@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.records.record import Record
+from windsysid.results.diagnosis import PEAK_MAX_LEVEL
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
 
@@ -342,15 +343,13 @@ def whiteness(identification: Identification) -> Figure | None:
 
 def _spectrum(ax: Axes, identification: Identification, row: int) -> None:
     """The spectrum of one channel's whitened innovations: blue where a peak matters, orange above what condemns it."""
-    from windsysid.results.diagnosis import PEAK
-
     diagnosis = identification.diagnosis
     assert diagnosis.whiteness is not None
     w, (low, high) = diagnosis.whiteness, diagnosis.reach
     level = w.spectrum[:, row]
     ax.axvspan(low, min(high, w.frequency[-1]), color=BAND, alpha=0.35, lw=0)
     ax.loglog(w.frequency, level, color=ESTIMATE, lw=0.9)
-    bound = max(PEAK, w.spectrum_bound)
+    bound = max(PEAK_MAX_LEVEL, w.spectrum_bound)
     wrong = (level > bound) & (w.frequency > low) & (w.frequency < high)
     ax.plot(np.where(wrong, w.frequency, np.nan), np.where(wrong, level, np.nan), "o", color=ERROR, ms=3.5)
     ax.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)

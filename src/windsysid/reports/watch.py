@@ -3,9 +3,10 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from windsysid.monitoring.changes import HEADINGS, Watch
+from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
-from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.output.table import Table
+from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.units import unit_text
 
@@ -65,13 +66,10 @@ def files(watch: Watch) -> dict[str, bytes]:
         ],
         words=(0, 5),
     )  # fmt: skip
-    tables = [Table(HEADINGS, watch.rows, words=(0, 1))]
-    if watch.effects:
-        tables.append(Table(watch.effect_headings, watch.effects, caption="Effect of one unit of a covariate, ±2σ."))
     sections = [
         Section("What changed", text=[watch.sentence, *watch.notes], tables=[jumps] if watch.changes else []),
         Section("Record by record", figures=[(drawn, caption)]),
-        Section("In numbers", text=[READING], tables=tables),
+        Section("In numbers", text=[READING], tables=watch.tables()),
     ]
     subtitle = f"{len(watch.blocks.time)} records, {watch.alarms_per_year:g} false alarms a year"
     return {

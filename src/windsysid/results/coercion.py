@@ -1,24 +1,19 @@
 """A posterior given as a result, as the folder of one, or as it is."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from windsysid.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    from windsysid.results.identification import Identification
-    from windsysid.results.posterior import Posterior
-
+from windsysid.results.identification import Identification
+from windsysid.results.posterior import Posterior, load_posterior
 
 __all__ = ["PosteriorLike", "as_posterior"]
-PosteriorLike: TypeAlias = "Posterior | Identification | str | Path"
+
+PosteriorLike: TypeAlias = Posterior | Identification | str | Path
 
 
-def as_posterior(given: PosteriorLike) -> "Posterior":
+def as_posterior(given: PosteriorLike) -> Posterior:
     """A posterior from itself, a result, or the folder that a result was saved in; else ConfigurationError."""
-    from windsysid.results.identification import Identification
-    from windsysid.results.posterior import Posterior, load_posterior
-
     if isinstance(given, Posterior):
         return given
     if isinstance(given, Identification):

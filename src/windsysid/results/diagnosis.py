@@ -32,8 +32,8 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters import Info
 from windsysid.results.directions import describe_directions
-from windsysid.results.stretches import FAR, FAR_OFF, band_of_interest
-from windsysid.results.whiteness import CHANCE, Whiteness, chance_limit, examine
+from windsysid.results.stretches import MIN_REMARKED_OUTLIERS, OUTLIER_SIGMAS, band_of_interest
+from windsysid.results.whiteness import FALSE_ALARM_CHANCE, Whiteness, chance_limit, examine
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["CoefficientCheck", "Diagnosis", "diagnose"]
@@ -41,32 +41,32 @@ __all__ = ["CoefficientCheck", "Diagnosis", "diagnose"]
 Band = tuple[float, float, float]
 """Value, and ±2σ around it: low, high."""
 
-PEAK = 3.0
+PEAK_MAX_LEVEL = 3.0
 """Level of the spectrum from which a peak within reach of a natural frequency condemns a result: bands are √3 too
-narrow for what answers there. Peaks from `NOTABLE` on are remarked."""
+narrow for what answers there. Peaks from `PEAK_REMARK_LEVEL` on are remarked."""
 
-NOTABLE = 2.0
+PEAK_REMARK_LEVEL = 2.0
 
-LEVEL = 2.0
+NEAR_MAX_LEVEL = 2.0
 
-COLOURED = 0.02
+COLOUR_REMARK_LEVEL = 0.02
 """Least sum of squared autocorrelations that is remarked as colour; a correlation of 0.14 between samples gives it."""
 
-OFF = 1.25
+SIZE_MAX_FACTOR = 1.25
 """Greatest factor on normalised innovation squared; beyond it all bands are off by more than a tenth.
 
-`CHANNEL_OFF` is for one channel alone.
+`CHANNEL_MAX_FACTOR` is for one channel alone.
 """
 
-CHANNEL_OFF = 2.0
+CHANNEL_MAX_FACTOR = 2.0
 
-OUTLYING = 0.1
+OUTLIER_MAX_SHARE = 0.1
 """Share of a channel's squared innovations that outliers may carry before the result hangs on a few readings."""
 
-GATED = 0.05
+GATED_MAX_SHARE = 0.05
 """Share of a channel's readings that a gate may leave out before it hides a wrong model rather than outliers."""
 
-CONFLICT = 4.0
+CONFLICT_SIGMAS = 4.0
 """Standard deviations between estimate and prior beyond which one of the two is wrong: one in 16 000."""
 
 
@@ -185,7 +185,7 @@ def diagnose(
             reasons += verdict.reasons
             remarks += verdict.remarks
     for check in checks:
-        if abs(check.shift) > CONFLICT:
+        if abs(check.shift) > CONFLICT_SIGMAS:
             reasons.append(
                 f"{check.name} and its prior contradict each other: they are {abs(check.shift):.1f} standard deviations"
                 " apart; the turbine file, a unit or the model is wrong"
@@ -222,13 +222,13 @@ class _Verdict(NamedTuple):
 
 def _judge_size(w: Whiteness) -> _Verdict:
     verdict = _Verdict([], [])
-    if _beyond(w.nis, w.used, OFF):
+    if _is_size_off(w.nis, w.used, SIZE_MAX_FACTOR):
         verdict.reasons.append(
             f"the innovations are {math.sqrt(w.nis):.2g} times as large as the model expects (mean square {w.nis:.3g},"
             f" expected {w.nis_low:.3f} … {w.nis_high:.3f}): all bands are too {'narrow' if w.nis > 1.0 else 'wide'}"
         )
     for c in w.channels:
-        if not verdict.reasons and _beyond(c.nis, c.used, CHANNEL_OFF):
+        if not verdict.reasons and _is_size_off(c.nis, c.used, CHANNEL_MAX_FACTOR):
             verdict.reasons.append(
                 f"the innovations of {c.name} are {math.sqrt(c.nis):.2g} times as large as the model expects: its noise"
                 " differs from its kind's, or its unit or gain is wrong"
@@ -242,17 +242,25 @@ def _judge_size(w: Whiteness) -> _Verdict:
     return verdict
 
 
-def _beyond(nis: float, used: int, factor: float) -> bool:
+def _is_size_off(nis: float, used: int, factor: float) -> bool:
     """Whether a mean square is off by more than a factor, and by more than chance."""
     if used < 1 or 1.0 / factor < nis < factor:
         return False
-    return not chance_limit(1.0 - 0.5 * CHANCE, used) < nis * used < chance_limit(0.5 * CHANCE, used)
+    return (
+        not chance_limit(1.0 - 0.5 * FALSE_ALARM_CHANCE, used)
+        < nis * used
+        < chance_limit(0.5 * FALSE_ALARM_CHANCE, used)
+    )
 
 
 def _judge_damping(dampers: Sequence[tuple[str, Band]], modes: Sequence[tuple[str, Band]]) -> _Verdict:
     verdict = _Verdict([], [])
-    lost = [f"{name} is {value:.2g}{_surely(high)}" for name, (value, _, high) in dampers if value <= 0.0]
-    lost += [f"{name} has {100.0 * value:.2g} %{_surely(high)}" for name, (value, _, high) in modes if value <= 0.0]
+    lost = [f"{name} is {value:.2g}{_describe_certainty(high)}" for name, (value, _, high) in dampers if value <= 0.0]
+    lost += [
+        f"{name} has {100.0 * value:.2g} %{_describe_certainty(high)}"
+        for name, (value, _, high) in modes
+        if value <= 0.0
+    ]
     if lost:
         verdict.reasons.append(
             f"damping is not positive: {', '.join(lost)}. If the motion grew, stop and check the turbine; if not, try"
@@ -264,36 +272,36 @@ def _judge_damping(dampers: Sequence[tuple[str, Band]], modes: Sequence[tuple[st
     return verdict
 
 
-def _surely(high: float) -> str:
+def _describe_certainty(high: float) -> str:
     return " (negative over its whole band)" if high < 0.0 else ""
 
 
 def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
     verdict = _Verdict([], [])
-    notable = max(NOTABLE, w.spectrum_bound)
+    notable = max(PEAK_REMARK_LEVEL, w.spectrum_bound)
     over = sorted((c for c in w.channels if c.peak > notable), key=lambda c: -c.peak)
     loud = max(w.channels, key=lambda c: np.nan_to_num(c.near))
     if over:
         worst, others = over[0], ", ".join(c.name for c in over[1:])
         sentence = (
-            f"the model does not explain {worst.name} around {_named(worst.peak_hz, rotor_hz)}: its innovations are"
-            f" {worst.peak:.2g} times too strong{f' (also {others})' if others else ''}, bands"
+            f"the model does not explain {worst.name} around {_name_frequency(worst.peak_hz, rotor_hz)}: its"
+            f" innovations are {worst.peak:.2g} times too strong{f' (also {others})' if others else ''}, bands"
             f" {math.sqrt(worst.peak):.1f} times too narrow"
         )
-        (verdict.reasons if worst.peak > PEAK else verdict.remarks).append(sentence)
-    if not verdict.reasons and loud.near > max(LEVEL, w.spectrum_bound):
+        (verdict.reasons if worst.peak > PEAK_MAX_LEVEL else verdict.remarks).append(sentence)
+    if not verdict.reasons and loud.near > max(NEAR_MAX_LEVEL, w.spectrum_bound):
         verdict.reasons.append(
             f"the innovations of {loud.name} are {loud.near:.2g} times as strong as the model expects all around"
-            f" {_named(loud.near_hz, rotor_hz)}, bands there {math.sqrt(loud.near):.1f} times too narrow"
+            f" {_name_frequency(loud.near_hz, rotor_hz)}, bands there {math.sqrt(loud.near):.1f} times too narrow"
         )
     far = max(w.channels, key=lambda c: np.nan_to_num(c.far))
-    if far.far > max(PEAK, w.spectrum_bound):
+    if far.far > max(PEAK_MAX_LEVEL, w.spectrum_bound):
         verdict.remarks.append(
-            f"{far.name} is {far.far:.2g} times as strong as the model expects around {_named(far.far_hz, rotor_hz)},"
-            " far from every natural frequency"
+            f"{far.name} is {far.far:.2g} times as strong as the model expects around"
+            f" {_name_frequency(far.far_hz, rotor_hz)}, far from every natural frequency"
         )
     worst = max(w.channels, key=lambda c: c.colour)
-    if worst.colour > max(COLOURED, w.colour_bound):
+    if worst.colour > max(COLOUR_REMARK_LEVEL, w.colour_bound):
         verdict.remarks.append(
             f"the innovations of {worst.name} are not white (squared autocorrelations add up to {worst.colour:.2f})"
         )
@@ -303,22 +311,22 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
 def _judge_outliers(w: Whiteness) -> _Verdict:
     verdict = _Verdict([], [])
     for c in w.channels:
-        if c.gated > GATED:
+        if c.gated > GATED_MAX_SHARE:
             verdict.reasons.append(
                 f"{100.0 * c.gated:.0f} % of the readings of {c.name} were left out as outliers: so many are none, and"
                 " the model is wrong"
             )
         elif c.gated > 0.0:
             verdict.remarks.append(f"{100.0 * c.gated:.2g} % of the readings of {c.name} were left out as outliers")
-        if c.outliers >= FAR_OFF:
-            (verdict.reasons if c.outlying > OUTLYING else verdict.remarks).append(
-                f"{c.outliers} readings of {c.name} are more than {FAR:g} standard deviations off and make up"
-                f" {100.0 * c.outlying:.0f} % of its squared innovations: take the spikes out"
+        if c.outliers >= MIN_REMARKED_OUTLIERS:
+            (verdict.reasons if c.outlying > OUTLIER_MAX_SHARE else verdict.remarks).append(
+                f"{c.outliers} readings of {c.name} are more than {OUTLIER_SIGMAS:g} standard deviations off and make"
+                f" up {100.0 * c.outlying:.0f} % of its squared innovations: take the spikes out"
             )
     return verdict
 
 
-def _named(frequency: float, rotor_hz: float) -> str:
+def _name_frequency(frequency: float, rotor_hz: float) -> str:
     """A frequency in words: ``3.48 Hz = 3.0P``."""
     harmonic = f" = {frequency / rotor_hz:.1f}P" if rotor_hz > 0.0 and frequency / rotor_hz > 0.05 else ""
     return f"{frequency:.3g} Hz{harmonic}"

@@ -22,28 +22,28 @@ from windsysid._types import Array
 __all__ = ["describe_directions", "describe_information", "standard_deviations"]
 
 
-NOTHING = 1e-9
+MIN_SEEN_EIGENVALUE = 1e-9
 """Least eigenvalue of the scaled information (1 on average) that counts as seen; rounding leaves some 1e-15."""
 
-BLIND = 1e-8
+MIN_SEEN_INFORMATION = 1e-8
 """Information on ln p, σ = 10⁴, below which a parameter is not seen at all."""
 
-HARMFUL = 30.0
+MIN_CONDITION_INDEX = 30.0
 """Condition index from which parameters are told apart badly (Belsley, Kuh & Welsch)."""
 
-STRONG = 0.9
+MIN_NAMED_CORRELATION = 0.9
 """Correlation from which two parameters are named."""
 
-NONE, LITTLE = 1e-4, 0.15
+ZERO_ENTRY_UNSEEN, ZERO_ENTRY_BADLY_SEEN = 1e-4, 0.15
 """Entries of a direction that count as zero: where it is unseen, where it is only badly seen."""
 
 
 def standard_deviations(information: Array) -> Array:
     """σ of every coordinate (n,) from the information (n, n): the Cramér–Rao bound, infinite where nothing is seen."""
     scale, values, vectors = _scaled(information)
-    seen = values > NOTHING
+    seen = values > MIN_SEEN_EIGENVALUE
     variance = np.square(vectors[:, seen]) @ (1.0 / values[seen])
-    hidden = np.abs(vectors[:, ~seen]).max(axis=1, initial=0.0) > NONE
+    hidden = np.abs(vectors[:, ~seen]).max(axis=1, initial=0.0) > ZERO_ENTRY_UNSEEN
     return np.asarray(np.where(hidden, np.inf, np.sqrt(variance) / scale), dtype=np.float64)
 
 
@@ -60,10 +60,10 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
         Names of which nothing is said unless they are mixed up with others: nuisances such as load and noise.
     """
     scale, values, vectors = _scaled(information)
-    unseen = values <= NOTHING
+    unseen = values <= MIN_SEEN_EIGENVALUE
     sentences = []
-    for who, left, moved, _ in _spoken(
-        names, (vectors[:, unseen] / scale[:, None]).T, scale, NONE, np.ones(len(names))
+    for who, left, moved, _ in _describe_rules(
+        names, (vectors[:, unseen] / scale[:, None]).T, scale, ZERO_ENTRY_UNSEEN, np.ones(len(names))
     ):
         if not set(who) <= set(aside):
             some = f"{_list(who)}: only {left} is seen" if left else f"{moved} together: no reading changes"
@@ -71,7 +71,7 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
     covariance = (vectors[:, ~unseen] / values[~unseen]) @ vectors[:, ~unseen].T / np.outer(scale, scale)
     hidden = np.isinf(standard_deviations(information))
     told: list[list[int]] = []
-    for weak in np.flatnonzero(~unseen & (values * HARMFUL**2 < values.max())):
+    for weak in np.flatnonzero(~unseen & (values * MIN_CONDITION_INDEX**2 < values.max())):
         share = np.square(vectors[:, weak]) / values[weak] / np.maximum(np.diag(covariance) * scale**2, 1e-300)
         members = [int(i) for i in np.flatnonzero((share > 0.5) & ~hidden)]
         if len(members) > 1 and not {names[i] for i in members} <= set(aside):
@@ -115,7 +115,7 @@ def describe_directions(
     size = np.where(logarithmic, 1.0, spread if theta is None else np.where(theta == 0.0, spread, theta))
     before, after = np.linalg.inv(prior_cov), np.linalg.inv(cov)
     sentences = []
-    for who, left, moved, rows in _spoken(names, prior_rules, 1.0 / spread, LITTLE, 1.0 / size):
+    for who, left, moved, rows in _describe_rules(names, prior_rules, 1.0 / spread, ZERO_ENTRY_BADLY_SEEN, 1.0 / size):
         left_of_prior = np.trace(np.linalg.solve(rows @ after @ rows.T, rows @ before @ rows.T)) / len(rows)
         share = f"{100.0 * (1.0 - left_of_prior):.0f} % from the data"
         some = (
@@ -132,20 +132,20 @@ def _correlated(cov: Array) -> list[tuple[int, int, float]]:
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     correlation = cov / np.outer(std, std)
     pairs = [(i, j, float(correlation[i, j])) for j in range(len(cov)) for i in range(j)]
-    return sorted((pair for pair in pairs if abs(pair[2]) > STRONG), key=lambda pair: -abs(pair[2]))
+    return sorted((pair for pair in pairs if abs(pair[2]) > MIN_NAMED_CORRELATION), key=lambda pair: -abs(pair[2]))
 
 
 def _scaled(information: Array) -> tuple[Array, Array, Array]:
     """Scale (n,), eigenvalues (n,) and eigenvectors (n, n) of the information with unit diagonal; zero rows stay."""
     diagonal = np.diag(information)
-    seen = diagonal > BLIND
-    scale = np.where(seen, np.sqrt(np.maximum(diagonal, BLIND)), 1.0)
+    seen = diagonal > MIN_SEEN_INFORMATION
+    scale = np.where(seen, np.sqrt(np.maximum(diagonal, MIN_SEEN_INFORMATION)), 1.0)
     scaled = np.where(np.outer(seen, seen), information / np.outer(scale, scale), 0.0)
     values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
     return scale, values, vectors
 
 
-def _spoken(
+def _describe_rules(
     names: Sequence[str], space: Array, scale: Array, tolerance: float, relative: Array
 ) -> Iterator[tuple[list[str], str, str, Array]]:
     """The directions of a space (d, n) taken apart: who moves, what stays, the move in percent, and a basis of that
@@ -162,7 +162,7 @@ def _spoken(
         parts = [which] if left else [[i] for i in which]
         for part in parts:
             moving = [int(i) for i in np.flatnonzero(rows[part].any(axis=0))]
-            yield [names[i] for i in moving], left, _moved(names, rows[part[0]]), basis[part]
+            yield [names[i] for i in moving], left, _describe_direction(names, rows[part[0]]), basis[part]
 
 
 def _reduced(rows: Array) -> Array:
@@ -224,7 +224,7 @@ def _left(who: Sequence[str], rows: Array) -> str:
 _SUPERSCRIPTS = ("", "", "²", "³", "⁴")
 
 
-def _moved(names: Sequence[str], row: Array) -> str:
+def _describe_direction(names: Sequence[str], row: Array) -> str:
     """A direction as steps in percent, the largest 10 %."""
     steps = 10.0 * row / np.abs(row).max() * np.sign(row[np.flatnonzero(row)[0]])
     return _list(
@@ -242,7 +242,7 @@ def _badly(who: Sequence[str], row: Array, cov: Array) -> str:
     rounded = _small_integers(row, 0.1)
     left = _left(who, np.array([rounded], dtype=np.float64)) if rounded is not None and len(who) == 2 else ""
     if not left:
-        return f"{start}: {_moved(who, row)} together is hardly seen (2σ of each: {each})"
+        return f"{start}: {_describe_direction(who, row)} together is hardly seen (2σ of each: {each})"
     seen = np.array([row[1], -row[0]]) / np.abs(row).max()
     return f"{start}: {left} is seen to {_two_sigma(np.sqrt(seen @ cov @ seen))}, each alone to {each} (2σ)"
 

@@ -10,21 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid._version import __version__
+from windsysid.console import render
 from windsysid.errors import ConfigurationError
 from windsysid.loads.statistics import Statistic
 from windsysid.output.answers import Answer
+from windsysid.output.table import Table
+from windsysid.records.formats.netcdf import sealed
 from windsysid.results.diagnosis import Diagnosis
+from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.provenance import Provenance
 from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.tables import as_tables
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:
     import xarray as xr
-    from rich.table import Table
-
-    from windsysid.results.load_history import Loads
 
 from windsysid.results.posterior import NOT_RECORDED, PRIORS, SIGMAS, Conditions, Posterior, section_name
 
@@ -272,9 +275,6 @@ class Identification(Answer):
         """What ``identification.nc`` says of the whole."""
         import tomli_w
 
-        from windsysid._version import __version__
-        from windsysid.turbine.tables import as_tables
-
         known = self.provenance
         traced: dict[str, Any] = {}
         if known is not None:
@@ -298,8 +298,6 @@ class Identification(Answer):
         import h5netcdf
         import h5py  # type: ignore[import-untyped,unused-ignore]
 
-        from windsysid.records.formats.netcdf import sealed
-
         # xarray would write the same; to import it takes longer than to read, write and print.
         written = io.BytesIO()  # a disk that is full makes HDF5 end the interpreter: it gets none
         with h5netcdf.File(written, "w") as file:
@@ -315,69 +313,59 @@ class Identification(Answer):
             file.attrs.update(self._attributes())
         return {"summary.json": self.to_json().encode(), "identification.nc": sealed(written.getvalue())}
 
-    def table(self) -> "Table":
-        """The estimates as a Rich table."""
-        from rich.table import Table
+    def tables(self) -> list[Table]:
+        """Estimates, modes, and statistics of loads and noise, as far as there are any."""
+        more = ([self.modes_table()] if self.modes else []) + ([self.statistics_table()] if self.statistics else [])
+        return [self.table(), *more]
 
+    def table(self) -> Table:
+        """The estimates with their bands, and the references where any is known."""
         known = any(e.reference is not None for e in self.estimates)
-        table = Table(title=f"{self.turbine}, {self.record}: {self.formulation}, {self.method}", title_justify="left")
-        for heading in ("coefficient", "estimate", "±2σ band", "unit", "from data"):
-            table.add_column(heading, justify="left" if heading in ("coefficient", "unit") else "right")
-        if known:
-            table.add_column("reference", justify="right")
-            table.add_column("difference", justify="right")
+        rows = []
         for e in self.estimates:
-            rows = [
-                (e.name, unit_text(e.unit), e.estimate, e.low, e.high, e.reference, f"{100 * e.informed_by_data:.1f} %")
-            ]
+            informed = f"{100.0 * e.informed_by_data:.1f} %"
+            rows.append(_estimate_cells(e.name, unit_text(e.unit), informed, known, asdict(e)))
             if e.tip is not None:
-                t = e.tip
                 unit = "N/m" if e.kind == "stiffness" else "N·s/m"
-                rows.append(("  at the tip", unit, t["estimate"], t["low"], t["high"], t["reference"], ""))
-            for name, unit, estimate, low, high, reference, informed in rows:
-                cells = [name, f"{estimate:.5g}", f"{low:.5g} … {high:.5g}", unit, informed]
-                if known:
-                    difference = f"{100 * (estimate / reference - 1.0):+.2f} %" if reference else ""
-                    cells += ["" if reference is None else f"{reference:.5g}", difference]
-                table.add_row(*cells)
-        return table
+                rows.append(_estimate_cells("  at the tip", unit, "", known, e.tip))
+        headings = ("coefficient", "estimate", "±2σ band", "unit", "from data")
+        more = ("reference", "difference") if known else ()
+        title = f"{self.turbine}, {self.record}: {self.formulation}, {self.method}"
+        return Table((*headings, *more), rows, title, words=(0, 3))
 
-    def modes_table(self) -> "Table":
-        """The modes as a Rich table."""
-        from rich.table import Table
-
+    def modes_table(self) -> Table:
+        """The modes: frequencies and damping ratios."""
         known = any(mode.reference is not None for mode in self.modes)
-        table = Table(title="modes at the record's rotor speed, fixed frame", title_justify="left")
-        headings = ["mode", "frequency [Hz]", "±2σ band", "damping ratio [%]", "±2σ band"]
-        for heading in headings + (["reference [Hz]", "reference [%]"] if known else []):
-            table.add_column(heading, justify="left" if heading == "mode" else "right")
-        for mode in self.modes:
-            table.add_row(*mode.cells(), *(mode.reference_cells() if known else ()))
-        return table
+        headings = ("mode", "frequency [Hz]", "±2σ band", "damping ratio [%]", "±2σ band")
+        rows = [(*mode.cells(), *(mode.reference_cells() if known else ())) for mode in self.modes]
+        more = ("reference [Hz]", "reference [%]") if known else ()
+        return Table((*headings, *more), rows, "Modes at the record's rotor speed, fixed frame")
 
-    def statistics_table(self) -> "Table":
-        """What was learned of loads and noise, as a Rich table."""
-        from rich.table import Table
-
-        table = Table(title="loads and noise, learned from the record", title_justify="left")
-        for heading in ("statistic", "estimate", "±2σ band", "unit", "file"):
-            table.add_column(heading, justify="left" if heading in ("statistic", "unit") else "right")
-        for s in self.statistics:
-            table.add_row(
-                s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}"
-            )
-        return table
+    def statistics_table(self) -> Table:
+        """What was learned of loads and noise."""
+        rows = [
+            (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
+            for s in self.statistics
+        ]
+        headings = ("statistic", "estimate", "±2σ band", "unit", "in the file")
+        return Table(headings, rows, "Loads and noise, learned from the record", words=(0, 3))
 
     def __str__(self) -> str:
-        from windsysid.console import render
-
-        more = [*([self.modes_table()] if self.modes else []), *([self.statistics_table()] if self.statistics else [])]
-        return render(self.table(), *more, str(self.diagnosis), *self.diagnosis.remarks, *self.notes)
+        return render(*self.tables(), str(self.diagnosis), *self.diagnosis.remarks, *self.notes)
 
 
 def coefficient_errors(history: Array, reference: float) -> Array:
     """Eq (24): |identified − reference| / |reference| · 100 %, point by point."""
     return np.asarray(np.abs(history - reference) / abs(reference) * 100.0, dtype=np.float64)
+
+
+def _estimate_cells(name: str, unit: str, informed: str, known: bool, values: Mapping[str, Any]) -> tuple[str, ...]:
+    estimate, reference = values["estimate"], values["reference"]
+    cells = (name, f"{estimate:.5g}", f"{values['low']:.5g} … {values['high']:.5g}", unit, informed)
+    if not known:
+        return cells
+    difference = f"{100.0 * (estimate / reference - 1.0):+.2f} %" if reference else ""
+    return (*cells, "" if reference is None else f"{reference:.5g}", difference)
 
 
 def _estimate_summary(e: Estimate) -> dict[str, Any]:

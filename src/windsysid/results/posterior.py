@@ -3,7 +3,7 @@
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,12 +11,10 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.statistics import Statistic
 from windsysid.output.folders import result_file
+from windsysid.records.formats.netcdf import check_seal, open_hdf5
 from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.tables import parse_turbine
 from windsysid.turbine.turbine import Turbine
-
-if TYPE_CHECKING:
-    pass
-
 
 __all__ = ["Conditions", "Posterior", "load_posterior", "section_name"]
 
@@ -103,9 +101,6 @@ def load_posterior(folder: str | Path) -> Posterior:
         If there is none, it was changed after windsysid wrote it, or it was written by a version that did not keep the
         turbine.
     """
-
-    from windsysid.records.formats.netcdf import check_seal, open_hdf5
-    from windsysid.turbine.tables import parse_turbine
 
     path = result_file(folder, "identification.nc")
     changed = ConfigurationError(

@@ -12,6 +12,7 @@ import numpy as np
 from windsysid._version import __version__
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.turbine.tables import as_tables
 from windsysid.turbine.turbine import Turbine
 
 if TYPE_CHECKING:
@@ -99,8 +100,6 @@ def turbine_hash(turbine: Turbine) -> str:
     """SHA-256 of a turbine's whole file as `windsysid.turbine.file.write_turbine` writes it."""
     import tomli_w
 
-    from windsysid.turbine.tables import as_tables
-
     return f"sha256:{hashlib.sha256(tomli_w.dumps(as_tables(turbine)).encode()).hexdigest()}"
 
 
@@ -111,7 +110,7 @@ def sensor_tables(sensors: Sequence[Sensor]) -> tuple[dict[str, Any], ...]:
 
 def mapping_tables(mapping: "FileMapping | None") -> dict[str, Any] | None:
     """A mapping as the tables of its file, without what it does not say; None for none."""
-    return None if mapping is None else _said(asdict(mapping))
+    return None if mapping is None else _omit_empty(asdict(mapping))
 
 
 def trace(
@@ -129,6 +128,6 @@ def trace(
     )
 
 
-def _said(tables: Mapping[str, Any]) -> dict[str, Any]:
-    plain = {key: _said(value) if isinstance(value, dict) else value for key, value in tables.items()}
+def _omit_empty(tables: Mapping[str, Any]) -> dict[str, Any]:
+    plain = {key: _omit_empty(value) if isinstance(value, dict) else value for key, value in tables.items()}
     return {key: list(v) if isinstance(v, tuple) else v for key, v in plain.items() if v not in (None, {}, (), False)}

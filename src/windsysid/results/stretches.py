@@ -11,20 +11,28 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 
-__all__ = ["FAR", "FAR_OFF", "Stretch", "Sums", "band_of_interest", "measure_stretch", "spectral_window"]
+__all__ = [
+    "MIN_REMARKED_OUTLIERS",
+    "OUTLIER_SIGMAS",
+    "Stretch",
+    "Sums",
+    "band_of_interest",
+    "measure_stretch",
+    "spectral_window",
+]
 
 
-REACH = (0.4, 2.5)
+REACH_FACTORS = (0.4, 2.5)
 """How far below the lowest and above the highest natural frequency a peak still matters, as factors."""
 
-FAR, FAR_OFF = 5.0, 3
+OUTLIER_SIGMAS, MIN_REMARKED_OUTLIERS = 5.0, 3
 """Standard deviations beyond which an innovation is an outlier, one in two million of normal ones, and how many are
 remarked."""
 
-SEGMENTS = 16
+SEGMENTS_PER_RECORD = 16
 """Lengths that a record is cut into for its spectrum; overlapping by half, one less than twice as many segments."""
 
-SHORTEST = 16
+MIN_SEGMENT_SAMPLES = 16
 """Samples in such a segment, below which there is no spectrum."""
 
 MOST_LAGS = 200
@@ -120,7 +128,7 @@ def measure_stretch(
 
 def band_of_interest(frequencies: Sequence[float]) -> tuple[float, float]:
     """Lowest and highest frequency [Hz] within reach of the natural ones."""
-    return REACH[0] * min(frequencies, default=0.0), REACH[1] * max(frequencies, default=math.inf)
+    return REACH_FACTORS[0] * min(frequencies, default=0.0), REACH_FACTORS[1] * max(frequencies, default=math.inf)
 
 
 def _own_samples(seen: NDArray[np.bool_]) -> tuple[int, int]:
@@ -143,11 +151,11 @@ def _add_up(
     centred = np.where(used, z - offset, 0.0)
     variance = np.maximum(np.square(centred).sum(axis=0) / np.maximum(number, 1), 1e-300)
     scaled = centred / np.sqrt(variance)  # size is one question, colour and spikes are others
-    beyond = np.abs(scaled) > FAR
+    beyond = np.abs(scaled) > OUTLIER_SIGMAS
     lowest = band_of_interest(frequencies)[0]
     most = int(np.clip(rate / max(lowest, 1e-12), 10, max(10, min(MOST_LAGS, samples // 10))))
     pairs, products = _lagged(scaled, used, most if like is None else len(like.pairs))
-    length = samples // SEGMENTS if like is None else like.length
+    length = samples // SEGMENTS_PER_RECORD if like is None else like.length
     segments, power = _power(scaled, length)
     return Sums(
         rate=rate,
@@ -198,7 +206,7 @@ def _power(z: Array, length: int) -> tuple[int, Array]:
     Samples that are missing are zero.
     """
     total = np.zeros((length // 2 + 1, z.shape[1]))
-    if length < SHORTEST:
+    if length < MIN_SEGMENT_SAMPLES:
         return 0, total
     window = spectral_window(length)
     starts = np.arange(0, len(z) - length + 1, length // 2)

@@ -19,11 +19,11 @@ __all__ = [
 ]
 
 
-CHANCE = 1e-3
+FALSE_ALARM_CHANCE = 1e-3
 """A departure that noise alone would show in one record out of so many is no reason: for each kind of test, all
 channels and frequencies together."""
 
-NEAR = 1.3
+NEAR_MODE_FACTOR = 1.3
 """Factor about a natural frequency over which the spectrum is averaged.
 
 From `LEVEL` on that average condemns a result: bands are √2 too narrow.
@@ -229,8 +229,8 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
         autocorrelation_bound=2.0 / math.sqrt(fewest),
         frequency=frequency,
         spectrum=spectrum,
-        spectrum_bound=chance_limit(CHANCE / max(spectrum.size, 1), freedom) / freedom,
-        colour_bound=(chance_limit(CHANCE / m, lags) - lags) / fewest,
+        spectrum_bound=chance_limit(FALSE_ALARM_CHANCE / max(spectrum.size, 1), freedom) / freedom,
+        colour_bound=(chance_limit(FALSE_ALARM_CHANCE / m, lags) - lags) / fewest,
     )
 
 
@@ -272,7 +272,7 @@ def _peak(frequency: Array, spectrum: Array, among: NDArray[np.bool_]) -> tuple[
 
 def _near(frequency: Array, spectrum: Array, natural: Sequence[float]) -> tuple[float, float]:
     """The natural frequency [Hz] around which a spectrum (F,) is highest on average, and that average."""
-    inside = [(f, (frequency > f / NEAR) & (frequency < f * NEAR)) for f in natural]
+    inside = [(f, (frequency > f / NEAR_MODE_FACTOR) & (frequency < f * NEAR_MODE_FACTOR)) for f in natural]
     levels = [(float(spectrum[band].mean()), f) for f, band in inside if band.any()]
     level, at = max(levels, default=(math.nan, math.nan))
     return at, level

@@ -52,7 +52,7 @@ class Level(NamedTuple):
     gravity: float
 
 
-_LARGEST = 1e100
+_MAX_VALUE = 1e100
 """Beyond this the slopes of a curve through the values overflow; no instrument reads it."""
 
 
@@ -105,7 +105,7 @@ def resample(
         wraps = unit == "rad" and bool({"azimuth", "yaw", "direction"} & set(name.split("_")))
         low = -math.pi if wraps and known.any() and float(values[known].min()) < 0.0 else 0.0
         time, values = record.time[known], values[known]
-        if known.any() and np.abs(values).max() > _LARGEST:
+        if known.any() and np.abs(values).max() > _MAX_VALUE:
             raise RecordError(
                 f"channel '{name}' reaches {np.abs(values).max():.3g}, too large to be resampled; correct its values,"
                 " or leave the column out"

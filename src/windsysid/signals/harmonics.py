@@ -30,8 +30,8 @@ __all__ = ["Line", "follow_line", "rotor_from_blades", "rotor_from_tower"]
 ComplexArray = NDArray[np.complex128]
 
 _TAPER = 6.0  # turns faded in and out; over two thirds of them the speed is taken to be constant
-_DROWNED = 5.0
-_CLEAR = 30.0  # noise, followed where it is loudest, looks up to half as clear as this
+_MIN_CLARITY = 5.0
+_SURE_CLARITY = 30.0  # noise, followed where it is loudest, looks up to half as clear as this
 
 
 class Line(NamedTuple):
@@ -50,7 +50,7 @@ class Line(NamedTuple):
     @property
     def is_clear(self) -> bool:
         """Whether the line stands out as a whole, and nowhere drowns."""
-        return self.clarity > _CLEAR and self.worst > _DROWNED
+        return self.clarity > _SURE_CLARITY and self.worst > _MIN_CLARITY
 
 
 def rotor_from_tower(
@@ -173,8 +173,8 @@ def _straight_ends(phase: Array, n: int) -> Array:
 
 def _how_clear(line: Line) -> str:
     return (
-        f"{line.clarity:.2g} times its surroundings, {line.worst:.2g} at the worst, expected more than {_CLEAR:g} and"
-        f" {_DROWNED:g}"
+        f"{line.clarity:.2g} times its surroundings, {line.worst:.2g} at the worst, expected more than"
+        f" {_SURE_CLARITY:g} and {_MIN_CLARITY:g}"
     )
 
 

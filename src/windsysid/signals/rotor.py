@@ -19,10 +19,10 @@ from windsysid.signals.band import bridged
 __all__ = ["RotorMotion", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
 
 
-STILL = 0.05
+STANDING_MAX_SPEED = 0.05
 """Mean speed [rad/s] below which the rotor of a parked machine counts as standing: half a revolution per minute."""
 
-FAR = 20.0
+MAX_SPEED_FACTOR = 20.0
 """Greatest factor from the turbine's usual rotor speed; beyond it an azimuth is in another unit (degrees: 57 times)."""
 
 
@@ -84,7 +84,9 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
     mean_speed = float(speed.mean())
     psi = turned + np.interp(time, time[known], offset)
     parked = rotor_speed == 0.0  # then the turbine says nothing of how fast it turns
-    slow = max(abs(mean_speed), abs(mean_speed + drift)) < (STILL if parked else rotor_speed / FAR)
+    slow = max(abs(mean_speed), abs(mean_speed + drift)) < (
+        STANDING_MAX_SPEED if parked else rotor_speed / MAX_SPEED_FACTOR
+    )
     if slow and parked and "rotor_speed" not in record:
         speed = smooth_slope(psi, record.rate)
     if slow and (parked or "rotor_speed" in record):  # parked or idling: the azimuth need not run forward
@@ -99,7 +101,7 @@ def rotor_inputs(record: Record, rotor_speed: float) -> Array:
             f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s but rotor_speed says {mean_speed:.4g} rad/s: "
             "check the unit of both channels"
         )
-    if not (parked or 1.0 / FAR < (mean_speed + drift) / rotor_speed < FAR):
+    if not (parked or 1.0 / MAX_SPEED_FACTOR < (mean_speed + drift) / rotor_speed < MAX_SPEED_FACTOR):
         raise RecordError(
             f"rotor_azimuth turns at {mean_speed + drift:.4g} rad/s, but the turbine's usual speed is {rotor_speed:.4g}"
             " rad/s: check the unit of the azimuth, or the turbine file"

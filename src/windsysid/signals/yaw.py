@@ -24,10 +24,10 @@ from windsysid.signals.rotor import rotor_inputs
 __all__ = ["to_nacelle", "tower_inputs", "with_nacelle_axes"]
 
 
-STANDING = 0.02
+STANDING_MAX_SHARE = 0.02
 """Share of the usual rotor speed below which a rotor stands, and its azimuth says nothing."""
 
-YAW_WINDOW = 10.0
+YAW_WINDOW_SECONDS = 10.0
 """Seconds over which a yaw is smoothed: a drive turns half a degree per second for a minute, its signal in steps."""
 
 
@@ -112,7 +112,7 @@ def tower_inputs(record: Record, rotor_speed: float, *, needs_yaw: bool) -> Arra
     inputs = np.zeros((record.samples, 5))
     known = "rotor_speed" in record and bool(np.isfinite(record["rotor_speed"]).any())
     speed = bridged(record["rotor_speed"], "rotor_speed") if known else np.full(record.samples, rotor_speed)
-    turns = abs(float(speed.mean())) > STANDING * rotor_speed
+    turns = abs(float(speed.mean())) > STANDING_MAX_SHARE * rotor_speed
     if turns and "rotor_azimuth" in record and np.isfinite(record["rotor_azimuth"]).sum() > 1:
         inputs[:, :2] = rotor_inputs(record, rotor_speed)[:, :2]
     else:
@@ -141,7 +141,7 @@ def _smooth(yaw: Array, rate: float) -> Array:
     """Yaw, its rate and its acceleration (T, 3), by local quadratic least squares (Savitzky & Golay 1964)."""
     from scipy.signal import savgol_filter
 
-    window = min(2 * math.ceil(YAW_WINDOW * rate / 2.0) + 1, len(yaw) - (1 - len(yaw) % 2))
+    window = min(2 * math.ceil(YAW_WINDOW_SECONDS * rate / 2.0) + 1, len(yaw) - (1 - len(yaw) % 2))
     if np.ptp(yaw) == 0.0 or window < 5:
         return np.column_stack([yaw, np.zeros((len(yaw), 2))])
     columns = [savgol_filter(yaw, window, 2, deriv=order, delta=1.0 / rate) for order in (0, 1, 2)]

@@ -13,7 +13,7 @@ from windsysid.statespace.process import Process, discretise_block, rational
 __all__ = ["GaussMarkov"]
 
 
-BEYOND = 1.08
+CUT_OFF_FACTOR = 1.08
 """Cut-off of a second-order Butterworth filter over the low-pass's frequency.
 
 Samples at twice that have the spectrum of a process cut off there, to within 5 % rms.
@@ -38,8 +38,8 @@ class GaussMarkov:
         n; 0: the process itself.
     low_pass
         [Hz]; where the record went through an anti-aliasing low-pass, what it knows of the process did too: a
-        Butterworth filter at `BEYOND` times that frequency. Without it the samples of the process hold power from above
-        half the rate which those of the record do not, and a mode's damping pays for it.
+        Butterworth filter at `CUT_OFF_FACTOR` times that frequency. Without it the samples of the process hold power
+        from above half the rate which those of the record do not, and a mode's damping pays for it.
     """
 
     load: str
@@ -72,7 +72,7 @@ class GaussMarkov:
         """The process behind the low-pass, where there is one."""
         if self.harmonic or math.isinf(self.low_pass):
             return None
-        pole = 2.0 * math.pi * BEYOND * self.low_pass * complex(-math.sqrt(0.5), math.sqrt(0.5))
+        pole = 2.0 * math.pi * CUT_OFF_FACTOR * self.low_pass * complex(-math.sqrt(0.5), math.sqrt(0.5))
         return rational(self.rms, [-1.0 / self.time_constant, pole, pole.conjugate()])
 
     @property

@@ -21,8 +21,8 @@ from windsysid.filters import FILTERS, Filter
 from windsysid.identification.identify import identify
 from windsysid.identification.problem import pose
 from windsysid.mechanics.compile import compile_model
+from windsysid.output.table import Table
 from windsysid.records.record import Record
-from windsysid.reports.html import Table
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import integrate
 from windsysid.study.arms import identify_section, record_balance
@@ -35,7 +35,7 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["Method", "gather", "method_table", "run_methods"]
 
 
-WRONG = 3.0
+WRONG_LOAD_FACTOR = 3.0
 """Factor by which the loads' rms is wrong in the row that shows what that costs."""
 
 
@@ -121,9 +121,10 @@ def _methods(turbine: Turbine, seed: int) -> Iterator[tuple[str, str, Callable[[
             yield f"force balance, SIR, {SIR.particles} particles", told, partial(_particles, turbine, reference)
     record = accelerometers(turbine, reference, seed)
     statistics = "statistics of loads and noise"
-    loud = replace(turbine, loads=tuple(replace(load, rms=WRONG * load.rms) for load in turbine.loads))
+    loud = replace(turbine, loads=tuple(replace(load, rms=WRONG_LOAD_FACTOR * load.rms) for load in turbine.loads))
     for f, told, supposed in (
-        *((f, statistics, turbine) for f in FILTERS), (FILTERS[0], f"the same, loads {WRONG:g} × too loud", loud),
+        *((f, statistics, turbine) for f in FILTERS),
+        (FILTERS[0], f"the same, loads {WRONG_LOAD_FACTOR:g} × too loud", loud),
     ):  # fmt: skip
         yield f"joint, {f.name}", told, partial(_joint, turbine, supposed, record, f, seed)
     yield "joint, posterior mode", "nothing", partial(_mode, turbine, record, seed)

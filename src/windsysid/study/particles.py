@@ -23,11 +23,13 @@ from windsysid.identification.force_balance import Balance, analysis_band, balan
 from windsysid.identification.outcome import Outcome
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import pose
+from windsysid.mechanics.equations import Equations
 from windsysid.results.identification import Identification
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.parameter import Parameter
-from windsysid.study.arms import START, record_balance
+from windsysid.study.arms import START, identify_section, record_balance
+from windsysid.study.published import PUBLISHED, PUBLISHED_SECONDS
 from windsysid.study.scenario import RATE, SECTION, Reference, simulate_reference
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -89,9 +91,6 @@ def identify_section_by_particles(
 
 def compare(seeds: int) -> list[Rows]:
     """The paper's comparison on several records: average errors, Eq (24), of both filters, with the time they took."""
-    from windsysid.study.arms import identify_section
-    from windsysid.study.published import PUBLISHED, PUBLISHED_SECONDS
-
     turbine = load_turbine("verne555")
     plain = replace(SIR, discount=1.0, tempering=False)
     ekf, sir, errors, words = [], [], [], []
@@ -271,8 +270,6 @@ def heavy_tails(case: Case, runs: int) -> Rows:
 def two_summits(seeds: int) -> Rows:
     """An accelerometer tilted by α reads a cos α of a known motion: α and −α are equally possible."""
     import sympy as sp
-
-    from windsysid.mechanics.equations import Equations
 
     alpha, motion = sp.symbols("alpha motion", real=True)
     model = compose(

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from windsysid._types import Array
 from windsysid.identification.force_balance import LOADS_WITHHELD, analysis_band
-from windsysid.reports.html import Section, Table, report_page
-from windsysid.reports.identification import coefficient_table, mode_tables
+from windsysid.output.table import Table
+from windsysid.reports.html import Section, report_page
 from windsysid.reports.plots import (
     balance_error_comparison,
     coefficient_histories,
@@ -73,7 +73,7 @@ def study_report(study: Study) -> bytes:
                 ),
                 ERRORS_IN_VARIABLES,
             ],
-            tables=[error_table(study), coefficient_table(arm_a), *mode_tables(arm_a)],
+            tables=[error_table(study), arm_a.table(), *([arm_a.modes_table()] if arm_a.modes else [])],
             figures=[
                 (
                     balance_error_comparison(

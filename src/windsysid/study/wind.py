@@ -64,7 +64,7 @@ SPREAD_DEG = 4.0
 
 ARMS = ("loads known", "loads of the old direction", "loads withheld")
 SHOWN = ("k_x", "c_x")
-SETTLED = 8.0
+SETTLING_SECONDS = 8.0
 """Seconds after which the figure's axes must show the estimates."""
 
 
@@ -183,7 +183,7 @@ def direction_change_figure(study: DirectionChangeStudy, names: Sequence[str] = 
                 ax.plot(time, calm, color=colours[arm], lw=1.0, ls=":")
                 ax.plot(time, found, color=colours[arm], lw=1.5, label=arm)
                 for history in (found, calm):
-                    seen += [history[time >= SETTLED].min(), history[time >= SETTLED].max()]
+                    seen += [history[time >= SETTLING_SECONDS].min(), history[time >= SETTLING_SECONDS].max()]
             ax.axhline(reference, color=REFERENCE, ls="--", lw=1)
             margin = 0.1 * (max(seen) - min(seen))
             ax.set_ylim(min(seen) - margin, max(seen) + margin)

@@ -109,7 +109,7 @@ def test_a_run_can_stop_and_go_on_and_changes_nothing_it_is_given(name: str):
 
 @every_model
 def test_threads_change_nothing(name: str, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("windsysid.filters.particles.filter.WORTH_A_THREAD", 0)
+    monkeypatch.setattr("windsysid.filters.particles.filter.MIN_THREADED_WORK", 0)
     model = MODELS[name]()
     inputs, readings = record(model)
     runs = []

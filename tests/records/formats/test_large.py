@@ -38,7 +38,7 @@ def small_blocks(monkeypatch):
     monkeypatch.setattr(csv, "line_blocks", lambda *a, **k: plain(*a, **{"size": 1000, **k}))
     monkeypatch.setattr(csv, "_HEAD", 4000)
     monkeypatch.setattr(netcdf, "_VALUES", 1000)
-    monkeypatch.setattr(netcdf, "_FEW", 100)
+    monkeypatch.setattr(netcdf, "_MAX_VALUES_AT_ONCE", 100)
     monkeypatch.setattr(parquet, "_VALUES", 1000)
 
 

@@ -55,19 +55,19 @@ from windsysid.statespace.workspace import Workspace, workspace
 __all__ = ["ParticleFilter"]
 
 
-LONGEST = 512
+MAX_BLOCK_SAMPLES = 512
 """Most samples that are taken through a chunk at once."""
 
-MOST_SUMS = 1 << 14
+MAX_SUM_ROWS = 1 << 14
 """Most rows of sums that a block leaves: samples times chunks."""
 
-WORTH_A_THREAD = 100_000
+MIN_THREADED_WORK = 100_000
 """Particles times samples below which one thread does it all."""
 
-AHEAD = 4096
+LINEAR_ROWS_AHEAD = 4096
 """Samples whose rows of a linear model are computed together."""
 
-MOST_PARTS = 200
+MAX_TEMPERING_PARTS = 200
 """Most parts that a sample is taken in by; then the rest at once."""
 
 
@@ -274,7 +274,7 @@ class _Run:
         threads = min(options.threads or _processors(), chunks)
         self.shares = [(i * chunks // threads, (i + 1) * chunks // threads) for i in range(threads)]
         self.spaces = [workspace(model.blocks) for _ in self.shares]
-        self.longest = max(4, min(LONGEST, MOST_SUMS // chunks))
+        self.longest = max(4, min(MAX_BLOCK_SAMPLES, MAX_SUM_ROWS // chunks))
 
     def through(self, inputs: Array, readings: Array, info: ParticleInfo) -> None:
         """Take all samples in, block by block, and fill `info`."""
@@ -334,7 +334,7 @@ class _Run:
                 self.centre, self.inputs, inputs[block], readings[block], self.freedom, rows, entries, sums,
             )  # fmt: skip
 
-        if len(self.shares) > 1 and self.count * samples * (50 if self.changes else 1) > WORTH_A_THREAD:
+        if len(self.shares) > 1 and self.count * samples * (50 if self.changes else 1) > MIN_THREADED_WORK:
             list(pool().map(run, self.shares, self.spaces))
         else:
             run((0, chunks), self.spaces[0])
@@ -347,7 +347,7 @@ class _Run:
         if self.entries is None:
             return self.rows
         if not (self.rows_first <= block.start and block.stop <= self.rows_first + len(self.rows)):
-            ahead = inputs[block.start : max(block.stop, block.start + AHEAD)]
+            ahead = inputs[block.start : max(block.stop, block.start + LINEAR_ROWS_AHEAD)]
             self.rows, self.rows_first = np.empty((len(ahead), *self.rows.shape[1:])), block.start
             rows_kernel()(self.model.compiled.reading_jacobian, self.model.blocks, self.spaces[0], ahead, self.rows)
         return self.rows[block.start - self.rows_first : block.stop - self.rows_first]
@@ -381,7 +381,7 @@ class _Run:
             before, self.log_weights = self.log_weights, np.zeros(self.count)
             self._advance(inputs, readings, sample, moves=False)
             likelihoods, self.log_weights = self.log_weights, before
-            share = left if part == MOST_PARTS else temper_kernel()(before, likelihoods, left, self.least)
+            share = left if part == MAX_TEMPERING_PARTS else temper_kernel()(before, likelihoods, left, self.least)
             self.log_weights = before + share * likelihoods
             then, found = found, self._summed()
             total += found["log_total"][0] - then["log_total"][0]

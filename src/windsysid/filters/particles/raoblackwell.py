@@ -38,7 +38,7 @@ from windsysid.statespace.compose import StateSpace
 __all__ = ["Mixture", "MixtureInfo", "RaoBlackwellised", "Split"]
 
 
-LONGEST = 256
+MAX_BLOCK_SAMPLES = 256
 """Most samples that the bank is run over at once."""
 
 
@@ -142,12 +142,12 @@ class RaoBlackwellised:
     name: str = "Rao-Blackwellised particle filter"
 
     def __post_init__(self) -> None:
-        self._plain()
+        self._as_particle_filter()
 
     def init(self, model: Split) -> Mixture:
         """Particles of the parameters' prior, and the prior of all the rest for each."""
         block = model.joint.parameter_block
-        theta = np.ascontiguousarray(self._plain().init(model.joint).particles[block])
+        theta = np.ascontiguousarray(self._as_particle_filter().init(model.joint).particles[block])
         return Mixture(theta, np.zeros(self.particles), _bank(model, theta))
 
     def predict(self, model: Split, belief: Mixture, inputs: Array) -> Mixture:
@@ -176,7 +176,7 @@ class RaoBlackwellised:
         """
         return self._filter(model, belief, inputs, readings)
 
-    def _plain(self) -> ParticleFilter:
+    def _as_particle_filter(self) -> ParticleFilter:
         return ParticleFilter(
             self.particles, self.seed, self.resampling, self.threshold, self.discount, bounds=self.bounds,
             threads=self.threads
@@ -187,7 +187,10 @@ class RaoBlackwellised:
         samples, m, nt = len(inputs), len(model.given.readings), len(model.joint.parameters)
         _check(model)
         least = self.threshold * self.particles
-        bounds = {i - model.joint.parameter_block.start: b for i, b in self._plain().bounds_of(model.joint).items()}
+        bounds = {
+            i - model.joint.parameter_block.start: b
+            for i, b in self._as_particle_filter().bounds_of(model.joint).items()
+        }
         info = MixtureInfo(
             np.empty((samples, nt)), np.empty((samples, nt)), np.full((samples, m), np.nan), np.empty(samples),
             np.empty(samples),
@@ -202,11 +205,11 @@ class RaoBlackwellised:
                 chosen, theta = resample(self, theta, log_weights, bank.samples)
                 for i, (low, high) in bounds.items():
                     theta[i] = reflected(theta[i], low, high)
-                bank, log_weights = _moved(model, bank, theta, chosen), np.zeros(self.particles)
+                bank, log_weights = _resample_bank(model, bank, theta, chosen), np.zeros(self.particles)
                 info.resamplings[first], info.survivors[first] = 1, survivors(chosen)
             block = slice(first, min(first + length, samples))
             there, scores = run_bank(bank, inputs[block], readings[block], threads)
-            after = _weighed(log_weights, scores, readings[block])
+            after = _add_scores(log_weights, scores, readings[block])
             effective_after = _effective(after)
             poor = np.flatnonzero(effective_after < least)
             valid = int(poor[0]) + 1 if poor.size else len(after)
@@ -215,7 +218,7 @@ class RaoBlackwellised:
             _write(info, first, theta, np.vstack([log_weights, after[:valid]]), scores, readings[first : first + valid])
             bank, log_weights, effective = there, after[valid - 1], effective_after[valid - 1]
             first += valid
-            length = min(2 * length, LONGEST) if not poor.size else max(8, valid)
+            length = min(2 * length, MAX_BLOCK_SAMPLES) if not poor.size else max(8, valid)
         return Mixture(theta, log_weights, bank), info
 
 
@@ -248,7 +251,7 @@ def _bank(model: Split, theta: Array) -> Bank:
     return bank_of(_models(model, theta))
 
 
-def _moved(model: Split, bank: Bank, theta: Array, chosen: NDArray[np.int64]) -> Bank:
+def _resample_bank(model: Split, bank: Bank, theta: Array, chosen: NDArray[np.int64]) -> Bank:
     """Filters at new parameters that believe what their ancestors did."""
     mean, cov = (np.ascontiguousarray(values[chosen]) for values in _filters(bank))
     filled = np.concatenate([np.arange(len(mean)), np.full(-len(mean) % LANES, len(mean) - 1)])
@@ -267,7 +270,7 @@ def _filters(bank: Bank) -> tuple[Array, Array]:
     return mean, np.moveaxis(bank.cov, -1, 1).reshape(-1, n, n)[: bank.filters]
 
 
-def _weighed(log_weights: Array, scores: Scores, readings: Array) -> Array:
+def _add_scores(log_weights: Array, scores: Scores, readings: Array) -> Array:
     """Log-weights after each sample (T, N)."""
     density = -0.5 * (scores.whitened**2 + math.log(2.0 * math.pi)) - scores.log_std
     density[np.isnan(readings)] = 0.0

@@ -14,7 +14,7 @@ from windsysid.kernels.philox import Purpose, normals, uniforms
 
 __all__ = ["ParticleInfo", "degeneracy", "liu_west"]
 
-FEW = 10.0
+MIN_EFFECTIVE = 10.0
 """Effective particles below which an estimate rests on next to nothing."""
 
 
@@ -109,13 +109,13 @@ def degeneracy(info: Fared) -> str:
         f"{times} resamplings; of {count} particles {np.median(info.effective):.0f} count in the median,"
         f" {info.effective[worst]:.0f} at sample {worst}, {info.survivors[thin]} survived sample {thin}"
     )
-    poor = float(np.mean(info.effective < FEW))
+    poor = float(np.mean(info.effective < MIN_EFFECTIVE))
     if poor > 0.01:
         return (
-            f"degenerate: {text}. {100.0 * poor:.0f} % of the estimates rest on fewer than {FEW:.0f}: take more"
-            " particles, RaoBlackwellised or a Kalman filter"
+            f"degenerate: {text}. {100.0 * poor:.0f} % of the estimates rest on fewer than {MIN_EFFECTIVE:.0f}: take"
+            " more particles, RaoBlackwellised or a Kalman filter"
         )
-    if info.effective[worst] < FEW or info.survivors[thin] < FEW:
+    if info.effective[worst] < MIN_EFFECTIVE or info.survivors[thin] < MIN_EFFECTIVE:
         return (
             f"thin: {text}. What is lost there stays lost: compare with another seed, take more particles or a"
             " narrower prior"

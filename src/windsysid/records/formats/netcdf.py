@@ -33,11 +33,11 @@ __all__ = ["check_seal", "open_hdf5", "open_netcdf", "sealed", "write_netcdf"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _SEAL = b"windsysid crc32 "  # and eight digits, after the end of the HDF5 file, where nobody else looks
-_LARGE = 1 << 28  # bytes: a section of a larger file is not worth reading it all for its checksum
+_MAX_CHECKED_BYTES = 1 << 28  # bytes: a section of a larger file is not worth reading it all for its checksum
 _VALUES = 1 << 20  # read at once
 _SOME = 10_000  # values that show in which units they are plausible
 _HOW = "give the variable its attribute units"
-_FEW = 1 << 24  # values that fit into memory without thinking
+_MAX_VALUES_AT_ONCE = 1 << 24  # values that fit into memory without thinking
 
 
 def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
@@ -47,7 +47,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         raise RecordError("is classic netCDF, expected netCDF-4; convert it with 'nccopy -k nc4'")
     if start != _HDF5:
         raise RecordError("is not netCDF-4; give the file the ending of what it is, or export it again")
-    if whole or path.stat().st_size < _LARGE:
+    if whole or path.stat().st_size < _MAX_CHECKED_BYTES:
         check_seal(path)
     file = open_hdf5(path)
     try:
@@ -88,7 +88,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
             raise _damaged(error) from error
         return np.column_stack([column.values(part) for column, part in zip(columns, parts, strict=True)])
 
-    many = time.size * len(columns) > _FEW or not whole
+    many = time.size * len(columns) > _MAX_VALUES_AT_ONCE or not whole
     source = indexed_source(
         name,
         tuple(column.name for column in columns),

@@ -18,7 +18,7 @@ from windsysid.errors import RecordError
 __all__ = ["LineBlock", "encoding_of", "last_line", "line_blocks"]
 
 _BLOCK = 1 << 22  # bytes read at once
-_LONGEST = 1 << 26  # bytes of one line: beyond this the file is no table
+_MAX_LINE_BYTES = 1 << 26  # bytes of one line: beyond this the file is no table
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"),
@@ -110,7 +110,7 @@ def line_blocks(path: Path, encoding: str, *, size: int = _BLOCK, keep_last: boo
                 ) from None
             cut = text.rfind("\n") + 1
             whole, rest = text[:cut], text[cut:]
-            if len(rest) > _LONGEST:
+            if len(rest) > _MAX_LINE_BYTES:
                 raise RecordError(f"line {number + whole.count(chr(10))} is longer than 64 MB; the file is no table")
             if whole:
                 yield _block(whole, number, read / total)

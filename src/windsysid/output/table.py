@@ -1,0 +1,19 @@
+"""A table of text: columns and rows are said once, a terminal and an HTML page show them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["Table"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under headings; columns in `words` are set left and may wrap, the others, numbers, are set right.
+
+    `windsysid.console.render` shows it on a terminal, `windsysid.reports.html.report_page` on a page.
+    """
+
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    words: Sequence[int] = (0,)
