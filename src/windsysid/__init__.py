@@ -63,6 +63,9 @@ if TYPE_CHECKING:
     from windsysid.results.posterior import Posterior, load_posterior
     from windsysid.results.provenance import Provenance
     from windsysid.simulation.record import simulate_record as simulate
+    from windsysid.spectral.modal_sensors import ModalSensor
+    from windsysid.spectral.oma import analyse_vibration as oma
+    from windsysid.spectral.operational import OperationalMode, OperationalModes
     from windsysid.statespace.compose import StateSpace, compose
     from windsysid.statespace.gauss_markov import GaussMarkov
     from windsysid.statespace.parameter import Parameter
@@ -111,6 +114,9 @@ _WHERE = {
     "results.posterior": "Posterior load_posterior",
     "results.provenance": "Provenance",
     "simulation.record": "simulate=simulate_record",
+    "spectral.modal_sensors": "ModalSensor",
+    "spectral.oma": "oma=analyse_vibration",
+    "spectral.operational": "OperationalMode OperationalModes",
     "statespace.compose": "StateSpace compose",
     "statespace.gauss_markov": "GaussMarkov",
     "statespace.parameter": "Parameter",
@@ -154,8 +160,11 @@ __all__ = [  # noqa: RUF022
     "LoadBlock",
     "LoadHypothesis",
     "MechanicalModel",
+    "ModalSensor",
     "Mode",
     "MomentSensor",
+    "OperationalMode",
+    "OperationalModes",
     "OutputError",
     "Parameter",
     "ParticleFilter",
@@ -201,6 +210,7 @@ __all__ = [  # noqa: RUF022
     "load_turbine",
     "modes",
     "monitor",
+    "oma",
     "packaged_turbines",
     "plan",
     "profile_likelihood",

@@ -38,6 +38,7 @@ NAMES = frozenset(
         "campbell.png",
         "changes.png",
         "damping.png",
+        "modes.png",
         "monitor.png",
         "plan.png",
         "overview.png",

@@ -16,6 +16,7 @@ MODULES = {
     "Fit": "histories",
     "Identification": "histories",
     "Inspection": "inspection",
+    "OperationalModes": "oma",
     "Plan": "plan",
     "Profile": "profile",
     "Separation": "damping",

@@ -1,0 +1,135 @@
+"""Operational modes as a figure and as one page."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
+from windsysid.spectral.operational import OperationalMode, OperationalModes
+
+__all__ = ["figure", "files"]
+
+MOST_SHAPES = 24
+"""Modes whose shapes are drawn."""
+
+COLUMNS = 4
+MOST_LINES = 4000
+
+
+def figure(found: OperationalModes) -> Figure:
+    """The spectrum of all channels with the modes, and in each band the model on it."""
+    bands = found.bands[:MOST_SHAPES]
+    rows = -(-len(bands) // COLUMNS)
+    drawn = Figure(figsize=(11.0, 3.4 + 2.2 * rows), layout="constrained")
+    grid = drawn.add_gridspec(1 + rows, COLUMNS, height_ratios=[1.5, *[1.0] * rows])
+    above = drawn.add_subplot(grid[0, :])
+    _spectrum(above, found)
+    for i, band in enumerate(bands):
+        ax = drawn.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS])
+        ax.semilogy(band.frequency, band.measured, ".", ms=2.5, color=MEASURED)
+        ax.semilogy(band.frequency, band.fitted, color=ESTIMATE, lw=1.3)
+        inside = [mode for mode in found.modes if band.frequency[0] <= mode.frequency <= band.frequency[-1]]
+        for mode in inside:
+            ax.axvline(mode.frequency, color=REFERENCE if mode.trusted else ERROR, ls=":", lw=0.9)
+        ax.set_title(", ".join(mode.name for mode in inside)[:40], fontsize=8.5, loc="left")
+        ax.set_yticks([], minor=True)
+        ax.tick_params(labelleft=False)
+        tidy(ax)
+    drawn.supxlabel("frequency [Hz]", fontsize=9)
+    return drawn
+
+
+def _spectrum(ax: Axes, found: OperationalModes) -> None:
+    size = max(1, len(found.frequency) // MOST_LINES)
+    stretches = len(found.level) // size
+    level = found.level[: stretches * size].reshape(stretches, size).mean(axis=1)
+    ax.semilogy(found.frequency[: stretches * size : size][1:], level[1:], color=MEASURED, lw=0.7)
+    for mode in found.modes:
+        ax.axvspan(*mode.band, color=BAND, alpha=0.25, lw=0)
+        ax.axvline(mode.frequency, color=ESTIMATE if mode.trusted else ERROR, lw=0.9)
+    for _, f in found.lines[:60]:
+        ax.axvline(f, color=MEASURED, lw=0.5, ls=":")
+    top = max((mode.band[1] for mode in found.modes), default=float(found.frequency[-1]))
+    ax.set_xlim(0.0, min(1.3 * top, float(found.frequency[-1])))
+    ax.set_title(
+        "all channels, scaled; blue: modes and their bands, orange: doubtful ones, dotted: lines taken out",
+        fontsize=9,
+        loc="left",
+    )
+    tidy(ax)
+
+
+def _shapes(found: OperationalModes) -> Figure | None:
+    """Mode shapes: arrows at the sensors' places where these are known, bars with ±2σ elsewhere."""
+    modes = found.modes[:MOST_SHAPES]
+    if not modes:
+        return None
+    placed = all(s is not None and s.position is not None and s.direction is not None for s in found.sensors)
+    columns = min(COLUMNS, len(modes))
+    rows = -(-len(modes) // columns)
+    height = 3.0 if placed else 0.9 + 0.22 * len(found.channels)
+    drawn = Figure(figsize=(2.75 * columns, height * rows + 0.3), layout="constrained")
+    for i, mode in enumerate(modes):
+        ax = drawn.add_subplot(rows, columns, i + 1, projection="3d" if placed else None)
+        (_arrows if placed else _bars)(ax, found, mode, i % columns == 0)
+        ax.set_title(f"{mode.name}, {mode.frequency:.4g} Hz", fontsize=8.5, loc="left")
+    return drawn
+
+
+def _bars(ax: Axes, found: OperationalModes, mode: OperationalMode, named: bool) -> None:
+    at = np.arange(len(found.channels))
+    turned = mode.shape * np.exp(-0.5j * np.angle(np.sum(mode.shape**2)))
+    for part, offset, colour in ((turned.real, -0.17, ESTIMATE), (turned.imag, 0.17, MEASURED)):
+        ax.barh(at + offset, part, 0.32, color=colour)
+        ax.errorbar(part, at + offset, xerr=2.0 * mode.shape_std, fmt="none", ecolor=REFERENCE, elinewidth=0.7)
+    ax.set_yticks(at, found.channels if named else [""] * len(at), fontsize=7)
+    ax.invert_yaxis()
+    ax.set_xlim(-1.3, 1.3)
+    ax.axvline(0.0, color=REFERENCE, lw=0.6)
+    tidy(ax)
+
+
+def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: bool) -> None:
+    sensors = [s for s in found.sensors if s is not None]
+    place = np.array([s.position for s in sensors], dtype=np.float64)
+    way = np.array([s.direction for s in sensors], dtype=np.float64)
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    span = float(np.ptp(place, axis=0).max()) or 1.0
+    turned = (mode.shape * np.exp(-0.5j * np.angle(np.sum(mode.shape**2)))).real
+    moved = place + 0.25 * span * way * turned[:, None]
+    ax.plot(*place.T, "o", ms=2.5, color=MEASURED)
+    for start, end in zip(place, moved, strict=True):
+        ax.plot(*np.transpose([start, end]), color=ESTIMATE, lw=1.4)
+    ax.plot(*moved.T, "o", ms=3.5, color=ESTIMATE)
+    ax.tick_params(labelsize=6)
+
+
+def files(found: OperationalModes) -> dict[str, bytes]:
+    """``report.html``, ``modes.png`` and ``summary.json``, by name."""
+    drawn = png(figure(found))
+    verdict = [
+        "Nothing speaks against these modes." if found.trusted else "Not to be trusted as a whole:",
+        *found.reasons,
+    ]
+    caption = "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the band. Bands of frequencies and damping ratios are ±2σ of the posterior."
+    sections = [
+        Section(
+            "Modes",
+            text=verdict,
+            tables=[Table(found.headings, found.rows, "", (0, len(found.headings) - 2, len(found.headings) - 1))],
+        ),
+        Section("Spectra", figures=[(drawn, caption)]),
+    ]
+    shapes = _shapes(found)
+    if shapes is not None:
+        text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
+        sections.append(Section("Shapes", figures=[(shapes, text)]))
+    if found.notes:
+        sections.append(Section("How this was computed", text=list(found.notes)))
+    subtitle = f"{found.record} · {found.section[0]:.6g}–{found.section[1]:.6g} s · {len(found.channels)} channels · {found.rate:.4g} Hz"
+    return {
+        "report.html": report_page("Modes from ambient vibration", subtitle, sections),
+        "modes.png": drawn,
+        "summary.json": found.to_json().encode(),
+    }

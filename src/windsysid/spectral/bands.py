@@ -1,0 +1,173 @@
+"""Where modes may be: peaks of the readings' spectra, and the bands around them.
+
+Readings are scaled by the level around each frequency, and peaks are sought in the singular values of their spectral
+matrices, averaged over widths that grow with frequency, a narrow and a wide one. The search may find too much: whether
+there is a mode in a band, and how many, the evidence decides.
+"""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+
+__all__ = ["Peak", "find_peaks", "group_peaks", "merge_peaks"]
+
+WIDTHS = ((10, 0.004), (40, 0.03))
+"""Least bins, and share of the frequency, over which spectra are averaged: for narrow and for wide peaks."""
+
+LEAST_RISE = 4.5
+"""Of a peak above what is around it, in standard deviations of the averaged spectrum's logarithm."""
+
+LEAST_VALLEY = 3.5
+"""By how much the spectrum falls on either side of a peak, in the same unit."""
+
+BACKGROUND = 0.25
+"""Half-width of what is around a frequency, relative."""
+
+SECOND = 3
+"""Singular values in which peaks are sought."""
+
+FAINT = 1e-7
+"""Of a channel's largest spectral density: what lies below in all channels is arithmetic, not vibration."""
+
+REACH = 10.0
+"""Half-width of a mode's band, in ζ f."""
+
+LEAST_BINS = 12
+"""Half-width of a band in bins at least."""
+
+LARGEST_GROUP = 4
+"""Peaks in one band."""
+
+
+class Peak(NamedTuple):
+    """A peak: its frequency and half its width at half its height [Hz], and how far it stands out, in standard
+    deviations."""
+
+    frequency: float
+    half_width: float
+    rise: float
+
+
+def find_peaks(frequency: Array, values: Complex, low: float, high: float) -> list[Peak]:
+    """Peaks between two frequencies of transforms (F, n) at even frequencies (F,) from 0, by rising frequency."""
+    found: list[Peak] = []
+    for bins, share in WIDTHS:
+        own: list[Peak] = []
+        centre, counts, power = _averages(frequency, values, low, high, bins, share)
+        if len(centre) < 5:
+            continue
+        levels = np.linalg.eigvalsh(power)[:, ::-1][:, :SECOND]
+        scatter = 1.0 / np.sqrt(counts)
+        for level in np.log(np.maximum(levels.T, 1e-300)):
+            for i in _maxima(level):
+                around = np.abs(np.log(centre / centre[i])) < max(BACKGROUND, 4.0 * bins * frequency[1] / centre[i])
+                rise = (level[i] - np.median(level[around])) / scatter[i]
+                valley = level[i] - max(_valley(level, i, -1), _valley(level, i, 1))
+                if rise > LEAST_RISE and valley > LEAST_VALLEY * scatter[i]:
+                    own.append(Peak(float(centre[i]), _half_width(centre, level, i), float(rise)))
+        found += merge_peaks(own, found)
+    return sorted(found)
+
+
+def merge_peaks(peaks: list[Peak], kept: list[Peak]) -> list[Peak]:
+    """Those of the peaks that are neither at one that is kept nor at a higher one of themselves."""
+    merged: list[Peak] = []
+    for peak in sorted(peaks, key=lambda p: -p.rise):
+        if all(
+            abs(peak.frequency - other.frequency) > max(other.half_width, peak.half_width) for other in (*kept, *merged)
+        ):
+            merged.append(peak)
+    return merged
+
+
+def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list[tuple[float, float, int]]:
+    """Bands (lowest, highest frequency, number of peaks) around peaks; `step` is the distance of bins [Hz].
+
+    Peaks whose flanks overlap share a band. Bands do not overlap: between two groups the border is in the middle, by
+    their widths.
+    """
+    groups: list[list[Peak]] = []
+    for peak in peaks:
+        if groups and len(groups[-1]) < LARGEST_GROUP:
+            last = groups[-1][-1]
+            near = 3.0 * (last.half_width + peak.half_width)
+            if peak.frequency - last.frequency < max(near, LEAST_BINS * step):
+                groups[-1].append(peak)
+                continue
+        groups.append([peak])
+    bands = []
+    for i, group in enumerate(groups):
+        first, last = group[0], group[-1]
+        reach = [max(REACH * p.half_width, LEAST_BINS * step) for p in (first, last)]
+        start, end = max(first.frequency - reach[0], low), min(last.frequency + reach[1], high)
+        if i > 0:
+            start = max(start, _border(groups[i - 1][-1], first))
+        if i + 1 < len(groups):
+            end = min(end, _border(last, groups[i + 1][0]))
+        bands.append((start, end, len(group)))
+    return bands
+
+
+def _border(below: Peak, above: Peak) -> float:
+    share = below.half_width / (below.half_width + above.half_width)
+    return below.frequency + min(max(share, 0.25), 0.75) * (above.frequency - below.frequency)
+
+
+def _averages(
+    frequency: Array, values: Complex, low: float, high: float, bins: int, share: float
+) -> tuple[Array, Array, Complex]:
+    """Middle frequencies (G,), bins (G,) and mean spectral matrices (G, n, n), channels scaled by what is around;
+    groups overlap by half."""
+    step = frequency[1]
+    edges = [max(low, step)]
+    while edges[-1] < high:
+        edges.append(edges[-1] + 0.5 * max(bins * step, share * edges[-1]))
+    marks = np.unique(np.searchsorted(frequency, edges))
+    marks = marks[marks < len(frequency)]
+    if len(marks) < 4:
+        return np.empty(0), np.empty(0), np.empty((0, 0, 0), dtype=np.complex128)
+    products = [np.einsum("ki,kj->ij", values[a:b], values[a:b].conj()) for a, b in itertools.pairwise(marks)]
+    halves = np.array(products)
+    counts = np.diff(marks).astype(np.float64)
+    total = counts[:-1] + counts[1:]
+    power = (halves[:-1] + halves[1:]) / total[:, None, None]
+    centre = 0.5 * (frequency[marks[:-2]] + frequency[marks[2:] - 1])
+    powers = np.einsum("gii->gi", power).real
+    scale = np.empty_like(powers)
+    for i, f in enumerate(centre):
+        around = np.abs(np.log(centre / f)) < max(BACKGROUND, 4.0 * bins * step / f)
+        scale[i] = np.median(powers[around], axis=0)
+    root = 1.0 / np.sqrt(np.maximum(scale, 1e-300))
+    faint = np.all(powers < FAINT * powers.max(axis=0), axis=1)
+    scaled = power * root[:, :, None] * root[:, None, :]
+    scaled[faint] = np.eye(scaled.shape[1])  # no peaks there
+    return centre, total, scaled
+
+
+def _maxima(level: Array) -> list[int]:
+    """Local maxima, the ends left out."""
+    return [i for i in range(1, len(level) - 1) if level[i] >= level[i - 1] and level[i] > level[i + 1]]
+
+
+def _valley(level: Array, i: int, way: int) -> float:
+    """The least level on one side, as far as nothing is higher than at i."""
+    least, k = level[i], i + way
+    while 0 <= k < len(level) and level[k] <= level[i]:
+        least = min(least, level[k])
+        k += way
+    return float(least)
+
+
+def _half_width(centre: Array, level: Array, i: int) -> float:
+    """Half the width at half the height [Hz]."""
+    half = level[i] - np.log(2.0)
+    widths = []
+    for way in (-1, 1):
+        k = i
+        while 0 <= k + way < len(level) and level[k] > half:
+            k += way
+        widths.append(abs(centre[k] - centre[i]))
+    return float(max(min(widths), 0.25 * (centre[min(i + 1, len(centre) - 1)] - centre[i - 1])))

@@ -1,0 +1,136 @@
+"""What speaks against a mode: its spectrum, its history, the halves of the record, lines."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.spectral.dft import band_data
+from windsysid.spectral.modal_model import spectrum
+from windsysid.spectral.modal_scoring import Fit, score
+from windsysid.spectral.oma_data import Line, Readings
+from windsysid.spectral.order import BandFit
+
+__all__ = ["half_fits", "misfit", "mode_doubts"]
+
+MAX_MISFIT = 5.0
+"""Standard deviations by which the spectrum may leave the model in an eighth of a band."""
+
+MAX_HALVES = 3.5
+"""Standard deviations by which the halves of a record may differ."""
+
+SURE_OF_DAMPING = 0.6
+"""Standard deviation of ln ζ, beyond which a record is too short for the mode."""
+
+LEAST_CYCLES = 40
+
+STEADY_ENVELOPE = 0.35
+"""Variance of a mode's squared amplitude over the square of its mean: 1 under a random load, 0 for a steady sine; below
+this it is a line."""
+
+LEAST_LIVES = 12.0
+"""ζ ω T from which the envelope of a mode tells that."""
+
+MAX_FADE = 4.5
+"""Standard deviations by which a quarter of the record may differ from the mean in energy …"""
+
+FADED = 2.6
+"""… where it also has that many times the mean."""
+
+
+def misfit(found: BandFit) -> tuple[float, float]:
+    """The largest standard deviation by which the whitened spectrum leaves 1 in eighths of a band, and the frequency
+    there [Hz]."""
+    band = found.band
+    s = spectrum(found.fit.modes, band)
+    m = s.shape[1]
+    ratio = np.einsum("kij,kji->k", np.linalg.inv(s), band.power).real / m
+    worst = (0.0, float(band.frequency[0]))
+    for part in np.array_split(np.arange(len(ratio)), min(8, max(1, len(ratio) // 3))):
+        n = band.counts[part]
+        mean = float(n @ ratio[part] / n.sum())
+        z = (mean - 1.0) * np.sqrt(n.sum() * m / band.factor)
+        if abs(z) > abs(worst[0]):
+            worst = (float(z), float(np.mean(band.frequency[part])))
+    return worst
+
+
+def half_fits(found: BandFit, halves: Sequence[tuple[Array, Complex]], samples: int, rate: float) -> list[Fit]:
+    """The modes of a band from each half of the record, starting from those of the whole."""
+    back = np.linalg.pinv(found.directions)
+    low, high = found.bins[[0, -1]] * rate / samples
+    fits = []
+    for frequency, values in halves:
+        bins = np.flatnonzero((frequency >= low) & (frequency <= high))
+        if len(bins) < 8:
+            return []
+        band = band_data(values[bins] @ back.T, bins, samples // 2, rate)
+        fits.append(score(found.fit.modes, band, max_steps=15, converged=0.01))
+    return fits
+
+
+def mode_doubts(found: BandFit, j: int, response: Complex, halves: Sequence[Fit], readings: Readings) -> list[str]:
+    """Why mode j of a band is not to be trusted, in sentences; `response` (k,) is its transform at the bins."""
+    fit = found.fit
+    f, z = float(fit.modes.frequency[j]), float(fit.modes.damping[j])
+    std_z = fit.std(j)[1]
+    length = readings.samples / readings.rate
+    doubts = []
+    if not fit.converged:
+        doubts.append("the search for its posterior did not end")
+    if std_z > SURE_OF_DAMPING or f * length < LEAST_CYCLES:
+        doubts.append(
+            f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {np.exp(2.0 * min(std_z, 3.0)):.2g}"
+        )
+    if not found.bins[0] < (f - z * f) * length or not (f + z * f) * length < found.bins[-1]:
+        doubts.append("it sits at the border of its band")
+    off, at = misfit(found)
+    if abs(off) > MAX_MISFIT:
+        doubts.append(
+            f"the spectrum does not follow the modes: {off:+.1f} σ around {at:.4g} Hz; give the band by hand (--band)"
+        )
+    doubts += _line_doubts(f, z, length, readings.lines)
+    doubts += _history_doubts(found, f, z, response, length)
+    if len(halves) == 2:
+        for i, name in enumerate(("frequency", "damping")):
+            logs = [np.log((half.modes.frequency, half.modes.damping)[i][j]) for half in halves]
+            apart = abs(logs[0] - logs[1]) / np.hypot(halves[0].std(j)[i], halves[1].std(j)[i])
+            if apart > MAX_HALVES:
+                doubts.append(f"the halves of the record differ in {name} by {apart:.1f} σ")
+    return doubts
+
+
+def _line_doubts(f: float, z: float, length: float, lines: Sequence[Line]) -> list[str]:
+    found = []
+    for line in lines:
+        if abs(line.frequency - f) < line.half_width + 0.3 * z * f:
+            found.append(
+                f"{'a steady line' if line.name == 'line' else line.name} at {line.frequency:.4g} Hz stands on it"
+            )
+    if z * f * length < 0.4:
+        found.append(
+            f"it is as narrow as a line: a damping ratio of {100 * z:.2g} % cannot be told from none in {length:.4g} s"
+        )
+    return found[:1]
+
+
+def _history_doubts(found: BandFit, f: float, z: float, response: Complex, length: float) -> list[str]:
+    """A line that wanders, or a decay: from the envelope of the mode's response."""
+    near = np.abs(found.bins / length - f) <= max(3.0 * z * f, 4.0 / length)
+    kept = found.bins[near]
+    if len(kept) < 6:
+        return []
+    grid = np.zeros(int(kept[-1] - kept[0]) + 1, dtype=np.complex128)
+    grid[kept - kept[0]] = response[near]
+    energy = np.abs(np.fft.ifft(grid, 4 * len(grid))) ** 2
+    inner = energy[len(energy) // 16 : -(len(energy) // 16)]  # the taper's ends left out
+    lives = 2.0 * np.pi * z * f * length
+    doubts = []
+    steadiness = float(np.var(inner) / np.mean(inner) ** 2)
+    if lives > LEAST_LIVES and steadiness < STEADY_ENVELOPE:
+        doubts.append("its amplitude is as steady as a machine's line, not that of a mode under random loads")
+    quarters = np.array([part.mean() for part in np.array_split(inner, 4)]) / inner.mean()
+    scatter = np.sqrt(4.0 / max(lives, 1.0))
+    if (quarters.max() > FADED and (quarters.max() - 1.0) / scatter > MAX_FADE) or quarters.max() > 3.6:
+        doubts.append(f"it is a transient: a quarter of the record has {25 * quarters.max():.0f} % of its energy")
+    return doubts

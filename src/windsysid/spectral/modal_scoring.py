@@ -1,0 +1,114 @@
+"""The posterior of a band's modes: its mode by scoring, its width by the Fisher information.
+
+    J = c_h⁻¹ Σ_k n_k [ln det S̄ + tr S̄⁻¹ P_k] + ½ Σ ((θ − θ₀)/s)²,
+    g_a = c_h⁻¹ Σ n_k tr(S̄⁻¹ dS_a (1 − S̄⁻¹ P_k)) + prior,        F_ab = c_h⁻¹ Σ n_k tr(S̄⁻¹ dS_a S̄⁻¹ dS_b) + prior
+
+(Au, Operational Modal Analysis, Springer 2017). Steps are Levenberg's, (F + μ diag F) δ = −g, and the covariance is F⁻¹
+at the end.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.spectral.dft import Band
+from windsysid.spectral.modal_model import Modes, Scores, advance, coordinates, scores, with_real_elements
+
+__all__ = ["Fit", "score"]
+
+MAX_STEPS = 40
+MAX_TRIALS = 12
+"""Of steps ever shorter."""
+
+CONVERGED = 1e-3
+"""Decrease of J that a step promises, below which it is the last."""
+
+DAMPING_PRIOR = (np.log(0.015), 1.5)
+"""Centre and spread of ln ζ: 0.075 … 30 % are within two of it."""
+
+SLOPE_PRIORS = (1.0, 8.0)
+"""Spread of the slopes a of loads and b of what else is in the band, both about 0."""
+
+COHERENCE_PRIOR = 1.0
+"""Spread of the elements of C."""
+
+MAX_MOVES = (0.02, 1.1, 10.0)
+"""By how much a step may change ln f, ln ζ and b."""
+
+
+class Fit(NamedTuple):
+    """What scoring found: modes, the covariance (p, p) of a step, −2 ln of the likelihood, and whether it ended by
+    itself."""
+
+    modes: Modes
+    cov: Array
+    deviance: float
+    converged: bool
+
+    def std(self, j: int) -> tuple[float, float]:
+        """Standard deviations of ln f and ln ζ of mode j."""
+        r = len(self.modes.frequency)
+        return float(np.sqrt(self.cov[j, j])), float(np.sqrt(self.cov[r + j, r + j]))
+
+
+def score(start: Modes, band: Band, *, max_steps: int = MAX_STEPS, converged: float = CONVERGED) -> Fit:
+    """The mode of the posterior from a start."""
+    modes = with_real_elements(start)
+    prior = _Prior(modes)
+    here, cost = _posterior(modes, band, prior)
+    mu, ended = 1e-2, False
+    for _ in range(max_steps):
+        scale = np.diag(np.diagonal(here.fisher))
+        for _ in range(MAX_TRIALS):
+            step = np.asarray(-np.linalg.solve(here.fisher + mu * scale, here.gradient), dtype=np.float64)
+            promised = -0.5 * float(here.gradient @ step)
+            trial = advance(modes, _limited(step, modes))
+            there, new = _posterior(trial, band, prior)
+            if new < cost or promised < converged:
+                break
+            mu = max(6.0 * mu, 1e-3)
+        ended = promised < converged
+        if not new < cost:
+            break
+        modes, here, cost = trial, there, new
+        mu = max(0.15 * mu, 1e-9)
+        if ended:
+            break
+    deviance = 2.0 * (cost - prior.cost(modes))
+    return Fit(modes, np.asarray(np.linalg.inv(here.fisher), dtype=np.float64), deviance, ended)
+
+
+class _Prior:
+    """Gaussian in the unknowns that `coordinates` gives."""
+
+    def __init__(self, modes: Modes) -> None:
+        m, r = modes.shape.shape
+        loads = r * (r - 1)
+        some = int(r > 0)
+        self.centre = np.concatenate([np.full(r, DAMPING_PRIOR[0]), np.zeros(loads + some + 1)])
+        spread = [DAMPING_PRIOR[1]] * r + [COHERENCE_PRIOR] * loads + [SLOPE_PRIORS[0]] * some + [SLOPE_PRIORS[1]]
+        self.weight = np.array(spread) ** -2
+        first = 2 * r + 2 * m * r - r
+        self.at = np.array([*range(r, 2 * r), *range(first, first + loads + some), modes.size - 1])
+
+    def cost(self, modes: Modes) -> float:
+        return 0.5 * float(self.weight @ (coordinates(modes) - self.centre) ** 2)
+
+
+def _posterior(modes: Modes, band: Band, prior: _Prior) -> tuple[Scores, float]:
+    """Slopes and value of J."""
+    found = scores(modes, band)
+    gradient, fisher = found.gradient / band.factor, found.fisher / band.factor
+    gradient[prior.at] += prior.weight * (coordinates(modes) - prior.centre)
+    fisher[prior.at, prior.at] += prior.weight
+    cost = found.cost / band.factor + prior.cost(modes)
+    return Scores(found.cost, gradient, fisher), cost if np.isfinite(cost) else np.inf
+
+
+def _limited(step: Array, modes: Modes) -> Array:
+    """A step that moves no mode too far."""
+    r = len(modes.frequency)
+    moves = [float(np.max(np.abs(part), initial=0.0)) for part in (step[:r], step[r : 2 * r], step[-1:])]
+    share = max(1.0, *(move / most for move, most in zip(moves, MAX_MOVES, strict=True)))
+    return np.asarray(step / share)

@@ -1,0 +1,170 @@
+"""Sensors of operational modal analysis: which channels, what they read, where they sit and where they point."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from windsysid._types import Array
+from windsysid.configuration import parse_toml
+from windsysid.errors import ConfigurationError
+from windsysid.inspection.channels import VIBRATION, kind_of
+from windsysid.mechanics.sensors import Sensor, first_problem, parse_sensors
+from windsysid.records.record import Record
+
+__all__ = ["ModalSensor", "choose_sensors", "derivative_order", "read_modal_sensors", "without_copies"]
+
+COPY = 1e-6
+"""Share of a channel's variance that is its own: below, it is a copy of another."""
+
+MOST_SENSORS = 60
+
+Quantity = Literal["acceleration", "velocity", "displacement", "strain", "load"]
+
+_ORDERS = {"acceleration": 2, "velocity": 1, "displacement": 0, "strain": 0, "load": 0}
+
+
+class ModalSensor(BaseModel):
+    """One channel whose vibration is analysed.
+
+    Attributes
+    ----------
+    channel
+        Name of the record's channel.
+    quantity
+        What it reads; told by the channel's unit and name where it is not given.
+    position
+        Where it sits [m], for drawing; None where that is not known.
+    direction
+        Where it points; of any length.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    channel: str = Field(min_length=1)
+    quantity: Quantity | None = None
+    position: tuple[float, float, float] | None = None
+    direction: tuple[float, float, float] | None = None
+
+    @field_validator("direction")
+    @classmethod
+    def _points_somewhere(cls, value: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
+        if value is not None and not any(value):
+            raise ValueError("expected a direction that points somewhere")
+        return value
+
+
+def read_modal_sensors(path: str | Path) -> tuple[ModalSensor, ...]:
+    """Read a sensor list from TOML: one ``[[sensor]]`` table per channel, keys as in `ModalSensor`, or a turbine's
+    sensor list.
+
+    Raises
+    ------
+    ConfigurationError
+        In one line: the file, the sensor, what was expected and what was got.
+    """
+    path = Path(path)
+    try:
+        content = parse_toml(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{path}: expected a TOML file with [[sensor]] tables, got: {error}") from None
+    tables = content.get("sensor")
+    if set(content) != {"sensor"} or not isinstance(tables, list) or not tables:
+        raise ConfigurationError(f"{path}: expected [[sensor]] tables, one per channel, and nothing else")
+    if any(isinstance(table, dict) and "point" in table for table in tables):
+        return as_modal(parse_sensors(tables, str(path)))
+    sensors = []
+    for number, table in enumerate(tables, start=1):
+        try:
+            sensors.append(ModalSensor.model_validate(table))
+        except ValidationError as error:
+            raise ConfigurationError(f"{path}: sensor {number}: {first_problem(error)}") from None
+    return tuple(sensors)
+
+
+def as_modal(sensors: Sequence[Sensor | ModalSensor | str]) -> tuple[ModalSensor, ...]:
+    """Sensors from a turbine's, from channel names, or as they are."""
+    kinds: dict[str, Quantity] = {"acceleration": "acceleration", "velocity": "velocity", "angular_rate": "velocity",
+        "displacement": "displacement", "moment": "load", "strain": "strain"}  # fmt: skip
+    found = []
+    for sensor in sensors:
+        if isinstance(sensor, str):
+            found.append(ModalSensor(channel=sensor))
+        elif isinstance(sensor, Sensor):
+            found.append(ModalSensor(channel=sensor.channel, quantity=kinds[sensor.quantity]))
+        else:
+            found.append(sensor)
+    return tuple(found)
+
+
+def choose_sensors(record: Record, sensors: Sequence[Sensor | ModalSensor | str] | None) -> tuple[ModalSensor, ...]:
+    """The sensors that were asked for, or the record's: its accelerometers, or else its most telling kind of channels.
+
+    Raises
+    ------
+    ConfigurationError
+        If a channel is missing, listed twice or no vibration, or there is none.
+    """
+    if sensors is None:
+        known = {name: kind_of(name, unit) for name, unit in zip(record.channels, record.units, strict=True)}
+        live = {name: kind for name, kind in known.items() if _moves(record[name])}
+        for kind in VIBRATION:
+            names = [name for name, what in live.items() if what == kind and "kinematic" not in name]
+            if names:
+                return tuple(ModalSensor(channel=name) for name in names[:MOST_SENSORS])
+        raise ConfigurationError(
+            f"{record.name}: expected channels that show vibration (acceleration, strain, load, displacement, velocity), got none: list them (--sensors)"
+        )
+    found = as_modal(sensors)
+    channels = [sensor.channel for sensor in found]
+    for sensor in found:
+        if sensor.channel not in record:
+            raise ConfigurationError(
+                f"{record.name}: no channel '{sensor.channel}': it has {', '.join(record.channels)[:100]}"
+            )
+        if channels.count(sensor.channel) > 1:
+            raise ConfigurationError(
+                f"channel '{sensor.channel}' is listed {channels.count(sensor.channel)} times: list it once"
+            )
+        derivative_order(sensor, record)
+    return found
+
+
+def derivative_order(sensor: ModalSensor, record: Record) -> int:
+    """How often what a sensor reads is derived by time: acceleration 2, velocity 1, displacement, strain and load 0.
+
+    Raises
+    ------
+    ConfigurationError
+        If neither the sensor nor its channel says.
+    """
+    kind = sensor.quantity or kind_of(sensor.channel, record.unit(sensor.channel))
+    if kind not in _ORDERS:
+        raise ConfigurationError(
+            f"channel '{sensor.channel}' [{record.unit(sensor.channel)}]: expected a vibration; say in the sensor list what it reads: quantity = \"acceleration\""
+        )
+    return _ORDERS[kind]
+
+
+def without_copies(values: Array, names: Sequence[str]) -> list[tuple[int, int]]:
+    """Pairs (kept, copy) of the columns of values (T, n) that are the same reading, whatever their scale."""
+    from scipy.signal import lfilter
+
+    sped = lfilter([1.0, -1.0], [1.0], values, axis=0)[1:]  # slow drifts that channels share are no copy
+    sped = sped / np.maximum(np.sqrt(np.mean(sped**2, axis=0)), 1e-300)
+    alike = sped.T @ sped / len(sped)
+    found: list[tuple[int, int]] = []
+    gone: set[int] = set()
+    for i in range(len(names)):
+        for j in range(i + 1, len(names)):
+            if i not in gone and j not in gone and 1.0 - alike[i, j] ** 2 < COPY:
+                found.append((i, j))
+                gone.add(j)
+    return found
+
+
+def _moves(values: Array) -> bool:
+    known = values[np.isfinite(values)]
+    return known.size > 2 and float(np.ptp(known)) > 1e-12 * float(np.abs(known).max())

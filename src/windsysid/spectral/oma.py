@@ -1,0 +1,264 @@
+"""Operational modal analysis: the modes of any structure from its ambient vibration, no model needed.
+
+The spectra of the readings are searched for peaks; in each band around one or a few of them the modes are the most
+probable ones under loads that nobody measured (`modal_model`), as many as the evidence asks for (`order`), with their
+bands (Laplace). What was found says where the bands should have been, so that they are placed once more. Then each mode
+is doubted (`modal_checks`).
+"""
+
+import re
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.coercion import RecordLike, as_record
+from windsysid.spectral.bands import Peak, find_peaks, group_peaks
+from windsysid.spectral.modal_checks import half_fits, mode_doubts
+from windsysid.spectral.modal_model import spectrum
+from windsysid.spectral.modal_sensors import ModalSensor
+from windsysid.spectral.oma_data import Readings, prepare_readings, transforms
+from windsysid.spectral.operational import BandSpectrum, OperationalMode, OperationalModes
+from windsysid.spectral.order import BandFit, fit_band, full_shapes
+from windsysid.turbine.coercion import TurbineLike, as_turbine
+
+__all__ = ["analyse_vibration"]
+
+MOST_MODES = 5
+"""In one band."""
+
+MOVED = 0.15
+"""Of a band's width: a band whose borders should have been farther away than that is fitted again."""
+
+NEAR_REFERENCE = 0.08
+"""A mode this near to one that the turbine file gives may be that mode."""
+
+BLADES_MOVE = 3.0
+"""Blades move that many times as much as the support in a mode of the blades."""
+
+LEAST_EVIDENCE = 10.0
+"""2 ln of the evidence for a mode against none."""
+
+
+def analyse_vibration(
+    record: RecordLike, *, sensors: Sequence[Sensor | ModalSensor | str] | None = None, turbine: "TurbineLike | None" = None,
+    bands: Sequence[tuple[float, float]] | None = None, section: tuple[float, float] | None = None, progress: Callable[[str], None] | None = None,
+) -> OperationalModes:  # fmt: skip
+    """Find the modes of a structure from its ambient vibration.
+
+    Parameters
+    ----------
+    record
+        Any record: readings of acceleration, velocity, displacement, strain or load. Where a rotor turns, with
+        rotor_azimuth, blades' readings go into multi-blade coordinates.
+    sensors
+        Sensors or names of channels; by default the turbine's, or else the record's accelerometers.
+    turbine
+        Its sensors are used, and its modes are named where one is near.
+    bands
+        (lowest, highest) [Hz]; found from the spectra where none are given.
+    section
+        Start and end [s].
+
+    Raises
+    ------
+    ConfigurationError, RecordError
+        If there is nothing to analyse, or a channel cannot be used.
+    """
+    begun = time.process_time()
+    say = progress or (lambda _: None)
+    whole = as_record(record)
+    used = whole.section(*section) if section is not None else whole
+    machine = None if turbine is None else as_turbine(turbine)
+    if sensors is None and machine is not None:
+        sensors = [sensor for sensor in machine.sensors if sensor.channel in used] or None
+    say("lines and multi-blade coordinates")
+    readings = prepare_readings(used, sensors)
+    frequency, values = transforms(readings)
+    step = float(frequency[1])
+    if bands is None:
+        say("spectral peaks")
+        peaks = find_peaks(frequency, values, readings.low, readings.high)
+        wanted = group_peaks(peaks, step, readings.low, readings.high)
+    else:
+        wanted = [_checked_band(band, readings, step) for band in bands]
+    found: list[BandFit] = []
+    for low, high, count in wanted:
+        say(f"{low:.4g} … {high:.4g} Hz")
+        found.append(_fit(frequency, values, readings, low, high, count))
+    if bands is None:
+        found = _once_more(found, frequency, values, readings)
+    empty = [
+        (low, high)
+        for (low, high, _), one in zip(wanted, found, strict=False)
+        if bands is not None and not _modes_of(one)
+    ]
+    say("checks")
+    middle = readings.samples // 2
+    halves = [transforms(readings, part) for part in (slice(0, middle), slice(readings.samples - middle, None))]
+    modes = [mode for one in found if _modes_of(one) for mode in _described(one, halves, readings)]
+    modes.sort(key=lambda mode: mode.frequency)
+    named = _with_references(_named(modes, readings), machine, readings)
+    level = _level(values)
+    return OperationalModes(
+        record=whole.name, section=(float(readings.used.time[0]), float(readings.used.time[-1])), rate=readings.rate, samples=readings.samples,
+        channels=readings.names, units=tuple(_acceleration_unit(unit, order) for unit, order in zip(readings.units, readings.orders, strict=True)),
+        sensors=readings.sensors, modes=tuple(named), lines=tuple((line.name, line.frequency) for line in readings.lines), empty=tuple(empty),
+        frequency=frequency, level=level, bands=tuple(_drawn(one) for one in found if _modes_of(one)), rotor_hz=readings.rotor_hz, doubts=readings.doubts,
+        notes=readings.notes, elapsed=time.process_time() - begun, start=whole.start,
+    )  # fmt: skip
+
+
+def _checked_band(band: tuple[float, float], readings: Readings, step: float) -> tuple[float, float, int]:
+    low, high = band
+    if not (0.0 < low < high < 0.5 * readings.rate):
+        raise ConfigurationError(
+            f"band {low:g} {high:g} Hz: expected two rising frequencies between 0 and {0.5 * readings.rate:.4g} Hz, half the sampling rate"
+        )
+    if high - low < 16.0 * step:
+        raise ConfigurationError(
+            f"band {low:g} {high:g} Hz: expected {16 * step:.3g} Hz of width at least in a record of {1 / step:.4g} s; widen it"
+        )
+    return low, high, 1
+
+
+def _fit(frequency: Array, values: Complex, readings: Readings, low: float, high: float, count: int) -> BandFit:
+    """The modes of one band, its lines left out."""
+    inside = (frequency >= low) & (frequency <= high)
+    for line in readings.lines:
+        off = np.abs(frequency - line.frequency)
+        if off[inside].size and off[inside].min() < line.half_width and inside.sum() > 16:
+            inside &= off > line.half_width
+    bins = np.flatnonzero(inside)
+    return fit_band(values[bins], bins, readings.samples, readings.rate, count, MOST_MODES)
+
+
+def _modes_of(found: BandFit) -> int:
+    return len(found.fit.modes.frequency) if found.against_none > LEAST_EVIDENCE else 0
+
+
+def _once_more(found: Sequence[BandFit], frequency: Array, values: Complex, readings: Readings) -> list[BandFit]:
+    """Bands around the modes that were found; those that are where they should be stay."""
+    step = float(frequency[1])
+    peaks = []
+    for one in found:
+        if _modes_of(one):
+            low, high = one.band.frequency[[0, -1]]
+            for f, z in zip(one.fit.modes.frequency, one.fit.modes.damping, strict=True):
+                if low <= f <= high:
+                    peaks.append(Peak(float(f), float(max(z * f, 0.5 * step)), one.against_none))
+    single: list[Peak] = []
+    for peak in sorted(peaks):
+        if single and peak.frequency - single[-1].frequency < 0.3 * min(peak.half_width, single[-1].half_width):
+            single[-1] = max(peak, single[-1], key=lambda p: p.rise)
+        else:
+            single.append(peak)
+    again = []
+    for low, high, count in group_peaks(single, step, readings.low, readings.high):
+        same = [one for one in found if _is_same(one, low, high, count)]
+        again.append(same[0] if same else _fit(frequency, values, readings, low, high, count))
+    return again
+
+
+def _is_same(found: BandFit, low: float, high: float, count: int) -> bool:
+    first, last = found.band.frequency[[0, -1]]
+    return _modes_of(found) == count and max(abs(first - low), abs(last - high)) < MOVED * (high - low)
+
+
+def _described(found: BandFit, halves: Sequence[tuple[Array, Complex]], readings: Readings) -> list[OperationalMode]:
+    """The modes of a band with their shapes and doubts."""
+    shapes = full_shapes(found)
+    both = half_fits(found, halves, readings.samples, readings.rate)
+    fit, described = found.fit, []
+    for j in range(len(fit.modes.frequency)):
+        f, z = float(fit.modes.frequency[j]), float(fit.modes.damping[j])
+        std_f, std_z = fit.std(j)
+        described.append(
+            OperationalMode(
+                name="", frequency=f, frequency_std=f * std_f, damping=z, ln_damping_std=std_z, shape=shapes.shape[:, j], shape_std=shapes.std[:, j],
+                load=float(shapes.load[j]), ln_load_std=float(shapes.load_std[j]), band=(float(found.band.frequency[0]), float(found.band.frequency[-1])),
+                doubts=tuple(mode_doubts(found, j, shapes.responses[:, j], both, readings)),
+            )
+        )  # fmt: skip
+    return _with_neighbours(described)
+
+
+def _with_neighbours(modes: list[OperationalMode]) -> list[OperationalMode]:
+    """Modes of one band: where one is doubtful the others are, since they were found together."""
+    from dataclasses import replace
+
+    doubtful = [mode for mode in modes if mode.doubts]
+    if not doubtful:
+        return modes
+    why = f"it was found together with a doubtful one at {doubtful[0].frequency:.4g} Hz"
+    return [mode if mode.doubts else replace(mode, doubts=(why,)) for mode in modes]
+
+
+def _named(modes: Sequence[OperationalMode], readings: Readings) -> list[OperationalMode]:
+    """Modes with names: numbers, or where a rotor turns what moves and which way it turns."""
+    from dataclasses import replace
+
+    if not any(name.startswith("blades_") for name in readings.names):
+        return [replace(mode, name=f"mode {i}") for i, mode in enumerate(modes, start=1)]
+    known: dict[str, int] = {}
+    named = []
+    for mode in modes:
+        name = _what_moves(np.abs(mode.shape), readings.names)
+        known[name] = known.get(name, 0) + 1
+        named.append(replace(mode, name=name if known[name] == 1 else f"{name} {known[name]}"))
+    return named
+
+
+def _what_moves(size: Array, names: Sequence[str]) -> str:
+    on_blades = np.array([name.startswith("blades_") for name in names])
+    support = size[~on_blades].max(initial=0.0)
+    if support * BLADES_MOVE > size[on_blades].max(initial=0.0):
+        return " ".join(names[int(np.argmax(np.where(on_blades, -1.0, size)))].split("_")[:2])
+    what, _, way = names[int(np.argmax(np.where(on_blades, size, -1.0)))].removeprefix("blades_").rpartition(" ")
+    return f"{'flap' if re.search('flap|out', what) else 'lag'} {way}"
+
+
+def _with_references(modes: list[OperationalMode], machine: object, readings: Readings) -> list[OperationalMode]:
+    """Modes with the turbine file's frequencies beside them, each used once, the nearest first."""
+    from dataclasses import replace
+
+    if machine is None:
+        return modes
+    from windsysid.inspection.spectra import expected_modes
+
+    expected = expected_modes(machine, 2.0 * np.pi * readings.rotor_hz)  # type: ignore[arg-type]
+    pairs = sorted(
+        (abs(mode.frequency / f - 1.0), i, k) for i, mode in enumerate(modes) for k, (_, f, _) in enumerate(expected)
+    )
+    taken: set[int] = set()
+    for off, i, k in pairs:
+        if off < NEAR_REFERENCE and modes[i].reference is None and k not in taken:
+            name, f, z = expected[k]
+            modes[i] = replace(modes[i], name=name, reference=(f, z))
+            taken.add(k)
+    return modes
+
+
+def _drawn(found: BandFit) -> BandSpectrum:
+    measured = np.einsum("kii->k", found.band.power).real
+    fitted = np.einsum("kii->k", spectrum(found.fit.modes, found.band)).real
+    return BandSpectrum(found.band.frequency, measured, fitted)
+
+
+def _level(values: Complex) -> Array:
+    """The channels' spectra (F,), scaled to the same median and added."""
+    power = np.abs(values) ** 2
+    return np.asarray((power / np.maximum(np.median(power, axis=0), 1e-300)).mean(axis=1))
+
+
+def _acceleration_unit(unit: str, order: int) -> str:
+    return (
+        unit
+        if order == 2
+        else {"m": "m/s^2", "rad": "rad/s^2", "m/s": "m/s^2", "rad/s": "rad/s^2"}.get(
+            unit, f"{unit}/s{'^2' if order == 0 else ''}"
+        )
+    )

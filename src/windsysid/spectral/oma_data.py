@@ -1,0 +1,280 @@
+"""From a record to the transforms of its readings: sensors, gaps, lines, multi-blade coordinates."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array, Complex
+from windsysid.errors import RecordError
+from windsysid.inspection.health import Finding
+from windsysid.inspection.plausibility import SLOWEST, rotor_of
+from windsysid.inspection.screening import noted, screen
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import LOW_PASS, Record
+from windsysid.signals.condition import resample
+from windsysid.spectral.dft import transform
+from windsysid.spectral.modal_sensors import ModalSensor, choose_sensors, derivative_order, without_copies
+from windsysid.spectral.multiblade import blade_sets, multiblade
+from windsysid.spectral.tonal import find_lines, without_harmonics, without_line
+
+__all__ = ["Line", "Readings", "prepare_readings", "transforms"]
+
+LEAST_SAMPLES = 256
+MAX_BRIDGED = 0.02
+"""Share of missing samples that are bridged; where more are missing, the longest stretch without gaps is used."""
+
+HIGHEST = 0.42
+"""Of the sampling rate: up to there modes are sought."""
+
+LOW_PASS_SHARE = 0.8
+"""Of a record's low-pass: up to there."""
+
+LOWEST_BINS = 8
+"""Modes are sought from that many cycles in the record on."""
+
+STEADY = 0.02
+"""Relative standard deviation of the rotor speed, beyond which harmonics and whirls are smeared."""
+
+TELLING = frozenset({"spikes", "clipping", "frozen", "gaps", "saturation"})
+"""Faults that change a spectrum."""
+
+
+class Line(NamedTuple):
+    """A line that was taken out: its name, frequency and half-width [Hz]."""
+
+    name: str
+    frequency: float
+    half_width: float
+
+
+class Readings(NamedTuple):
+    """What is analysed.
+
+    Attributes
+    ----------
+    names, units, sensors
+        Of the channels (n,): those of the record, then multi-blade coordinates; a sensor each, None for coordinates.
+    orders
+        How often each is derived by time (n,).
+    fixed, turning
+        Values (T, n_f) real and (T, n_t) complex, z of each set of blades: its forward and backward parts are the last
+        2 n_t channels.
+    rate
+        [Hz].
+    low, high
+        Where modes are sought [Hz].
+    lines
+        Taken out.
+    rotor_hz
+        Turns per second; 0 where there is no rotor or it stands.
+    notes, doubts
+        What a reader must know; what makes the whole doubtful.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    sensors: tuple[ModalSensor | None, ...]
+    orders: tuple[int, ...]
+    fixed: Array
+    turning: Complex
+    rate: float
+    low: float
+    high: float
+    lines: tuple[Line, ...]
+    rotor_hz: float
+    notes: tuple[str, ...]
+    doubts: tuple[str, ...]
+    used: Record
+
+    @property
+    def samples(self) -> int:
+        """T."""
+        return len(self.fixed)
+
+
+def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | str] | None) -> Readings:
+    """Choose channels, check them, bridge gaps, take out lines.
+
+    Raises
+    ------
+    ConfigurationError, RecordError
+        If channels are missing, dead or copies of each other, or the record is too short.
+    """
+    chosen = choose_sensors(record, sensors)
+    notes: list[str] = []
+    channels = [sensor.channel for sensor in chosen]
+    helpers = [name for name in ("rotor_azimuth", "rotor_speed") if name in record and name not in channels]
+    record = _without_gaps(record.select([*channels, *helpers]), channels, notes)
+    findings = screen(record, None, channels, others=helpers)
+    notes += noted(findings)
+    doubts = [_doubt_of(finding) for finding in findings if finding.kind in TELLING]
+    values = np.column_stack([_bridged(record[name]) for name in channels])
+    copies = without_copies(values, channels)
+    if copies and sensors is not None:
+        i, j = copies[0]
+        raise RecordError(
+            f"{record.name}: channel '{channels[j]}' is a copy of '{channels[i]}': leave one of them out of the sensors"
+        )
+    for i, j in copies:
+        notes.append(f"{channels[j]} is a copy of {channels[i]} and is left out")
+    kept = [i for i in range(len(channels)) if i not in {j for _, j in copies}]
+    chosen, values = tuple(chosen[i] for i in kept), values[:, kept]
+    rate = record.rate
+    low = LOWEST_BINS / record.duration
+    high = HIGHEST * rate
+    if LOW_PASS in record.attributes:
+        high = min(high, LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
+    azimuth, rotor_hz, lines = _rotor(record, high, notes, doubts)
+    values = values - values.mean(axis=0)
+    if azimuth is not None and rotor_hz:
+        values = without_harmonics(values, azimuth)
+    elif rotor_hz:
+        for line in lines:
+            values = without_line(values, rate, line.frequency)
+    machines = [
+        f
+        for f in find_lines(values, rate, low, high)
+        if all(abs(f - line.frequency) > 2.0 * line.half_width for line in lines)
+    ]
+    for f in machines:
+        values = without_line(values, rate, f)
+        lines.append(Line("line", f, 2.0 * rate / len(values)))
+    if machines:
+        listed = ", ".join(f"{f:.4g}" for f in machines[:8]) + (" …" if len(machines) > 8 else "")
+        notes.append(f"steady lines were taken out at {listed} Hz: no vibration under random loads looks like that")
+    names = [sensor.channel for sensor in chosen]
+    sets, incomplete = blade_sets(names)
+    on_blades = [c for found in sets for c in found.columns]
+    turns = bool(rotor_hz) or azimuth is not None
+    if (sets or incomplete) and (azimuth is None and turns):
+        notes.append(
+            "rotor_azimuth is missing: the blades' channels are left out, since their frequencies are shifted by the turning"
+        )
+        incomplete, sets = [*incomplete, *on_blades], []
+    elif incomplete and turns:
+        notes.append(
+            f"left out: {', '.join(names[i] for i in incomplete)}: multi-blade coordinates need every blade's sensor"
+        )
+    elif not turns:
+        sets, incomplete, on_blades = [], [], []
+    still = [i for i in range(len(names)) if i not in on_blades and i not in incomplete]
+    if not still and not sets:
+        raise RecordError(
+            f"{record.name}: no channel is left: record rotor_azimuth and a sensor on every blade, or one on the tower"
+        )
+    columns, turning = [values[:, i] for i in still], []
+    found_names, units, orders = [names[i] for i in still], [], []
+    for found in sets:
+        assert azimuth is not None
+        mean, z = multiblade(values[:, list(found.columns)], azimuth)
+        columns.append(mean)
+        turning.append(z)
+        found_names.append(f"blades_{found.what} collective")
+    for found in sets:
+        found_names += [f"blades_{found.what} forward", f"blades_{found.what} backward"]
+    of = (
+        [chosen[i] for i in still]
+        + [chosen[s.columns[0]] for s in sets]
+        + [chosen[s.columns[0]] for s in sets for _ in range(2)]
+    )
+    units = [record.unit(sensor.channel) for sensor in of]
+    orders = [derivative_order(sensor, record) for sensor in of]
+    z_all = np.column_stack(turning) if turning else np.empty((len(values), 0), dtype=np.complex128)
+    return Readings(
+        tuple(found_names), tuple(units), tuple([chosen[i] for i in still] + [None] * (3 * len(sets))), tuple(orders), np.column_stack(columns), z_all,
+        rate, low, high, tuple(lines), rotor_hz, tuple(notes), tuple(doubts), record,
+    )  # fmt: skip
+
+
+def transforms(readings: Readings, part: slice = slice(None)) -> tuple[Array, Complex]:
+    """Frequencies (F,) [Hz] and transforms (F, n) of a part of the record, all as accelerations."""
+    frequency, fixed = transform(readings.fixed[part], readings.rate)
+    both = []
+    for column in range(readings.turning.shape[1]):
+        z = readings.turning[part, column]
+        both.append(transform(np.column_stack([z, z.conj()]), readings.rate)[1])
+    n = min(len(fixed), *(len(each) for each in both)) if both else len(fixed)
+    found = np.hstack([fixed[:n], *(each[:n] for each in both)])
+    derived: NDArray[np.int64] = 2 - np.array(readings.orders)
+    return frequency[:n], found * (2j * np.pi * frequency[:n, None]) ** derived[None]
+
+
+def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> Record:
+    """The record on a uniform grid; its longest stretch without gaps where more is missing than can be bridged."""
+    try:
+        record = record.on_uniform_grid()
+    except RecordError:
+        record = resample(record, record.rate)
+        notes.append("the sampling is irregular: readings were interpolated to a uniform grid")
+    columns = [record.channels.index(name) for name in channels]
+    missing = np.isnan(record.values[:, columns])
+    dead = [name for name, none in zip(channels, np.all(missing, axis=0).tolist(), strict=True) if none]
+    if dead:
+        raise RecordError(f"{record.name}: channel '{dead[0]}' holds no readings: leave it out of the sensors")
+    share = float(missing.mean(axis=0).max())
+    if share > MAX_BRIDGED:
+        whole = ~missing.any(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], whole.astype(np.int8), [0]])))
+        lengths = edges[1::2] - edges[::2]
+        if not lengths.size or lengths.max() < LEAST_SAMPLES:
+            raise RecordError(
+                f"{record.name}: {100 * share:.0f} % of a channel is missing and no stretch is whole: choose other channels, or a section"
+            )
+        k = int(np.argmax(lengths))
+        first, past = int(edges[2 * k]), int(edges[2 * k + 1])
+        step = record.time[1] - record.time[0]
+        record = record.section(float(record.time[first]) - 0.25 * step, float(record.time[past - 1]) + 0.75 * step)
+        notes.append(
+            f"{100 * share:.1f} % of a channel is missing: only {record.time[0]:.6g} to {record.time[-1]:.6g} s, without gaps, were used"
+        )
+    elif share:
+        notes.append(f"{100 * share:.2g} % of a channel is missing and was bridged by straight lines")
+    if record.samples < LEAST_SAMPLES:
+        raise RecordError(
+            f"{record.name}: {record.samples} samples are too few for modes: expected {LEAST_SAMPLES} at least, and 100 cycles of a mode"
+        )
+    return record
+
+
+def _bridged(values: Array) -> Array:
+    known = np.isfinite(values)
+    return values if known.all() else np.interp(np.arange(len(values)), np.flatnonzero(known), values[known])
+
+
+def _rotor(record: Record, high: float, notes: list[str], doubts: list[str]) -> tuple[Array | None, float, list[Line]]:
+    """Azimuth (T,) unwrapped, turns per second, and the rotor's lines."""
+    rotor = rotor_of(record)
+    if rotor is None or abs(rotor.mean) <= SLOWEST:
+        return None, 0.0, []
+    azimuth = None
+    if "rotor_azimuth" in record:
+        azimuth = np.unwrap(_unwrapped_known(record["rotor_azimuth"]))
+        turns = np.diff(azimuth) * np.sign(rotor.mean)
+        if np.any(turns < -0.05) or np.any(np.abs(turns - np.median(turns)) > 0.5 + np.median(turns)):
+            raise RecordError(
+                f"{record.name}: rotor_azimuth jumps: choose a section where it turns steadily, or leave the channel out"
+            )
+    once = abs(rotor.mean) / (2.0 * np.pi)
+    if rotor.variation > STEADY:
+        doubts.append(
+            f"the rotor speed varies by {100 * rotor.variation:.1f} %: harmonics and whirls are smeared; choose a steadier section"
+        )
+    width = 1.5 / record.duration
+    lines = [
+        Line(f"{n}P", n * once, width + n * once * min(rotor.variation, 0.2 / n))
+        for n in range(1, int(min(high / once, 60)) + 1)
+    ]
+    return azimuth, once, lines
+
+
+def _unwrapped_known(psi: Array) -> Array:
+    known = np.isfinite(psi)
+    if known.all():
+        return psi
+    return np.interp(np.arange(len(psi)), np.flatnonzero(known), np.unwrap(psi[known]))
+
+
+def _doubt_of(finding: Finding) -> str:
+    return f"channel {finding.channel or 'clock'}: {finding.kind}: {finding.text.split(': ')[0]}"[:150]

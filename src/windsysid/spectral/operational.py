@@ -1,0 +1,236 @@
+"""The result of operational modal analysis: modes with their bands, shapes and what speaks against them."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.output.answers import Answer
+from windsysid.results.identification import finite
+from windsysid.results.mode import Mode
+from windsysid.results.posterior import SIGMAS, section_name
+from windsysid.spectral.modal_sensors import ModalSensor
+from windsysid.units import unit_text
+
+__all__ = ["BandSpectrum", "OperationalMode", "OperationalModes"]
+
+
+@dataclass(frozen=True)
+class OperationalMode:
+    """A mode under ambient loads.
+
+    Attributes
+    ----------
+    name
+        ``mode 1`` …, or what moves where a rotor turns: ``lag forward``.
+    frequency, frequency_std
+        [Hz].
+    damping, ln_damping_std
+        ζ, and the standard deviation of its logarithm.
+    shape, shape_std
+        (n,) complex, 1 in the channel that moves most, as accelerations; standard deviations of real and imaginary
+        part.
+    load, ln_load_std
+        One-sided spectrum of the load that drives it, per modal mass where the shape is 1 [unit²/Hz], and the standard
+        deviation of its logarithm.
+    band
+        Lowest and highest frequency that were used [Hz].
+    doubts
+        Why it is not to be trusted, in sentences.
+    reference
+        Frequency [Hz] and damping ratio that the turbine file gives; None where nothing is near.
+    """
+
+    name: str
+    frequency: float
+    frequency_std: float
+    damping: float
+    ln_damping_std: float
+    shape: Complex
+    shape_std: Array
+    load: float
+    ln_load_std: float
+    band: tuple[float, float]
+    doubts: tuple[str, ...]
+    reference: tuple[float, float] | None = None
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing speaks against it."""
+        return not self.doubts
+
+    @property
+    def mode(self) -> Mode:
+        """Frequency and damping ratio with ±2σ, as every other result has them; the damping's band is one of its
+        logarithm."""
+        half, factor = SIGMAS * self.frequency_std, float(np.exp(SIGMAS * min(self.ln_damping_std, 3.0)))
+        f, z = self.frequency, self.damping
+        return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference)
+
+    @property
+    def complexity(self) -> float:
+        """Share of the shape's square that is out of phase, 0 for a real shape, ½ for a travelling one."""
+        turned = self.shape * np.exp(-0.5j * np.angle(np.sum(self.shape**2)))
+        return float(np.sum(turned.imag**2) / np.sum(np.abs(turned) ** 2))
+
+    def summary(self, channels: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Any]:
+        """As plain values."""
+        factor = float(np.exp(SIGMAS * min(self.ln_load_std, 3.0)))
+        largest = int(np.argmax(np.abs(self.shape)))
+        return {
+            **self.mode.summary(),
+            "shape": {
+                "sensors": list(channels),
+                "real": self.shape.real.tolist(),
+                "imaginary": self.shape.imag.tolist(),
+                "std": self.shape_std.tolist(),
+                "complexity": self.complexity,
+            },
+            "load_level": {
+                "estimate": self.load,
+                "low": self.load / factor,
+                "high": self.load * factor,
+                "unit": f"({units[largest]})^2/Hz",
+            },
+            "band_hz": list(self.band),
+            "trusted": self.trusted,
+            "doubts": list(self.doubts),
+        }
+
+
+@dataclass(frozen=True)
+class BandSpectrum:
+    """What is drawn of a band: frequencies (K,), the sum of its channels' spectra, scaled, as measured and as fitted
+    (K,)."""
+
+    frequency: Array
+    measured: Array
+    fitted: Array
+
+
+@dataclass(frozen=True)
+class OperationalModes(Answer):
+    """Modes of a structure from its ambient vibration.
+
+    Attributes
+    ----------
+    record, section, rate, samples
+        What they come from; times in s, rate in Hz.
+    channels, units, sensors
+        Of the shapes: channels of the record, or multi-blade coordinates, which have no sensor.
+    modes
+        By rising frequency.
+    lines
+        Names and frequencies [Hz] of lines that were taken out.
+    empty
+        Bands that were asked for and hold no mode.
+    frequency, level, bands
+        The largest singular value of the scaled spectra over frequency, and each band, for the figure.
+    rotor_hz
+        Turns per second; 0 where none turns.
+    doubts
+        What makes all of it doubtful.
+    notes
+        What a reader must know.
+    elapsed
+        Seconds.
+    start
+        The moment of the record's time 0.
+    """
+
+    record: str
+    section: tuple[float, float]
+    rate: float
+    samples: int
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    sensors: tuple[ModalSensor | None, ...]
+    modes: tuple[OperationalMode, ...]
+    lines: tuple[tuple[str, float], ...]
+    empty: tuple[tuple[float, float], ...]
+    frequency: Array
+    level: Array
+    bands: tuple[BandSpectrum, ...]
+    rotor_hz: float
+    doubts: tuple[str, ...]
+    notes: tuple[str, ...]
+    elapsed: float
+    start: str | None = None
+
+    @property
+    def trusted(self) -> bool:
+        """Whether every mode is to be trusted."""
+        return not self.reasons
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why not."""
+        found = list(self.doubts)
+        found += [f"no mode stands out between {low:.4g} and {high:.4g} Hz" for low, high in self.empty]
+        if not self.modes:
+            found.append("no mode was found")
+        found += [f"{mode.name}, {mode.frequency:.4g} Hz: {doubt}" for mode in self.modes for doubt in mode.doubts]
+        return tuple(found)
+
+    def summary(self) -> dict[str, Any]:
+        """What ``summary.json`` holds."""
+        return {
+            "record": self.record,
+            "start": self.start,
+            "section": list(self.section),
+            "rate_hz": self.rate,
+            "samples": self.samples,
+            "elapsed_s": self.elapsed,
+            "rotor_speed_rad_s": 2.0 * np.pi * self.rotor_hz,
+            "sensors": [None if s is None else s.model_dump(exclude_none=True) for s in self.sensors],
+            "modes": [mode.summary(self.channels, self.units) for mode in self.modes],
+            "lines": [{"name": name, "frequency_hz": f} for name, f in self.lines],
+            "trusted": self.trusted,
+            "reasons": list(self.reasons),
+            "notes": list(self.notes),
+        }
+
+    def to_json(self) -> str:
+        """`summary` as JSON text."""
+        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Of `rows`."""
+        known = ("reference [Hz]",) if any(mode.reference for mode in self.modes) else ()
+        return ("mode", "f [Hz]", "±2σ band", "ζ [%]", "±2σ band", *known, "moves most", "trusted")
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """The modes as a table under `headings`."""
+        rows = []
+        for mode in self.modes:
+            known = (mode.mode.reference_cells()[0],) if any(m.reference for m in self.modes) else ()
+            largest = self.channels[int(np.argmax(np.abs(mode.shape)))]
+            rows.append((*mode.mode.cells(), *known, largest, "yes" if mode.trusted and not self.doubts else "no"))
+        return rows
+
+    def __repr__(self) -> str:
+        trusted = "trusted" if self.trusted else "not trusted"
+        return f"<OperationalModes of {self.record}: {len(self.modes)} modes, {trusted}; print it for the table>"
+
+    def __str__(self) -> str:
+        """The table, and what speaks against it."""
+        from rich.table import Table
+
+        from windsysid.console import render
+
+        table = Table(title=f"modes of {section_name(self.record, *self.section)}", title_justify="left")
+        last = len(self.headings) - 2
+        for i, heading in enumerate(self.headings):
+            table.add_column(heading, justify="left" if i == 0 or i >= last else "right")
+        for row in self.rows:
+            table.add_row(*row)
+        verdict = "trusted" if self.trusted else "not to be trusted:"
+        return render(table, verdict, *(f"  {reason}" for reason in self.reasons), *self.notes)
+
+    def unit(self, channel: str) -> str:
+        """The unit of a channel, as text."""
+        return unit_text(self.units[self.channels.index(channel)])

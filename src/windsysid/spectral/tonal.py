@@ -1,0 +1,117 @@
+"""Lines: what turns with the rotor, and what other machines add.
+
+A rotor's harmonics are taken out of the readings by least squares on its azimuth. Other lines are found by Thomson's F
+test (Proc. IEEE 1982, https://doi.org/10.1109/PROC.1982.12433): the same frequency and phase under several orthogonal
+tapers, which vibration under a random load does not have.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array, Complex
+
+__all__ = ["find_lines", "without_harmonics", "without_line"]
+
+HARMONICS = 30
+"""Orders of the rotor that are taken out."""
+
+TAPERS, BANDWIDTH = 7, 4.0
+"""Number and half-width [bins] of the tapers of the F test."""
+
+FALSE_LINES = 1e-3
+"""Lines that the test may find by chance in a record without any."""
+
+MISSED = 10.0
+"""By how much a line between two frequencies of a transform may be seen less."""
+
+MOST_TRIED = 20
+"""Possible lines of a channel that are looked at closely."""
+
+
+def without_harmonics(values: Array, azimuth: Array) -> Array:
+    """Values (T, n) without their mean and what follows cos kψ, sin kψ of the azimuth ψ (T,) [rad]."""
+    samples = len(values)
+    step = np.max(np.abs(np.diff(np.unwrap(azimuth))))
+    orders = int(min(HARMONICS, 0.8 * np.pi / max(step, 1e-6), samples // 20))
+    left = values - values.mean(axis=0)
+    if orders < 1:
+        return np.asarray(left)
+    phase = np.exp(1j * np.outer(azimuth, np.arange(1, orders + 1)))
+    design = np.column_stack([np.ones(samples), phase.real, phase.imag])
+    return np.asarray(left - design @ np.linalg.solve(design.T @ design, design.T @ left), dtype=np.float64)
+
+
+def find_lines(values: Array, rate: float, low: float, high: float) -> list[float]:
+    """Frequencies [Hz] between two others at which values (T, n) have a steady sine."""
+    from scipy.fft import next_fast_len, rfft
+    from scipy.stats import f as fisher
+
+    samples, channels = values.shape
+    tapers, sums = _tapers(samples)
+    size = next_fast_len(2 * samples, real=True)
+    frequency = np.arange(size // 2 + 1) * rate / size
+    inside = (frequency > low) & (frequency < high)
+    found: list[tuple[float, float]] = []
+    limit = float(fisher.isf(FALSE_LINES / max(1, samples // 2 * channels), 2, 2 * TAPERS - 2))
+    for column in values.T:
+        tapered = tapers * column
+        ratio = _ratio(rfft(tapered, size, axis=1)[:, inside], sums)
+        peaks = np.flatnonzero((ratio > limit / MISSED) & (ratio == _largest_near(ratio)))
+        for i in peaks[np.argsort(ratio[peaks])[::-1][:MOST_TRIED]]:
+            near = frequency[inside][i] + rate / size * np.linspace(-0.5, 0.5, 9)  # a line between bins is seen less
+            wave = np.exp(-2j * np.pi * np.outer(np.arange(samples) / rate, near))
+            fine = _ratio(tapered @ wave, sums)
+            if fine.max() > limit:
+                found.append((float(fine.max()), float(near[np.argmax(fine)])))
+    lines: list[float] = []
+    for _, f in sorted(found, reverse=True):
+        if all(abs(f - other) > 2.0 * rate / samples for other in lines):
+            lines.append(f)
+    return sorted(lines)
+
+
+def without_line(values: Array, rate: float, frequency: float) -> Array:
+    """Values (T, n) without a sine near a frequency [Hz], its own frequency by least squares."""
+    from scipy.optimize import minimize_scalar
+
+    samples = len(values)
+    time = np.arange(samples) / rate
+
+    def fitted(f: float) -> Array:
+        wave = np.exp(2j * np.pi * f * time)
+        design = np.column_stack([wave.real, wave.imag])
+        return np.asarray(design @ np.linalg.solve(design.T @ design, design.T @ values))
+
+    scale = 1.0 / np.maximum(values.std(axis=0), 1e-300)
+    best = minimize_scalar(
+        lambda f: -float(np.sum((fitted(f) * scale) ** 2)), bounds=(frequency - 0.5 * rate / samples, frequency + 0.5 * rate / samples),
+        method="bounded", options={"xatol": 1e-3 * rate / samples},
+    )  # fmt: skip
+    return np.asarray(values - fitted(float(best.x)))
+
+
+def _ratio(spectra: Complex, sums: Array) -> Array:
+    """The F statistic (F,) of tapered transforms (TAPERS, F)."""
+    mean = sums @ spectra / (sums @ sums)
+    left = np.sum(np.abs(spectra - sums[:, None] * mean[None]) ** 2, axis=0)
+    return np.asarray((TAPERS - 1) * np.abs(mean) ** 2 * (sums @ sums) / np.maximum(left, 1e-300))
+
+
+def _largest_near(ratio: Array) -> Array:
+    """The largest within two places of each."""
+    from scipy.ndimage import maximum_filter1d
+
+    return np.asarray(maximum_filter1d(ratio, 5))
+
+
+def _tapers(samples: int) -> tuple[NDArray[np.float64], Array]:
+    """Slepian tapers (TAPERS, T), long ones interpolated, and their sums."""
+    from scipy.signal.windows import dpss
+
+    most = 8192
+    short = dpss(min(samples, most), BANDWIDTH, TAPERS)
+    if samples > most:
+        at = np.linspace(0.0, most - 1.0, samples)
+        short = np.array([np.interp(at, np.arange(most), taper) for taper in short])
+    tapers = short / np.linalg.norm(short, axis=1, keepdims=True)
+    return tapers, tapers.sum(axis=1)

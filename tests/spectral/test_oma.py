@@ -1,0 +1,218 @@
+import json
+
+import numpy as np
+import pytest
+
+import windsysid as ws
+from windsysid.spectral.multiblade import multiblade
+from windsysid.spectral.tonal import find_lines
+
+from .oscillators import modal_responses
+
+RATE = 10.0
+SHAPES = np.array([[1.0, 0.9], [0.7, -0.4], [0.3, -1.0]])
+
+
+def record_of(values, rate, names=None, start=0.0, unit="m"):
+    names = names or tuple(f"floor_{i}_displacement" for i in range(1, values.shape[1] + 1))
+    return ws.Record(
+        start + np.arange(len(values)) / rate, values, tuple(names), (unit,) * values.shape[1], name="made up"
+    )
+
+
+def two_modes(seed, samples=6000, rate=RATE, noise=0.05):
+    rng = np.random.default_rng(seed)
+    q, _ = modal_responses([1.1, 2.7], [0.012, 0.008], rate, samples, rng)
+    y = (q / q.std(axis=0)) @ SHAPES.T
+    return y + noise * rng.normal(size=y.shape)
+
+
+def test_two_modes_are_found_with_shapes_and_trusted():
+    found = ws.oma(record_of(two_modes(0), RATE))
+    assert [round(mode.frequency, 1) for mode in found.modes] == [1.1, 2.7]
+    assert found.trusted, found.reasons
+    for mode, f, z, shape in zip(found.modes, (1.1, 2.7), (0.012, 0.008), SHAPES.T, strict=True):
+        assert abs(mode.frequency - f) < 3.0 * mode.frequency_std
+        assert abs(np.log(mode.damping / z)) < 3.0 * mode.ln_damping_std
+        scaled = shape / shape[np.argmax(np.abs(mode.shape))]
+        assert np.all(np.abs(mode.shape.real - scaled) < 4.0 * mode.shape_std + 1e-9)
+        assert mode.complexity < 0.01
+
+
+def test_uncertainty_follows_the_laws_of_au():
+    # Au, Operational Modal Analysis, Springer 2017: c_f² = ζ/(2π N_c B_f), c_ζ² = 1/(2π ζ N_c B_ζ) for a band of f (1 ±
+    # κζ)
+    rng = np.random.default_rng(5)
+    f, z, rate, samples, kappa = 1.0, 0.01, 8.0, 16_000, 10.0
+    q, _ = modal_responses([f], [z], rate, samples, rng)
+    y = q / q.std() * np.array([1.0, 0.6]) + 0.01 * rng.normal(size=(samples, 2))
+    found = ws.oma(record_of(y, rate), bands=[(f * (1 - kappa * z), f * (1 + kappa * z))]).modes[0]
+    cycles = f * samples / rate
+    b_f = 2 / np.pi * (np.arctan(kappa) - kappa / (kappa**2 + 1))
+    b_z = 2 / np.pi * (np.arctan(kappa) + kappa / (kappa**2 + 1) - 2 * np.arctan(kappa) ** 2 / kappa)
+    assert found.frequency_std / found.frequency == pytest.approx(
+        np.sqrt(found.damping / (2 * np.pi * cycles * b_f)), rel=0.15
+    )
+    assert found.ln_damping_std == pytest.approx(1 / np.sqrt(2 * np.pi * found.damping * cycles * b_z), rel=0.25)
+
+
+def test_close_modes_are_told_apart():
+    rng = np.random.default_rng(6)
+    q, _ = modal_responses([0.98, 1.0, 1.02], [0.008, 0.01, 0.012], 8.0, 24_000, rng)
+    shapes = np.array([[1.0, 1.0, 1.0], [0.3, -1.0, 0.8], [-1.0, 0.2, 0.9], [0.5, 0.7, -1.0]])
+    y = (q / q.std(axis=0)) @ shapes.T + 0.05 * rng.normal(size=(24_000, 4))
+    found = ws.oma(record_of(y, 8.0))
+    assert len(found.modes) == 3
+    for mode, f in zip(found.modes, (0.98, 1.0, 1.02), strict=True):
+        assert abs(mode.frequency - f) < 3.5 * mode.frequency_std
+
+
+def test_one_sensor_will_do_and_its_kind_does_not_matter():
+    rng = np.random.default_rng(7)
+    q, v = modal_responses([1.1], [0.012], RATE, 6000, rng)
+    sway = ws.oma(record_of(q, RATE, ("crane_displacement",)), bands=[(0.9, 1.3)]).modes[0]
+    speed = ws.oma(record_of(v, RATE, ("crane_velocity",), unit="m/s"), bands=[(0.9, 1.3)]).modes[0]
+    assert abs(sway.frequency - 1.1) < 3.0 * sway.frequency_std
+    assert speed.frequency == pytest.approx(sway.frequency, rel=2e-4)
+    assert speed.damping == pytest.approx(sway.damping, rel=0.02)
+
+
+def test_a_band_without_a_mode_says_so_and_is_not_trusted():
+    found = ws.oma(record_of(two_modes(8), RATE), bands=[(3.9, 4.6)])
+    assert not found.modes
+    assert not found.trusted
+    assert "no mode stands out between 3.9 and 4.6 Hz" in found.reasons
+
+
+def test_copies_are_refused_where_they_were_asked_for_and_left_out_elsewhere():
+    y = two_modes(9)
+    record = record_of(np.column_stack([y, -2.5 * y[:, 0]]), RATE)
+    with pytest.raises(ws.RecordError, match="'floor_4_displacement' is a copy of 'floor_1_displacement': leave one"):
+        ws.oma(record, sensors=list(record.channels))
+    found = ws.oma(record)
+    assert "floor_4_displacement is a copy of floor_1_displacement and is left out" in found.notes
+    assert len(found.channels) == 3
+
+
+def test_a_machines_line_is_taken_out_and_said():
+    y = two_modes(10)
+    time = np.arange(len(y)) / RATE
+    y = y + 0.5 * np.sin(2.0 * np.pi * 4.1237 * time + 0.3)[:, None]
+    found = ws.oma(record_of(y, RATE))
+    assert [round(f, 3) for _, f in found.lines] == [4.124]
+    assert [round(mode.frequency, 1) for mode in found.modes] == [1.1, 2.7]
+
+
+def test_a_line_exactly_on_a_mode_is_never_trusted():
+    y = two_modes(11)
+    time = np.arange(len(y)) / RATE
+    y = y + 2.0 * np.sin(2.0 * np.pi * 2.7 * time)[:, None] * SHAPES[:, 1]
+    found = ws.oma(record_of(y, RATE))
+    doubted = [mode for mode in found.modes if abs(mode.frequency - 2.7) < 0.1]
+    assert doubted
+    assert not any(mode.trusted for mode in doubted)
+    assert any("a steady line at 2.7 Hz stands on it" in reason for reason in found.reasons)
+
+
+def test_random_vibration_has_no_lines():
+    assert find_lines(two_modes(12), RATE, 0.1, 9.0) == []
+
+
+def test_a_free_decay_is_a_transient_and_not_trusted():
+    rng = np.random.default_rng(13)
+    time = np.arange(3000) / RATE
+    decay = np.exp(-0.012 * 2 * np.pi * 1.1 * time) * np.cos(2 * np.pi * 1.1 * time)
+    y = decay[:, None] * np.array([1.0, 0.7]) + 1e-3 * rng.normal(size=(3000, 2))
+    found = ws.oma(record_of(y, RATE))
+    assert not found.trusted
+    assert any("transient" in reason for reason in found.reasons)
+
+
+def test_clipped_channels_are_said_and_not_trusted():
+    y = two_modes(14)
+    y[:, 0] = np.clip(y[:, 0], -1.0, 1.0)
+    found = ws.oma(record_of(y, RATE))
+    assert not found.trusted
+    assert any("clipping" in reason for reason in found.reasons)
+
+
+def test_a_short_record_is_not_trusted_or_refused():
+    y = two_modes(15)
+    found = ws.oma(record_of(y[:300], RATE))
+    assert not found.trusted
+    with pytest.raises(ws.RecordError, match="200 samples are too few"):
+        ws.oma(record_of(y[:200], RATE))
+
+
+def test_missing_samples_are_bridged_or_avoided():
+    y = two_modes(16)
+    y[2500:2506] = np.nan
+    assert any("bridged" in note for note in ws.oma(record_of(y, RATE)).notes)
+    y[1500:2500, 0] = np.nan
+    assert any("without gaps" in note for note in ws.oma(record_of(y, RATE)).notes)
+
+
+def test_whirls_are_named_and_signed():
+    # Blades carry a wave that turns with the rotor or against it, seen from the fixed frame at 1.3 and 0.9 Hz.
+    rng = np.random.default_rng(17)
+    rate, samples, once = RATE, 6000, 0.2
+    q, _ = modal_responses([1.3, 0.9], [0.01, 0.01], rate, samples, rng)
+    q /= q.std(axis=0)
+    from scipy.signal import hilbert
+
+    psi = 2.0 * np.pi * once * np.arange(samples) / rate + 0.4
+    forward, backward = hilbert(q[:, 0]), hilbert(q[:, 1]).conj()
+    blades = [
+        (0.5 * (forward + backward) * np.exp(-1j * (psi + 2 * np.pi * b / 3))).real for b in range(3)
+    ]  # z = 2/3 Σ y_b e^{iψ_b}
+    y = np.column_stack([*blades, np.mod(psi, 2 * np.pi)]) + 0.02 * rng.normal(size=(samples, 4)) * [1, 1, 1, 0]
+    names = (*(f"blade_{b}_tip_lag_acceleration" for b in (1, 2, 3)), "rotor_azimuth")
+    record = ws.Record(np.arange(samples) / rate, y, names, ("m/s^2",) * 3 + ("rad",))
+    found = ws.oma(record)
+    assert [(mode.name, round(mode.frequency, 1)) for mode in found.modes] == [
+        ("lag backward", 0.9),
+        ("lag forward", 1.3),
+    ]
+    a0, z = multiblade(np.column_stack(blades), np.asarray(psi, dtype=np.float64))
+    np.testing.assert_allclose(a0, 0.0, atol=1e-12)
+    np.testing.assert_allclose(z, 0.5 * (forward + backward), atol=1e-9)
+
+
+def test_an_azimuth_that_jumps_is_refused():
+    y = two_modes(18)
+    psi = np.mod(2.0 * np.pi * 0.2 * np.arange(len(y)) / RATE, 2.0 * np.pi)
+    psi[3000:] = np.mod(psi[3000:] + 2.5, 2.0 * np.pi)
+    record = ws.Record(
+        np.arange(len(y)) / RATE, np.column_stack([y, psi]), ("tower_x_displacement", "tower_y_displacement", "nacelle_x_displacement", "rotor_azimuth"),
+        ("m",) * 3 + ("rad",),
+    )  # fmt: skip
+    with pytest.raises(ws.RecordError, match="rotor_azimuth jumps"):
+        ws.oma(record)
+
+
+@pytest.mark.parametrize(
+    ("band", "message"),
+    [
+        ((1.2, 1.0), "two rising frequencies"),
+        ((1.0, 1.001), "Hz of width at least"),
+        ((4.0, 30.0), "half the sampling rate"),
+    ],
+)
+def test_bands_that_cannot_be_are_refused(band, message):
+    with pytest.raises(ws.ConfigurationError, match=message):
+        ws.oma(record_of(two_modes(19, samples=1500), RATE), bands=[band])
+
+
+def test_the_summary_has_modes_as_identify_has_them_and_shapes(tmp_path):
+    found = ws.oma(record_of(two_modes(20), RATE))
+    found.save(tmp_path / "out")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    mode = summary["modes"][0]
+    assert mode["frequency_hz"]["low"] < mode["frequency_hz"]["estimate"] < mode["frequency_hz"]["high"]
+    assert mode["damping_ratio"]["low"] > 0.0
+    assert mode["shape"]["sensors"] == list(found.channels)
+    assert len(mode["shape"]["real"]) == 3
+    assert mode["trusted"] is True
+    assert summary["trusted"] is True
+    assert b"mode 1" in (tmp_path / "out" / "report.html").read_bytes()
+    assert "floor_1_displacement" in str(found)
