@@ -279,7 +279,7 @@ def test_a_section_outside_the_record_is_refused(verne555, record):
 def test_options_that_do_not_belong_together_are_refused(verne555, record):
     with pytest.raises(ConfigurationError, match="the force balance takes no sensor list"):
         identify(record, verne555, formulation="force-balance", sensors=verne555.sensors)
-    with pytest.raises(ConfigurationError, match="formulation: expected joint or force-balance, got 'both'"):
+    with pytest.raises(ConfigurationError, match="formulation: expected joint, spectral or force-balance, got 'both'"):
         identify(record, verne555, formulation="both")  # type: ignore[arg-type]
 
 

@@ -41,8 +41,10 @@ def identify(
         Path | None, typer.Option(help="TOML list of the record's sensors; the turbine's usual ones by default.")
     ] = None,
     formulation: Annotated[
-        Literal["joint", "force-balance"],
-        typer.Option(help="joint: from accelerometers, loads as states. force-balance: the published study's."),
+        Literal["joint", "spectral", "force-balance"],
+        typer.Option(
+            help="joint: from accelerometers, loads as states. spectral: a stationary record's spectra. force-balance: the published study's."
+        ),
     ] = "joint",
     section: Annotated[
         tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
@@ -91,7 +93,7 @@ def identify(
     machine = load_turbine(turbine)
     rules = load_mapping(mapping) if mapping is not None else None
     listed = read_sensors(sensors) if sensors is not None else None
-    prior = Prior(prior_scale, prior_scale, spread=None if formulation == "joint" else 1.0)
+    prior = Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None)
     with show_progress("identify") as progress:
         if in_pieces is not None:
             if formulation != "joint" or section is not None or add_noise != 0.0:

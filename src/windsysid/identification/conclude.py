@@ -22,7 +22,7 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["Formulation", "conclude"]
 
 
-Formulation = Literal["joint", "force-balance"]
+Formulation = Literal["joint", "force-balance", "spectral"]
 
 
 def conclude(
@@ -68,7 +68,7 @@ def conclude(
             )
         )
     final = turbine.with_values({e.name: e.estimate for e in estimates})
-    compiled = model.compiled if formulation == "joint" else compile_model(turbine.model)
+    compiled = model.compiled if formulation != "force-balance" else compile_model(turbine.model)
     p, at_reference = (np.array([source.values[name] for name in compiled.parameters]) for source in (final, turbine))
     turned = [i for i, name in enumerate(compiled.inputs) if name == "rotor_speed"]
     speed = float(outcome.rotor[:, turned[0]].mean()) if turned else turbine.rotor_speed
@@ -89,7 +89,7 @@ def conclude(
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
     )
     return Identification(
-        method=EKF.name if formulation == "force-balance" else f"posterior mode, {EKF.name}",
+        method=_METHODS[formulation],
         formulation=formulation,
         record=record.name,
         turbine=turbine.name,
@@ -101,7 +101,7 @@ def conclude(
         estimates=tuple(estimates),
         modes=modes,
         parameters=model.parameters,
-        time=record.time if history_time is None else history_time,
+        time=record.time[-len(history_mean) :] if history_time is None else history_time,
         mean=history_mean,
         std=history_std,
         cov=cov,
@@ -130,6 +130,13 @@ def _conditions(record: Record, rotor_speed: float) -> Conditions:
     wind = record["wind_speed"] if "wind_speed" in record else np.empty(0)
     known = wind[np.isfinite(wind)]
     return Conditions(rotor_speed if turning else None, float(known.mean()) if known.size else None)
+
+
+_METHODS: dict[Formulation, str] = {
+    "joint": f"posterior mode, {EKF.name}",
+    "force-balance": EKF.name,
+    "spectral": "posterior mode, spectral likelihood",
+}
 
 
 def _at_the_tip(

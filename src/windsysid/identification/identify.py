@@ -15,6 +15,7 @@ from windsysid.identification.prepare import (
     usable_sensors,
 )
 from windsysid.identification.prior import Prior
+from windsysid.identification.spectral import identify_by_spectrum
 from windsysid.inspection.screening import noted, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.coercion import RecordLike, as_record
@@ -52,7 +53,7 @@ def identify(
         force balance reads displacement, velocity and acceleration of every degree of freedom by name and integrates
         what is missing.
     formulation
-        ``"joint"`` or ``"force-balance"``.
+        ``"joint"``, ``"spectral"`` (stationary records; docs/spectral.md) or ``"force-balance"``.
     section
         Start and end of the part to use [s]; the whole record by default.
     prior
@@ -95,6 +96,17 @@ def identify(
         return conclude(
             outcome, read, formulation, provenance=trace(record, record_hash(record), turbine, found, options)
         )
+    if formulation == "spectral":
+        check_length(part, turbine)
+        if rate is not None:
+            raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
+        found = usable_sensors(part, turbine, sensors)
+        faults = noted(screened(recorded, turbine, found))
+        outcome = identify_by_spectrum(part, turbine, found, prior or Prior(), parameters, loads=loads)
+        outcome = outcome._replace(notes=(*outcome.notes, *faults))
+        return conclude(
+            outcome, part, formulation, provenance=trace(record, record_hash(record), turbine, found, options)
+        )
     if formulation == "force-balance":
         check_length(part.name, part.duration, part.rate, turbine)
         if sensors is not None:
@@ -113,4 +125,4 @@ def identify(
         outcome = identify_by_force_balance(whole, part, turbine, prior or Prior(spread=1.0))
         outcome = outcome._replace(notes=(*outcome.notes, *faults))
         return conclude(outcome, part, formulation, provenance=trace(record, record_hash(record), turbine, (), options))
-    raise ConfigurationError(f"formulation: expected joint or force-balance, got '{formulation}'")
+    raise ConfigurationError(f"formulation: expected joint, spectral or force-balance, got '{formulation}'")

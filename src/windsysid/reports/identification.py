@@ -22,17 +22,17 @@ _HISTORIES = {
         "What was known on line after each sample, statistics of loads and noise learned with the coefficients; the dot"
         " is the result of the whole record."
     ),
+    "spectral": "The result of the whole record: spectra have no history.",
     "force-balance": "What the filter knew after each sample; the dot is where it ended.",
 }
 
 
 def identification_report(identification: Identification, record: Record) -> bytes:
     """The report of one identification on the section of the record that it used."""
-    from windsysid.reports.plots import coefficient_histories, innovations, record_overview, whiteness
+    from windsysid.reports.plots import coefficient_histories, record_overview
 
     i = identification
     channels = [channel for channel in i.sensors if channel in record]
-    spectra = whiteness(i)
     sections = [
         Section(
             "Result",
@@ -48,22 +48,7 @@ def identification_report(identification: Identification, record: Record) -> byt
                 )
             ],
         ),
-        Section(
-            "Does the model explain the record?",
-            text=[
-                (
-                    "Innovations are what each reading adds to what the model expected, scaled to unit variance. They"
-                    " should stay between the dashed lines 95 % of the time and look like noise. Where they do not, the"
-                    " bands above are too narrow."
-                ),
-                *i.diagnosis.remarks,
-            ],
-            tables=diagnosis_tables(i),
-            figures=[
-                *([(spectra, WHITENESS)] if spectra else []),
-                (innovations(i), "Whitened innovations of the result."),
-            ],
-        ),
+        _explains_section(i),
         *([_load_section(i)] if i.loads is not None and i.loads.names else []),
         Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")]),
         *([provenance_section(i, i.provenance)] if i.provenance is not None else []),
@@ -73,6 +58,30 @@ def identification_report(identification: Identification, record: Record) -> byt
         f" {i.method}, {i.samples} samples in {i.elapsed:.2f} s"
     )
     return report_page("Stiffness and damping", subtitle, sections)
+
+
+def _explains_section(identification: Identification) -> Section:
+    """Whether the model explains the record: by its innovations, or in words where there are none."""
+    from windsysid.reports.plots import innovations, whiteness
+
+    i, title = identification, "Does the model explain the record?"
+    if i.formulation == "spectral":
+        text = "Each channel was held against the spectrum that the model gives it, by frequency and by half of the record."
+        return Section(title, text=[text, *i.diagnosis.remarks], tables=diagnosis_tables(i))
+    spectra = whiteness(i)
+    return Section(
+        title,
+        text=[
+            "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should stay between "
+            "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow.",
+            *i.diagnosis.remarks,
+        ],
+        tables=diagnosis_tables(i),
+        figures=[
+            *([(spectra, WHITENESS)] if spectra else []),
+            (innovations(i), "Whitened innovations of the result."),
+        ],
+    )
 
 
 def _load_section(identification: Identification) -> Section:

@@ -1,2 +1,2 @@
-"""Identification from spectra: modes of any structure from ambient vibration, and what more the spectra of a rotor
-tell."""
+"""Identification from spectra: modes of any structure from ambient vibration, and what the model says of the
+spectra."""

@@ -1,0 +1,251 @@
+"""The spectral formulation: coefficients from the spectra of a stationary record.
+
+Where loads are steady and the speed is constant, a record says all it knows in its spectra (`windsysid.spectral.lifted`). The coefficients and the statistics of loads and
+noise are found at the mode of the posterior by scoring (`windsysid.spectral.scoring`), with any smooth load spectrum and without load states. It is not for what is not stationary: a free
+decay, a start, a stop, or a speed that varies much.
+"""
+
+import math
+import time
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, RecordError, WindsysidError
+from windsysid.filters import Info
+from windsysid.identification.outcome import Outcome, known_inputs, known_loads
+from windsysid.identification.prior import Prior, identifiable
+from windsysid.identification.problem import seen_by
+from windsysid.loads.family import hypothesis
+from windsysid.loads.statistics import learned_statistics
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
+from windsysid.spectral.lifted_fit import COARSE, WHOLE, Fit, fit
+from windsysid.spectral.lifted_pose import Posed, Question, pose_lifted, turns_couple
+from windsysid.statespace.compose import compose
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["identify_by_spectrum"]
+
+STEADY, VARYING = 0.005, 0.02
+"""Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the spectra are not those of a constant speed."""
+
+GAPS = 0.01
+"""Share of a channel that may be missing: so little is bridged by straight lines."""
+
+
+def identify_by_spectrum(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
+    loads: str = "auto",
+) -> Outcome:  # fmt: skip
+    """Identify the chosen parameters, or every coefficient that the sensors see, from the spectra of a uniformly sampled record.
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If the record is too short, has gaps, holds measured loads or a speed that varies, or no such load model fits this turbine.
+    """
+    notes: list[str] = []
+    turbine = seen_by(turbine, sensors, notes)
+    inputs = known_inputs(record, turbine, sensors)
+    readings = _readings(record, sensors, notes)
+    file_loads = known_loads(record, turbine)[1]
+    if len({load.load for load in file_loads}) < len(turbine.model.loads):
+        raise ConfigurationError(
+            "the spectral formulation takes no measured loads: leave load_… out, or use --formulation joint"
+        )
+    started = time.perf_counter()
+    questions = {"broadband": _ask(record, turbine, sensors, prior, chosen, inputs, readings, "broadband")}
+    coupled = turns_couple(questions["broadband"])
+    doubts = _speed(inputs[:, 1]) if coupled else []
+    names = _names(turbine, loads, coupled=coupled)
+    if "rotor-wind" in names:
+        questions["rotor-wind"] = _ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind")
+    warming = time.perf_counter()
+    poses = {name: pose_lifted(questions[name], name) for name in names}
+    for posed in poses.values():  # kernels are compiled here
+        posed.model.likelihood(posed.start, max(1, len(posed.model.place.base)))
+    started += time.perf_counter() - warming
+    found = _fitted(poses)
+    name, best = found.name, found.fit
+    posed, question = poses[name], questions[name]
+    model = posed.model
+    doubts += _doubts(question, posed, best, name)
+    n, lag = len(question.parameters), model.lag
+    keep = np.r_[0:n, n + lag : len(best.unknowns)]
+    joint_cov = best.cov[np.ix_(keep, keep)]
+    theta, eta = best.unknowns[:n], best.unknowns[n + lag :]
+    if lag:
+        angle, std = 1e3 * best.unknowns[n], 1e3 * math.sqrt(best.cov[n, n])
+        notes.append(f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad")
+    where = ", ".join(f"{low:.3g} … {high:.3g} Hz" for low, high in posed.bands)
+    notes += [
+        f"loads: {posed.text}, learned from the record with the noise{found.why}; damping is total: structure and aerodynamics",
+        f"read at {where}; what repeats in every turn was taken out",
+    ]
+    elapsed = time.perf_counter() - started
+    return Outcome(
+        turbine=question.turbine,
+        model=compose(
+            question.turbine.model,
+            rate=record.rate,
+            values=question.turbine.values,
+            parameters=question.parameters,
+            sensors=sensors,
+        ),
+        history_mean=theta[None],
+        history_std=np.sqrt(np.diag(best.cov)[:n])[None],
+        final=_no_innovations(len(sensors), best.log_likelihood),
+        theta=theta,
+        cov=best.cov[:n, :n],
+        rotor=inputs,
+        channels=tuple(sensor.channel for sensor in sensors),
+        elapsed=elapsed,
+        notes=tuple(notes),
+        statistics=learned_statistics(model.statistics, eta, joint_cov[n:, n:]),
+        doubts=tuple(doubts),
+        joint_cov=joint_cov,
+    )
+
+
+def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
+    """The load models to try."""
+    if loads not in ("auto", "broadband", "rotor-wind"):
+        raise ConfigurationError(
+            f"load model of the spectral formulation: expected auto, broadband or rotor-wind, got '{loads}'"
+        )
+    if loads != "auto":
+        return (loads,)
+    pushed = [name for name in turbine.model.loads if name in ("load_x", "load_y")]
+    return ("broadband", "rotor-wind") if coupled and pushed else ("broadband",)
+
+
+def _ask(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None, inputs: Array,
+    readings: Array, loads: str,
+) -> Question:  # fmt: skip
+    """The question under a load model, which may bring coefficients of its own."""
+    file_loads = known_loads(record, turbine)[1]
+    supposed = hypothesis(loads, turbine, file_loads)
+    parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *supposed.parameters)
+    model = compose(
+        supposed.turbine.model, rate=record.rate, values=supposed.turbine.values, parameters=parameters, sensors=sensors
+    )
+    return Question(
+        supposed.turbine, tuple(sensors), readings, record.rate, inputs, model.compiled, parameters, tuple(file_loads)
+    )
+
+
+def _readings(record: Record, sensors: Sequence[Sensor], notes: list[str]) -> Array:
+    """What the sensors read (T, m), short gaps bridged."""
+    columns = []
+    for sensor in sensors:
+        values = record[sensor.channel]
+        missing = ~np.isfinite(values)
+        if missing.mean() > GAPS:
+            raise RecordError(
+                f"channel '{sensor.channel}': expected at most {100 * GAPS:g} % missing samples for spectra, got {100 * missing.mean():.3g} %: "
+                "choose another section, or use --formulation joint"
+            )
+        if missing.any():
+            values = np.interp(record.time, record.time[~missing], values[~missing])
+            notes.append(f"{int(missing.sum())} missing samples of {sensor.channel} were bridged")
+        columns.append(values)
+    return np.column_stack(columns)
+
+
+def _speed(speed: Array) -> list[str]:
+    """What speaks against spectra of a constant speed; RecordError where it varies too much."""
+    varies = float(speed.std() / abs(speed.mean()))
+    if varies > VARYING:
+        raise RecordError(
+            f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation): expected at most ±{100 * VARYING:g} % for spectra; "
+            "choose a steadier section, or use --formulation joint"
+        )
+    if varies > STEADY:
+        return [
+            f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation), and spectra were taken as if it did not"
+        ]
+    return []
+
+
+class _Found(NamedTuple):
+    """The load model that explains the record best, what the record says under it, and in words why it was taken."""
+
+    name: str
+    fit: Fit
+    why: str
+
+
+def _fitted(poses: dict[str, Posed]) -> _Found:
+    """Every load model on a few of the bins, and the one of the greatest evidence on all."""
+    try:
+        if len(poses) == 1:
+            ((name, posed),) = poses.items()
+            return _Found(name, fit(posed.model, posed.start), "")
+        tried = {name: fit(posed.model, posed.start, COARSE) for name, posed in poses.items()}
+        name = max(tried, key=lambda which: tried[which].log_evidence)
+        others = ", ".join(
+            f"{other} by {tried[name].log_evidence - found.log_evidence:.0f}"
+            for other, found in tried.items()
+            if other != name
+        )
+        return _Found(name, fit(poses[name].model, tried[name].unknowns, WHOLE), f" (log evidence over {others})")
+    except np.linalg.LinAlgError:
+        raise WindsysidError(
+            "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; check units and the turbine file"
+        ) from None
+
+
+def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[str]:
+    """What speaks against the bands: a search that did not end, a record that the spectra do not explain or that is not stationary."""
+    doubts = []
+    if not found.settled:
+        doubts.append(
+            f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors nearer to the structure"
+        )
+    doubts += unexplained(_parts(posed, posed, found.unknowns, question))[:3]
+    half = len(question.readings) // 2
+    halves = []
+    for part in (slice(0, half), slice(half, 2 * half)):
+        piece = question._replace(readings=question.readings[part], inputs=question.inputs[part])
+        try:
+            halves.append(_parts(pose_lifted(piece, loads, posed.bands), posed, found.unknowns, question))
+        except RecordError:
+            return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
+    return doubts + unsteady(*halves)[:2]
+
+
+def _parts(posed: Posed, whole: Posed, unknowns: Array, question: Question) -> list[Part]:
+    """Mean squares of a record, or of a part of it, by channel and frequency."""
+    measured = posed.model.powers(unknowns)
+    channels = [sensor.channel for sensor in question.sensors]
+    entries = posed.model.place.entries % len(channels)
+    parts = []
+    for column, name in enumerate(channels):
+        power, expected, frequency = (values[:, entries == column].ravel() for values in measured)
+        parts += parts_of(power, expected, frequency, name, _ranges(whole), posed.model.overlap, posed.resonance)
+    return parts
+
+
+def _ranges(posed: Posed) -> list[tuple[float, float]]:
+    """Frequency ranges that are judged: between harmonics of the rotor, or thirds of the bands."""
+    model = posed.model
+    if len(model.place.orders) > 1:
+        highest = round(posed.bands[0][1] / model.place.rotor_hz)
+        return [(k * model.place.rotor_hz, (k + 1) * model.place.rotor_hz) for k in range(highest)]
+    edges = [np.geomspace(low, high * 1.000001, 4) for low, high in posed.bands]
+    return [(float(a), float(b)) for edge in edges for a, b in pairwise(edge)]
+
+
+def _no_innovations(readings: int, log_likelihood: float) -> Info:
+    """One sample of nothing: spectra have no innovations."""
+    nothing = np.full((1, readings), np.nan)
+    return Info(
+        mean=np.empty((1, 0)), std=np.empty((1, 0)), innovation=nothing, innovation_std=nothing, whitened=nothing,
+        whitening_std=nothing, log_likelihood=np.array([log_likelihood]), gated=np.zeros((1, readings), dtype=np.bool_),
+    )  # fmt: skip

@@ -1,0 +1,111 @@
+"""Whether a lifted spectrum explains its record: the size of what the model leaves, part by part.
+
+Every used entry Y of the record has the expected square S. Where the model holds, |Y|²/S is exponential with mean 1,
+and the mean of N of them, c_h of which count as one, scatters by √(c_h/N). A mean that is off by more than that says in
+which channel and at which frequencies the model fails. A record whose halves have different energies is not stationary.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+
+__all__ = ["Part", "parts_of", "unexplained", "unsteady"]
+
+SIGMAS = 4.5
+"""Standard deviations by which a mean has to be off: one in 150 000 by chance."""
+
+LOUD, QUIET = 1.5, 0.6
+"""And the factors: bands of what answers there are √1.5 too narrow."""
+
+UNSTEADY, CHANCE = 2.0, 1e-4
+"""Factor between the energies of a record's halves, and how rarely chance makes one as large."""
+
+
+class Part(NamedTuple):
+    """One channel between two frequencies.
+
+    Attributes
+    ----------
+    channel
+        Its name.
+    low, high
+        Between which frequencies [Hz].
+    mean
+        The mean of |Y|²/S.
+    scatter
+        Its standard deviation where the model holds.
+    energy
+        Σ |Y|² / Σ S.
+    independent
+        As how many independent entries that energy counts, (Σ S)² / Σ S²: where one resonance is loud, few.
+    """
+
+    channel: str
+    low: float
+    high: float
+    mean: float
+    scatter: float
+    energy: float
+    independent: float
+
+
+def parts_of(
+    power: Array,
+    expected: Array,
+    frequency: Array,
+    channel: str,
+    ranges: Sequence[tuple[float, float]],
+    overlap: float,
+    fewest: float,
+) -> list[Part]:
+    """One channel's parts: |Y|² and S (N,), NaN where nothing is said, at unsigned frequencies (N,) [Hz].
+
+    c_h = `overlap` entries count as one. Energy counts as `fewest` entries at least: a decay that was taken for noise
+    shows a resonance of no width.
+    """
+    found = []
+    for low, high in ranges:
+        inside = (frequency >= low) & (frequency < high) & np.isfinite(power)
+        number = int(inside.sum())
+        if number:
+            Y, S = power[inside], expected[inside]
+            count = max(float(S.sum() ** 2 / np.sum(S**2)) / overlap, fewest)
+            mean, energy = float(np.mean(Y / S)), float(Y.sum() / S.sum())
+            found.append(Part(channel, low, high, mean, math.sqrt(overlap / number), energy, count))
+    return found
+
+
+def unexplained(parts: Sequence[Part]) -> list[str]:
+    """In words: where a channel is louder or quieter than the model expects, the worst first."""
+    off = [p for p in parts if (p.mean > LOUD or p.mean < QUIET) and abs(p.mean - 1.0) > SIGMAS * p.scatter]
+    return [
+        f"{p.channel} is {p.mean:.2g} times as loud (squared) as the model expects at {p.low:.3g} … {p.high:.3g} Hz: "
+        "loads or motion are not as modelled there"
+        for p in sorted(off, key=lambda p: -abs(math.log(max(p.mean, 1e-12))))
+    ]
+
+
+def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
+    """In words: where the halves of a record differ in energy by more than chance and by more than a factor, the worst
+    first.
+
+    Of N complex normal entries the energy is χ² with 2N degrees of freedom, and the ratio of two energies follows
+    Fisher's F.
+    """
+    from scipy.stats import f
+
+    off = []
+    for a, b in zip(first, second, strict=True):
+        loud, quiet = (a, b) if a.energy > b.energy else (b, a)
+        factor = loud.energy / max(quiet.energy, 1e-300)
+        if factor > max(UNSTEADY, float(f.isf(CHANCE, 2.0 * loud.independent, 2.0 * quiet.independent))):
+            off.append((factor, a))
+    return [
+        f"{p.channel} is {factor:.2g} times as loud (squared) in one half of the record as in the other at {p.low:.3g} … {p.high:.3g} Hz: "
+        "it is not stationary; use --formulation joint or another section"
+        for factor, p in sorted(off, key=lambda pair: -pair[0])
+    ]

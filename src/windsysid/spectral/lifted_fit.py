@@ -1,0 +1,65 @@
+"""The mode of the posterior of a lifted spectrum, and its evidence."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.spectral.lifted_model import LiftedModel
+from windsysid.spectral.scoring import find_mode
+
+__all__ = ["COARSE", "WHOLE", "Fit", "fit"]
+
+COARSE = ((0.03, 8), (0.2, 8), (1.0, 4))
+"""Weight of the likelihood, and every how many-th bin is used, from the first stage of a search to the last but one."""
+
+WHOLE = ((1.0, 1),)
+"""The last stage."""
+
+
+class Fit(NamedTuple):
+    """What a record says of the unknowns.
+
+    Attributes
+    ----------
+    unknowns, cov
+        Mode of the posterior (n,) and Laplace's covariance (n, n).
+    log_likelihood
+        At the mode.
+    log_evidence
+        ln ∫ p(y | u) p(u) du by Laplace's approximation.
+    steps, settled
+        Steps of the search, and whether it ended by itself.
+    """
+
+    unknowns: Array
+    cov: Array
+    log_likelihood: float
+    log_evidence: float
+    steps: int
+    settled: bool
+
+
+def fit(model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = (*COARSE, *WHOLE)) -> Fit:
+    """The mode of the posterior from a start (n,).
+
+    Raises
+    ------
+    LinAlgError
+        If the spectrum is not positive definite at the start.
+    """
+    mean, spread = model.prior
+
+    def evaluate(unknowns: Array, every: int) -> tuple[float, Array, Array]:
+        found = model.likelihood(unknowns, every)
+        return found.value, found.gradient, found.information
+
+    if model.window is not None:  # all bins at once
+        stages = [(weight, 1) for weight, _ in stages]
+    mode = find_mode(evaluate, start, mean, spread, stages)
+    off = (mode.unknowns - mean) / spread
+    log_likelihood = -(mode.value - 0.5 * float(off @ off))
+    evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])
+    cov = np.linalg.inv(mode.information)
+    return Fit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, evidence, mode.steps, mode.settled)

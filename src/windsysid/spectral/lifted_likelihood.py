@@ -1,0 +1,200 @@
+"""The likelihood of a lifted spectrum, with its gradient and Fisher's information.
+
+The vectors Y of active entries are independent complex Gaussian with covariance S(b; u), u the unknowns (Whittle's
+likelihood); g neighbouring bins share one S. With S = L Lᴴ, y = L⁻¹ Y and whitened derivatives A_a = L⁻¹ ∂S/∂u_a L⁻ᴴ,
+
+    J = c_h⁻¹ Σ_b [g ln det S + Σ yᴴ y],      g_a = c_h⁻¹ Σ_b [g tr A_a − Σ yᴴ A_a y],      F_ab = c_h⁻¹ Σ_b g tr A_a
+    A_b.
+
+S = T U S_s Uᴴ Tᴴ + N with the transfer T = R D⁻¹, sources S_s that U places and noise N. With Q = D⁻¹ U S_s Uᴴ Tᴴ a
+parameter of the mechanics gives dS = (dR − T dD) Q + h.c., of which only the degrees of freedom that it acts on have to
+be multiplied out; a load gives dS = T U dS_s Uᴴ Tᴴ.
+
+What a finite record shows is S smoothed by the window |H|² of its taper (Sykulski et al., Biometrika 106, 2019,
+https://doi.org/10.1093/biomet/asy071). Where a resonance is as narrow as a few bins, S and its derivatives are taken on
+a grid twice as fine and smoothed before they meet the data.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.spectral.lifted import Complex
+from windsysid.spectral.lifted_loads import SourceSpectra
+from windsysid.spectral.lifted_mechanics import MatrixHarmonics, coupled
+
+__all__ = ["Likelihood", "ModelSpectrum", "Place", "Slopes", "spectrum_of_bins", "whittle"]
+
+
+class Place(NamedTuple):
+    """Where B spectra are taken.
+
+    Attributes
+    ----------
+    base, orders, rotor_hz
+        Frequencies as `windsysid.spectral.lifted.Lifted` has them.
+    entries
+        Which of the (2K+1) r entries of the lifted vector are used (e,).
+    left_out
+        Those that are not, bin by bin (B, e): nothing is said of them, and they have unit variance.
+    """
+
+    base: Array
+    orders: NDArray[np.intp]
+    rotor_hz: float
+    entries: NDArray[np.intp]
+    left_out: NDArray[np.bool_]
+
+
+class Slopes(NamedTuple):
+    """Derivatives of a spectrum's ingredients.
+
+    Attributes
+    ----------
+    mechanics
+        Of the matrices, one set for each mechanical unknown.
+    sources
+        Of the sources' spectra, one for each unknown of the loads.
+    noise
+        Of the noise (n, B, e), one for each unknown of the sensors.
+    """
+
+    mechanics: MatrixHarmonics
+    sources: tuple[SourceSpectra, ...]
+    noise: Array
+
+
+class ModelSpectrum(NamedTuple):
+    """S (B, e, e) and its derivatives (n, B, e, e), which are whitened where `whitener` L⁻¹ (B, e, e) is there."""
+
+    spectrum: Complex
+    slopes: Complex
+    whitener: Complex | None
+
+
+class Likelihood(NamedTuple):
+    """J of some bins, its gradient g (n,), Fisher's information F (n, n), and the whitened entries y (B, e, g)."""
+
+    value: float
+    gradient: Array
+    information: Array
+    whitened: Complex
+
+
+def spectrum_of_bins(
+    place: Place, matrices: MatrixHarmonics, placement: Complex, sources: SourceSpectra, noise: Array,
+    slopes: Slopes | None, *, whiten: bool,
+) -> ModelSpectrum:  # fmt: skip
+    """S and its derivatives.
+
+    Parameters
+    ----------
+    matrices
+        Of the model, one set.
+    placement, sources
+        U ((2K+1) n, s) and the spectra S_s.
+    noise
+        Spectral density of the noise of every entry (B, e) [unit²/Hz].
+    slopes
+        Derivatives; None for none.
+    whiten
+        Whether to hand the derivatives back whitened, which costs less than to whiten them later.
+    """
+    bins, entries = place.left_out.shape
+    empty = place.left_out
+    D = coupled(matrices.mechanics[:, 0], place.base, place.orders, place.rotor_hz)
+    R = coupled(matrices.readings[:, 0], place.base, place.orders, place.rotor_hz)
+    size = D.shape[1] * D.shape[2]
+    seen = R.reshape(bins, -1, size)[:, place.entries]
+    seen[empty] = 0.0
+    inverse = np.asarray(np.linalg.inv(D.reshape(bins, size, size)), dtype=np.complex128)
+    T = seen @ inverse
+    T_s = T @ placement
+    driven = times_sources(T_s, sources)
+    S = driven @ _h(T_s)
+    S[:, range(entries), range(entries)] += np.where(empty, 1.0, noise)
+    if slopes is None:
+        return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
+    Q = inverse @ (placement @ _h(driven))
+    L_inv = _whitener(S) if whiten else None
+    if L_inv is not None:
+        T, T_s, Q = L_inv @ T, L_inv @ T_s, Q @ _h(L_inv)
+    moved = slopes.mechanics.mechanics.shape[1]
+    A = np.zeros((moved + len(slopes.sources) + len(slopes.noise), *S.shape), dtype=np.complex128)
+    for a in range(moved):
+        half = _mechanical(slopes.mechanics, a, place, T, Q, L_inv)
+        A[a] = half + _h(half)
+    for a, slope in enumerate(slopes.sources, moved):
+        A[a] = times_sources(T_s, slope) @ _h(T_s)
+    for a, density in enumerate(slopes.noise, moved + len(slopes.sources)):
+        level = np.where(empty, 0.0, density)
+        if L_inv is None:
+            A[a, :, range(entries), range(entries)] = level.T
+        else:
+            A[a] = (L_inv * level[:, None, :]) @ _h(L_inv)
+    return ModelSpectrum(S, A, L_inv)
+
+
+def whittle(data: Complex, model: ModelSpectrum) -> Likelihood:
+    """J, g and F of the entries (B, e, g) for c_h = 1.
+
+    Raises
+    ------
+    LinAlgError
+        Where a spectrum is not positive definite.
+    """
+    L_inv = _whitener(model.spectrum) if model.whitener is None else model.whitener
+    y = L_inv @ data
+    alike = data.shape[2]
+    value = float(-2.0 * alike * np.sum(np.log(np.einsum("bii->bi", L_inv).real)) + np.sum(np.abs(y) ** 2))
+    A = model.slopes if model.whitener is not None else L_inv @ model.slopes @ _h(L_inv)
+    if not len(A):
+        return Likelihood(value, np.empty(0), np.empty((0, 0)), y)
+    shown = np.ascontiguousarray(np.eye(data.shape[1]) * alike - y @ _h(y)).view(np.float64).ravel()
+    flat = np.ascontiguousarray(A).reshape(len(A), -1).view(np.float64)  # tr AB = Σ A_ij conj(B_ij) for Hermitian B
+    return Likelihood(value, flat @ shown, alike * (flat @ flat.T), y)
+
+
+def times_sources(matrix: Complex, sources: SourceSpectra) -> Complex:
+    """Matrices (B, e, s) times the covariance of the sources."""
+    out = np.asarray(matrix * sources.own[:, None, :])
+    pairs = sources.cross.shape[1]
+    if pairs:
+        out[..., :pairs] += matrix[..., pairs : 2 * pairs] * sources.cross[:, None, :]
+        out[..., pairs : 2 * pairs] += matrix[..., :pairs] * sources.cross[:, None, :]
+    return out
+
+
+def _mechanical(
+    slopes: MatrixHarmonics, which: int, place: Place, T: Complex, Q: Complex, L_inv: Complex | None
+) -> Complex:
+    """(dR − T dD) Q of one mechanical unknown (B, e, e), T and Q being whitened where L⁻¹ is there."""
+    dM, dR = slopes.mechanics[:, which], slopes.readings[:, which]
+    bins, count, n = len(place.base), len(place.orders), dM.shape[-1]
+    half = np.zeros((bins, Q.shape[-1], Q.shape[-1]), dtype=np.complex128)
+    left, right = T.reshape(bins, -1, count, n), Q.reshape(bins, count, n, -1)
+    if dM.any():
+        rows, columns = np.flatnonzero(dM.any(axis=(0, 1, 3))), np.flatnonzero(dM.any(axis=(0, 1, 2)))
+        sub = coupled(dM[:, :, rows][..., columns], place.base, place.orders, place.rotor_hz)
+        sub = sub.reshape(bins, count * len(rows), count * len(columns))
+        before = left[..., rows].reshape(bins, -1, count * len(rows))
+        half -= before @ sub @ right[:, :, columns].reshape(bins, count * len(columns), -1)
+    if dR.any():
+        columns = np.flatnonzero(dR.any(axis=(0, 1, 2)))
+        sub = coupled(dR[..., columns], place.base, place.orders, place.rotor_hz)
+        sub = sub.reshape(bins, -1, count * len(columns))[:, place.entries]
+        sub[place.left_out] = 0.0
+        seen = sub @ right[:, :, columns].reshape(bins, count * len(columns), -1)
+        half += seen if L_inv is None else L_inv @ seen
+    return half
+
+
+def _whitener(spectrum: Complex) -> Complex:
+    """L⁻¹ of S = L Lᴴ (B, e, e)."""
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(spectrum)), dtype=np.complex128)
+
+
+def _h(matrix: Complex) -> Complex:
+    return np.asarray(np.conj(np.swapaxes(matrix, -1, -2)))

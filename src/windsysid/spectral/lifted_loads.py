@@ -1,0 +1,261 @@
+"""Spectra of the loads on a turning rotor, as sources that are independent from frequency to frequency.
+
+A load model has sources Z with (two-sided) spectra S_s, and a constant matrix U that puts them on the degrees of
+freedom at all harmonics: the generalised loads are w = U Z. Sources are independent but for pairs (the force and the
+moment that one eddy exerts on a blade).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.loads.statistics import Statistic, load_groups, moved_loads
+from windsysid.spectral.lifted import Complex
+from windsysid.statespace.gauss_markov import GaussMarkov
+
+__all__ = ["BandLoads", "BroadbandLoads", "SourceSpectra", "Sources", "WindLoads"]
+
+
+class SourceSpectra(NamedTuple):
+    """Spectra of the sources at B base frequencies.
+
+    Attributes
+    ----------
+    own
+        Of every source (B, s) [unit²/Hz].
+    cross
+        Between source i and source i + pairs, i < pairs (B, pairs); no columns where all are independent.
+    """
+
+    own: Array
+    cross: Array
+
+
+class Sources(Protocol):
+    """A load model in the frequency domain."""
+
+    @property
+    def statistics(self) -> tuple[Statistic, ...]:
+        """What is learned of it."""
+
+    @property
+    def placement(self) -> Complex:
+        """U ((2K+1) n, s)."""
+
+    def spectra(self, values: Mapping[str, float]) -> SourceSpectra:
+        """Spectra for values of the statistics."""
+
+
+class BroadbandLoads:
+    """First-order Gauss–Markov loads, as a turbine file lists them, on degrees of freedom of their own."""
+
+    def __init__(self, loads: Sequence[GaussMarkov], names: Sequence[str], frequency: Array) -> None:
+        """`names` are the model's loads (n,), `frequency` (B, 2K+1) [Hz] the signed frequencies."""
+        self.loads = [load for load in loads if not load.harmonic]
+        self.statistics = load_groups(self.loads)
+        self._frequency = frequency
+        count = frequency.shape[1]
+        sources = len(self.loads) * count
+        self.placement = np.zeros((count * len(names), sources), dtype=np.complex128)
+        for i, load in enumerate(self.loads):
+            for k in range(count):
+                self.placement[k * len(names) + names.index(load.load), i * count + k] = 1.0
+
+    def spectra(self, values: Mapping[str, float]) -> SourceSpectra:
+        """2σ²τ / (1 + (2πfτ)²) each."""
+        own = [
+            2.0 * load.rms**2 * load.time_constant / (1.0 + (2.0 * np.pi * self._frequency * load.time_constant) ** 2)
+            for load in moved_loads(self.statistics, values, self.loads)
+        ]
+        return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(self._frequency), 0)))
+
+
+STATIONS = 6
+"""Stations along a blade at which the wind pushes."""
+
+SERIES = 12
+"""Highest harmonic of the wind in azimuth."""
+
+RING = 96
+"""Points on a ring over which coherence is averaged."""
+
+EDDY_MOMENT = 1.2
+"""Small eddies push further out than the wind's mean lever: how many times, in moment and in squared force over squared
+moment."""
+
+
+class WindLoads:
+    """Wind on a turning rotor: turbulence frozen in space, with the coherence of IEC 61400-1, cut by the blades.
+
+    On a ring the wind is a Fourier series in azimuth, u(r, θ, t) = Σ_n a_n(r, t) e^{inθ} with independent coefficients.
+    A blade at θ_i = ψ + φ_i reads it where it is, so that its force G_i and its moment F_i about the link are Σ_n a_n
+    e^{in(ψ + φ_i)}; the terms n that leave the same remainder p of n/N reach the blades in the same proportion, and
+    together have at the frequency f_k the spectrum Σ_n S_n(f_k − nΩ),
+
+        S_n^{ab}(f) = 2σ²T_c (1 + 6|f|T_c)^{−5/3} Σ_rs w^a_r w^b_s ⟨e^{−κ d_rs(θ)} cos nθ⟩,    κ = a √(f² +
+        (0.12/T_c)²),
+
+    with weights w^F ∝ r^p (r − d) and w^G ∝ r^p along the blade. Small eddies that one blade meets alone push with
+    ε²/f_e (1 + (f/f_e)²)^{−5/3}. The forces push the hub by −Σ_i G_i sin θ_i sideways and Σ_i G_i cos θ_i up.
+    """
+
+    def __init__(
+        self, names: Sequence[str], blades: int, hinge: float, lever: float, rotor_hz: float, base: Array, orders: NDArray[np.intp],
+        moment: float, fastest: float,
+    ) -> None:  # fmt: skip
+        """A rotor with its hinges `hinge` [m] from the hub, its wind loads at `lever` [m] from the hinges, `moment`
+        [N·m] rms on a blade.
+
+        `names` are the model's loads (n,), `base` (B,) [Hz] and `orders` (2K+1,) the lifted frequencies, `fastest` the
+        highest natural frequency [Hz].
+        """
+        self._blades, self._rotor_hz = blades, rotor_hz
+        reach = int(orders[-1]) + 1
+        self._orders = np.arange(-reach, reach + 1)
+        self._base = base
+        self._shifted = base[:, None] + rotor_hz * np.arange(-reach - SERIES, reach + SERIES + 1)
+        tip = hinge + 1.5 * lever
+        self._radii = hinge + (np.arange(STATIONS) + 0.5) / STATIONS * (tip - hinge)
+        self._hinge = hinge
+        speed = 2.0 * math.pi * rotor_hz * tip / 5.0
+        length = 8.1 * 0.7 * min(60.0, 2.0 * tip)
+        self.statistics = (
+            Statistic("load_rms_wind", "N*m", moment, spread=1.5),
+            Statistic("load_wind_time", "s", length / speed, spread=0.7),
+            Statistic("load_decay", "s/m", 12.0 / speed, spread=0.5),
+            Statistic("load_power", "1", 1.0, spread=0.4),
+            Statistic("load_lever", "m", lever, spread=0.3),
+            Statistic("load_rms_eddies", "N*m", 0.1 * moment, spread=1.5),
+            Statistic("load_eddies_frequency", "Hz", fastest, spread=0.7),
+        )
+        self.placement = _wind_placement(names, blades, orders, self._orders)
+        self._parts = lru_cache(maxsize=16)(self._turbulence)
+
+    def spectra(self, values: Mapping[str, float]) -> SourceSpectra:
+        """Of force G and moment F, classes p = 0 … N − 1, harmonics −K−1 … K+1."""
+        time, decay, power = values["load_wind_time"], values["load_decay"], values["load_power"]
+        per_force = 1.0 / values["load_lever"]
+        size = values["load_rms_wind"] ** 2
+        force, both, moment = self._parts(time, decay, power)
+        corner = values["load_eddies_frequency"]
+        f = self._base[:, None] + self._rotor_hz * self._orders
+        own = values["load_rms_eddies"] ** 2 / corner * (1.0 + (f / corner) ** 2) ** (-5.0 / 3.0) / self._blades
+        own = np.tile(own, self._blades)
+        outer = per_force / EDDY_MOMENT
+        G = size * per_force**2 * force + EDDY_MOMENT * outer**2 * own
+        GF = size * per_force * both + outer * own
+        return SourceSpectra(np.concatenate([G, size * moment + own], axis=1), GF)
+
+    def _turbulence(self, time: float, decay: float, power: float) -> tuple[Array, Array, Array]:
+        """Spectra GG, GF and FF of all sources (B, N (2K+3)) for σ = 1 and forces of 1 N per N·m."""
+        r = self._radii
+        along = r**power
+        outer = along * (r - self._hinge)
+        weights = np.stack([along / along.sum(), outer / outer.sum()])
+        grid, table = _coherence_table(tuple(r.tolist()))
+        contracted = np.einsum("ar,bs,grsn->gnab", weights, weights, table, optimize=True)
+        f = np.abs(self._shifted)
+        kappa = decay * np.hypot(f, 0.12 / time)
+        place = np.clip((np.log(kappa) - grid[0]) / (grid[1] - grid[0]), 0.0, len(grid) - 1.001)
+        below = place.astype(np.int64)
+        part = (place - below)[..., None]
+        level = (2.0 * time * (1.0 + 6.0 * f * time) ** (-5.0 / 3.0))[..., None]
+        out = []
+        for a, b in ((0, 0), (0, 1), (1, 1)):
+            terms = np.ascontiguousarray(contracted[:, :, a, b])
+            S = level * (terms[below] + part * (terms[below + 1] - terms[below]))  # (B, shifts, n)
+            whole = np.zeros((len(f), self._blades, len(self._orders)))
+            for n in range(-SERIES, SERIES + 1):
+                first = SERIES - n  # of the shifts k − n, k = −K−1 …
+                whole[:, n % self._blades] += S[:, first : first + len(self._orders), abs(n)]
+            out.append(whole.reshape(len(f), -1))
+        return out[0], out[1], out[2]
+
+
+@lru_cache(maxsize=8)
+def _coherence_table(radii: tuple[float, ...]) -> tuple[Array, Array]:
+    """ln κ (g,), and ⟨e^{−κ d(θ)} cos nθ⟩ for every two radii (g, r, r, `SERIES` + 1)."""
+    r = np.array(radii)
+    angle = 2.0 * np.pi * np.arange(RING) / RING
+    squared = (r[:, None] - r) ** 2
+    distance = np.sqrt(squared[..., None] + 4.0 * np.outer(r, r)[..., None] * np.sin(0.5 * angle) ** 2)
+    grid = np.linspace(math.log(1e-3 / r[-1]), math.log(3e2 / r[-1]), 120)
+    cosine = np.cos(np.outer(angle, np.arange(SERIES + 1))) / RING
+    return grid, np.exp(-np.exp(grid)[:, None, None, None] * distance) @ cosine
+
+
+def _wind_placement(
+    names: Sequence[str], blades: int, orders: NDArray[np.intp], source_orders: NDArray[np.intp]
+) -> Complex:
+    """U from forces and moments, each by class and harmonic, to the generalised loads of all harmonics."""
+    n, slots = len(names), len(source_orders)
+    count = blades * slots
+    U = np.zeros((len(orders) * n, 2 * count), dtype=np.complex128)
+    phase = 2.0 * np.pi * np.arange(blades) / blades
+    for p in range(blades):
+        shape = np.exp(1j * p * phase)
+        ahead, behind = np.sum(shape * np.exp(1j * phase)), np.sum(shape * np.exp(-1j * phase))
+        for k, order in enumerate(orders):
+            slot = p * slots + int(order - source_orders[0])
+            for j, name in enumerate(names):
+                row = k * n + j
+                if name.startswith("load_beta_"):
+                    U[row, count + slot] = shape[int(name.removeprefix("load_beta_")) - 1]
+                elif name in ("load_x", "load_y"):
+                    factor = 0.5j if name == "load_x" else 0.5
+                    sign = -1.0 if name == "load_x" else 1.0
+                    U[row, slot - 1] += factor * ahead
+                    U[row, slot + 1] += factor * sign * behind
+    U[np.abs(U) < 1e-12] = 0.0
+    return U
+
+
+class BandLoads:
+    """Loads of which nothing is known but that their spectra are smooth over a band: on every degree of freedom a level
+    at either end, a power law between.
+
+    Their statistics are spectral amplitudes (square roots of densities) in N/√Hz or N·m/√Hz.
+    """
+
+    def __init__(
+        self, given: Mapping[str, Sequence[float]], names: Sequence[str], bands: Sequence[tuple[float, float]], frequency: Array
+    ) -> None:  # fmt: skip
+        """`given` amplitudes of each load (2 bands: low, high, low …), the model's `names` (n,), `bands` [Hz], signed
+        `frequency` (B, 2K+1) [Hz]."""
+        count = frequency.shape[1]
+        self._bands, self._frequency, self._loads = bands, np.abs(frequency), list(given)
+        self.statistics = tuple(
+            Statistic(f"{load.replace('load_', 'load_density_')}_{end}", _density_unit(load), float(value))
+            for load, values in given.items()
+            for end, value in zip(_ends(bands), values, strict=True)
+        )
+        self.placement = np.zeros((count * len(names), len(given) * count), dtype=np.complex128)
+        for i, load in enumerate(given):
+            for k in range(count):
+                self.placement[k * len(names) + names.index(load), i * count + k] = 1.0
+
+    def spectra(self, values: Mapping[str, float]) -> SourceSpectra:
+        """Power laws through the levels at the ends of each band; between bands the nearer one's."""
+        amplitudes = np.log([values[s.name] for s in self.statistics]).reshape(len(self._loads), len(self._bands), 2)
+        middles = [math.sqrt(a[1] * b[0]) for a, b in zip(self._bands[:-1], self._bands[1:], strict=True)]
+        which = np.searchsorted(middles, self._frequency)
+        low, high = (np.log([band[end] for band in self._bands])[which] for end in (0, 1))
+        with np.errstate(divide="ignore"):
+            part = np.clip((np.log(self._frequency) - low) / (high - low), -1.0, 2.0)
+        own = [np.exp(2.0 * (level[which, 0] + part * (level[which, 1] - level[which, 0]))) for level in amplitudes]
+        return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(self._frequency), 0)))
+
+
+def _ends(bands: Sequence[tuple[float, float]]) -> list[str]:
+    """A name for either end of every band: its frequency."""
+    return [f"{frequency:.3g}Hz" for band in bands for frequency in band]
+
+
+def _density_unit(load: str) -> str:
+    """Of a spectral amplitude."""
+    return "N*m/√Hz" if load.startswith(("load_beta", "load_roll")) else "N/√Hz"

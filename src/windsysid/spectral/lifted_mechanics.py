@@ -1,0 +1,184 @@
+"""A model's matrices as Fourier series in azimuth, and from them the transfer from loads to readings between all
+harmonics.
+
+About a working point the equations are M(ψ) q̈ + C(ψ) q̇ + K(ψ) q = w and the readings y = R^q q + R^v q̇ + R^a q̈,
+with ψ = Ωt and every matrix X(ψ) = Σ_h X_h e^{ihψ}. The compiled kernels give ẋ, its derivatives ∂ẋ/∂x and ∂ẋ/∂w, and
+those of the readings; with one load on every degree of freedom
+
+    M = (∂q̈/∂w)⁻¹,  C = −M ∂q̈/∂q̇,  K = −M ∂q̈/∂q,      R^a = ∂y/∂w M,  R^v = ∂y/∂q̇ − R^a ∂q̈/∂q̇,  R^q = ∂y/∂q − R^a
+    ∂q̈/∂q,
+
+at `POINTS` azimuths, and the fast Fourier transform their harmonics. At the frequencies ω_k = ω + kΩ the motion answers
+by
+
+    D_jk = −ω_k² M_{j−k} + i ω_k C_{j−k} + K_{j−k},      R_jk likewise,      T = R D⁻¹.
+
+Working point: every blade leads by the same mean lag angle, to which the mean torque of the wind drives it and which no
+accelerometer sees; loads hold it there.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.kernels.jit import JACOBIAN, compiled
+from windsysid.mechanics.compile import CompiledModel
+from windsysid.spectral.lifted import Complex
+
+__all__ = ["MatrixHarmonics", "coupled", "equal_lag", "matrix_harmonics"]
+
+POINTS = 16
+"""Azimuths at which the matrices are taken: harmonics up to `HIGHEST` are exact."""
+
+HIGHEST = 3
+"""Highest harmonic |h| of a matrix that is kept; those of a rotor's equations and readings end at 2 and 3."""
+
+
+class MatrixHarmonics(NamedTuple):
+    """Harmonics −`HIGHEST` … `HIGHEST` of a model's matrices, for V sets of parameters.
+
+    Attributes
+    ----------
+    mechanics
+        M, C and K (3, V, 7, n, n), complex.
+    readings
+        R^a, R^v and R^q (3, V, 7, m, n), complex.
+    """
+
+    mechanics: Complex
+    readings: Complex
+
+
+def matrix_harmonics(
+    model: CompiledModel, parameters: Array, deflections: Array, rotor_speed: float, inputs: Array | None = None
+) -> MatrixHarmonics:
+    """The matrices of a model whose every degree of freedom has a load of its own.
+
+    Parameters
+    ----------
+    parameters
+        All parameters p, V sets (V, n_p).
+    deflections
+        Working points (V, n).
+    rotor_speed
+        Ω [rad/s].
+    inputs
+        The inputs u (n_u,) but for azimuth and speed; zeros by default.
+    """
+    n, m = len(model.states) // 2, model.readings
+    sets = len(parameters)
+    u = np.zeros(len(model.inputs)) if inputs is None else np.array(inputs, dtype=np.float64)
+    where = -1
+    if "rotor_azimuth" in model.inputs:
+        where = model.inputs.index("rotor_azimuth")
+        u[model.inputs.index("rotor_speed")] = rotor_speed
+    points = POINTS if where >= 0 and rotor_speed != 0.0 else 1
+    rates = np.zeros((sets, points, n, 2 * n)), np.zeros((sets, points, n, n))
+    seen = np.zeros((sets, points, m, 2 * n)), np.zeros((sets, points, m, n))
+    _sweep()(
+        model.rates_jacobian, model.reading_jacobian, np.ascontiguousarray(parameters, dtype=np.float64),
+        np.ascontiguousarray(deflections, dtype=np.float64), u, where, len(model.identified), *rates, *seen,
+    )  # fmt: skip
+    mass = np.linalg.inv(rates[1])
+    by_state = -mass @ rates[0]
+    by_acceleration = seen[1] @ mass
+    direct = seen[0] - by_acceleration @ rates[0]
+    mechanics = np.stack([mass, by_state[..., n:], by_state[..., :n]])
+    readings = np.stack([by_acceleration, direct[..., n:], direct[..., :n]])
+    return MatrixHarmonics(_series(mechanics), _series(readings))
+
+
+def coupled(matrices: Complex, base: Array, orders: NDArray[np.intp], rotor_hz: float) -> Complex:
+    """−ω² X_a + iω X_v + X_q of matrices X (3, 7, r, n) between all harmonics, (B, 2K+1, r, 2K+1, n), at base
+    frequencies (B,) [Hz]."""
+    rows, columns = matrices.shape[2:]
+    out = np.zeros((len(base), len(orders), rows, len(orders), columns), dtype=np.complex128)
+    frequency = 2.0 * np.pi * (base[:, None] + rotor_hz * orders)
+    _coupler()(np.ascontiguousarray(matrices), frequency, out)
+    return out
+
+
+@lru_cache(maxsize=1)
+def _coupler() -> Any:
+    """The compiled loops of `coupled`."""
+    return compiled(
+        _couple,
+        types.void(types.complex128[:, :, :, ::1], types.float64[:, ::1], types.complex128[:, :, :, :, ::1]),
+    )
+
+
+def _couple(matrices: Any, frequency: Any, out: Any) -> None:
+    bins, count = frequency.shape
+    rows, columns = matrices.shape[2], matrices.shape[3]
+    for h in range(matrices.shape[1]):
+        shift = h - HIGHEST
+        for i in range(rows):
+            for j in range(columns):
+                a, v, q = matrices[0, h, i, j], matrices[1, h, i, j], matrices[2, h, i, j]
+                if a == 0.0 and v == 0.0 and q == 0.0:
+                    continue
+                for b in range(bins):
+                    for k in range(max(0, -shift), min(count, count - shift)):
+                        s = 1j * frequency[b, k]
+                        out[b, k + shift, i, k, j] = (s * a + v) * s + q
+
+
+def _series(values: Array) -> Complex:
+    """Harmonics of matrices (…, P, r, c) over P azimuths: (…, 7, r, c)."""
+    points = values.shape[-3]
+    if points == 1:
+        out = np.zeros((*values.shape[:-3], 2 * HIGHEST + 1, *values.shape[-2:]), dtype=np.complex128)
+        out[..., HIGHEST, :, :] = values[..., 0, :, :]
+        return out
+    found = np.fft.fft(values, axis=-3) / points
+    found = np.take(found, np.arange(-HIGHEST, HIGHEST + 1) % points, axis=-3)
+    size = np.abs(found).max(axis=(-3,), keepdims=True)
+    return np.asarray(np.where(np.abs(found) < 1e-13 * size, 0.0, found))
+
+
+@lru_cache(maxsize=1)
+def _sweep() -> Any:
+    """The compiled loop over parameters and azimuths, one for all models."""
+    model, matrix, real4 = types.FunctionType(JACOBIAN), types.float64[:, ::1], types.float64[:, :, :, ::1]
+    signature = types.void(
+        model, model, matrix, matrix, types.float64[::1], types.int64, types.int64, real4, real4, real4, real4
+    )
+    return compiled(_sweep_azimuth, signature)
+
+
+def _sweep_azimuth(
+    rates: Any, reading: Any, parameters: Any, deflections: Any, u: Any, where: int, identified: int,
+    by_state: Any, by_load: Any, seen_state: Any, seen_load: Any,
+) -> None:  # fmt: skip
+    sets, points, n, width = by_state.shape
+    m = seen_state.shape[2]
+    x, w, value, y = np.zeros(width), np.zeros(n), np.empty(width), np.empty(m)
+    for v in range(sets):
+        for i in range(n):
+            x[i] = deflections[v, i]
+        for point in range(points):
+            if points > 1:
+                u[where] = 2.0 * np.pi * point / points
+            A, B, G = np.zeros((width, width)), np.zeros((width, identified)), np.zeros((width, n))
+            w[:] = 0.0
+            rates(x, u, parameters[v], w, value, A, B, G)
+            w[:] = -np.linalg.solve(G[n:].copy(), value[n:].copy())  # what holds the working point
+            A[:] = 0.0
+            G[:] = 0.0
+            rates(x, u, parameters[v], w, value, A, B, G)
+            by_state[v, point] = A[n:]
+            by_load[v, point] = G[n:]
+            C, D, E = np.zeros((m, width)), np.zeros((m, identified)), np.zeros((m, n))
+            reading(x, u, parameters[v], w, y, C, D, E)
+            seen_state[v, point] = C
+            seen_load[v, point] = E
+
+
+def equal_lag(coordinates: Sequence[str], lag: float) -> Array:
+    """The working point (n,) at which every blade leads by `lag` [rad]."""
+    return np.array([lag if name.startswith("beta_") else 0.0 for name in coordinates])

@@ -1,0 +1,253 @@
+"""The lifted spectrum of a record as a function of the unknowns: coefficients, mean lag angle, statistics of loads and
+noise."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.loads.statistics import Statistic, values_of
+from windsysid.mechanics.compile import CompiledModel
+from windsysid.spectral.lifted import Complex
+from windsysid.spectral.lifted_likelihood import Likelihood, ModelSpectrum, Place, Slopes, spectrum_of_bins, whittle
+from windsysid.spectral.lifted_loads import Sources, SourceSpectra
+from windsysid.spectral.lifted_mechanics import MatrixHarmonics, equal_lag, matrix_harmonics
+from windsysid.statespace.parameter import Parameter
+
+__all__ = ["FINER", "LAG_SPREAD", "LiftedModel", "finer_bins", "taper_window"]
+
+LAG_SPREAD = 0.01
+"""Prior standard deviation of the mean lag angle [rad]."""
+
+STEP = 1e-4
+"""Of an unknown, for central differences: of a logarithm, of a damping ratio; in units of its prior's spread."""
+
+MOST_NUMBERS = 400_000
+"""Complex numbers of derivatives that are held at once."""
+
+FINER = 2
+"""Spectra are smoothed on a grid this many times as fine as the bins: on it the window of the taper is exact."""
+
+REACH = 8
+"""Bins on either side over which the window of the taper is summed; 2 % of a Tukey window's power lies beyond."""
+
+
+class LiftedModel(NamedTuple):
+    """A record in the frequency domain, and what it is a function of.
+
+    Attributes
+    ----------
+    data
+        Active entries Y (B, e, g): g neighbouring bins share a spectrum.
+    place
+        Where spectra are taken: at the bins, or, where they are smoothed, on a finer grid.
+    window
+        Weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; None where nothing is
+        smoothed.
+    left_out
+        Entries of which nothing is said, bin by bin (B, e); `data` is 0 there.
+    overlap
+        c_h.
+    combine
+        The readings' combinations (r, m) that are the entries of one harmonic.
+    compiled, coordinates, given
+        The model with its readings, its degrees of freedom, and all its parameters (n_p,).
+    inputs
+        Its inputs but for azimuth and speed (n_u,).
+    parameters
+        What θ stands for.
+    lag
+        Whether the mean lag angle is an unknown.
+    sources
+        The loads, at the frequencies of `place`.
+    noise
+        Statistics of the sensors' noise.
+    noise_given
+        The spectral density of each, as given, on every entry (n, F, e) [unit²/Hz]; they add up.
+    """
+
+    data: Complex
+    place: Place
+    window: Array | None
+    left_out: NDArray[np.bool_]
+    overlap: float
+    combine: Complex
+    compiled: CompiledModel
+    coordinates: tuple[str, ...]
+    given: Array
+    inputs: Array
+    parameters: tuple[Parameter, ...]
+    lag: bool
+    sources: Sources
+    noise: tuple[Statistic, ...]
+    noise_given: Array
+
+    @property
+    def statistics(self) -> tuple[Statistic, ...]:
+        """What η stands for."""
+        return (*self.sources.statistics, *self.noise)
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and standard deviation of the unknowns: θ, the mean lag angle where it is one, η."""
+        known = [q.prior for q in self.parameters] + [(0.0, LAG_SPREAD)] * self.lag
+        known += [(0.0, s.spread) for s in self.statistics]
+        mean, spread = np.array(known).T
+        return mean, spread
+
+    def likelihood(self, unknowns: Array, every: int = 1, *, slopes: bool = True) -> Likelihood:
+        """J, g, F without the prior; of every n-th bin, as much as all of them would be.
+
+        Raises
+        ------
+        LinAlgError
+            Where a spectrum is not positive definite.
+        """
+        if self.window is not None:
+            return _shared(whittle(self.data, self.spectrum(unknowns, slopes=slopes)), 1.0 / self.overlap)
+        bins = np.arange(every // 2, len(self.place.base), every)
+        parts = []
+        for at, model in self._spectra(unknowns, bins, slopes=slopes, whiten=slopes):
+            parts.append(whittle(self.data[at], model))
+        whole = Likelihood(
+            sum(part.value for part in parts),
+            np.sum([part.gradient for part in parts], axis=0),
+            np.sum([part.information for part in parts], axis=0),
+            np.concatenate([part.whitened for part in parts]),
+        )
+        return _shared(whole, len(self.place.base) / len(bins) / self.overlap)
+
+    def spectrum(self, unknowns: Array, *, slopes: bool = False) -> ModelSpectrum:
+        """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
+        every = np.arange(len(self.place.base))
+        parts = self._spectra(unknowns, every, slopes=slopes, whiten=False)
+        if self.window is None:
+            every_part = [part for _, part in parts]
+            whole = np.concatenate([part.slopes for part in every_part], axis=1)
+            return ModelSpectrum(np.concatenate([part.spectrum for part in every_part]), whole, None)
+        e, bins = len(self.place.entries), len(self.data)
+        S = np.zeros((bins, e * e), dtype=np.complex128)
+        A = np.zeros((len(unknowns) if slopes else 0, bins, e * e), dtype=np.complex128)
+        for at, part in parts:
+            S += self.window[at].T @ part.spectrum.reshape(len(at), -1)
+            for smooth, fine in zip(A, part.slopes, strict=True):
+                smooth += self.window[at].T @ fine.reshape(len(at), -1)
+        return self._masked(S.reshape(bins, e, e), A.reshape(-1, bins, e, e))
+
+    def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
+        """S and its derivatives, entries that are left out with unit variance."""
+        if self.left_out.any():
+            kept = ~self.left_out[:, :, None] & ~self.left_out[:, None, :]
+            S, A = S * kept, A * kept
+            every = range(len(self.place.entries))
+            S[:, every, every] += self.left_out
+        return ModelSpectrum(S, A, None)
+
+    def powers(self, unknowns: Array) -> tuple[Array, Array, Array]:
+        """|Y|² of every entry (B g, e), NaN where nothing is said of it, S, and its unsigned frequency [Hz]."""
+        S = np.einsum("bii->bi", self.spectrum(unknowns).spectrum).real
+        found = np.where(self.left_out[:, :, None], np.nan, np.abs(self.data) ** 2)
+        order = self.place.orders[self.place.entries // self.combine.shape[0]]
+        frequency = np.abs(self.base[:, None] + self.place.rotor_hz * order)
+        alike = self.data.shape[2]
+        power = np.swapaxes(found, 1, 2).reshape(-1, found.shape[1])
+        return power, np.repeat(S, alike, axis=0), np.repeat(frequency, alike, axis=0)
+
+    @property
+    def base(self) -> Array:
+        """Base frequencies (B,) of the data [Hz]."""
+        if self.window is None:
+            return self.place.base
+        return np.asarray(self.window.T @ self.place.base)
+
+    def _spectra(
+        self, unknowns: Array, bins: NDArray[np.intp], *, slopes: bool, whiten: bool
+    ) -> Iterator[tuple[NDArray[np.intp], ModelSpectrum]]:
+        """S and its derivatives, a few of the places at a time."""
+        matrices, moved = self._matrices(unknowns, slopes=slopes)
+        eta = unknowns[len(self.parameters) + self.lag :]
+        spectra, noise = self._levels(eta)
+        loads, entries = len(self.sources.statistics), len(self.place.entries)
+        steps = [self._source_slope(eta, i) for i in range(loads)] if slopes else []
+        densities = 2.0 * np.exp(2.0 * eta[loads:])[:, None, None] * self.noise_given
+        chunk = max(8, MOST_NUMBERS // (len(unknowns) * entries**2))
+        for first in range(0, len(bins), chunk):
+            at = bins[first : first + chunk]
+            part = None
+            if slopes:
+                part = Slopes(
+                    moved,
+                    tuple(SourceSpectra(step.own[at], step.cross[at]) for step in steps),
+                    densities[:, at],
+                )
+            where = self.place._replace(base=self.place.base[at], left_out=self.place.left_out[at])
+            own = SourceSpectra(spectra.own[at], spectra.cross[at])
+            yield at, spectrum_of_bins(where, matrices, self.sources.placement, own, noise[at], part, whiten=whiten)
+
+    def _matrices(self, unknowns: Array, *, slopes: bool) -> tuple[MatrixHarmonics, MatrixHarmonics]:
+        """The matrices at the unknowns, and their derivatives to the mechanical ones by central differences."""
+        n = len(self.parameters)
+        mechanical = unknowns[: n + self.lag]
+        steps = STEP * self.prior[1][: n + self.lag]
+        points = mechanical[None]
+        if slopes:
+            points = np.concatenate([points, mechanical + np.diag(steps), mechanical - np.diag(steps)])
+        p = np.tile(self.given, (len(points), 1))
+        for i, q in enumerate(self.parameters):
+            p[:, self.compiled.parameters.index(q.name)] = q.physical(points[:, i])
+        lag = equal_lag(self.coordinates, 1.0)
+        deflections = points[:, n:] * lag if self.lag else np.zeros((len(points), len(lag)))
+        found = matrix_harmonics(self.compiled, p, deflections, 2.0 * np.pi * self.place.rotor_hz, self.inputs)
+        readings = self.combine @ found.readings
+        at = MatrixHarmonics(found.mechanics[:, :1], readings[:, :1])
+        moved = []
+        for X in (found.mechanics, readings):
+            size = np.abs(X[:, :1]).max(axis=2, keepdims=True)
+            up, down = X[:, 1 : 1 + len(steps)], X[:, 1 + len(steps) :]
+            change = up - down if slopes else X[:, :0]
+            change = np.where(np.abs(change) > 1e-12 * size, change, 0.0)
+            moved.append(change / (2.0 * steps[:, None, None, None]) if slopes else change)
+        return at, MatrixHarmonics(*moved)
+
+    def _levels(self, eta: Array) -> tuple[SourceSpectra, Array]:
+        """Spectra of the sources, and of the noise of every entry (F, e)."""
+        loads = len(self.sources.statistics)
+        values = values_of(self.sources.statistics, eta[:loads])
+        noise = np.tensordot(np.exp(2.0 * eta[loads:]), self.noise_given, 1)
+        return self.sources.spectra(values), np.asarray(noise)
+
+    def _source_slope(self, eta: Array, which: int) -> SourceSpectra:
+        """Derivative of the sources' spectra to one statistic."""
+        loads, step = len(self.sources.statistics), np.zeros(len(self.sources.statistics))
+        step[which] = STEP
+        up, down = (
+            self.sources.spectra(values_of(self.sources.statistics, eta[:loads] + sign * step)) for sign in (1.0, -1.0)
+        )
+        own, cross = ((a - b) / (2.0 * STEP) for a, b in zip(up, down, strict=True))
+        return SourceSpectra(own, cross)
+
+
+def finer_bins(first: int, last: int) -> Array:
+    """The finer grid (F,) for the bins first … last, in bins."""
+    reach = REACH * FINER
+    return np.asarray(np.arange(first * FINER - reach, last * FINER + reach + 1) / FINER)
+
+
+def taper_window(taper: Array, bins: NDArray[np.intp]) -> Array:
+    """The weights (F, B) with which spectra on the finer grid between the first and the last of `bins` make up the
+    smoothed ones at `bins` (B,)."""
+    padded = np.abs(np.fft.fft(taper, FINER * len(taper))) ** 2
+    reach = REACH * FINER
+    weights = np.concatenate([padded[-reach:], padded[: reach + 1]])
+    weights /= weights.sum()
+    out = np.zeros(((bins[-1] - bins[0]) * FINER + 2 * reach + 1, len(bins)))
+    for column, place in enumerate((bins - bins[0]) * FINER):
+        out[place : place + 2 * reach + 1, column] = weights
+    return out
+
+
+def _shared(found: Likelihood, share: float) -> Likelihood:
+    """The likelihood of bins that count as `share` each."""
+    return Likelihood(share * found.value, share * found.gradient, share * found.information, found.whitened)

@@ -1,0 +1,101 @@
+"""The mode of a posterior by Fisher's scoring: steps (F + prior)⁻¹ g, damped after Levenberg, the likelihood let in
+little by little."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+
+__all__ = ["Mode", "find_mode"]
+
+STEPS = 60
+"""Most evaluations with slopes of one stage."""
+
+SETTLED = 1e-3
+"""Squared length of a step in standard deviations below which the search ends; of the stages before the last
+`ROUGH`."""
+
+ROUGH = 0.1
+
+LONGEST = 1.0
+"""Longest step of an unknown, where its prior is wider: a factor e of a level."""
+
+
+class Mode(NamedTuple):
+    """A mode of a posterior.
+
+    Attributes
+    ----------
+    unknowns, information
+        Where it is (n,), and Fisher's information there with that of the prior (n, n).
+    value
+        J with the prior's part.
+    steps
+        Steps that were taken.
+    settled
+        Whether the last step was short.
+    """
+
+    unknowns: Array
+    information: Array
+    value: float
+    steps: int
+    settled: bool
+
+
+def find_mode(
+    evaluate: Callable[[Array, int], tuple[float, Array, Array]], start: Array, prior_mean: Array, prior_std: Array,
+    stages: Sequence[tuple[float, int]],
+) -> Mode:  # fmt: skip
+    """Minimise weight · J(u) + ½ Σ ((u − m)/s)² in stages of (weight, every n-th bin).
+
+    Parameters
+    ----------
+    evaluate
+        (u, every n-th bin) → J, g, F.
+    start, prior_mean, prior_std
+        (n,) each.
+    """
+    precision, longest = prior_std**-2.0, np.minimum(prior_std, LONGEST)
+    u, total, settled = start.copy(), 0, False
+    value, information = np.inf, np.diag(precision)
+    for stage, (weight, every) in enumerate(stages):
+        J, g, F = _posterior(evaluate(u, every), u, weight, prior_mean, precision)
+        damping, enough = 1e-3, SETTLED if stage == len(stages) - 1 else ROUGH
+        for _ in range(STEPS):
+            step = np.clip(-np.linalg.solve(F + damping * np.diag(np.diag(F)), g), -longest, longest)
+            length = float(step @ F @ step)
+            try:
+                tried = _posterior(evaluate(u + step, every), u + step, weight, prior_mean, precision)
+                better = tried[0] < J + 1e-9 * abs(J)
+            except np.linalg.LinAlgError:
+                better = False
+            total += 1
+            if better:
+                u, (J, g, F) = u + step, tried
+                damping = max(0.1 * damping, 1e-9)
+                settled = length < enough
+                if settled:
+                    break
+            else:
+                damping = max(10.0 * damping, 1e-2)
+                if damping > 1e8:
+                    break
+        value, information = J, F
+    return Mode(u, information, value, total, settled)
+
+
+def _posterior(
+    likelihood: tuple[float, Array, Array], u: Array, weight: float, mean: Array, precision: Array
+) -> tuple[float, Array, Array]:
+    J, g, F = likelihood
+    if not (np.isfinite(J) and np.isfinite(F).all()):
+        raise np.linalg.LinAlgError("the spectrum is not finite")
+    off = u - mean
+    return (
+        weight * J + 0.5 * float(off @ (precision * off)),
+        weight * g + precision * off,
+        weight * F + np.diag(precision),
+    )
