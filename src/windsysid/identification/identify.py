@@ -97,7 +97,7 @@ def identify(
             outcome, read, formulation, provenance=trace(record, record_hash(record), turbine, found, options)
         )
     if formulation == "spectral":
-        check_length(part, turbine)
+        check_length(part.name, part.duration, part.rate, turbine)
         if rate is not None:
             raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
         found = usable_sensors(part, turbine, sensors)

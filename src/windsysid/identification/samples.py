@@ -15,7 +15,7 @@ from typing import IO
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.output.files import explained
+from windsysid.output.files import explain_errors
 
 __all__ = ["Block", "Samples", "SamplesOnDisk", "split_evenly"]
 
@@ -52,12 +52,12 @@ class SamplesOnDisk:
     def __init__(self, columns: tuple[int, int], folder: Path | None = None, *, every: int = 1) -> None:
         self.columns, self.count, self.every = columns, 0, every
         self._folder = folder
-        with self._explained():
+        with self._explain_errors():
             self._file: IO[bytes] = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (closed with this object)
 
     def append(self, inputs: Array, readings: Array) -> None:
         """Write the next samples: inputs (T, n_u + n_w) and readings (T, m); OutputError where the disk is full."""
-        with self._explained():
+        with self._explain_errors():
             self._file.seek(0, 2)
             self._file.write(np.ascontiguousarray(np.hstack([inputs, readings]), dtype=np.float64).tobytes())
             self._file.flush()
@@ -80,6 +80,6 @@ class SamplesOnDisk:
         """Give the space on disk back."""
         self._file.close()
 
-    def _explained(self) -> AbstractContextManager[None]:
+    def _explain_errors(self) -> AbstractContextManager[None]:
         where = self._folder or Path(tempfile.gettempdir())
-        return explained(f"samples in {where}", "choose an output on a disk with more space, or set TMPDIR")
+        return explain_errors(f"samples in {where}", "choose an output on a disk with more space, or set TMPDIR")

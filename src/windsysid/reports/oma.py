@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.reports.html import Section, Table, png, report_page
+from windsysid.output.table import Table
+from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.spectral.operational import OperationalMode, OperationalModes
 

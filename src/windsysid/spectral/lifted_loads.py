@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic, load_groups, moved_loads
+from windsysid.mechanics.model import MechanicalModel
 from windsysid.spectral.lifted import Complex
 from windsysid.statespace.gauss_markov import GaussMarkov
 
@@ -54,11 +55,12 @@ class Sources(Protocol):
 class BroadbandLoads:
     """First-order Gauss–Markov loads, as a turbine file lists them, on degrees of freedom of their own."""
 
-    def __init__(self, loads: Sequence[GaussMarkov], names: Sequence[str], frequency: Array) -> None:
-        """`names` are the model's loads (n,), `frequency` (B, 2K+1) [Hz] the signed frequencies."""
+    def __init__(self, loads: Sequence[GaussMarkov], model: MechanicalModel, frequency: Array) -> None:
+        """`frequency` (B, 2K+1) [Hz] are the signed frequencies."""
         self.loads = [load for load in loads if not load.harmonic]
-        self.statistics = load_groups(self.loads)
-        self._frequency = frequency
+        self.statistics = load_groups(self.loads, model)
+        self._model, self._frequency = model, frequency
+        names = model.loads
         count = frequency.shape[1]
         sources = len(self.loads) * count
         self.placement = np.zeros((count * len(names), sources), dtype=np.complex128)
@@ -70,7 +72,7 @@ class BroadbandLoads:
         """2σ²τ / (1 + (2πfτ)²) each."""
         own = [
             2.0 * load.rms**2 * load.time_constant / (1.0 + (2.0 * np.pi * self._frequency * load.time_constant) ** 2)
-            for load in moved_loads(self.statistics, values, self.loads)
+            for load in moved_loads(self.statistics, values, self.loads, self._model)
         ]
         return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(self._frequency), 0)))
 

@@ -181,7 +181,7 @@ def _turning_loads(question: Question, loads: str, base: Array, lifted: Lifted, 
     turbine, names = question.turbine, question.compiled.loads
     if loads != "rotor-wind":
         return BroadbandLoads(
-            question.loads, names, base[:, None] + lifted.rotor_hz * lifted.harmonics
+            question.loads, turbine.model, base[:, None] + lifted.rotor_hz * lifted.harmonics
         ), "first-order Gauss–Markov"
     v = turbine.values
     moment = next(load.rms for load in question.loads if load.load.startswith("load_beta"))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.inspection.health import Finding
-from windsysid.inspection.plausibility import SLOWEST, rotor_of
+from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
 from windsysid.inspection.screening import noted, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
@@ -246,7 +246,7 @@ def _bridged(values: Array) -> Array:
 def _rotor(record: Record, high: float, notes: list[str], doubts: list[str]) -> tuple[Array | None, float, list[Line]]:
     """Azimuth (T,) unwrapped, turns per second, and the rotor's lines."""
     rotor = rotor_of(record)
-    if rotor is None or abs(rotor.mean) <= SLOWEST:
+    if rotor is None or abs(rotor.mean) <= MIN_ROTOR_SPEED:
         return None, 0.0, []
     azimuth = None
     if "rotor_azimuth" in record:
