@@ -183,9 +183,11 @@ def test_an_azimuth_that_jumps_is_refused():
     psi = np.mod(2.0 * np.pi * 0.2 * np.arange(len(y)) / RATE, 2.0 * np.pi)
     psi[3000:] = np.mod(psi[3000:] + 2.5, 2.0 * np.pi)
     record = ws.Record(
-        np.arange(len(y)) / RATE, np.column_stack([y, psi]), ("tower_x_displacement", "tower_y_displacement", "nacelle_x_displacement", "rotor_azimuth"),
+        np.arange(len(y)) / RATE,
+        np.column_stack([y, psi]),
+        ("tower_x_displacement", "tower_y_displacement", "nacelle_x_displacement", "rotor_azimuth"),
         ("m",) * 3 + ("rad",),
-    )  # fmt: skip
+    )
     with pytest.raises(ws.RecordError, match="rotor_azimuth jumps"):
         ws.oma(record)
 

@@ -43,7 +43,10 @@ def identify(
     formulation: Annotated[
         Literal["joint", "spectral", "force-balance"],
         typer.Option(
-            help="joint: from accelerometers, loads as states. spectral: a stationary record's spectra. force-balance: the published study's."
+            help=(
+                "joint: from accelerometers, loads as states. spectral: a stationary record's spectra. "
+                "force-balance: the published study's."
+            )
         ),
     ] = "joint",
     section: Annotated[

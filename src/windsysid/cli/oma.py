@@ -33,7 +33,10 @@ def oma(
     sensors: Annotated[
         Path | None,
         typer.Option(
-            help="TOML list of channels with positions and directions (docs/oma.md); the record's accelerometers by default."
+            help=(
+                "TOML list of channels with positions and directions (docs/oma.md); the record's accelerometers by "
+                "default."
+            )
         ),
     ] = None,
     turbine: Annotated[

@@ -186,7 +186,7 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
     try:
         if len(poses) == 1:
             ((name, posed),) = poses.items()
-            return _Found(name, fit(posed.model, posed.start), "")
+            return _Found(name, fit(posed.model, posed.start, smoothed=posed.smoothed), "")
         tried = {name: fit(posed.model, posed.start, COARSE) for name, posed in poses.items()}
         name = max(tried, key=lambda which: tried[which].log_evidence)
         others = ", ".join(
@@ -194,7 +194,11 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
             for other, found in tried.items()
             if other != name
         )
-        return _Found(name, fit(poses[name].model, tried[name].unknowns, WHOLE), f" (log evidence over {others})")
+        return _Found(
+            name,
+            fit(poses[name].model, tried[name].unknowns, WHOLE, poses[name].smoothed),
+            f" (log evidence over {others})",
+        )
     except np.linalg.LinAlgError:
         raise WindsysidError(
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; check units and the turbine file"

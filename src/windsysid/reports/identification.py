@@ -66,13 +66,17 @@ def _explains_section(identification: Identification) -> Section:
 
     i, title = identification, "Does the model explain the record?"
     if i.formulation == "spectral":
-        text = "Each channel was held against the spectrum that the model gives it, by frequency and by half of the record."
+        text = (
+            "Each channel was held against the spectrum that the model gives it, by frequency and by half of the "
+            "record."
+        )
         return Section(title, text=[text, *i.diagnosis.remarks], tables=diagnosis_tables(i))
     spectra = whiteness(i)
     return Section(
         title,
         text=[
-            "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should stay between "
+            "Innovations are what each reading adds to what the model expected, scaled to unit variance. They should "
+            "stay between "
             "the dashed lines 95 % of the time and look like noise. Where they do not, the bands above are too narrow.",
             *i.diagnosis.remarks,
         ],

@@ -113,7 +113,10 @@ def files(found: OperationalModes) -> dict[str, bytes]:
         "Nothing speaks against these modes." if found.trusted else "Not to be trusted as a whole:",
         *found.reasons,
     ]
-    caption = "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the band. Bands of frequencies and damping ratios are ±2σ of the posterior."
+    caption = (
+        "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the "
+        "band. Bands of frequencies and damping ratios are ±2σ of the posterior."
+    )
     sections = [
         Section(
             "Modes",
@@ -128,7 +131,10 @@ def files(found: OperationalModes) -> dict[str, bytes]:
         sections.append(Section("Shapes", figures=[(shapes, text)]))
     if found.notes:
         sections.append(Section("How this was computed", text=list(found.notes)))
-    subtitle = f"{found.record} · {found.section[0]:.6g}–{found.section[1]:.6g} s · {len(found.channels)} channels · {found.rate:.4g} Hz"
+    subtitle = (
+        f"{found.record} · {found.section[0]:.6g}–{found.section[1]:.6g} s · {len(found.channels)} channels · "
+        f"{found.rate:.4g} Hz"
+    )
     return {
         "report.html": report_page("Modes from ambient vibration", subtitle, sections),
         "modes.png": drawn,

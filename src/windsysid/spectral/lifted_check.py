@@ -21,7 +21,7 @@ SIGMAS = 4.5
 LOUD, QUIET = 1.5, 0.6
 """And the factors: bands of what answers there are √1.5 too narrow."""
 
-UNSTEADY, CHANCE = 2.0, 1e-4
+UNSTEADY, CHANCE = 3.0, 1e-4
 """Factor between the energies of a record's halves, and how rarely chance makes one as large."""
 
 
@@ -105,7 +105,8 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
         if factor > max(UNSTEADY, float(f.isf(CHANCE, 2.0 * loud.independent, 2.0 * quiet.independent))):
             off.append((factor, a))
     return [
-        f"{p.channel} is {factor:.2g} times as loud (squared) in one half of the record as in the other at {p.low:.3g} … {p.high:.3g} Hz: "
+        f"{p.channel} is {factor:.2g} times as loud (squared) in one half of the record as in the other at "
+        f"{p.low:.3g} … {p.high:.3g} Hz: "
         "it is not stationary; use --formulation joint or another section"
         for factor, p in sorted(off, key=lambda pair: -pair[0])
     ]

@@ -1,6 +1,6 @@
 """The mode of the posterior of a lifted spectrum, and its evidence."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,8 +41,14 @@ class Fit(NamedTuple):
     settled: bool
 
 
-def fit(model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = (*COARSE, *WHOLE)) -> Fit:
+def fit(
+    model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = (*COARSE, *WHOLE),
+    smoothed: LiftedModel | None = None,
+) -> Fit:  # fmt: skip
     """The mode of the posterior from a start (n,).
+
+    What the taper's window adds to the spectra is the difference of those of `smoothed` and of `model`. It hardly
+    changes with the unknowns, so it is taken at the mode without it, and the mode is found anew.
 
     Raises
     ------
@@ -50,16 +56,24 @@ def fit(model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = 
         If the spectrum is not positive definite at the start.
     """
     mean, spread = model.prior
-
-    def evaluate(unknowns: Array, every: int) -> tuple[float, Array, Array]:
-        found = model.likelihood(unknowns, every)
-        return found.value, found.gradient, found.information
-
     if model.window is not None:  # all bins at once
         stages = [(weight, 1) for weight, _ in stages]
-    mode = find_mode(evaluate, start, mean, spread, stages)
+    mode = find_mode(_evaluator(model), start, mean, spread, stages)
+    if smoothed is not None:
+        smear = smoothed.spectrum(mode.unknowns).spectrum - model.spectrum(mode.unknowns).spectrum
+        mode = find_mode(_evaluator(model._replace(smear=smear)), mode.unknowns, mean, spread, WHOLE)
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
     evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])
     cov = np.linalg.inv(mode.information)
     return Fit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, evidence, mode.steps, mode.settled)
+
+
+def _evaluator(model: LiftedModel) -> Callable[[Array, int], tuple[float, Array, Array]]:
+    """J, g and F of a model."""
+
+    def evaluate(unknowns: Array, every: int) -> tuple[float, Array, Array]:
+        found = model.likelihood(unknowns, every)
+        return found.value, found.gradient, found.information
+
+    return evaluate

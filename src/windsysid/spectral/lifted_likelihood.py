@@ -85,7 +85,7 @@ class Likelihood(NamedTuple):
 
 def spectrum_of_bins(
     place: Place, matrices: MatrixHarmonics, placement: Complex, sources: SourceSpectra, noise: Array,
-    slopes: Slopes | None, *, whiten: bool,
+    slopes: Slopes | None, *, whiten: bool, more: Complex | None = None,
 ) -> ModelSpectrum:  # fmt: skip
     """S and its derivatives.
 
@@ -99,6 +99,8 @@ def spectrum_of_bins(
         Spectral density of the noise of every entry (B, e) [unit²/Hz].
     slopes
         Derivatives; None for none.
+    more
+        What comes to S besides (B, e, e).
     whiten
         Whether to hand the derivatives back whitened, which costs less than to whiten them later.
     """
@@ -115,6 +117,8 @@ def spectrum_of_bins(
     driven = times_sources(T_s, sources)
     S = driven @ _h(T_s)
     S[:, range(entries), range(entries)] += np.where(empty, 1.0, noise)
+    if more is not None:
+        S += more
     if slopes is None:
         return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
     Q = inverse @ (placement @ _h(driven))

@@ -107,7 +107,8 @@ class WindLoads:
     """
 
     def __init__(
-        self, names: Sequence[str], blades: int, hinge: float, lever: float, rotor_hz: float, base: Array, orders: NDArray[np.intp],
+        self, names: Sequence[str], blades: int, hinge: float, lever: float, rotor_hz: float, base: Array,
+        orders: NDArray[np.intp],
         moment: float, fastest: float,
     ) -> None:  # fmt: skip
         """A rotor with its hinges `hinge` [m] from the hub, its wind loads at `lever` [m] from the hinges, `moment`
@@ -225,7 +226,8 @@ class BandLoads:
     """
 
     def __init__(
-        self, given: Mapping[str, Sequence[float]], names: Sequence[str], bands: Sequence[tuple[float, float]], frequency: Array
+        self, given: Mapping[str, Sequence[float]], names: Sequence[str], bands: Sequence[tuple[float, float]],
+        frequency: Array
     ) -> None:  # fmt: skip
         """`given` amplitudes of each load (2 bands: low, high, low …), the model's `names` (n,), `bands` [Hz], signed
         `frequency` (B, 2K+1) [Hz]."""

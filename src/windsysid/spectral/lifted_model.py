@@ -46,6 +46,9 @@ class LiftedModel(NamedTuple):
     window
         Weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; None where nothing is
         smoothed.
+    smear
+        What the taper's window adds to the spectra, where it is taken as known (B, e, e); None where it is not, or
+        where `window` smooths.
     left_out
         Entries of which nothing is said, bin by bin (B, e); `data` is 0 there.
     overlap
@@ -71,6 +74,7 @@ class LiftedModel(NamedTuple):
     data: Complex
     place: Place
     window: Array | None
+    smear: Complex | None
     left_out: NDArray[np.bool_]
     overlap: float
     combine: Complex
@@ -184,7 +188,10 @@ class LiftedModel(NamedTuple):
                 )
             where = self.place._replace(base=self.place.base[at], left_out=self.place.left_out[at])
             own = SourceSpectra(spectra.own[at], spectra.cross[at])
-            yield at, spectrum_of_bins(where, matrices, self.sources.placement, own, noise[at], part, whiten=whiten)
+            yield at, spectrum_of_bins(
+                where, matrices, self.sources.placement, own, noise[at], part, whiten=whiten,
+                more=None if self.smear is None else self.smear[at],
+            )  # fmt: skip
 
     def _matrices(self, unknowns: Array, *, slopes: bool) -> tuple[MatrixHarmonics, MatrixHarmonics]:
         """The matrices at the unknowns, and their derivatives to the mechanical ones by central differences."""

@@ -85,6 +85,8 @@ class Posed(NamedTuple):
     ----------
     model
         The spectrum as a function of the unknowns.
+    smoothed
+        The same smoothed by the taper's window; None where `model` is.
     start
         Where to begin to look for them (n,).
     bands
@@ -97,6 +99,7 @@ class Posed(NamedTuple):
     """
 
     model: LiftedModel
+    smoothed: LiftedModel | None
     start: Array
     bands: tuple[tuple[float, float], ...]
     text: str
@@ -140,11 +143,13 @@ def _pose_turning(question: Question, loads: str) -> Posed:
     K = math.ceil(fastest / rotor_hz) + 2
     if K > MOST_HARMONICS:
         raise RecordError(
-            f"the rotor turns at {rotor_hz:.3g} Hz, and modes reach {fastest:.3g} Hz: expected at most {MOST_HARMONICS - 2} P; use --formulation joint"
+            f"the rotor turns at {rotor_hz:.3g} Hz, and modes reach {fastest:.3g} Hz: expected at most "
+            f"{MOST_HARMONICS - 2} P; use --formulation joint"
         )
     if (K + 0.5) * rotor_hz > 0.5 * rate:
         raise RecordError(
-            f"sampling rate: expected {(2 * K + 1) * rotor_hz:.3g} Hz or more, got {rate:.4g}: sample faster, or use --formulation joint"
+            f"sampling rate: expected {(2 * K + 1) * rotor_hz:.3g} Hz or more, got {rate:.4g}: sample faster, or use "
+            f"--formulation joint"
         )
     lifted = lift(question.readings, question.inputs[:, 0], rate, K)
     width = _narrowest(question) * lifted.duration
@@ -160,36 +165,51 @@ def _pose_turning(question: Question, loads: str) -> Posed:
     entries = np.flatnonzero(np.repeat(np.abs(lifted.harmonics) < K, m))  # motion beyond K is missing in those of K
     data = lifted.data.reshape(len(lifted.base), -1)[: groups * alike, entries].reshape(groups, alike, -1)
     data = np.ascontiguousarray(np.swapaxes(data, 1, 2))
-    frequency = base[:, None] + lifted.rotor_hz * lifted.harmonics
-    place = Place(base, lifted.harmonics, lifted.rotor_hz, entries, np.zeros((groups, len(entries)), dtype=np.bool_))
-    sources, text = _turning_loads(question, loads, base, lifted, fastest)
-    noise, given = _noise(question, frequency, entries)
-    model = LiftedModel(
-        data, place, None, place.left_out, lifted.overlap, np.eye(m, dtype=np.complex128), question.compiled,
-        turbine.model.coordinates, _centres(question), question.inputs[0], question.parameters, _has_lag(question), sources, noise, given,
-    )  # fmt: skip
-    return Posed(
-        model,
-        model.prior[0],
-        ((float(base[0]), (K - 0.5) * lifted.rotor_hz),),
-        text,
-        2.0 * math.pi * width / lifted.overlap,
-    )
+    number = np.round(lifted.base * lifted.duration).astype(np.intp)[: groups * alike]
+    fine = finer_bins(int(number[0]), int(number[-1])) / lifted.duration
+    window = taper_window(lifted.taper, number).reshape(len(fine), groups, alike).mean(axis=2)
+
+    def model_at(where: Array, weights: Array | None) -> LiftedModel:
+        place = Place(
+            where, lifted.harmonics, lifted.rotor_hz, entries, np.zeros((len(where), len(entries)), dtype=np.bool_)
+        )
+        sources = _turning_loads(question, loads, where, lifted, fastest)
+        noise, given = _noise(question, where[:, None] + lifted.rotor_hz * lifted.harmonics, entries)
+        return LiftedModel(
+            data,
+            place,
+            weights,
+            None,
+            np.zeros(data.shape[:2], dtype=np.bool_),
+            lifted.overlap,
+            np.eye(m, dtype=np.complex128),
+            question.compiled,
+            turbine.model.coordinates,
+            _centres(question),
+            question.inputs[0],
+            question.parameters,
+            _has_lag(question),
+            sources,
+            noise,
+            given,
+        )
+
+    model, bands = model_at(base, None), ((float(base[0]), (K - 0.5) * lifted.rotor_hz),)
+    text = "wind on the turning rotor" if loads == "rotor-wind" else "first-order Gauss–Markov"
+    return Posed(model, model_at(fine, window), model.prior[0], bands, text, 2.0 * math.pi * width / lifted.overlap)
 
 
-def _turning_loads(question: Question, loads: str, base: Array, lifted: Lifted, fastest: float) -> tuple[Sources, str]:
+def _turning_loads(question: Question, loads: str, base: Array, lifted: Lifted, fastest: float) -> Sources:
+    """The load model at base frequencies."""
     turbine, names = question.turbine, question.compiled.loads
     if loads != "rotor-wind":
-        return BroadbandLoads(
-            question.loads, turbine.model, base[:, None] + lifted.rotor_hz * lifted.harmonics
-        ), "first-order Gauss–Markov"
+        return BroadbandLoads(question.loads, turbine.model, base[:, None] + lifted.rotor_hz * lifted.harmonics)
     v = turbine.values
     moment = next(load.rms for load in question.loads if load.load.startswith("load_beta"))
     lever = v["blade_inertia_1"] / v["blade_first_moment_1"]
-    wind = WindLoads(
+    return WindLoads(
         names, turbine.model.blades, v["hinge_offset"], lever, lifted.rotor_hz, base, lifted.harmonics, moment, fastest
     )
-    return wind, "wind on the turning rotor"
 
 
 def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]) -> Posed:
@@ -207,7 +227,8 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
     if len(number) < LEAST_BINS * len(bands) and not given_bands:
         needed = lifted.duration * LEAST_BINS * len(bands) / max(len(number), 1)
         raise RecordError(
-            f"expected {needed:.3g} s or more for the bands around the modes, got {lifted.duration:.3g} s: choose a longer record"
+            f"expected {needed:.3g} s or more for the bands around the modes, got {lifted.duration:.3g} s: choose a "
+            f"longer record"
         )
     width = _narrowest(question) * lifted.duration
     data = lifted.data[used, 0]
@@ -231,16 +252,35 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
     sources = BandLoads(given, question.compiled.loads, bands, base[:, None])
     noise, levels = _noise(question, base[:, None], place.entries)
     model = LiftedModel(
-        np.ascontiguousarray(data), place, window, np.zeros(data.shape[:2], dtype=np.bool_), lifted.overlap, np.eye(m, dtype=np.complex128),
-        question.compiled, question.turbine.model.coordinates, _centres(question), question.inputs[0], question.parameters, False, sources, noise, levels,
-    )  # fmt: skip
+        np.ascontiguousarray(data),
+        place,
+        window,
+        None,
+        np.zeros(data.shape[:2], dtype=np.bool_),
+        lifted.overlap,
+        np.eye(m, dtype=np.complex128),
+        question.compiled,
+        question.turbine.model.coordinates,
+        _centres(question),
+        question.inputs[0],
+        question.parameters,
+        False,
+        sources,
+        noise,
+        levels,
+    )
     start = model.prior[0].copy()
     for i, q in enumerate(question.parameters):
         name = q.name.removeprefix("k_")
         if q.name.startswith("k_") and q.logarithmic and name in peaks:
             start[i] = 2.0 * math.log(peaks[name] / _frequency(question, name))
     return Posed(
-        model, start, bands, "any smooth spectrum in the bands around the modes", 2.0 * math.pi * width / lifted.overlap
+        model,
+        None,
+        start,
+        bands,
+        "any smooth spectrum in the bands around the modes",
+        2.0 * math.pi * width / lifted.overlap,
     )
 
 
@@ -279,7 +319,8 @@ def _bands(peaks: Sequence[float], lifted: Lifted) -> tuple[tuple[float, float],
         low, high = max(peak / BAND, lifted.base[0]), min(peak * BAND, lifted.base[-1])
         if low >= high:
             raise RecordError(
-                f"a mode near {peak:.3g} Hz: expected it below {lifted.base[-1]:.3g} Hz: sample faster, or lock what moves there"
+                f"a mode near {peak:.3g} Hz: expected it below {lifted.base[-1]:.3g} Hz: sample faster, or lock what "
+                f"moves there"
             )
         if joined and low <= joined[-1][1]:
             joined[-1] = (joined[-1][0], high)

@@ -80,7 +80,8 @@ def mode_doubts(found: BandFit, j: int, response: Complex, halves: Sequence[Fit]
         doubts.append("the search for its posterior did not end")
     if std_z > SURE_OF_DAMPING or f * length < LEAST_CYCLES:
         doubts.append(
-            f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {np.exp(2.0 * min(std_z, 3.0)):.2g}"
+            f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of "
+            f"{np.exp(2.0 * min(std_z, 3.0)):.2g}"
         )
     if not found.bins[0] < (f - z * f) * length or not (f + z * f) * length < found.bins[-1]:
         doubts.append("it sits at the border of its band")

@@ -118,9 +118,14 @@ def advance(modes: Modes, step: Array) -> Modes:
     grown = modes.rest @ directions * np.exp(0.5 * np.clip(sizes_x, -2.0, 2.0))
     rest = np.linalg.cholesky(grown @ grown.conj().T + FLOOR * np.eye(m))
     return Modes(
-        modes.frequency * np.exp(f), modes.damping * np.exp(z), modes.shape + (re.reshape(r, m) + 1j * imaginary).T, load,
-        modes.load_slope + float(a.sum()), rest, modes.rest_slope + float(b[0]),
-    )  # fmt: skip
+        modes.frequency * np.exp(f),
+        modes.damping * np.exp(z),
+        modes.shape + (re.reshape(r, m) + 1j * imaginary).T,
+        load,
+        modes.load_slope + float(a.sum()),
+        rest,
+        modes.rest_slope + float(b[0]),
+    )
 
 
 def spectrum(modes: Modes, band: Band) -> Complex:
@@ -146,9 +151,22 @@ def scores(modes: Modes, band: Band) -> Scores:
     bent = tilt * np.log(band.frequency / _centre(band))
     slopes, misfit = np.zeros((modes.size, k, m * m)), np.empty((k, m * m))
     cost = whitened_slopes()(
-        band.power, d, d_f, d_z, d_a, _spectrum(modes, d, band), band.counts, tilt, bent,
-        np.ascontiguousarray(modes.shape), modes.load, np.ascontiguousarray(modes.rest), modes.real, slopes, misfit,
-    )  # fmt: skip
+        band.power,
+        d,
+        d_f,
+        d_z,
+        d_a,
+        _spectrum(modes, d, band),
+        band.counts,
+        tilt,
+        bent,
+        np.ascontiguousarray(modes.shape),
+        modes.load,
+        np.ascontiguousarray(modes.rest),
+        modes.real,
+        slopes,
+        misfit,
+    )
     flat = slopes.reshape(modes.size, -1)
     return Scores(cost, flat @ misfit.ravel(), flat @ flat.T)
 

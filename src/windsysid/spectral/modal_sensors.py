@@ -115,7 +115,8 @@ def choose_sensors(record: Record, sensors: Sequence[Sensor | ModalSensor | str]
             if names:
                 return tuple(ModalSensor(channel=name) for name in names[:MOST_SENSORS])
         raise ConfigurationError(
-            f"{record.name}: expected channels that show vibration (acceleration, strain, load, displacement, velocity), got none: list them (--sensors)"
+            f"{record.name}: expected channels that show vibration (acceleration, strain, load, displacement, "
+            f"velocity), got none: list them (--sensors)"
         )
     found = as_modal(sensors)
     channels = [sensor.channel for sensor in found]
@@ -143,7 +144,8 @@ def derivative_order(sensor: ModalSensor, record: Record) -> int:
     kind = sensor.quantity or kind_of(sensor.channel, record.unit(sensor.channel))
     if kind not in _ORDERS:
         raise ConfigurationError(
-            f"channel '{sensor.channel}' [{record.unit(sensor.channel)}]: expected a vibration; say in the sensor list what it reads: quantity = \"acceleration\""
+            f"channel '{sensor.channel}' [{record.unit(sensor.channel)}]: expected a vibration; say in the sensor "
+            f'list what it reads: quantity = "acceleration"'
         )
     return _ORDERS[kind]
 

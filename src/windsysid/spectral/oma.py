@@ -44,9 +44,14 @@ LEAST_EVIDENCE = 10.0
 
 
 def analyse_vibration(
-    record: RecordLike, *, sensors: Sequence[Sensor | ModalSensor | str] | None = None, turbine: "TurbineLike | None" = None,
-    bands: Sequence[tuple[float, float]] | None = None, section: tuple[float, float] | None = None, progress: Callable[[str], None] | None = None,
-) -> OperationalModes:  # fmt: skip
+    record: RecordLike,
+    *,
+    sensors: Sequence[Sensor | ModalSensor | str] | None = None,
+    turbine: "TurbineLike | None" = None,
+    bands: Sequence[tuple[float, float]] | None = None,
+    section: tuple[float, float] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> OperationalModes:
     """Find the modes of a structure from its ambient vibration.
 
     Parameters
@@ -104,23 +109,40 @@ def analyse_vibration(
     named = _with_references(_named(modes, readings), machine, readings)
     level = _level(values)
     return OperationalModes(
-        record=whole.name, section=(float(readings.used.time[0]), float(readings.used.time[-1])), rate=readings.rate, samples=readings.samples,
-        channels=readings.names, units=tuple(_acceleration_unit(unit, order) for unit, order in zip(readings.units, readings.orders, strict=True)),
-        sensors=readings.sensors, modes=tuple(named), lines=tuple((line.name, line.frequency) for line in readings.lines), empty=tuple(empty),
-        frequency=frequency, level=level, bands=tuple(_drawn(one) for one in found if _modes_of(one)), rotor_hz=readings.rotor_hz, doubts=readings.doubts,
-        notes=readings.notes, elapsed=time.process_time() - begun, start=whole.start,
-    )  # fmt: skip
+        record=whole.name,
+        section=(float(readings.used.time[0]), float(readings.used.time[-1])),
+        rate=readings.rate,
+        samples=readings.samples,
+        channels=readings.names,
+        units=tuple(
+            _acceleration_unit(unit, order) for unit, order in zip(readings.units, readings.orders, strict=True)
+        ),
+        sensors=readings.sensors,
+        modes=tuple(named),
+        lines=tuple((line.name, line.frequency) for line in readings.lines),
+        empty=tuple(empty),
+        frequency=frequency,
+        level=level,
+        bands=tuple(_drawn(one) for one in found if _modes_of(one)),
+        rotor_hz=readings.rotor_hz,
+        doubts=readings.doubts,
+        notes=readings.notes,
+        elapsed=time.process_time() - begun,
+        start=whole.start,
+    )
 
 
 def _checked_band(band: tuple[float, float], readings: Readings, step: float) -> tuple[float, float, int]:
     low, high = band
     if not (0.0 < low < high < 0.5 * readings.rate):
         raise ConfigurationError(
-            f"band {low:g} {high:g} Hz: expected two rising frequencies between 0 and {0.5 * readings.rate:.4g} Hz, half the sampling rate"
+            f"band {low:g} {high:g} Hz: expected two rising frequencies between 0 and {0.5 * readings.rate:.4g} Hz, "
+            f"half the sampling rate"
         )
     if high - low < 16.0 * step:
         raise ConfigurationError(
-            f"band {low:g} {high:g} Hz: expected {16 * step:.3g} Hz of width at least in a record of {1 / step:.4g} s; widen it"
+            f"band {low:g} {high:g} Hz: expected {16 * step:.3g} Hz of width at least in a record of {1 / step:.4g} "
+            f"s; widen it"
         )
     return low, high, 1
 
@@ -178,11 +200,19 @@ def _described(found: BandFit, halves: Sequence[tuple[Array, Complex]], readings
         std_f, std_z = fit.std(j)
         described.append(
             OperationalMode(
-                name="", frequency=f, frequency_std=f * std_f, damping=z, ln_damping_std=std_z, shape=shapes.shape[:, j], shape_std=shapes.std[:, j],
-                load=float(shapes.load[j]), ln_load_std=float(shapes.load_std[j]), band=(float(found.band.frequency[0]), float(found.band.frequency[-1])),
+                name="",
+                frequency=f,
+                frequency_std=f * std_f,
+                damping=z,
+                ln_damping_std=std_z,
+                shape=shapes.shape[:, j],
+                shape_std=shapes.std[:, j],
+                load=float(shapes.load[j]),
+                ln_load_std=float(shapes.load_std[j]),
+                band=(float(found.band.frequency[0]), float(found.band.frequency[-1])),
                 doubts=tuple(mode_doubts(found, j, shapes.responses[:, j], both, readings)),
             )
-        )  # fmt: skip
+        )
     return _with_neighbours(described)
 
 

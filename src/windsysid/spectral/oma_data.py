@@ -150,7 +150,8 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     turns = bool(rotor_hz) or azimuth is not None
     if (sets or incomplete) and (azimuth is None and turns):
         notes.append(
-            "rotor_azimuth is missing: the blades' channels are left out, since their frequencies are shifted by the turning"
+            "rotor_azimuth is missing: the blades' channels are left out, since their frequencies are shifted by the "
+            "turning"
         )
         incomplete, sets = [*incomplete, *on_blades], []
     elif incomplete and turns:
@@ -183,7 +184,8 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     orders = [derivative_order(sensor, record) for sensor in of]
     z_all = np.column_stack(turning) if turning else np.empty((len(values), 0), dtype=np.complex128)
     return Readings(
-        tuple(found_names), tuple(units), tuple([chosen[i] for i in still] + [None] * (3 * len(sets))), tuple(orders), np.column_stack(columns), z_all,
+        tuple(found_names), tuple(units), tuple([chosen[i] for i in still] + [None] * (3 * len(sets))), tuple(orders),
+        np.column_stack(columns), z_all,
         rate, low, high, tuple(lines), rotor_hz, tuple(notes), tuple(doubts), record,
     )  # fmt: skip
 
@@ -220,20 +222,23 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
         lengths = edges[1::2] - edges[::2]
         if not lengths.size or lengths.max() < LEAST_SAMPLES:
             raise RecordError(
-                f"{record.name}: {100 * share:.0f} % of a channel is missing and no stretch is whole: choose other channels, or a section"
+                f"{record.name}: {100 * share:.0f} % of a channel is missing and no stretch is whole: choose other "
+                f"channels, or a section"
             )
         k = int(np.argmax(lengths))
         first, past = int(edges[2 * k]), int(edges[2 * k + 1])
         step = record.time[1] - record.time[0]
         record = record.section(float(record.time[first]) - 0.25 * step, float(record.time[past - 1]) + 0.75 * step)
         notes.append(
-            f"{100 * share:.1f} % of a channel is missing: only {record.time[0]:.6g} to {record.time[-1]:.6g} s, without gaps, were used"
+            f"{100 * share:.1f} % of a channel is missing: only {record.time[0]:.6g} to {record.time[-1]:.6g} s, "
+            f"without gaps, were used"
         )
     elif share:
         notes.append(f"{100 * share:.2g} % of a channel is missing and was bridged by straight lines")
     if record.samples < LEAST_SAMPLES:
         raise RecordError(
-            f"{record.name}: {record.samples} samples are too few for modes: expected {LEAST_SAMPLES} at least, and 100 cycles of a mode"
+            f"{record.name}: {record.samples} samples are too few for modes: expected {LEAST_SAMPLES} at least, and "
+            f"100 cycles of a mode"
         )
     return record
 
@@ -254,12 +259,14 @@ def _rotor(record: Record, high: float, notes: list[str], doubts: list[str]) -> 
         turns = np.diff(azimuth) * np.sign(rotor.mean)
         if np.any(turns < -0.05) or np.any(np.abs(turns - np.median(turns)) > 0.5 + np.median(turns)):
             raise RecordError(
-                f"{record.name}: rotor_azimuth jumps: choose a section where it turns steadily, or leave the channel out"
+                f"{record.name}: rotor_azimuth jumps: choose a section where it turns steadily, or leave the channel "
+                f"out"
             )
     once = abs(rotor.mean) / (2.0 * np.pi)
     if rotor.variation > STEADY:
         doubts.append(
-            f"the rotor speed varies by {100 * rotor.variation:.1f} %: harmonics and whirls are smeared; choose a steadier section"
+            f"the rotor speed varies by {100 * rotor.variation:.1f} %: harmonics and whirls are smeared; choose a "
+            f"steadier section"
         )
     width = 1.5 / record.duration
     lines = [

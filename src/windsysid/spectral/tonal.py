@@ -84,9 +84,11 @@ def without_line(values: Array, rate: float, frequency: float) -> Array:
 
     scale = 1.0 / np.maximum(values.std(axis=0), 1e-300)
     best = minimize_scalar(
-        lambda f: -float(np.sum((fitted(f) * scale) ** 2)), bounds=(frequency - 0.5 * rate / samples, frequency + 0.5 * rate / samples),
-        method="bounded", options={"xatol": 1e-3 * rate / samples},
-    )  # fmt: skip
+        lambda f: -float(np.sum((fitted(f) * scale) ** 2)),
+        bounds=(frequency - 0.5 * rate / samples, frequency + 0.5 * rate / samples),
+        method="bounded",
+        options={"xatol": 1e-3 * rate / samples},
+    )
     return np.asarray(values - fitted(float(best.x)))
 
 
