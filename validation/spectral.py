@@ -68,7 +68,7 @@ def _one_run(which: tuple[str, int]) -> Run:
     loads, seed = which
     turbine = load_turbine("verne555")
     truth = total_coefficients(turbine, loads, seed)
-    record = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed, loads=loads)  # type: ignore[arg-type]
+    record = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed, loads=loads)
     started = time.process_time()
     found = identify(record, truth, formulation="spectral", prior=DrawnPrior(seed=seed))
     seconds = time.process_time() - started
