@@ -133,9 +133,10 @@ def test_an_accelerometer_reads_the_second_derivative_of_its_position(values: di
 
 def test_velocity_and_displacement_are_those_of_the_same_point(values: dict[str, float]):
     sensors = [
-        s.model_copy(update={"quantity": quantity, "feels_gravity": False})
+        sensor
         for s in (ACCELEROMETERS[3], ACCELEROMETERS[8], ACCELEROMETERS[10])
         for quantity in ("velocity", "displacement")
+        for sensor in variants(s, {"quantity": quantity, "feels_gravity": False})
     ]
     motion, readings = simulated(values, sensors)
     for column, sensor in enumerate(sensors):
@@ -149,9 +150,7 @@ def test_velocity_and_displacement_are_those_of_the_same_point(values: dict[str,
 
 def test_lag_rate_moment_and_strain_read_what_they_say(values: dict[str, float]):
     def made(quantity: str, point: str = "blade_1", axis: str = "lag", gain: float = 1.0) -> PlacedSensor:
-        return PlacedSensor.model_validate(
-            {"channel": "c", "quantity": quantity, "point": point, "axis": axis, "gain": gain, "noise": 1.0}
-        )
+        return variants(TOWER, {"quantity": quantity, "point": point, "axis": axis, "gain": gain})[0]
 
     sensors = [
         made("displacement"), made("velocity"), made("acceleration"), made("angular_rate"),
@@ -293,6 +292,12 @@ def test_a_sensor_list_that_cannot_be_read_is_one_clear_line(tmp_path: Path):
         with pytest.raises(ConfigurationError, match="expected a TOML file") as caught:
             read_sensors(path)
         assert "\n" not in str(caught.value)
+
+
+def test_sensors_of_different_classes_never_share_a_compiled_reading():
+    """Not even where a copy was given the other's quantity."""
+    (velocity,) = variants(TOWER, {"quantity": "velocity"})
+    assert TOWER.model_copy(update={"quantity": "velocity"}).structure != velocity.structure
 
 
 def test_a_sensor_on_a_blade_that_is_not_there_is_refused():

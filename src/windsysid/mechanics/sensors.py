@@ -124,7 +124,8 @@ class Sensor(BaseModel):
     @property
     def structure(self) -> str:
         """What its expression depends on, as text (noise and bias are numbers of the filter, not of the expression)."""
-        return repr(sorted(self.model_dump(exclude={"channel", "noise", "bias", "drift"}).items()))
+        fields = sorted(self.model_dump(exclude={"channel", "noise", "bias", "drift"}).items())
+        return f"{type(self).__name__} {fields!r}"
 
     def accepts(self, unit: str) -> bool:
         """Whether its channel may be in this unit."""
