@@ -43,12 +43,13 @@ LARGEST_GROUP = 4
 
 
 class Peak(NamedTuple):
-    """A peak: its frequency and half its width at half its height [Hz], and how far it stands out, in standard
-    deviations."""
+    """A peak: its frequency and half its width at half its height [Hz], how far it stands out, in standard deviations,
+    and whether it must have a band of its own."""
 
     frequency: float
     half_width: float
     rise: float
+    alone: bool = False
 
 
 def find_peaks(frequency: Array, values: Complex, low: float, high: float) -> list[Peak]:
@@ -91,7 +92,7 @@ def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list
     """
     groups: list[list[Peak]] = []
     for peak in peaks:
-        if groups and len(groups[-1]) < LARGEST_GROUP:
+        if groups and len(groups[-1]) < LARGEST_GROUP and not (peak.alone or groups[-1][-1].alone):
             last = groups[-1][-1]
             near = 3.0 * (last.half_width + peak.half_width)
             if peak.frequency - last.frequency < max(near, LEAST_BINS * step):
@@ -112,7 +113,7 @@ def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list
 
 
 def _border(below: Peak, above: Peak) -> float:
-    share = below.half_width / (below.half_width + above.half_width)
+    share = 0.5 if below.alone or above.alone else below.half_width / (below.half_width + above.half_width)
     return below.frequency + min(max(share, 0.25), 0.75) * (above.frequency - below.frequency)
 
 

@@ -26,7 +26,7 @@ TAPERED = 0.1
 WINDOW_REACH = 24
 """Bins to either side over which the taper's window is summed: what lies beyond is less than a hundredth of it."""
 
-MAX_ROWS = 400
+MAX_ROWS = 160
 """Rows of a band's data: neighbouring bins are averaged where there would be more."""
 
 

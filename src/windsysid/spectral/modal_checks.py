@@ -11,13 +11,19 @@ from windsysid.spectral.modal_scoring import Fit, score
 from windsysid.spectral.oma_data import Line, Readings
 from windsysid.spectral.order import BandFit
 
-__all__ = ["half_fits", "misfit", "mode_doubts"]
+__all__ = ["half_fits", "is_flank", "misfit", "mode_doubts"]
 
 MAX_MISFIT = 5.0
 """Standard deviations by which the spectrum may leave the model in an eighth of a band."""
 
 MAX_HALVES = 3.5
 """Standard deviations by which the halves of a record may differ."""
+
+MAX_ALONE = 2.0
+"""Standard deviations by which all channels together may differ from what is along the shape."""
+
+UNSEEN = 1.2
+"""Standard deviation of ln ζ, beyond which it is the prior's."""
 
 SURE_OF_DAMPING = 0.6
 """Standard deviation of ln ζ, beyond which a record is too short for the mode."""
@@ -36,6 +42,16 @@ MAX_FADE = 4.5
 
 FADED = 2.6
 """… where it also has that many times the mean."""
+
+
+AT_BORDER = "it sits at the border of its band"
+
+
+def is_flank(found: BandFit, j: int, length: float) -> bool:
+    """Whether mode j stands for what reaches into the band from outside: its frequency is not inside, or its damping is
+    not seen."""
+    f = float(found.fit.modes.frequency[j])
+    return not found.bins[0] < f * length < found.bins[-1] or found.fit.std(j)[1] > UNSEEN
 
 
 def misfit(found: BandFit) -> tuple[float, float]:
@@ -84,7 +100,7 @@ def mode_doubts(found: BandFit, j: int, response: Complex, halves: Sequence[Fit]
             f"{np.exp(2.0 * min(std_z, 3.0)):.2g}"
         )
     if not found.bins[0] < (f - z * f) * length or not (f + z * f) * length < found.bins[-1]:
-        doubts.append("it sits at the border of its band")
+        doubts.append(AT_BORDER)
     off, at = misfit(found)
     if abs(off) > MAX_MISFIT:
         doubts.append(
@@ -92,6 +108,13 @@ def mode_doubts(found: BandFit, j: int, response: Complex, halves: Sequence[Fit]
         )
     doubts += _line_doubts(f, z, length, readings.lines)
     doubts += _history_doubts(found, f, z, response, length)
+    alone = _along_shape(found, j)
+    apart = abs(np.log(float(alone.modes.frequency[j]) / f)) / alone.std(j)[0]
+    if apart > MAX_ALONE:
+        doubts.append(
+            f"the channels disagree: along its shape alone its frequency is {float(alone.modes.frequency[j]):.4g} "
+            f"Hz, {apart:.1f} σ away"
+        )
     if len(halves) == 2:
         for i, name in enumerate(("frequency", "damping")):
             logs = [np.log((half.modes.frequency, half.modes.damping)[i][j]) for half in halves]
@@ -99,6 +122,17 @@ def mode_doubts(found: BandFit, j: int, response: Complex, halves: Sequence[Fit]
             if apart > MAX_HALVES:
                 doubts.append(f"the halves of the record differ in {name} by {apart:.1f} σ")
     return doubts
+
+
+def _along_shape(found: BandFit, j: int) -> Fit:
+    """The modes of a band from the readings along the shape of mode j alone: loads that reach other channels by other
+    ways have no say there."""
+    modes, band = found.fit.modes, found.band
+    way = modes.shape[:, j] / np.linalg.norm(modes.shape[:, j])
+    power = np.einsum("i,kij,j->k", way.conj(), band.power, way).reshape(-1, 1, 1)
+    rest = np.linalg.norm(way.conj() @ modes.rest)
+    start = modes._replace(shape=(way.conj() @ modes.shape)[None], rest=np.array([[rest]], dtype=np.complex128))
+    return score(start, band._replace(power=np.ascontiguousarray(power)), converged=0.01)
 
 
 def _line_doubts(f: float, z: float, length: float, lines: Sequence[Line]) -> list[str]:

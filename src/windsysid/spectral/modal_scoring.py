@@ -21,8 +21,11 @@ MAX_STEPS = 40
 MAX_TRIALS = 12
 """Of steps ever shorter."""
 
-CONVERGED = 1e-3
-"""Decrease of J that a step promises, below which it is the last."""
+CONVERGED = 0.01
+"""Decrease of J that a step promises, below which it is the last: a seventh of a standard deviation."""
+
+ENDED = 0.1
+"""Decrease of J that may be left where a search has ended."""
 
 DAMPING_PRIOR = (np.log(0.015), 1.5)
 """Centre and spread of ln ζ: 0.075 … 30 % are within two of it."""
@@ -68,12 +71,12 @@ def score(start: Modes, band: Band, *, max_steps: int = MAX_STEPS, converged: fl
             if new < cost or promised < converged:
                 break
             mu = max(6.0 * mu, 1e-3)
-        ended = promised < converged
+        ended = promised < max(converged, ENDED)
         if not new < cost:
             break
         modes, here, cost = trial, there, new
         mu = max(0.15 * mu, 1e-9)
-        if ended:
+        if promised < converged:
             break
     deviance = 2.0 * (cost - prior.cost(modes))
     return Fit(modes, np.asarray(np.linalg.inv(here.fisher), dtype=np.float64), deviance, ended)

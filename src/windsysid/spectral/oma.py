@@ -17,7 +17,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.spectral.bands import Peak, find_peaks, group_peaks
-from windsysid.spectral.modal_checks import half_fits, mode_doubts
+from windsysid.spectral.modal_checks import half_fits, is_flank, mode_doubts
 from windsysid.spectral.modal_model import spectrum
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.spectral.oma_data import Readings, prepare_readings, transforms
@@ -30,8 +30,14 @@ __all__ = ["analyse_vibration"]
 MOST_MODES = 5
 """In one band."""
 
+AGAIN = 2
+"""Times that bands are placed anew."""
+
 MOVED = 0.15
 """Of a band's width: a band whose borders should have been farther away than that is fitted again."""
+
+HUMP = 0.01
+"""A peak this near to a harmonic of the rotor, relative, is one of the wind that blades sample."""
 
 NEAR_REFERENCE = 0.08
 """A mode this near to one that the turbine file gives may be that mode."""
@@ -86,16 +92,20 @@ def analyse_vibration(
     step = float(frequency[1])
     if bands is None:
         say("spectral peaks")
-        peaks = find_peaks(frequency, values, readings.low, readings.high)
+        peaks = [
+            peak._replace(alone=_is_hump(peak, readings))
+            for peak in find_peaks(frequency, values, readings.low, readings.high)
+        ]
         wanted = group_peaks(peaks, step, readings.low, readings.high)
     else:
         wanted = [_checked_band(band, readings, step) for band in bands]
     found: list[BandFit] = []
     for low, high, count in wanted:
         say(f"{low:.4g} … {high:.4g} Hz")
-        found.append(_fit(frequency, values, readings, low, high, count))
-    if bands is None:
-        found = _once_more(found, frequency, values, readings)
+        found.append(_fit(frequency, values, readings, low, high, count, MOST_MODES if bands is not None else count))
+    for again in range(AGAIN if bands is None else 0):
+        say("bands around what was found")
+        found = _once_more(found, frequency, values, readings, keep=again > 0)
     empty = [
         (low, high)
         for (low, high, _), one in zip(wanted, found, strict=False)
@@ -147,7 +157,9 @@ def _checked_band(band: tuple[float, float], readings: Readings, step: float) ->
     return low, high, 1
 
 
-def _fit(frequency: Array, values: Complex, readings: Readings, low: float, high: float, count: int) -> BandFit:
+def _fit(
+    frequency: Array, values: Complex, readings: Readings, low: float, high: float, count: int, most: int
+) -> BandFit:
     """The modes of one band, its lines left out."""
     inside = (frequency >= low) & (frequency <= high)
     for line in readings.lines:
@@ -155,23 +167,25 @@ def _fit(frequency: Array, values: Complex, readings: Readings, low: float, high
         if off[inside].size and off[inside].min() < line.half_width and inside.sum() > 16:
             inside &= off > line.half_width
     bins = np.flatnonzero(inside)
-    return fit_band(values[bins], bins, readings.samples, readings.rate, count, MOST_MODES)
+    return fit_band(values[bins], bins, readings.samples, readings.rate, count, most)
 
 
 def _modes_of(found: BandFit) -> int:
     return len(found.fit.modes.frequency) if found.against_none > LEAST_EVIDENCE else 0
 
 
-def _once_more(found: Sequence[BandFit], frequency: Array, values: Complex, readings: Readings) -> list[BandFit]:
-    """Bands around the modes that were found; those that are where they should be stay."""
+def _once_more(
+    found: Sequence[BandFit], frequency: Array, values: Complex, readings: Readings, *, keep: bool
+) -> list[BandFit]:
+    """Bands around the modes that were found; those that are where they should be stay where `keep` says so."""
     step = float(frequency[1])
     peaks = []
     for one in found:
         if _modes_of(one):
-            low, high = one.band.frequency[[0, -1]]
-            for f, z in zip(one.fit.modes.frequency, one.fit.modes.damping, strict=True):
-                if low <= f <= high:
-                    peaks.append(Peak(float(f), float(max(z * f, 0.5 * step)), one.against_none))
+            for j, (f, z) in enumerate(zip(one.fit.modes.frequency, one.fit.modes.damping, strict=True)):
+                if not is_flank(one, j, 1.0 / step):
+                    peak = Peak(float(f), float(max(z * f, 0.5 * step)), one.against_none)
+                    peaks.append(peak._replace(alone=_is_hump(peak, readings)))
     single: list[Peak] = []
     for peak in sorted(peaks):
         if single and peak.frequency - single[-1].frequency < 0.3 * min(peak.half_width, single[-1].half_width):
@@ -180,14 +194,22 @@ def _once_more(found: Sequence[BandFit], frequency: Array, values: Complex, read
             single.append(peak)
     again = []
     for low, high, count in group_peaks(single, step, readings.low, readings.high):
-        same = [one for one in found if _is_same(one, low, high, count)]
-        again.append(same[0] if same else _fit(frequency, values, readings, low, high, count))
+        same = keep and [one for one in found if _is_same(one, low, high, count, 1.0 / step)]
+        again.append(same[0] if same else _fit(frequency, values, readings, low, high, count, MOST_MODES))
     return again
 
 
-def _is_same(found: BandFit, low: float, high: float, count: int) -> bool:
+def _is_hump(peak: Peak, readings: Readings) -> bool:
+    """Whether a peak stands on a harmonic of the rotor: the wind that blades sample, which shares no band with a
+    mode."""
+    n = round(peak.frequency / readings.rotor_hz) if readings.rotor_hz else 0
+    return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < max(HUMP * peak.frequency, 0.3 * peak.half_width)
+
+
+def _is_same(found: BandFit, low: float, high: float, count: int, length: float) -> bool:
     first, last = found.band.frequency[[0, -1]]
-    return _modes_of(found) == count and max(abs(first - low), abs(last - high)) < MOVED * (high - low)
+    seen = sum(not is_flank(found, j, length) for j in range(_modes_of(found)))
+    return seen == count and max(abs(first - low), abs(last - high)) < MOVED * (high - low)
 
 
 def _described(found: BandFit, halves: Sequence[tuple[Array, Complex]], readings: Readings) -> list[OperationalMode]:
@@ -195,7 +217,10 @@ def _described(found: BandFit, halves: Sequence[tuple[Array, Complex]], readings
     shapes = full_shapes(found)
     both = half_fits(found, halves, readings.samples, readings.rate)
     fit, described = found.fit, []
+    length = readings.samples / readings.rate
     for j in range(len(fit.modes.frequency)):
+        if is_flank(found, j, length):
+            continue
         f, z = float(fit.modes.frequency[j]), float(fit.modes.damping[j])
         std_f, std_z = fit.std(j)
         described.append(

@@ -37,6 +37,9 @@ LOWEST_BINS = 8
 STEADY = 0.02
 """Relative standard deviation of the rotor speed, beyond which harmonics and whirls are smeared."""
 
+TRANSIENT = 0.6
+"""Share of the vibration in an eighth of the record, beyond which it is a transient."""
+
 TELLING = frozenset({"spikes", "clipping", "frozen", "gaps", "saturation"})
 """Faults that change a spectrum."""
 
@@ -144,6 +147,7 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     if machines:
         listed = ", ".join(f"{f:.4g}" for f in machines[:8]) + (" …" if len(machines) > 8 else "")
         notes.append(f"steady lines were taken out at {listed} Hz: no vibration under random loads looks like that")
+    doubts += _transient(values)
     names = [sensor.channel for sensor in chosen]
     sets, incomplete = blade_sets(names)
     on_blades = [c for found in sets for c in found.columns]
@@ -241,6 +245,18 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
             f"100 cycles of a mode"
         )
     return record
+
+
+def _transient(values: Array) -> list[str]:
+    """A doubt where an eighth of the record has most of the vibration of half the channels."""
+    energy = np.array([np.sum(part**2, axis=0) for part in np.array_split(np.diff(values, axis=0), 8)])
+    most = float(np.median(energy.max(axis=0) / np.maximum(energy.sum(axis=0), 1e-300)))
+    if most < TRANSIENT:
+        return []
+    return [
+        f"the record is a transient: an eighth of it has {100 * most:.0f} % of the vibration; a free decay is for "
+        f"windsysid identify"
+    ]
 
 
 def _bridged(values: Array) -> Array:

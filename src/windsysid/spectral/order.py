@@ -84,7 +84,7 @@ class Shapes(NamedTuple):
 
 
 def fit_band(values: Complex, bins: NDArray[np.int64], samples: int, rate: float, peaks: int, most: int) -> BandFit:
-    """The modes of a band by evidence, at most `most`.
+    """The modes of a band by evidence, at most `most`; roughly where these are no more than there are peaks.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def fit_band(values: Complex, bins: NDArray[np.int64], samples: int, rate: float
     peaks
         How many peaks were seen: so many are tried before the search may end.
     """
-    directions, back = _principal(values, min(values.shape[1], peaks + 3))
+    directions, back = _principal(values, min(values.shape[1], peaks + 2))
     band = band_data(values @ back.T, bins, samples, rate)
     best = score(without_modes(band), band, converged=ROUGH)
     none = least = _evidence(best, len(bins))
@@ -105,7 +105,7 @@ def fit_band(values: Complex, bins: NDArray[np.int64], samples: int, rate: float
             best, least = last, now
         elif r >= peaks:
             break
-    if len(best.modes.frequency):
+    if len(best.modes.frequency) and most > peaks:
         best = score(best.modes, band, max_steps=POLISH_STEPS)
     return BandFit(best, band, values, bins, directions, none - least)
 

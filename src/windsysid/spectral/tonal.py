@@ -21,10 +21,10 @@ TAPERS, BANDWIDTH = 7, 4.0
 FALSE_LINES = 1e-3
 """Lines that the test may find by chance in a record without any."""
 
-MISSED = 10.0
+MISSED = 3.0
 """By how much a line between two frequencies of a transform may be seen less."""
 
-MOST_TRIED = 20
+MOST_TRIED = 5
 """Possible lines of a channel that are looked at closely."""
 
 

@@ -1,0 +1,211 @@
+"""Operational modal analysis on records with known modes: do the bands hold the truth, and what does it cost?
+
+- Closely spaced modes, 0.98, 1.00, 1.02 Hz with 0.8, 1.0, 1.2 % (the benchmark of the Bayesian literature: Au,
+Operational Modal Analysis, Springer 2017), 5 000 s. - One mode at several lengths, beside Au's laws, c_f² = ζ/(2π N_c
+B_f) and c_ζ² = 1/(2π ζ N_c B_ζ) with N_c cycles and the band f (1 ± 10 ζ). - Frames of N storeys, 600 s at 50 Hz,
+output only: white forces on every storey, 1 % noise on every geophone. - OpenFAST (`--openfast FOLDER`): c2 and d1,
+tower and edgewise modes.
+
+Oscillators are sampled exactly, by the matrix exponential of state and noise covariance. Seeds begin at `FRESH`, beyond
+those that tests and development used.
+
+``python -m validation.oma [--runs N] [--openfast FOLDER]`` prints the tables.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import eigh, expm
+from scipy.signal import lfilter
+
+from windsysid.console import render
+from windsysid.records.formats import read_record
+from windsysid.records.record import Record
+from windsysid.spectral.oma import analyse_vibration
+from windsysid.spectral.operational import OperationalMode
+
+Array = np.ndarray
+
+FRESH = 50_000
+CLOSE = ((0.98, 0.008), (1.00, 0.010), (1.02, 0.012))
+LENGTHS = (200.0, 500.0, 1500.0)
+STOREYS = (5, 10, 20)
+KAPPA = 10.0
+
+FILES = {"c2": "c2_turb12_full.outb", "d1": "d1_turb12_full_KSS090.outb"}
+TRUTH = {"c2": (0.3153, 0.8908, 1.0402, 1.2990), "d1": (0.2986, 0.8907, 1.0323, 1.2988)}
+TIPS = ("tower_x_acceleration", *(f"blade_{b}_tip_lag_acceleration" for b in (1, 2, 3)))
+
+
+def responses(
+    modes: Sequence[tuple[float, float]], mixing: Array, rate: float, samples: int, rng: np.random.Generator
+) -> Array:
+    """Velocities (T, r) of modes q̈ + 2ζω q̇ + ω² q = w under white loads `mixing` (r, s), sampled exactly."""
+    r = len(modes)
+    state, load = np.zeros((2 * r, 2 * r)), np.zeros((2 * r, mixing.shape[1]))
+    for j, (f, z) in enumerate(modes):
+        w = 2.0 * np.pi * f
+        state[2 * j, 2 * j + 1] = 1.0
+        state[2 * j + 1, 2 * j : 2 * j + 2] = -w * w, -2.0 * z * w
+        load[2 * j + 1] = mixing[j]
+    n = 2 * r
+    both = expm(np.block([[-state, load @ load.T], [np.zeros((n, n)), state.T]]) / rate)
+    step = both[n:, n:].T
+    noise = step @ both[:n, n:]
+    sizes, ways = np.linalg.eigh(0.5 * (noise + noise.T))
+    lead = int(8.0 / (2.0 * np.pi * min(f * z for f, z in modes)) * rate)
+    shocks = rng.normal(size=(samples + lead, n)) @ (ways * np.sqrt(np.maximum(sizes, 0.0))).T
+    poles, vectors = np.linalg.eig(step)
+    turned = shocks @ np.linalg.inv(vectors).T
+    x = np.column_stack([lfilter([1.0], [1.0, -p], turned[:, i]) for i, p in enumerate(poles)]) @ vectors.T
+    return np.asarray(x.real[lead:, 1::2])
+
+
+def record(values: Array, rate: float) -> Record:
+    """Readings (T, n) as a record."""
+    names = tuple(f"point_{i}_velocity" for i in range(1, values.shape[1] + 1))
+    return Record(np.arange(len(values)) / rate, values, names, ("m/s",) * len(names), name="simulated")
+
+
+def scored(modes: Sequence[OperationalMode], truth: Sequence[tuple[float, float]]) -> list[tuple[float, float, bool]]:
+    """z of frequency and of ln ζ, and whether it was trusted, for each true mode that was found: the nearest within 5
+    %."""
+    found = []
+    for f, z in truth:
+        near = [mode for mode in modes if abs(mode.frequency / f - 1.0) < 0.05]
+        if near:
+            mode = min(near, key=lambda m: abs(m.frequency - f))
+            found.append(
+                (
+                    (mode.frequency - f) / mode.frequency_std,
+                    float(np.log(mode.damping / z)) / mode.ln_damping_std,
+                    mode.trusted,
+                )
+            )
+    return found
+
+
+def row(name: str, zs: Sequence[tuple[float, float, bool]], expected: int, seconds: float) -> tuple[str, ...]:
+    """A line of a table: how often ±2σ held the truth."""
+    z = np.array([(a, b) for a, b, _ in zs]).reshape(-1, 2)
+    held = np.mean(np.abs(z) < 2.0, axis=0) if len(z) else (np.nan, np.nan)
+    mean, rms = z.mean(axis=0), np.sqrt(np.mean(z**2, axis=0))
+    trusted = sum(t for *_, t in zs)
+    return (
+        name, f"{len(zs)} of {expected}", f"{100 * held[0]:.1f} %", f"{100 * held[1]:.1f} %", (f"{mean[0]:+.2f}, "
+            f"{mean[1]:+.2f}"),
+        f"{rms[0]:.2f}, {rms[1]:.2f}", str(trusted), f"{seconds:.2f}",
+    )  # fmt: skip
+
+
+HEADINGS = ("case", "modes found", "f in ±2σ", "ζ in ±2σ", "mean z", "rms z", "trusted", "seconds")
+
+
+def close_modes(runs: int) -> Iterator[tuple[str, ...]]:
+    """Three modes two per cent apart."""
+    zs, expected, spent = [], 0, 0.0
+    for seed in range(FRESH, FRESH + runs):
+        rng = np.random.default_rng(seed)
+        q = responses(CLOSE, np.eye(3), 8.0, 40_000, rng)
+        y = (q / q.std(axis=0)) @ rng.normal(size=(3, 4)) + 0.05 * rng.normal(size=(40_000, 4))
+        found = analyse_vibration(record(y, 8.0))
+        zs += scored(found.modes, CLOSE) if len(found.modes) == 3 else []
+        expected, spent = expected + 3, spent + found.elapsed
+    yield row("three close modes, 5 000 s", zs, expected, spent / runs)
+
+
+def single_modes(runs: int) -> Iterator[tuple[str, ...]]:
+    """One mode at several lengths, beside Au's laws."""
+    b_f = 2 / np.pi * (np.arctan(KAPPA) - KAPPA / (KAPPA**2 + 1))
+    b_z = 2 / np.pi * (np.arctan(KAPPA) + KAPPA / (KAPPA**2 + 1) - 2 * np.arctan(KAPPA) ** 2 / KAPPA)
+    for length in LENGTHS:
+        zs, ratios, spent = [], [], 0.0
+        for seed in range(FRESH + 1000, FRESH + 1000 + runs):
+            rng = np.random.default_rng(seed)
+            samples = int(8 * length)
+            q = responses([(1.0, 0.01)], np.eye(1), 8.0, samples, rng)
+            y = q / q.std() * np.array([1.0, 0.6, -0.3]) + 0.05 * rng.normal(size=(samples, 3))
+            found = analyse_vibration(record(y, 8.0))
+            zs += scored(found.modes, [(1.0, 0.01)])
+            spent += found.elapsed
+            ratios += [
+                (m.frequency_std / m.frequency / np.sqrt(m.damping / (2 * np.pi * length * b_f)),
+                m.ln_damping_std * np.sqrt(2 * np.pi * m.damping * length * b_z))
+                for m in found.modes if abs(m.frequency - 1.0) < 0.05
+            ]  # fmt: skip
+        over = np.median(ratios, axis=0)
+        yield row(f"one mode, {length:g} s; σ over Au's law {over[0]:.2f}, {over[1]:.2f}", zs, runs, spent / runs)
+
+
+def frame(storeys: int) -> tuple[list[tuple[float, float]], Array]:
+    """Modes of a shear frame, 1 to about 12 Hz, 1 % each, and its shapes (N, N) for unit modal masses."""
+    k = 2.0 * np.eye(storeys) - np.eye(storeys, k=1) - np.eye(storeys, k=-1)
+    k[-1, -1] = 1.0
+    squares, shapes = eigh(k)
+    frequency = np.sqrt(squares / squares[-1]) * 12.0
+    return [(float(f), 0.01) for f in frequency], shapes
+
+
+def frames(runs: int) -> Iterator[tuple[str, ...]]:
+    """Frames of several storeys."""
+    for storeys in STOREYS:
+        modes, shapes = frame(storeys)
+        zs, spent = [], 0.0
+        for seed in range(FRESH + 2000, FRESH + 2000 + runs):
+            rng = np.random.default_rng(seed)
+            y = responses(modes, shapes.T, 50.0, 30_000, rng) @ shapes.T
+            y += 0.01 * y.std(axis=0) * rng.normal(size=y.shape)
+            found = analyse_vibration(record(y, 50.0))
+            zs += scored(found.modes, modes)
+            spent += found.elapsed
+        yield row(f"frame of {storeys} storeys, 600 s at 50 Hz", zs, storeys * runs, spent / runs)
+
+
+def turbines(folder: Path) -> Iterator[tuple[str, ...]]:
+    """c2 and d1 beside their true modes."""
+    for name, file in FILES.items():
+        found = analyse_vibration(read_record(folder / file), sensors=TIPS, section=(60.0, 600.0))
+        for truth in TRUTH[name]:
+            mode = min(found.modes, key=lambda m: abs(m.frequency - truth))
+            off = mode.frequency - truth
+            yield (name, mode.name, f"{truth:.4f}", f"{mode.frequency:.4f}", f"{100 * off / truth:+.2f} %",
+            f"{off / mode.frequency_std:+.1f}",
+                   "yes" if mode.trusted else f"no: {mode.doubts[0]}", f"{found.elapsed:.1f}")  # fmt: skip
+
+
+def table(title: str, headings: Sequence[str], rows: Iterator[tuple[str, ...]]) -> None:
+    """Print a table, and its lines as they come."""
+    from rich.table import Table
+
+    shown = Table(title=title, title_justify="left")
+    for heading in headings:
+        shown.add_column(heading)
+    for cells in rows:
+        print(*cells, sep=" | ", file=sys.stderr, flush=True)
+        shown.add_row(*cells)
+    print(render(shown, width=150), flush=True)
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=50, help="records of close modes and of single modes (50)")
+    parser.add_argument("--frames", type=int, default=3, help="records of each frame (3)")
+    parser.add_argument("--openfast", type=Path, help="folder of c2 and d1")
+    given = parser.parse_args()
+    began = time.time()
+    if given.openfast is not None:
+        headings = ("record", "mode", "truth [Hz]", "found", "error", "z", "trusted", "seconds")
+        table("OpenFAST, 540 s of wind", headings, turbines(given.openfast))
+    table("frames, output only", HEADINGS, frames(given.frames))
+    table("close modes", HEADINGS, close_modes(given.runs))
+    table("one mode", HEADINGS, single_modes(given.runs))
+    print(f"{time.time() - began:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
