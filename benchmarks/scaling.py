@@ -30,7 +30,7 @@ from windsysid.identification import posterior_mode as likelihood
 from windsysid.identification.force_balance import Balance, analysis_band, balance_statespace
 from windsysid.identification.joint import first_estimate
 from windsysid.identification.prior import identifiable
-from windsysid.identification.problem import Problem, pose
+from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.identification.recursive import MEMORY, advance, begin
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
@@ -73,7 +73,7 @@ def with_blades(turbine: Turbine, blades: int) -> Turbine:
     return replace(turbine, model=model, values=values, loads=tuple(loads), sensors=tuple(sensors))
 
 
-def posed(turbine: Turbine, samples: int) -> Problem:
+def posed(turbine: Turbine, samples: int) -> TurbineProblem:
     record = simulate_record(turbine, duration=samples / RATE, rate=RATE, seed=1)
     return pose(record, turbine, turbine.sensors, Prior())
 

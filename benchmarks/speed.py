@@ -32,7 +32,7 @@ from windsysid.filters.bank import LANES, bank_of, run_bank
 from windsysid.filters.protocol import empty_info
 from windsysid.identification.posterior_mode import posterior_mode
 from windsysid.identification.prior import Prior
-from windsysid.identification.problem import Problem, pose
+from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.simulation.record import simulate_record
 
 Array = np.ndarray
@@ -89,7 +89,7 @@ def _said(*command: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, cwd=HERE, check=False).stdout.strip()
 
 
-def on_one_core(problem: Problem, inputs: Array, readings: Array, console: Console) -> Table:
+def on_one_core(problem: TurbineProblem, inputs: Array, readings: Array, console: Console) -> Table:
     """Microseconds per sample: windsysid, C, their ratios."""
     joint, state_only = problem.model, problem.build(problem.prior[0])
     runs: dict[str, Callable[[], object]] = {}
@@ -147,7 +147,7 @@ def in_turns(runs: dict[str, Callable[[], object]], repeats: int) -> dict[str, f
     return least
 
 
-def searches(problem: Problem, readings: Array) -> Table:
+def searches(problem: TurbineProblem, readings: Array) -> Table:
     """Seconds to the mode of the posterior of a whole record, the passes of the joint filter for a start included."""
     table = Table(title=f"Mode of the posterior, {len(readings)} samples", title_justify="left")
     for heading in ("unknowns", "number", "steps", "seconds"):

@@ -16,6 +16,7 @@ from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash
 from windsysid.simulation.record import simulate_record
+from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
 
@@ -165,3 +166,40 @@ def test_pieces_that_do_not_go_on_are_refused(verne555: Turbine, whole: Record):
         )
     with pytest.raises(RecordError, match="no pieces"):
         identify_pieces([], verne555)
+
+
+def test_spikes_are_left_out_of_pieces_as_of_the_whole(verne555: Turbine, whole: Record):
+    values = whole.values.copy()
+    values[[130, 500, 777, 1100], whole.channels.index("tower_x_acceleration")] += 30.0
+    spiky = replace(whole, values=values)
+    one = identify(spiky, verne555, loads="broadband")
+    found = identify_pieces(pieces(spiky, 8.0), verne555, loads="broadband")
+    (note,) = [note for note in found.notes if "left out as outliers" in note]
+    assert note in one.notes
+    assert note.startswith("4 of 1200 samples of tower_x_acceleration")
+    for e in found.estimates:
+        assert abs(e.estimate - one[e.name].estimate) < 0.05 * e.std, e.name
+
+
+def test_the_diagnosis_judges_all_pieces(verne555: Turbine, whole: Record):
+    values = whole.values.copy()
+    tone = np.sin(2.0 * np.pi * 4.0 * whole.time[:400])  # in the first piece alone, where something answers
+    column = whole.channels.index("tower_x_acceleration")
+    values[:400, column] += 5.0 * np.nanstd(values[:, column]) * tone
+    found = identify_pieces(pieces(replace(whole, values=values), 8.0), verne555, loads="broadband")
+    assert not found.diagnosis.trusted
+
+
+def test_a_tower_is_resampled_and_chooses_its_loads_in_pieces_as_in_one():
+    tower = load_turbine("tower")
+    record = simulate_record(tower, duration=400.0, rate=12.0, seed=2)
+    one = identify(record, tower)
+    found = identify_pieces(pieces(record, 90.0), tower)
+    assert found.rate == pytest.approx(one.rate)
+    assert found.samples == one.samples
+    assert found.notes[0] == one.notes[0]
+    assert found.notes[0].startswith("resampled from 12 to")
+    assert [n for n in found.notes if n.startswith("load")] == [n for n in one.notes if n.startswith("load")]
+    for e in found.estimates:
+        assert abs(e.estimate - one[e.name].estimate) < 0.02 * e.std, e.name
+    assert found.modes[0].frequency_hz[0] == pytest.approx(one.modes[0].frequency_hz[0], rel=1e-4)

@@ -13,7 +13,7 @@ from windsysid._types import Array
 from windsysid.identification.load_choice import Question, choose
 from windsysid.identification.outcome import Outcome, known_loads
 from windsysid.identification.prior import Prior
-from windsysid.identification.problem import Problem
+from windsysid.identification.problem import TurbineProblem
 from windsysid.identification.recursive import join_histories, spread_over_samples
 from windsysid.identification.solve import Solution, solve
 from windsysid.loads.family import candidates
@@ -26,7 +26,7 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["describe_solution", "first_estimate", "identify_jointly", "load_models"]
 
 
-PERIODS = 10.0
+FIRST_PERIODS = 10.0
 """Periods of the slowest degree of freedom before the first estimate on line."""
 
 
@@ -57,11 +57,11 @@ def load_models(record: Record, turbine: Turbine, loads: str) -> tuple[str, ...]
 def first_estimate(turbine: Turbine, rate: float) -> int:
     """Samples before the first estimate on line."""
     slowest = min(turbine.natural_frequency(name) for name in turbine.model.coordinates)
-    return math.ceil(PERIODS * 2.0 * math.pi / slowest * rate)
+    return math.ceil(FIRST_PERIODS * 2.0 * math.pi / slowest * rate)
 
 
 def describe_solution(
-    problem: Problem, solution: Solution, given: Turbine, why: str, history: tuple[Array, Array], elapsed: float
+    problem: TurbineProblem, solution: Solution, given: Turbine, why: str, history: tuple[Array, Array], elapsed: float
 ) -> Outcome:
     """What was found, with notes and doubts.
 
@@ -98,7 +98,7 @@ def describe_solution(
     )
 
 
-def _describe_loads(problem: Problem, why: str) -> tuple[str, ...]:
+def _describe_loads(problem: TurbineProblem, why: str) -> tuple[str, ...]:
     """What was taken for the loads, and why."""
     total = "damping is total: structure and aerodynamics"
     if not problem.loads.statistics:

@@ -25,7 +25,7 @@ from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.prior import Prior
-from windsysid.identification.problem import FIRST_WIDTH, Problem, pose
+from windsysid.identification.problem import FIRST_WIDTH, TurbineProblem, pose
 from windsysid.identification.recursive import MEMORY, History, Online, advance, begin, finish, join_histories
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, values_of
@@ -40,7 +40,7 @@ __all__ = ["Candidate", "Choice", "Question", "choose"]
 Start = Callable[[Array, Array], tuple[Array, Array]]
 
 
-TRIAL = 2
+TRIAL_LENGTH = 2
 """How many times the first samples are enough to compare models: a difference that matters is overwhelming there."""
 
 
@@ -75,7 +75,7 @@ class Candidate(NamedTuple):
         Whether its loads make a good part of the motion that it does not explain.
     """
 
-    problem: Problem
+    problem: TurbineProblem
     online: Online
     history: History
     log_evidence: float
@@ -112,7 +112,7 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
         warming += time.perf_counter() - begun
         candidate = _start_candidate(problem, first)
         try:
-            candidate = _take_in(candidate, TRIAL * first, rate, _start(problem, tried))
+            candidate = _take_in(candidate, TRIAL_LENGTH * first, rate, _start(problem, tried))
             if candidate.white and not tried:
                 candidate = _take_in(candidate, MEMORY * first, rate, problem.start)
         except (WindsysidError, np.linalg.LinAlgError):  # the record drives this model out of bounds
@@ -125,10 +125,10 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
     if not tried:
         raise WindsysidError("no load model fits this record: check units, the turbine file and the priors")
     best = max(tried, key=lambda candidate: candidate.log_evidence)
-    return Choice(best, _describe_choice(best, tried, TRIAL * first / rate), warming)
+    return Choice(best, _describe_choice(best, tried, TRIAL_LENGTH * first / rate), warming)
 
 
-def _warm(problem: Problem) -> None:
+def _warm(problem: TurbineProblem) -> None:
     """Compile or load every kernel."""
     nothing = problem.inputs[:0], problem.readings[:0]
     for model in (problem.model, problem.build(problem.prior[0])):
@@ -136,7 +136,7 @@ def _warm(problem: Problem) -> None:
     run_bank(bank_of([model]), *nothing)
 
 
-def _start_candidate(problem: Problem, first: int) -> Candidate:
+def _start_candidate(problem: TurbineProblem, first: int) -> Candidate:
     """A model that has seen nothing."""
     online = begin(*problem.prior, first, (problem.inputs.shape[1], problem.readings.shape[1]))
     history = advance(problem.build, online, problem.inputs[:0], problem.readings[:0])[1]
@@ -167,7 +167,7 @@ def _log_evidence(log_likelihood: float, known: Online) -> float:
     return log_likelihood - 0.5 * float(off @ prior @ off) + 0.5 * (sizes[0] - sizes[1])
 
 
-def _is_explained(problem: Problem, info: Info, rate: float) -> bool:
+def _is_explained(problem: TurbineProblem, info: Info, rate: float) -> bool:
     """Whether the innovations have no peak within reach of a natural frequency."""
     turbine = problem.turbine
     natural = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
@@ -187,7 +187,7 @@ def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
     return bool(np.any(by_loads > MIN_LOAD_SHARE**2 * motion))
 
 
-def _start(problem: Problem, tried: Sequence[Candidate]) -> Start:
+def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
     """Where to look first: the simplest model where its joint filter ends, others at the prior, with loads as loud as the simplest found them."""
     if not tried and problem.loads.name == next(iter(HYPOTHESES)):
         return problem.start

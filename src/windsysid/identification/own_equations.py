@@ -199,7 +199,7 @@ def fit(
         rate=part.rate,
         samples=taken.number,
         elapsed=elapsed,
-        estimates=tuple(map(_estimate, parameters, found.mean[:n], spread[:n])),
+        estimates=tuple(map(_describe_parameter, parameters, found.mean[:n], spread[:n])),
         modes=(),
         parameters=tuple(parameters),
         time=times,
@@ -217,8 +217,8 @@ def fit(
             *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
         ),
         statistics=tuple(learned),
-        diagnosis=_diagnosis(
-            found, joint, part.rate, _damped_by_the_step(problem.build(found.mean), found.info, found.inputs)
+        diagnosis=_diagnose(
+            found, joint, part.rate, _list_step_doubts(problem.build(found.mean), found.info, found.inputs)
         ),
         states=plain.states,
         state_mean=found.info.mean,
@@ -294,7 +294,7 @@ def _go_on(before: Record, piece: Record, sensors: Sequence[Any]) -> Record:
     return replace(piece, time=time, values=values)
 
 
-def _estimate(q: Parameter, theta: float, std: float) -> Estimate:
+def _describe_parameter(q: Parameter, theta: float, std: float) -> Estimate:
     """A parameter in its own unit."""
     low, value, high = (float(q.physical(theta + k * std)) for k in (-SIGMAS, 0.0, SIGMAS))
     return Estimate(
@@ -305,7 +305,7 @@ def _estimate(q: Parameter, theta: float, std: float) -> Estimate:
     )  # fmt: skip
 
 
-def _damped_by_the_step(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:
+def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:
     """A doubt where the Runge–Kutta method itself makes more than `MAX_STEP_SHARE` of the damping of a vibration about the last state."""
     compiled, h = model.compiled, float(model.blocks.step[0])
     n, nu = len(compiled.states), len(compiled.inputs)
@@ -333,7 +333,7 @@ def _damped_by_the_step(model: StateSpace, info: Info, inputs: Array) -> tuple[s
     )
 
 
-def _diagnosis(found: Solution, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
+def _diagnose(found: Solution, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
     """What to think of the result."""
     n = len(model.parameters)
     if not found.settled:

@@ -27,7 +27,7 @@ from windsysid.identification.load_choice import Question, choose
 from windsysid.identification.outcome import Outcome
 from windsysid.identification.prepare import check_length, screened, thin_to_readings, usable_sensors
 from windsysid.identification.prior import Prior
-from windsysid.identification.problem import Problem, pose
+from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.identification.recursive import (
     MEMORY,
     History,
@@ -161,7 +161,7 @@ class _Run:
         self.beginning: list[Prepared] = []
         self.enough = MEMORY * first_estimate(turbine, self.windows.rate)
         self.samples: SamplesOnDisk | None = None
-        self.problem: Problem | None = None
+        self.problem: TurbineProblem | None = None
         self.online: Online | None = None
         self.why, self.histories, self.warming = "", list[History](), 0.0
         self.ended, self.wind = float(first.time[0]), [0.0, 0.0]

@@ -27,7 +27,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.filters.bank import bank_of
 from windsysid.identification.posterior_mode import THREADS, neighbours, score
 from windsysid.identification.prior import Prior, identifiable
-from windsysid.identification.problem import Problem, pose, seen_by
+from windsysid.identification.problem import TurbineProblem, pose, seen_by
 from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
@@ -367,7 +367,7 @@ def _time_scales(turbine: Turbine) -> tuple[float, float, float]:
 
 def _simulated(
     turbine: Turbine, unknown: Sequence[str], rate: float, thinning: int, length: float, settling: float, seed: int
-) -> Problem:
+) -> TurbineProblem:
     """The problem that a record of the planned kind poses, from stationary vibration.
 
     Where modes are slow against the planned rate, only every so many samples are simulated, with noise of the same spectral density.
@@ -379,7 +379,7 @@ def _simulated(
 
 
 def _information(
-    problem: Problem, rate: float, finding: float, progress: Callable[[str], object]
+    problem: TurbineProblem, rate: float, finding: float, progress: Callable[[str], object]
 ) -> tuple[Array, Array]:
     """I(t₀) (n, n), and the growth [1/s] in each block of the record (BLOCKS, n, n), in relative coordinates."""
     theta = problem.prior[0]
@@ -403,7 +403,7 @@ def _information(
     return found[0], np.array(found[1:]) / seconds
 
 
-def _logarithms(problem: Problem) -> Array:
+def _logarithms(problem: TurbineProblem) -> Array:
     """How the logarithms of the statistics move with η: the first derivative of each by each (n, n)."""
     steps = np.eye(len(problem.statistics))
     return np.array([

@@ -39,17 +39,17 @@ __all__ = [
 ]
 
 
-ITERATIONS = 15
-SETTLED = 0.05
+MAX_ITERATIONS = 15
+MODE_TOLERANCE = 0.05
 """Newton's decrement, the squared length of a step in standard deviations, below which it is the last."""
 
-NEAR = 1.0
+CENTRAL_WITHIN = 1.0
 """The same, below which differences are central instead of forward."""
 
-LONGEST = 3.0
+MAX_STEP_SIGMAS = 3.0
 """No step moves a parameter by more than so many standard deviations of its prior."""
 
-HALVINGS = 8
+MAX_HALVINGS = 8
 """How often a step that does not raise the posterior is halved."""
 
 INCREMENT = 0.1
@@ -215,19 +215,19 @@ def find_mode(
             raise WindsysidError(
                 "the likelihood is not finite at the start: check units, the turbine file and the priors"
             )
-        for count in range(1, ITERATIONS + 1):  # noqa: B007 (told to the caller)
+        for count in range(1, MAX_ITERATIONS + 1):  # noqa: B007 (told to the caller)
             theta = here.theta
             curvature = here.found.fisher + information
             pull = here.found.gradient - information @ (theta - prior_mean)
             step = np.asarray(np.linalg.solve(curvature, pull), dtype=np.float64)
             distance = float(step @ curvature @ step)
-            step *= min(1.0, LONGEST / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
+            step *= min(1.0, MAX_STEP_SIGMAS / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
             widths = INCREMENT / np.sqrt(np.diag(curvature))
-            if here.central and distance < SETTLED:  # so short a step is taken unseen
+            if here.central and distance < MODE_TOLERANCE:  # so short a step is taken unseen
                 theta, settled = theta + step, True
                 break
-            central = central or distance < NEAR
-            for _ in range(HALVINGS):
+            central = central or distance < CENTRAL_WITHIN
+            for _ in range(MAX_HALVINGS):
                 candidate = look(build, samples, theta + step, widths, central=central, pool=pool)
                 if (value := objective(candidate)) > best:
                     here, best = candidate, value
@@ -235,7 +235,7 @@ def find_mode(
                     break
                 step = 0.5 * step
             else:
-                settled = central and distance < NEAR
+                settled = central and distance < CENTRAL_WITHIN
                 if settled or central:
                     break
                 central = True

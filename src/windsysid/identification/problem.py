@@ -28,19 +28,20 @@ from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Problem", "pose", "seen_by"]
+__all__ = ["TurbineProblem", "pose", "seen_by"]
 
 
-PASSES = 4
-"""Most passes of the joint filter towards a start; they stop when one moves no parameter by more than `SETTLED` standard deviations."""
+MAX_PASSES = 4
+"""Passes of the joint filter towards a start."""
 
-SETTLED = 0.05
+START_TOLERANCE = 0.05
+"""They stop when one moves no parameter by more than so many standard deviations."""
 
 FIRST_WIDTH = 0.05
 """Standard deviation of the logarithm of a statistic that scales its first differences."""
 
 
-class Problem(NamedTuple):
+class TurbineProblem(NamedTuple):
     """What a record leaves to be found.
 
     Attributes
@@ -103,7 +104,7 @@ class Problem(NamedTuple):
         block, n = self.model.parameter_block, len(self.parameters)
         prior_mean, prior_cov = self.model.mean[block], self.model.cov[block, block]
         theta, cov = prior_mean, prior_cov
-        for _ in range(PASSES):
+        for _ in range(MAX_PASSES):
             mean = self.model.mean.copy()
             mean[block] = theta
             belief, _ = EKF.run(self.model, EKF.init(self.model)._replace(mean=mean), inputs, readings)
@@ -111,7 +112,7 @@ class Problem(NamedTuple):
                 break
             before, cov = theta, belief.cov[block, block]
             theta = belief.mean[block] + cov @ np.linalg.solve(prior_cov, prior_mean - before)
-            if np.all(np.abs(theta - before) < SETTLED * np.sqrt(np.diag(cov))):
+            if np.all(np.abs(theta - before) < START_TOLERANCE * np.sqrt(np.diag(cov))):
                 break
         extra = len(self.statistics)
         start_cov = np.diag(np.full(n + extra, FIRST_WIDTH**2))
@@ -133,7 +134,7 @@ def _compiled(model: MechanicalModel, sensors: tuple[Sensor, ...]) -> CompiledMo
 def pose(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None,
     loads: str = "broadband",
-) -> Problem:  # fmt: skip
+) -> TurbineProblem:  # fmt: skip
     """The problem that a record poses, with the chosen parameters or every coefficient that the sensors see.
 
     `loads` names a load model of `windsysid.loads.family`.
@@ -150,7 +151,7 @@ def pose(
     readings = np.column_stack([record[sensor.channel] for sensor in sensors])
     inputs = np.hstack([known, measured] if record.is_uniform else [known, measured, record.intervals()[1][:, None]])
     statistics = (*supposed.statistics, *noise_groups(sensors))
-    return Problem(turbine, model, tuple(sensors), supposed, statistics, inputs, readings, tuple(notes))
+    return TurbineProblem(turbine, model, tuple(sensors), supposed, statistics, inputs, readings, tuple(notes))
 
 
 def seen_by(turbine: Turbine, sensors: Sequence[Sensor], notes: list[str]) -> Turbine:

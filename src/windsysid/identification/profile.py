@@ -20,7 +20,7 @@ from windsysid.identification.identify import identify
 from windsysid.identification.posterior_mode import Posterior, posterior_mode
 from windsysid.identification.prepare import usable_sensors
 from windsysid.identification.prior import Prior
-from windsysid.identification.problem import Problem, pose
+from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
 from windsysid.records.coercion import RecordLike, as_record
@@ -125,7 +125,7 @@ def profile_likelihood(
     return _profile(problem, names.index(name), found, progress)
 
 
-def _profile(problem: Problem, k: int, found: Identification, progress: Callable[[str], object]) -> Profile:
+def _profile(problem: TurbineProblem, k: int, found: Identification, progress: Callable[[str], object]) -> Profile:
     prior_mean, prior_cov = problem.prior
     n, q = len(problem.parameters), problem.parameters[k]
     start = np.concatenate(
@@ -166,7 +166,7 @@ def _profile(problem: Problem, k: int, found: Identification, progress: Callable
     return Profile(q.name, e.unit, values, -depth, estimate, low, high, (e.low, e.high))
 
 
-def _held(problem: Problem, k: int, value: float, mode: Posterior) -> float:
+def _held(problem: TurbineProblem, k: int, value: float, mode: Posterior) -> float:
     """The greatest log posterior with unknown k held at `value`."""
     prior_mean, prior_cov = problem.prior
     others = np.arange(len(prior_mean)) != k

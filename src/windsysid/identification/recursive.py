@@ -27,7 +27,15 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.filters.bank import Bank, bank_of
-from windsysid.identification.posterior_mode import INCREMENT, SETTLED, THREADS, find_mode, look, neighbours, score
+from windsysid.identification.posterior_mode import (
+    INCREMENT,
+    MODE_TOLERANCE,
+    THREADS,
+    find_mode,
+    look,
+    neighbours,
+    score,
+)
 from windsysid.output.files import claim_file
 from windsysid.statespace.compose import StateSpace
 
@@ -46,13 +54,16 @@ __all__ = [
 
 Start = Callable[[Array, Array], tuple[Array, Array]]
 
-MEMORY = 8
-"""How many times the first samples are held, and processed again at every doubling."""
+DOUBLINGS = 1, 2, 4, 8
+"""Multiples of the first samples at which the mode is found anew from all that are held."""
 
-BLOCKS = 20
-"""A block is this fraction of what has been seen."""
+MEMORY = DOUBLINGS[-1]
+"""How many times the first samples are held."""
 
-LONGEST_BLOCK = 50_000
+BLOCKS_PER_RECORD = 20
+"""A block is one of so many equal parts of what has been seen."""
+
+MAX_BLOCK = 50_000
 """Samples beyond which blocks do not grow: those of a block are held."""
 
 
@@ -278,11 +289,9 @@ def _next_due(online: Online) -> int:
     """The sample at which the next estimate is due."""
     if online.samples < online.first:
         return online.first
-    block = online.samples + min(max(online.first // 4, online.samples // BLOCKS), LONGEST_BLOCK)
-    doubled = online.first
-    while doubled <= online.samples:
-        doubled *= 2
-    return min(block, doubled) if doubled <= MEMORY * online.first else block
+    block = online.samples + min(max(online.first // 4, online.samples // BLOCKS_PER_RECORD), MAX_BLOCK)
+    ahead = [ratio * online.first for ratio in DOUBLINGS if ratio * online.first > online.samples]
+    return min(block, *ahead) if ahead else block
 
 
 def _first_held(online: Online) -> int:
@@ -296,8 +305,7 @@ def _take_block(
     """The estimate after `end` samples."""
     held_from = _first_held(online)
     held = online.inputs[: end - held_from], online.readings[: end - held_from]
-    ratio = end / online.first
-    if online.bank is None or (ratio <= MEMORY and ratio in (1, 2, 4, 8)):
+    if online.bank is None or end / online.first in DOUBLINGS:
         begin_at = start(*held) if start and online.bank is None else (online.theta, online.cov)
         online = _find_anew(build, online, *held, pool, begin_at)
     else:
@@ -325,7 +333,7 @@ def _find_anew(
         start=start[0], start_cov=start[1],
     )  # fmt: skip
     seen = mode.look
-    if not (seen.central and mode.decrement < SETTLED):  # too long a step to follow along the slopes
+    if not (seen.central and mode.decrement < MODE_TOLERANCE):  # too long a step to follow along the slopes
         widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
         seen = look(build, [(inputs, readings)], mode.mean, widths, central=True, pool=pool)
     information = np.linalg.inv(online.prior_cov)

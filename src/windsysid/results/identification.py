@@ -172,7 +172,7 @@ class Identification(Answer):
 
     @property
     def innovation_time(self) -> Array:
-        """When the readings of `innovation` were taken [s]: in the whole record, or in the last of its pieces."""
+        """When the readings of `innovation` were taken [s]: all of the record, or its end where it came in pieces."""
         if len(self.innovation) == len(self.time):
             return self.time
         return self.section[1] - np.arange(len(self.innovation))[::-1] / self.rate
