@@ -431,8 +431,8 @@ _LIKELIHOOD = (
     ),
     Mutant(
         "learned noise", "problem.py",
-        "[sensor.noise for sensor in sensors],",
-        "[sensor.noise for sensor in self.sensors],",
+        "return loads, [sensor.noise for sensor in sensors]",
+        "return loads, [sensor.noise for sensor in self.sensors]",
         "the noise that is learned is never used",
     ),
     Mutant(
@@ -449,7 +449,7 @@ _LIKELIHOOD = (
     ),
     Mutant(
         "loads of the first sample", "compose.py",
-        "    cov = model.cov[:n, :n].copy()\n    cov[nx : nx + nz, nx : nx + nz] = load_cov\n",
+        "    cov = model.cov[:n, :n].copy()\n    cov[nx : nx + nz, nx : nx + nz] = loads.cov\n",
         "    cov = model.cov[:n, :n].copy()\n",
         "loads begin with the variance of the file instead of that learned",
     ),

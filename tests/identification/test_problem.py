@@ -14,7 +14,7 @@ from windsysid.identification.problem import pose
 from windsysid.mechanics import RotorModel, compile_model
 from windsysid.mechanics.sensors import as_sensor
 from windsysid.records.record import Record
-from windsysid.statespace.compose import parameters_given
+from windsysid.statespace.compose import discretise_loads, parameters_given
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
@@ -53,7 +53,9 @@ def test_parameters_given_make_the_model_that_is_composed_of_their_values():
     prior = {"mean": np.arange(6.0), "cov": np.diag(np.arange(1.0, 7.0)), "rate": None, "intervals": [0.02, 0.05]}
     joint = chain_with(parameters=parameters, sensors=sensors, loads=before, **prior)
     noise = [0.3, 0.02, 0.05]
-    given = parameters_given(joint, compile_model(chain(), sensors), np.array([0.2, 0.03]), after, noise)
+    compiled = compile_model(chain(), sensors)
+    loads = discretise_loads(after, compiled, joint.blocks.step)
+    given = parameters_given(joint, compiled, np.array([0.2, 0.03]), loads, noise)
     values = CHAIN_VALUES | {"k_2": 330.0 * math.exp(0.2), "c_1": 1.5}
     quieter = [replace(sensor, noise=std) for sensor, std in zip(sensors, noise, strict=True)]
     composed = chain_with(values=values, sensors=quieter, loads=after, **prior)

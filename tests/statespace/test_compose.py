@@ -8,7 +8,7 @@ import pytest
 
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
 from windsysid.errors import ConfigurationError
-from windsysid.statespace.compose import StateSpace, compose, parameters_given
+from windsysid.statespace.compose import StateSpace, compose, discretise_loads, parameters_given
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.process import LoadBlock
@@ -73,7 +73,8 @@ def test_the_model_at_given_parameters_is_the_one_composed_without_them():
     values = CHAIN_VALUES | {"k_2": 330.0 * np.exp(0.1), "c_1": 50.0 * 0.03}
     sensors = [replace(s, noise=n) for s, n in zip(chain_sensors(bias=0.3), noise.tolist(), strict=True)]
     expected = composed(parameters=(), values=values, loads=loads, sensors=sensors)
-    given = parameters_given(joint, expected.compiled, theta, loads, noise)
+    blocks = discretise_loads(loads, expected.compiled, joint.blocks.step)
+    given = parameters_given(joint, expected.compiled, theta, blocks, noise)
     np.testing.assert_allclose(np.diag(given.cov), [1.0] * 6 + [36.0, 225.0, 0.09])
     for name in ("states", "parameters", "readings"):
         assert getattr(given, name) == getattr(expected, name)

@@ -5,7 +5,7 @@ The unknowns are θ, the identified parameters in filter coordinates, and after 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.mechanics.model import MechanicalModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
-from windsysid.statespace.compose import StateSpace, compose, parameters_given
+from windsysid.statespace.compose import LoadBlocks, StateSpace, compose, discretise_loads, parameters_given
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
@@ -36,6 +36,9 @@ MAX_PASSES = 4
 
 START_TOLERANCE = 0.05
 """They stop when one moves no parameter by more than so many standard deviations."""
+
+MAX_MADE = 64
+"""Values of η whose loads and noise are kept."""
 
 FIRST_WIDTH = 0.05
 """Standard deviation of the logarithm of a statistic that scales its first differences."""
@@ -60,6 +63,8 @@ class TurbineProblem(NamedTuple):
         As filters take them (T, n_u + n_w), (T, m).
     notes
         What was locked, and why.
+    made
+        Loads and noise at the last values of η that were asked for.
     """
 
     turbine: Turbine
@@ -70,6 +75,7 @@ class TurbineProblem(NamedTuple):
     inputs: Array
     readings: Array
     notes: tuple[str, ...]
+    made: dict[bytes, tuple[LoadBlocks, list[float]]]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -88,12 +94,21 @@ class TurbineProblem(NamedTuple):
     def build(self, unknowns: Array) -> StateSpace:
         """The state-only model at the unknowns (n,)."""
         n = len(self.parameters)
-        values = values_of(self.statistics, unknowns[n:])
-        sensors = moved_sensors([s for s in self.statistics if s.name.startswith("noise_")], values, self.sensors)
+        eta = unknowns[n:].tobytes()
+        if eta not in self.made:  # of the neighbours of a value, most differ in θ alone
+            if len(self.made) >= MAX_MADE:
+                self.made.clear()
+            self.made[eta] = self._levels(values_of(self.statistics, unknowns[n:]))
         return parameters_given(
-            self.model, _compiled(self.turbine.model, self.sensors), unknowns[:n], self.loads.blocks(values),
-            [sensor.noise for sensor in sensors],
+            self.model, _compiled(self.turbine.model, self.sensors), unknowns[:n], *self.made[eta]
         )  # fmt: skip
+
+    def _levels(self, values: Mapping[str, float]) -> tuple[LoadBlocks, list[float]]:
+        """The loads and the standard deviation of each reading's noise at the statistics."""
+        compiled = _compiled(self.turbine.model, self.sensors)
+        loads = discretise_loads(self.loads.blocks(values), compiled, self.model.blocks.step)
+        sensors = moved_sensors([s for s in self.statistics if s.name.startswith("noise_")], values, self.sensors)
+        return loads, [sensor.noise for sensor in sensors]
 
     def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
         """Where to begin to look for the unknowns, and how uncertain that is (n,), (n, n): from the joint filter on T samples.
@@ -151,7 +166,7 @@ def pose(
     readings = np.column_stack([record[sensor.channel] for sensor in sensors])
     inputs = np.hstack([known, measured] if record.is_uniform else [known, measured, record.intervals()[1][:, None]])
     statistics = (*supposed.statistics, *noise_groups(sensors))
-    return TurbineProblem(turbine, model, tuple(sensors), supposed, statistics, inputs, readings, tuple(notes))
+    return TurbineProblem(turbine, model, tuple(sensors), supposed, statistics, inputs, readings, tuple(notes), {})
 
 
 def seen_by(turbine: Turbine, sensors: Sequence[Sensor], notes: list[str]) -> Turbine:

@@ -7,7 +7,7 @@ The state is [x | z | b | θ] (mechanical states, load states, sensor biases, pa
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.workspace import Blocks
 
-__all__ = ["StateSpace", "compose", "parameters_given"]
+__all__ = ["LoadBlocks", "StateSpace", "compose", "discretise_loads", "parameters_given"]
 
 
 @dataclass(frozen=True)
@@ -176,8 +176,35 @@ def compose(
     )
 
 
+class LoadBlocks(NamedTuple):
+    """Load models together, over each of S sampling intervals.
+
+    Attributes
+    ----------
+    cov
+        Stationary covariance of their states (n_z, n_z).
+    output
+        H₀, C₁, S₁ … (1 + 2K, n_w, n_z).
+    transition, noise
+        Φ and Q (S, n_z, n_z).
+    """
+
+    cov: Array
+    output: Array
+    transition: Array
+    noise: Array
+
+
+def discretise_loads(loads: Sequence[LoadModel], compiled: CompiledModel, steps: Array) -> LoadBlocks:
+    """Put load models together for a model, over sampling intervals (S,) [s]."""
+    names, cov, output = _join_loads(loads, compiled)
+    discrete = [[load.discretise(float(step)) for load in loads] for step in steps]
+    transition, noise = ([[pair[i] for pair in parts] for parts in discrete] for i in (0, 1))
+    return LoadBlocks(cov, output, _diagonal(transition, len(names)), _diagonal(noise, len(names)))
+
+
 def parameters_given(
-    model: StateSpace, compiled: CompiledModel, theta: Array, loads: Sequence[LoadModel], noise: ArrayLike
+    model: StateSpace, compiled: CompiledModel, theta: Array, loads: LoadBlocks, noise: ArrayLike
 ) -> StateSpace:
     """The model with its parameters known to be θ (n_θ,) instead of in the state, and with other loads and noise of the
     same structure.
@@ -190,7 +217,7 @@ def parameters_given(
     compiled
         The kernels without derivatives to parameters.
     loads
-        Load models with the states of those that `model` has.
+        Load models with the states of those that `model` has (`discretise_loads`).
     noise
         Standard deviation of each reading's noise (m,).
     """
@@ -199,10 +226,8 @@ def parameters_given(
     n = nx + nz + nb
     p = blocks.p.copy()
     p[blocks.chosen] = blocks.reference * np.where(blocks.logarithmic == 1, np.exp(theta), theta)
-    _, load_cov, load_output = _join_loads(loads, compiled)
-    discrete = [[load.discretise(float(step)) for load in loads] for step in blocks.step]
     cov = model.cov[:n, :n].copy()
-    cov[nx : nx + nz, nx : nx + nz] = load_cov
+    cov[nx : nx + nz, nx : nx + nz] = loads.cov
     return StateSpace(
         compiled=compiled,
         blocks=blocks._replace(
@@ -211,9 +236,9 @@ def parameters_given(
             chosen=blocks.chosen[:0],
             reference=blocks.reference[:0],
             logarithmic=blocks.logarithmic[:0],
-            load_transition=_diagonal([[transition for transition, _ in parts] for parts in discrete], nz),
-            load_noise=_diagonal([[covariance for _, covariance in parts] for parts in discrete], nz),
-            load_output=load_output,
+            load_transition=loads.transition,
+            load_noise=loads.noise,
+            load_output=loads.output,
             walk=np.ascontiguousarray(blocks.walk[:, :nb]),
             noise=np.square(np.asarray(noise, dtype=np.float64)),
         ),
