@@ -141,8 +141,8 @@ def power_of_loads_and_dampers(turbine: Turbine, reference: Reference) -> tuple[
 
 
 def test_load_power_is_damping_power_in_stationary_vibration(verne555):
-    # E[f v] = c E[v²] on the support alone: blades locked, no imbalance, 570 s of 15 N rms. Bound: four standard errors,
-    # from the scatter of 38 stretches of 15 s, each many correlation times long.
+    # E[f v] = c E[v²] on the support alone: blades locked, no imbalance, 570 s of 15 N rms. Bound: four standard
+    # errors, from the scatter of 38 stretches of 15 s, each many correlation times long.
     model = RotorModel(3, lag="locked")
     support = replace(verne555.with_model(model), loads=verne555.loads[:2]).with_values({"eccentricity": 0.0})
     load, damper = power_of_loads_and_dampers(support, simulate_reference(support, 3))
@@ -153,8 +153,8 @@ def test_load_power_is_damping_power_in_stationary_vibration(verne555):
 
 
 def test_in_the_whole_rotor_the_shaft_pays_a_part_of_the_damping(verne555, reference):
-    # Gravity on the turning blades, imbalance and the blades' inertia bring power from the shaft, which holds Ω. Over 24
-    # seeds the loads pay 0.89 ± 0.03 of the hub's damping and 0.8 ± 0.1 of the blades'.
+    # Gravity on the turning blades, imbalance and the blades' inertia bring power from the shaft, which holds Ω. Over
+    # 24 seeds the loads pay 0.89 ± 0.03 of the hub's damping and 0.8 ± 0.1 of the blades'.
     load, damper = power_of_loads_and_dampers(verne555, reference)
     share = load.mean(axis=0) / damper.mean(axis=0)
     assert np.all((share[:2] > 0.89 - 4 * 0.03) & (share[:2] < 1.0))
@@ -162,8 +162,8 @@ def test_in_the_whole_rotor_the_shaft_pays_a_part_of_the_damping(verne555, refer
 
 
 def test_a_nearly_flat_prior_gives_weighted_least_squares(verne555, reference, motion):
-    # The loads are withheld, so that the residuals are no rounding errors. Independent of any filter: numpy's lstsq on the same
-    # rows, each divided by its noise.
+    # The loads are withheld, so that the residuals are no rounding errors. Independent of any filter: numpy's lstsq on
+    # the same rows, each divided by its noise.
     section, band = slice(20_000, 24_000), analysis_band(verne555)
     balance = balance_of(verne555, motion, reference, section, loads=False)
     flat = Prior(spread=1e5)
@@ -228,8 +228,8 @@ def test_measured_displacement_and_velocity_are_used_as_they_are(verne555, refer
 
 
 def test_what_is_not_recorded_is_integrated(verne555, reference, motion):
-    # Equal to the true motion through the same cut-off, 50 s (five of its periods) from the ends. What is left comes from
-    # sampling: random loads have no upper frequency, and what lies above 50 Hz is folded below.
+    # Equal to the true motion through the same cut-off, 50 s (five of its periods) from the ends. What is left comes
+    # from sampling: random loads have no upper frequency, and what lies above 50 Hz is folded below.
     record = kinematic_record(reference, ("acceleration",))
     got = measured_motion(record, verne555, cutoff=0.1)
     inside = slice(5000, -5000)

@@ -253,7 +253,8 @@ def test_a_sampling_rate_that_is_too_low_is_refused(verne555, record):
 
 
 def test_readings_may_be_fewer_than_the_steps_of_the_equations(verne555):
-    # Twenty readings a second of blades that vibrate at 4 Hz are too few for Runge–Kutta, and enough for what the record knows.
+    # Twenty readings a second of blades that vibrate at 4 Hz are too few for Runge–Kutta, and enough for what the
+    # record knows.
     record = simulate_record(verne555, duration=40.0, rate=100.0, seed=2)
     full, found = (identify(record, verne555, rate=rate, loads="broadband") for rate in (None, 20.0))
     assert found.rate == pytest.approx(20.0)

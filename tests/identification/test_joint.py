@@ -76,8 +76,9 @@ def test_ten_coefficients_come_from_accelerometers_and_priors_30_percent_off(fou
 
 
 def test_where_the_prior_started_does_not_matter(found):
-    # Stiffness within 0.6 of a standard deviation (damping, which differs, pulls it a little). A damping's prior holds a sixth to a quarter of its information, and
-    # 1.3 - 0.7 of it moves the answer by as much: less than one standard deviation.
+    # Stiffness within 0.6 of a standard deviation (damping, which differs, pulls it a little). A damping's prior holds
+    # a sixth to a quarter of its information, and 1.3 - 0.7 of it moves the answer by as much: less than one standard
+    # deviation.
     for e in found[0.7].estimates:
         other = found[1.3][e.name]
         difference = abs(e.estimate - other.estimate) / e.std
@@ -177,7 +178,8 @@ def test_without_blade_channels_the_blades_are_locked(verne555, driven):
     assert [e.name for e in result.estimates] == ["k_x", "c_x", "k_y", "c_y"]
     assert any("no blade channels: the blades are locked" in note for note in result.notes)
     assert sorted(mode.name for mode in result.modes) == ["tower x", "tower y"]
-    # This machine's blades are half its moving mass and do move: a load model rich enough hides it, the stiffness does not.
+    # This machine's blades are half its moving mass and do move: a load model rich enough hides it, the stiffness does
+    # not.
     assert any("no channel sees the blades" in reason for reason in result.diagnosis.reasons)
     assert off(result, "k_x") > 2.0
 
@@ -269,7 +271,8 @@ def test_bands_hold_the_truth_as_often_as_they_say(verne555: Turbine):
     # 30 records × 10 coefficients from unbiased priors: rms of (estimate - truth)/σ. Its standard error for one
     # coefficient is 1/√60 = 0.13: bound at three of them.
     z = np.array([
-        [(e.estimate - (e.reference or 0.0)) / e.std for e in identify(record, verne555, prior=Prior(spread=1.0)).estimates]
+        [(e.estimate - (e.reference or 0.0)) / e.std for e in identify(record, verne555,
+        prior=Prior(spread=1.0)).estimates]
         for record in (simulate_record(verne555, duration=60.0, rate=RATE, seed=seed) for seed in range(100, 130))
     ])  # fmt: skip
     assert np.all(np.sqrt(np.mean(z**2, axis=0)) < 1.4)

@@ -1,4 +1,5 @@
-"""The front door for one's own equations: equal to SciPy's least squares, noise and loads learned, bad input refused in one line."""
+"""The front door for one's own equations: equal to SciPy's least squares, noise and loads learned, bad input refused in
+one line."""
 
 import json
 from dataclasses import replace
@@ -61,7 +62,8 @@ def record() -> Record:
 
 def test_a_fit_is_the_least_squares_solution_of_scipy(record: Record):
     # Without process noise and from a known state the likelihood is that of a regression. SciPy answers by its own
-    # simulation, exact for a force that runs linearly, and by its own Gauss–Newton, the priors being two more residuals.
+    # simulation, exact for a force that runs linearly, and by its own Gauss–Newton, the priors being two more
+    # residuals.
     found = fitted(record, learn_levels=False)
 
     def residuals(theta: np.ndarray) -> np.ndarray:
@@ -180,7 +182,8 @@ def test_a_record_that_went_through_a_low_pass_has_loads_that_did(record: Record
 
 @pytest.mark.parametrize(("rate", "trusted"), [(8.0, False), (40.0, True)])
 def test_steps_too_long_for_a_vibration_are_a_reason_not_to_trust(rate: float, trusted: bool):
-    # RK4 damps a motion at ω by (ωh)⁵/144 of the critical: at 1 Hz and 8 samples a period by 0.2 %, nearly all of 0.25 %. A free decay in closed form.
+    # RK4 damps a motion at ω by (ωh)⁵/144 of the critical: at 1 Hz and 8 samples a period by 0.2 %, nearly all of 0.25
+    # %. A free decay in closed form.
     omega, ratio = 2.0 * np.pi, 0.0025
     time = np.arange(0.0, 60.0, 1.0 / rate)
     exact = np.exp(-ratio * omega * time) * np.cos(omega * time)
@@ -202,8 +205,9 @@ def test_steps_too_long_for_a_vibration_are_a_reason_not_to_trust(rate: float, t
 
 @pytest.mark.slow
 def test_damping_is_right_from_records_resampled_to_five_hertz():
-    # A tower at 0.35 Hz, damped by 0.25 %, under a broadband load: six records of half an hour, simulated exactly by SciPy's matrix
-    # exponential. Without the low-pass in the load's model, as `fit` had it once, damping comes out lower.
+    # A tower at 0.35 Hz, damped by 0.25 %, under a broadband load: six records of half an hour, simulated exactly by
+    # SciPy's matrix exponential. Without the low-pass in the load's model, as `fit` had it once, damping comes out
+    # lower.
     omega, ratio, tau, fine, samples = 2.0 * np.pi * 0.35, 0.0025, 1.0, 50.0, 90_000
     A = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * ratio * omega, 1.0], [0.0, 0.0, -1.0 / tau]])
     step = scipy.linalg.expm(A / fine)
@@ -284,7 +288,8 @@ def test_bad_input_is_refused_in_one_line(record: Record):
         (ConfigurationError, "parameter 'm': expected a finite value", lambda: fitted(record, values={})),
         (
             RecordError, "no channel 'force'",
-            lambda: fit(driven, record.select(list(NOISE)), parameters=PARAMETERS, sensors=sensors(), cov=AT_REST, values={"m": 2.0}),
+            lambda: fit(driven, record.select(list(NOISE)), parameters=PARAMETERS, sensors=sensors(), cov=AT_REST,
+            values={"m": 2.0}),
         ),
     ]  # fmt: skip
     for kind, message, call in cases:

@@ -36,7 +36,8 @@ def pieces(record: Record, length: float) -> Iterator[Record]:
 
 
 def test_pieces_give_the_answer_of_the_whole(verne555: Turbine, whole: Record, tmp_path: Path):
-    # The model is posed on the first 80 periods, whose loudest second sets the initial state's prior: hence not bit for bit.
+    # The model is posed on the first 80 periods, whose loudest second sets the initial state's prior: hence not bit for
+    # bit.
     one = identify(whole, verne555)
     found = identify_pieces(pieces(whole, 8.0), verne555)
     assert found.samples == whole.samples

@@ -1,4 +1,5 @@
-"""Planning a measurement: closed forms, singular directions of real machines, and what identified values really scatter."""
+"""Planning a measurement: closed forms, singular directions of real machines, and what identified values really
+scatter."""
 
 import json
 import math
@@ -47,8 +48,8 @@ def one_mode(*, damping_ratio: float = 0.037, noise: float = 0.005, time_constan
     ],
 )
 def test_one_mode_under_broadband_load_is_seen_as_well_as_the_closed_form_says(monkeypatch, options, rate):
-    # σ_k/k = 2 √(ζ/ωT), σ_c/c = 1/√(ζωT). The simulated record renews its energy 400 times: σ is known to 2.5 %, bound at three of them
-    # and 2 % for noise and the unknown load.
+    # σ_k/k = 2 √(ζ/ωT), σ_c/c = 1/√(ζωT). The simulated record renews its energy 400 times: σ is known to 2.5 %, bound
+    # at three of them and 2 % for noise and the unknown load.
     monkeypatch.setattr(planning, "RELAXATIONS", 400.0)
     monkeypatch.setattr(planning, "MOST_SAMPLES", 400_000)
     turbine = one_mode(**options)
@@ -60,8 +61,8 @@ def test_one_mode_under_broadband_load_is_seen_as_well_as_the_closed_form_says(m
 
 
 def test_a_short_record_holds_what_extrapolation_says(monkeypatch):
-    # The information of 25 records of 20 s, each taken whole. The energy of one is renewed 8 times, so that their mean scatters by
-    # 1/√200 = 7 %, the plan's own by 1/√400 = 5 %: bound at three times both together.
+    # The information of 25 records of 20 s, each taken whole. The energy of one is renewed 8 times, so that their mean
+    # scatters by 1/√200 = 7 %, the plan's own by 1/√400 = 5 %: bound at three times both together.
     monkeypatch.setattr(planning, "RELAXATIONS", 400.0)
     turbine = one_mode()
     found = plan(turbine, duration=20.0, rate=50.0)
@@ -161,8 +162,8 @@ def test_a_degree_of_freedom_without_a_sensor_is_never_seen_and_the_plan_says_wh
 
 
 def test_the_scale_model_is_known_after_100_s_as_well_as_calibration_finds(verne):
-    # README, 100 runs of 100 s: rms error 1.1 % in k_x and k_y, 0.48 to 0.51 % in k_β, 10.8 to 12.9 % in c, with priors of 30 %, each of
-    # them known to 7 %; the plan to 6 %. Bounds: 25 % = 2.7 times both together.
+    # README, 100 runs of 100 s: rms error 1.1 % in k_x and k_y, 0.48 to 0.51 % in k_β, 10.8 to 12.9 % in c, with priors
+    # of 30 %, each of them known to 7 %; the plan to 6 %. Bounds: 25 % = 2.7 times both together.
     measured = {"k_x": 1.11, "k_y": 1.16, "k_beta_1": 0.50, "k_beta_2": 0.50, "k_beta_3": 0.50}
     for name, error in measured.items():
         assert 50.0 * verne.band(name) == pytest.approx(error, rel=0.25)
@@ -180,8 +181,8 @@ def test_a_thinned_record_has_noise_of_the_same_spectral_density():
 
 @pytest.mark.slow
 def test_identified_values_scatter_as_planned(verne555):
-    # 20 records × 10 coefficients, priors too wide to matter. The scatter of 20 values is known to 16 %, pooled over ten nearly
-    # independent coefficients to 5 %, the plan to 6 %: bounds at three standard errors.
+    # 20 records × 10 coefficients, priors too wide to matter. The scatter of 20 values is known to 16 %, pooled over
+    # ten nearly independent coefficients to 5 %, the plan to 6 %: bounds at three standard errors.
     predicted = plan(verne555, duration=60.0, seed=1000)
     names = identifiable(verne555)
     errors = []

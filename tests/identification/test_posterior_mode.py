@@ -14,7 +14,8 @@ SAMPLES, PHI, SIGMA = 400, 0.8, 1.7
 
 
 def autoregression(theta: np.ndarray) -> StateSpace:
-    """y_k = φ y_{k−1} + e_k of stationary standard deviation σ, θ = (ln σ, φ): a first-order load that is read all but exactly."""
+    """y_k = φ y_{k−1} + e_k of stationary standard deviation σ, θ = (ln σ, φ): a first-order load that is read all but
+    exactly."""
     w = sp.Symbol("w", real=True)
     load = GaussMarkov("w", float(np.exp(theta[0])), float(-1.0 / np.log(theta[1])))
     cell = Equations("cell", (), (), (), (w,), ())
@@ -22,8 +23,9 @@ def autoregression(theta: np.ndarray) -> StateSpace:
 
 
 def test_information_and_gradient_are_those_of_a_first_order_autoregression():
-    # With s² = σ² (1 − φ²) the density of the readings is −T ln σ − (T − 1)/2 ln(1 − φ²) − y₁²/2σ² − Σ (y_k − φ y_{k−1})²/2s².
-    # Of an innovation with mean φ y_{k−1} and variance s² the information is (∂mean)²/s² + 2 (∂ ln s)²: in ln σ exactly 2 for each reading.
+    # With s² = σ² (1 − φ²) the density of the readings is −T ln σ − (T − 1)/2 ln(1 − φ²) − y₁²/2σ² − Σ (y_k − φ
+    # y_{k−1})²/2s². Of an innovation with mean φ y_{k−1} and variance s² the information is (∂mean)²/s² + 2 (∂ ln s)²:
+    # in ln σ exactly 2 for each reading.
     rng = np.random.default_rng(3)
     y = np.empty(SAMPLES)
     y[0] = SIGMA * rng.standard_normal()

@@ -1,4 +1,5 @@
-"""The model for every value of the unknowns: what `compose` would build, and a first state as uncertain as the record is loud."""
+"""The model for every value of the unknowns: what `compose` would build, and a first state as uncertain as the record
+is loud."""
 
 import math
 from dataclasses import replace

@@ -65,12 +65,14 @@ def test_a_short_record_gives_a_band_that_is_not_symmetric_and_near_the_gaussian
 
 
 def test_what_only_the_prior_knows_has_the_priors_band():
-    # A mass beside stiffness, damper and load that are all unknown: the data see their proportion, the prior of 30 % the rest.
+    # A mass beside stiffness, damper and load that are all unknown: the data see their proportion, the prior of 30 %
+    # the rest.
     light = one_mode()
     light = light.with_values({f"blade_mass_{i}": 1e-9 for i in (1, 2, 3)} | {"hub_mass_x": light.inertia("x")})
     record = simulate_record(light, duration=40.0, rate=50.0, seed=3)
     found = profile_likelihood(record, light, "hub_mass_x", parameters=["k_x", "c_x", "hub_mass_x"])
-    # k and m both have a prior σ of 0.3 and are tied together: σ = 0.3/√2, and a little less with those of damper and load.
+    # k and m both have a prior σ of 0.3 and are tied together: σ = 0.3/√2, and a little less with those of damper and
+    # load.
     assert np.log(found.high / found.low) == pytest.approx(4.0 * 0.3 / np.sqrt(2.0), rel=0.15)
 
 

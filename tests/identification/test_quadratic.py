@@ -1,4 +1,5 @@
-"""A likelihood that is exactly quadratic: whatever is learned of it, at once or on line, is generalised least squares."""
+"""A likelihood that is exactly quadratic: whatever is learned of it, at once or on line, is generalised least
+squares."""
 
 from dataclasses import replace
 
@@ -18,7 +19,8 @@ PRIOR_MEAN, PRIOR_COV = np.array([1.0, -2.0]), np.array([[0.3, 0.1], [0.1, 0.2]]
 
 
 def build(theta: np.ndarray) -> StateSpace:
-    """A trend a t + b beside three times a load that wanders: both coefficients move the innovations and nothing else."""
+    """A trend a t + b beside three times a load that wanders: both coefficients move the innovations and nothing
+    else."""
     a, b, t, w = symbols("a b t w")
     return compose(
         Equations("trend", (), (t,), (a, b), (w,), ()),
@@ -74,7 +76,8 @@ def test_every_estimate_on_line_is_that_of_generalised_least_squares_so_far(reco
 def test_a_reading_is_worth_a_half_in_the_square_of_a_scale_and_two_in_its_logarithm(
     record: tuple[np.ndarray, np.ndarray],
 ):
-    # Load and noise e^θ times as large: innovations stay, log s moves by θ. Every reading has log s + z²/2, z ∝ e^−θ: slope z² − 1, information 2.
+    # Load and noise e^θ times as large: innovations stay, log s moves by θ. Every reading has log s + z²/2, z ∝ e^−θ:
+    # slope z² − 1, information 2.
     def louder(theta: np.ndarray) -> StateSpace:
         model, factor = build(np.array([1.7, -1.1])), float(np.exp(2.0 * theta[0]))
         blocks = model.blocks._replace(noise=model.blocks.noise * factor, load_noise=model.blocks.load_noise * factor)

@@ -30,7 +30,8 @@ def build(theta: Array) -> StateSpace:
         rate=50.0,
         values=CHAIN_VALUES | {"k_1": CHAIN_VALUES["k_1"] * np.exp(theta[0])},
         loads=[GaussMarkov("load_1", 5.0 * np.exp(theta[1]), 0.5), GaussMarkov("load_3", 5.0 * np.exp(theta[1]), 0.5)],
-        sensors=[s if i == 2 else type(s)(s.channel, s.expression, s.noise * np.exp(theta[2])) for i, s in enumerate(SENSORS)],
+        sensors=[s if i == 2 else type(s)(s.channel, s.expression, s.noise * np.exp(theta[2])) for i,
+        s in enumerate(SENSORS)],
         cov=0.01 * np.eye(6),
     )  # fmt: skip
 

@@ -98,7 +98,8 @@ def test_what_is_faster_than_the_tower_is_left_out(found: Identification, record
 
 
 def test_a_record_slowed_down_keeps_its_damping(tower: Turbine):
-    # From 20 Hz to twelve samples per period: four records of ten minutes, errors over their own standard deviations. Without the load's low-pass fore-aft damping averages −3.
+    # From 20 Hz to twelve samples per period: four records of ten minutes, errors over their own standard deviations.
+    # Without the load's low-pass fore-aft damping averages −3.
     errors = []
     for seed in range(4):
         slowed = identify(simulate_record(tower, duration=600.0, rate=20.0, seed=seed), tower)
@@ -108,7 +109,8 @@ def test_a_record_slowed_down_keeps_its_damping(tower: Turbine):
 
 
 def test_a_record_without_azimuth_speed_and_yaw_will_do(found: Identification, record: Record, tower: Turbine):
-    # The azimuth serves the blade-passing line alone, whose phase is unknown anyway; the usual speed is the record's here.
+    # The azimuth serves the blade-passing line alone, whose phase is unknown anyway; the usual speed is the record's
+    # here.
     bare = identify(record.select(["tower_x_acceleration", "tower_z_acceleration"]), tower)
     assert right(bare)
     for e in found.estimates:
@@ -132,7 +134,8 @@ def test_mass_scales_what_is_found_and_no_frequency(found: Identification, recor
 def test_sensors_that_do_not_yaw_are_turned_by_the_record_s_own_yaw(yawing: Record, tower: Turbine):
     inside = identify(yawing, tower, sensors=[tower_fixed(20.0), tower_fixed(-70.0)])
     assert right(inside)
-    # An independent way: signals turned into the nacelle's axes beforehand. Offsets turn along there, so not to the digit.
+    # An independent way: signals turned into the nacelle's axes beforehand. Offsets turn along there, so not to the
+    # digit.
     turned = with_nacelle_axes(yawing, "tower_20_acceleration", "tower_-70_acceleration", bearing=math.radians(20.0))
     before = identify(turned, tower)
     for e in inside.estimates:
@@ -197,7 +200,8 @@ def test_a_yaw_in_steps_is_smoothed_and_a_wrong_unit_refused():
 @needs_shared
 @pytest.mark.parametrize(("name", "frequency"), [("c2_turb12_full", 0.3153), ("d1_turb12_full_KSS090", 0.2986)])
 def test_an_independent_simulation_in_turbulent_wind_is_found_and_trusted(tower: Turbine, name: str, frequency: float):
-    # OpenFAST with everything moving; truth from its linearisation: frequency at 12.1 rpm, damping 0.566 % in steady 12 m/s.
+    # OpenFAST with everything moving; truth from its linearisation: frequency at 12.1 rpm, damping 0.566 % in steady 12
+    # m/s.
     pytest.importorskip("openfast_io", reason="reading OpenFAST files needs openfast_io")
     record = read_record(SHARED / "openfast" / f"{name}.outb").select(["tower_x_acceleration", "tower_z_acceleration"])
     result = identify(record, tower, section=(60.0, 600.0))

@@ -38,8 +38,8 @@ def conclude(
 ) -> Identification:
     """Put what a formulation found on `record` into physical units, with bands, modes and errors.
 
-    Where `record` is the end of a longer one, `section` [s], `samples` and the mean `wind_speed` [m/s] are the whole's, and `history_time` [s] says
-    when the estimates of the history were made.
+    Where `record` is the end of a longer one, `section` [s], `samples` and the mean `wind_speed` [m/s] are the whole's,
+    and `history_time` [s] says when the estimates of the history were made.
     """
     turbine, model, theta, cov = outcome.turbine, outcome.model, outcome.theta, outcome.cov
     history_mean, history_std = outcome.history_mean, outcome.history_std

@@ -2,12 +2,12 @@
 
 The equations of motion are linear in stiffness and damping. With measured q, q̇, q̈ put in, each degree of freedom gives
 
-    s_j(t) = Σ_i Φ_ji(t) θ_i,     s = F(θ = 0) − M q̈  (what is left of the known forces),   Φ = −∂F/∂θ  (here: q and q̇),
+    s_j(t) = Σ_i Φ_ji(t) θ_i,
+    s = F(θ = 0) − M q̈  (what is left of the known forces),    Φ = −∂F/∂θ  (here: q and q̇),
 
 and θ_{k+1} = θ_k (the paper's evolution model). Both sides go through the same zero-phase band-pass: an
-accelerometer knows no
-mean, and integration leaves drift below the band. Residuals of a band of width B are correlated over fs / 2B
-samples, and the variance of s is enlarged by that factor so that ±2σ means what it says.
+accelerometer knows no mean, and integration leaves drift below the band. Residuals of a band of width B are correlated
+over fs / 2B samples, and the variance of s is enlarged by that factor so that ±2σ means what it says.
 
 The load that is not in the equations biases the answer: in stationary vibration E[f q̇] = c E[q̇²], so that damping
 vanishes.
@@ -55,14 +55,17 @@ __all__ = [
 
 
 LOADS_WITHHELD = (
-    "In stationary vibration the power that damping takes is fed by the loads, and by the shaft through the blades: for a support "
-    "alone E[f v] = c E[v²] exactly. A balance without the load finds nothing that pays for the damping, loses it, and biases the "
+    "In stationary vibration the power that damping takes is fed by the loads, and by the shaft through the blades: "
+    "for a support "
+    "alone E[f v] = c E[v²] exactly. A balance without the load finds nothing that pays for the damping, loses it, "
+    "and biases the "
     "stiffness. Use the joint formulation, in which loads are states, or record the load."
 )
 """What a reader of a balance without its loads must know."""
 
 RINGING = 2.0
-"""Periods of the band's lower edge at either end of a record that are left out: there the filters know one side only."""
+"""Periods of the band's lower edge at either end of a record that are left out: there the filters know one side
+only."""
 
 INCREMENT = 0.01
 """The paper's "centesimal increment": relative step of its finite differences."""
@@ -121,13 +124,15 @@ def filter_balance(
 
 
 def analysis_band(turbine: Turbine) -> tuple[float, float]:
-    """The band of the force balance [Hz]: from half the lowest to one and a half times the highest natural frequency."""
+    """The band of the force balance [Hz]: from half the lowest to one and a half times the highest natural
+    frequency."""
     frequencies = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
     return 0.5 * min(frequencies), 1.5 * max(frequencies)
 
 
 def measured_channels(record: Record, turbine: Turbine) -> tuple[str, ...]:
-    """The channels that a force balance of this record reads: an acceleration per degree of freedom, and what else is there."""
+    """The channels that a force balance of this record reads: an acceleration per degree of freedom, and what else is
+    there."""
     optional = [f"{stem}_{quantity}" for stem in _stems(turbine) for quantity in ("displacement", "velocity")]
     return (
         *(f"{stem}_acceleration" for stem in _stems(turbine)),
@@ -289,7 +294,8 @@ def _residual_rms(balance: Balance) -> Array:
         known = np.isfinite(balance.force[:, j]) & np.isfinite(balance.regressors[:, j]).all(axis=1)
         if not known.any():
             raise RecordError(
-                f"force balance: no sample is left: {RINGING:g} periods of the band's lower edge at either end of the record "
+                f"force balance: no sample is left: {RINGING:g} periods of the band's lower edge at either end of "
+                f"the record "
                 "belong to its filters; choose a longer record, or a section further inside"
             )
         rows, right = balance.regressors[known, j], balance.force[known, j]

@@ -45,7 +45,8 @@ def identify(
     ----------
     record
         Channels in SI, with ``rotor_azimuth`` [rad]; ``rotor_speed`` [rad/s] and known loads ``load_x`` … [N, N·m]
-        where measured. A `Record`, a path, a pandas DataFrame or an xarray Dataset with units (`windsysid.records.coercion`).
+        where measured. A `Record`, a path, a pandas DataFrame or an xarray Dataset with units
+        (`windsysid.records.coercion`).
     turbine
         Masses, geometry, and the references that priors are centred on. A `Turbine`, a packaged name or a TOML file.
     sensors
@@ -63,8 +64,9 @@ def identify(
         Names of what to identify, masses and geometry included (joint formulation); the stiffness and damping
         coefficients of every free degree of freedom by default.
     rate
-        Readings per second [Hz] to resample to, without aliasing (joint formulation): as many as hold what the model has and leave out what it has not. The record's own by
-        default, and for a tower under a rigid rotor twelve per period. The equations take shorter steps where they need them.
+        Readings per second [Hz] to resample to, without aliasing (joint formulation): as many as hold what the model
+        has and leave out what it has not. The record's own by default, and for a tower under a rigid rotor twelve per
+        period. The equations take shorter steps where they need them.
     loads
         What the loads are taken for (joint formulation): ``"broadband"``, ``"second-order"`` or ``"rotor-wind"``
         (`windsysid.loads.family`); the record chooses by default.
@@ -111,7 +113,8 @@ def identify(
         check_length(part.name, part.duration, part.rate, turbine)
         if sensors is not None:
             raise ConfigurationError(
-                "the force balance takes no sensor list: it reads tower_x_acceleration, blade_1_lag_displacement … by name"
+                "the force balance takes no sensor list: it reads tower_x_acceleration, blade_1_lag_displacement … "
+                "by name"
             )
         if parameters is not None:
             raise ConfigurationError("the force balance identifies all coefficients at once: leave `parameters` out")

@@ -1,8 +1,9 @@
 """The joint formulation: states, loads and coefficients together, from accelerometers.
 
-The unknowns are the coefficients and the statistics of loads and noise (`windsysid.identification.problem`). The record chooses what its
-loads are taken for (`windsysid.identification.load_choice`), and the rest is the one way from samples to an estimate
-(`windsysid.identification.solve`). A record in pieces goes the same way (`windsysid.identification.pieces`).
+The unknowns are the coefficients and the statistics of loads and noise (`windsysid.identification.problem`). The record
+chooses what its loads are taken for (`windsysid.identification.load_choice`), and the rest is the one way from samples
+to an estimate (`windsysid.identification.solve`). A record in pieces goes the same way
+(`windsysid.identification.pieces`).
 """
 
 import math
@@ -113,11 +114,13 @@ def _list_doubts(solution: Solution, given: Turbine, used: Turbine) -> tuple[str
     doubts = []
     if not solution.settled:
         doubts.append(
-            f"the likelihood still rose after {solution.iterations} steps: choose a longer or steadier section, or priors nearer to the structure"
+            f"the likelihood still rose after {solution.iterations} steps: choose a longer or steadier section, or "
+            f"priors nearer to the structure"
         )
     if getattr(given.model, "lag", "") == "free" and getattr(used.model, "lag", "") == "locked":
         doubts.append(
-            "no channel sees the blades, so they are locked; where they move, the load takes the blame and the support's stiffness is off by more "
+            "no channel sees the blades, so they are locked; where they move, the load takes the blame and the "
+            "support's stiffness is off by more "
             "than its band: add a sensor on a blade, or use a turbine file whose blades are locked (docs/tower.md)"
         )
     return tuple(doubts)

@@ -1,15 +1,18 @@
-"""Which load model? The simplest is tried on the beginning of the record, and only where it does not explain that, the others too.
+"""Which load model? The simplest is tried on the beginning of the record, and only where it does not explain that, the
+others too.
 
-A model explains a record when the spectra of its innovations have no peak within reach of a natural frequency that noise would not show in one record of a
-thousand (`windsysid.results.diagnosis`); then no other is tried, and none either where the loads hardly matter, as in a free decay: what the simplest model's
-loads can do by themselves is then small beside the motion. Otherwise the one with the greatest evidence p(y | model) = ∫ p(y | θ) p(θ) dθ is chosen, by Laplace's approximation at the
-mode of the posterior,
+A model explains a record when the spectra of its innovations have no peak within reach of a natural frequency that
+noise would not show in one record of a thousand (`windsysid.results.diagnosis`); then no other is tried, and none
+either where the loads hardly matter, as in a free decay: what the simplest model's loads can do by themselves is then
+small beside the motion. Otherwise the one with the greatest evidence p(y | model) = ∫ p(y | θ) p(θ) dθ is chosen, by
+Laplace's approximation at the mode of the posterior,
 
     log p(y | model) ≈ log p(y | θ̂) − ½ (θ̂ − θ₀)ᵀ Λ₀ (θ̂ − θ₀) + ½ log det Λ₀ − ½ log det Λ,
 
-with Λ₀ the information of the prior and Λ that of the posterior, which the search for the mode leaves behind. Unlike Schwarz's criterion, which
-is its limit for long records, it does not pretend that each statistic was informed by every sample: that of a slow load never is.
-Source: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995, https://doi.org/10.1080/01621459.1995.10476572.
+with Λ₀ the information of the prior and Λ that of the posterior, which the search for the mode leaves behind. Unlike
+Schwarz's criterion, which is its limit for long records, it does not pretend that each statistic was informed by every
+sample: that of a slow load never is. Source: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995,
+https://doi.org/10.1080/01621459.1995.10476572.
 """
 
 import math
@@ -176,7 +179,8 @@ def _is_explained(problem: TurbineProblem, info: Info, rate: float) -> bool:
 
 
 def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
-    """Whether the loads, from rest and with nothing read, would make a good part of the motion in some degree of freedom."""
+    """Whether the loads, from rest and with nothing read, would make a good part of the motion in some degree of
+    freedom."""
     n = len(model.compiled.states) // 2
     cov = model.cov.copy()
     cov[: 2 * n, : 2 * n] = 0.0
@@ -188,7 +192,8 @@ def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
 
 
 def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
-    """Where to look first: the simplest model where its joint filter ends, others at the prior, with loads as loud as the simplest found them."""
+    """Where to look first: the simplest model where its joint filter ends, others at the prior, with loads as loud as
+    the simplest found them."""
     if not tried and problem.loads.name == next(iter(HYPOTHESES)):
         return problem.start
     n = len(problem.parameters)

@@ -54,7 +54,8 @@ class Outcome(NamedTuple):
     loads
         The loads that were states, as the filter knew them at the result; None where none were.
     joint_cov
-        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where no statistics were learned.
+        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where no
+        statistics were learned.
     whiteness
         The innovations against white noise where that was judged already; None where those of `final` are to be judged.
     log_likelihood
@@ -81,7 +82,8 @@ class Outcome(NamedTuple):
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:
-    """The inputs that the turbine's model asks for (T, n_u); between samples of a uniform grid where times are unequal."""
+    """The inputs that the turbine's model asks for (T, n_u); between samples of a uniform grid where times are
+    unequal."""
     if not record.is_uniform:
         wanted = (*TURNING, *turbine.model.inputs)
         even = resample(record.select([c for c in record.channels if c in wanted]), record.rate)
@@ -92,7 +94,8 @@ def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) ->
 
 
 def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMarkov]]:
-    """Measured loads (T, n), zero where there is no channel, and the loads that are therefore states, as far as the record's low-pass lets them through."""
+    """Measured loads (T, n), zero where there is no channel, and the loads that are therefore states, as far as the
+    record's low-pass lets them through."""
     known = np.zeros((record.samples, len(turbine.model.loads)))
     for column, name in enumerate(turbine.model.loads):
         if name in record:

@@ -1,13 +1,14 @@
 """Fit: one's own equations + a record → estimates with bands. The front door for every structure that is no turbine.
 
-The unknowns are the parameters θ and, beside them, the noise of every sensor and the level of every load, η. The record is taken in as it would be
-on line (`windsysid.identification.recursive`); that history is kept. The result is the mode of the posterior of the whole record on the likelihood of the state-only filter
+The unknowns are the parameters θ and, beside them, the noise of every sensor and the level of every load, η. The record
+is taken in as it would be on line (`windsysid.identification.recursive`); that history is kept. The result is the mode
+of the posterior of the whole record on the likelihood of the state-only filter
 (`windsysid.identification.posterior_mode`).
 
-The mode is climbed from where a joint filter ends. Far off, the likelihood has false summits, because the motion that it expects has lost the
-phase of the one that was measured; the joint filter stays in phase. It also locks in what it learns while linearised at wrong
-parameters, the more so the quieter the sensors are said to be, so it runs again with all noise 10 and 100 times as loud, and the end
-that the state-only filter likes best is the start.
+The mode is climbed from where a joint filter ends. Far off, the likelihood has false summits, because the motion that
+it expects has lost the phase of the one that was measured; the joint filter stays in phase. It also locks in what it
+learns while linearised at wrong parameters, the more so the quieter the sensors are said to be, so it runs again with
+all noise 10 and 100 times as loud, and the end that the state-only filter likes best is the start.
 """
 
 import time
@@ -124,16 +125,17 @@ def fit(
 ) -> Fit:
     """Identify parameters of `model` from `record`.
 
-    Between two samples the filter takes one step of the fourth-order Runge–Kutta method, which damps a motion at ω by about (ωh)⁵/144 of the
-    critical: 2e-5 at 20 samples a period, 7e-4 at 10. Inputs run linearly between samples.
+    Between two samples the filter takes one step of the fourth-order Runge–Kutta method, which damps a motion at ω by
+    about (ωh)⁵/144 of the critical: 2e-5 at 20 samples a period, 7e-4 at 10. Inputs run linearly between samples.
 
     Parameters
     ----------
     model
         `Equations`, or anything that compiles.
     record
-        Holds a channel for every sensor and every input of the model, and for the loads that were measured. Or its pieces in order, which are
-        then held on disk: the result is the same, with innovations and states of the last samples only where there are many.
+        Holds a channel for every sensor and every input of the model, and for the loads that were measured. Or its
+        pieces in order, which are then held on disk: the result is the same, with innovations and states of the last
+        samples only where there are many.
     parameters
         What to identify, each with its prior.
     sensors
@@ -143,20 +145,21 @@ def fit(
     values
         The parameters that are not identified, and loads that are constant: 0 for one that does not act.
     loads
-        Models of loads that were not measured. Where the record went through an anti-aliasing low-pass (`windsysid.signals.resample`), first-order loads are taken to have gone
-        through it too.
+        Models of loads that were not measured. Where the record went through an anti-aliasing low-pass
+        (`windsysid.signals.resample`), first-order loads are taken to have gone through it too.
     channels
         The channel of an input or a measured load, where it is not called what the model calls it.
     learn_levels
-        Whether the noise of each sensor and the rms of each load are learned: what is given is then the median of a wide prior
-        (a factor of 4.5 at one standard deviation). The shape of a load's spectrum stays as given.
+        Whether the noise of each sensor and the rms of each load are learned: what is given is then the median of a
+        wide prior (a factor of 4.5 at one standard deviation). The shape of a load's spectrum stays as given.
 
     Raises
     ------
     RecordError
         If the record lacks a channel, an input has gaps, or a sensor's channel holds no number.
     ConfigurationError
-        If model, priors and sensors do not fit each other (`compose`), or a load of the model has neither channel nor model nor value.
+        If model, priors and sensors do not fit each other (`compose`), or a load of the model has neither channel nor
+        model nor value.
     WindsysidError
         If every run of the filter diverges.
     """
@@ -227,7 +230,8 @@ def fit(
 
 
 class _Taken(NamedTuple):
-    """A record and what it poses: the samples, how many, when they begin [s], the last piece of them, and what is to be said."""
+    """A record and what it poses: the samples, how many, when they begin [s], the last piece of them, and what is to be
+    said."""
 
     problem: OwnProblem
     samples: Samples
@@ -306,7 +310,8 @@ def _describe_parameter(q: Parameter, theta: float, std: float) -> Estimate:
 
 
 def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:
-    """A doubt where the Runge–Kutta method itself makes more than `MAX_STEP_SHARE` of the damping of a vibration about the last state."""
+    """A doubt where the Runge–Kutta method itself makes more than `MAX_STEP_SHARE` of the damping of a vibration about
+    the last state."""
     compiled, h = model.compiled, float(model.blocks.step[0])
     n, nu = len(compiled.states), len(compiled.inputs)
     if not (n and len(inputs)):
@@ -328,8 +333,10 @@ def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str
     size = float(np.abs(step[i]))
     enough = size / h / (72.0 * MAX_STEP_SHARE * max(abs(float(ratio[i])), 1e-4)) ** 0.2
     return (
-        f"steps are too long for the vibration at {size / h / (2.0 * np.pi):.3g} Hz, {2.0 * np.pi / size:.2g} of them to a period: the integration damps it by "
-        f"{100.0 * (ratio[i] - own[i]):.2g} %, which the damping found lacks; give the record at {enough:.3g} Hz or more, missing samples in between",
+        f"steps are too long for the vibration at {size / h / (2.0 * np.pi):.3g} Hz, {2.0 * np.pi / size:.2g} of "
+        f"them to a period: the integration damps it by "
+        f"{100.0 * (ratio[i] - own[i]):.2g} %, which the damping found lacks; give the record at {enough:.3g} Hz or "
+        f"more, missing samples in between",
     )
 
 

@@ -31,7 +31,8 @@ FIRST_WIDTH = 0.05
 
 
 class OwnProblem(NamedTuple):
-    """What a record leaves to be found: θ and η, logarithms of factors on the noise of each reading and then on each load.
+    """What a record leaves to be found: θ and η, logarithms of factors on the noise of each reading and then on each
+    load.
 
     Attributes
     ----------
@@ -96,7 +97,8 @@ class OwnProblem(NamedTuple):
 
 
 def _measure_excess(model: StateSpace, samples: Samples) -> tuple[float, float]:
-    """The greatest rms of a reading's innovations in their own standard deviations, 1 where nothing was read, and the log-likelihood."""
+    """The greatest rms of a reading's innovations in their own standard deviations, 1 where nothing was read, and the
+    log-likelihood."""
     belief, log_likelihood = EKF.init(model), 0.0
     total, number = np.zeros(len(model.readings)), np.zeros(len(model.readings))
     for inputs, readings in samples:
@@ -130,7 +132,8 @@ def state_only_model(
 
 
 def loads_behind_low_pass(loads: Sequence[LoadModel], record: Record) -> tuple[tuple[LoadModel, ...], tuple[str, ...]]:
-    """The load models as far as the record's low-pass lets them through, and what to say of those that do not know how."""
+    """The load models as far as the record's low-pass lets them through, and what to say of those that do not know
+    how."""
     if LOW_PASS not in record.attributes:
         return tuple(loads), ()
     low_pass = float(record.attributes[LOW_PASS])
@@ -139,7 +142,10 @@ def loads_behind_low_pass(loads: Sequence[LoadModel], record: Record) -> tuple[t
         for load in loads
     )
     others = ", ".join(load.states[0] for load in loads if not isinstance(load, GaussMarkov))
-    note = f"the record went through a low-pass at {low_pass:.3g} Hz, and the model of {others} does not know it: damping may come out too low"
+    note = (
+        f"the record went through a low-pass at {low_pass:.3g} Hz, and the model of {others} does not know it: "
+        f"damping may come out too low"
+    )
     return passed, (note,) if others else ()
 
 
@@ -158,7 +164,8 @@ def constant_loads(
             continue
         if name not in values and name not in driven:
             raise ConfigurationError(
-                f"load '{name}': nothing says what it was: expected a channel of that name, or one named in `channels` (the record has "
+                f"load '{name}': nothing says what it was: expected a channel of that name, or one named in "
+                f"`channels` (the record has "
                 f"{', '.join(record.channels)}), a model in `loads`, or in `values` a constant, 0 where it does not act"
             )
         constant[name] = float(values.get(name, 0.0))

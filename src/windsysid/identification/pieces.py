@@ -1,13 +1,15 @@
 """Records too long for memory, piece by piece: the same way from samples to an estimate, interruptible and resumable.
 
-Each piece is brought to the model's rate as the whole record would be (`windsysid.identification.windows`), written to a file on disk that has
-no name (`windsysid.identification.samples`), and taken in on line (`windsysid.identification.recursive`). The load model is chosen as soon as
-there are enough samples for that. After the last piece the mode of the posterior is found from the samples on disk, as for a whole record
+Each piece is brought to the model's rate as the whole record would be (`windsysid.identification.windows`), written to
+a file on disk that has no name (`windsysid.identification.samples`), and taken in on line
+(`windsysid.identification.recursive`). The load model is chosen as soon as there are enough samples for that. After the
+last piece the mode of the posterior is found from the samples on disk, as for a whole record
 (`windsysid.identification.solve`).
 
-What is known on line is written beside the output after every piece. The same call on the same record goes on from there, and ends where an
-uninterrupted one would have ended, bit for bit. The checkpoint says which call it belongs to, and the hash of all samples that were taken
-in: another call does not take it up. A record that has grown since is the same record, if what was taken in is still there.
+What is known on line is written beside the output after every piece. The same call on the same record goes on from
+there, and ends where an uninterrupted one would have ended, bit for bit. The checkpoint says which call it belongs to,
+and the hash of all samples that were taken in: another call does not take it up. A record that has grown since is the
+same record, if what was taken in is still there.
 """
 
 import math
@@ -56,7 +58,8 @@ __all__ = ["identify_pieces"]
 Progress = Callable[[float], None]
 
 _BEGINNING = 1000
-"""Samples by which another record is told at once; that all others are the same is seen where the checkpoint is reached."""
+"""Samples by which another record is told at once; that all others are the same is seen where the checkpoint is
+reached."""
 
 
 def identify_pieces(
@@ -75,24 +78,27 @@ def identify_pieces(
 ) -> Identification:
     """Identify stiffness and damping from a record that comes in pieces, in bounded memory.
 
-    The estimate is what `windsysid.identify` would find. Samples are held on disk, beside the checkpoint or in the system's folder for
-    temporary files: 8 bytes for each number that a filter reads. The diagnosis judges all innovations; kept are those of the last samples.
+    The estimate is what `windsysid.identify` would find. Samples are held on disk, beside the checkpoint or in the
+    system's folder for temporary files: 8 bytes for each number that a filter reads. The diagnosis judges all
+    innovations; kept are those of the last samples.
 
     Parameters
     ----------
     pieces
-        Records in order, of one sampling rate: `windsysid.iterate_record` makes them of a file. Samples missing between two pieces are
-        missing readings.
+        Records in order, of one sampling rate: `windsysid.iterate_record` makes them of a file. Samples missing between
+        two pieces are missing readings.
     turbine, sensors, prior, parameters, rate, loads
         As for `windsysid.identify`; sensors are chosen on the first piece.
     checkpoint
         Where to write what is known after each piece, and to go on from if it is there; it is deleted at the end.
     keep_checkpoint
-        Leave it there: who saves the result deletes it then, and nothing is lost if the disk is full or the process is killed before.
+        Leave it there: who saves the result deletes it then, and nothing is lost if the disk is full or the process is
+        killed before.
     progress
         Called with the time [s] reached after each piece.
     options
-        Plain values that tell more of the call: kept with the result, and with the checkpoint, which another call does not take up.
+        Plain values that tell more of the call: kept with the result, and with the checkpoint, which another call does
+        not take up.
 
     Raises
     ------
@@ -155,7 +161,8 @@ class _Run:
         self.turbine, self.sensors, self.prior, self.chosen = turbine, sensors, prior, chosen
         self.loads = load_models(first, turbine, loads)
         self.options = {
-            "formulation": "joint", "prior": asdict(prior), "parameters": listed, "rate": rate, "loads": loads, **options,
+            "formulation": "joint", "prior": asdict(prior), "parameters": listed, "rate": rate, "loads": loads,
+            **options,
         }  # fmt: skip
         self.first, self.name, self.hash, self.taken = first, first.name, RecordHash(), 0
         self.beginning: list[Prepared] = []
@@ -210,7 +217,8 @@ class _Run:
         self._go_on()
 
     def _choose(self) -> None:
-        """Pose the problem on the beginning of the record, with the load model that it chooses, or chose before an interruption."""
+        """Pose the problem on the beginning of the record, with the load model that it chooses, or chose before an
+        interruption."""
         parts = [prepared.record for prepared in self.beginning]
         beginning = replace(
             parts[0],

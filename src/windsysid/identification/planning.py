@@ -1,15 +1,16 @@
 """Before anything is measured: how well will a set of sensors see each coefficient, and after how long?
 
-A record of the planned kind is simulated and its Fisher information taken at the turbine file's values, for coefficients and statistics of
-loads and noise together, since nobody will know those either. After the first seconds, in which the filter finds the state, information
-grows in proportion to time, so that for a record of T seconds
+A record of the planned kind is simulated and its Fisher information taken at the turbine file's values, for
+coefficients and statistics of loads and noise together, since nobody will know those either. After the first seconds,
+in which the filter finds the state, information grows in proportion to time, so that for a record of T seconds
 
     I(T) = I(t₀) + (T − t₀) İ,     σ(T) = √ diag I(T)⁻¹,
 
-the Cramér–Rao bound from the data alone, without any prior, in coordinates ∂ ln p: every σ is relative. For one mode driven by a broadband
-load and well measured it is σ_k/k = 2 √(ζ / ωT), σ_c/c = 1/√(ζωT). The information is a sum of squares over a simulated record and
-scatters like the energy of the vibration does; how much is said. Source: Kay, Fundamentals of Statistical Signal Processing: Estimation
-Theory (Prentice Hall 1993), ch. 3; Ljung, System Identification (2nd ed. 1999), ch. 7.4 and 9.3.
+the Cramér–Rao bound from the data alone, without any prior, in coordinates ∂ ln p: every σ is relative. For one mode
+driven by a broadband load and well measured it is σ_k/k = 2 √(ζ / ωT), σ_c/c = 1/√(ζωT). The information is a sum of
+squares over a simulated record and scatters like the energy of the vibration does; how much is said. Source: Kay,
+Fundamentals of Statistical Signal Processing: Estimation Theory (Prentice Hall 1993), ch. 3; Ljung, System
+Identification (2nd ed. 1999), ch. 7.4 and 9.3.
 """
 
 import json
@@ -45,7 +46,8 @@ __all__ = ["Plan", "plan"]
 
 
 RELAXATIONS = 100.0
-"""How many times the energy of the least damped mode is renewed in the simulated record: σ is then known to 1/(2√100) = 5 %."""
+"""How many times the energy of the least damped mode is renewed in the simulated record: σ is then known to 1/(2√100) =
+5 %."""
 
 MOST_SAMPLES = 50_000
 """Of the simulated record, whatever the damping."""
@@ -120,7 +122,8 @@ class Plan(Answer):
         return SIGMAS * float(sigma[self.names.index(name)])
 
     def needed(self, name: str) -> float:
-        """Duration [s] after which ±2σ of one parameter is within the wish; infinite if that takes more than ten years."""
+        """Duration [s] after which ±2σ of one parameter is within the wish; infinite if that takes more than ten
+        years."""
         if self.band(name, FOREVER) > self.within:
             return math.inf
         low, high = self.start_seconds, FOREVER
@@ -147,7 +150,10 @@ class Plan(Answer):
             return f"{name}: never; these sensors do not see it"
         after = f"±{percent(band)} after {spell(self.duration)}"
         if band <= self.within:
-            return f"{name}: yes, {after}; ±{wish} {'before' if needed <= self.start_seconds else 'after'} {spell(needed, 2)}"
+            return (
+                f"{name}: yes, {after}; ±{wish} {'before' if needed <= self.start_seconds else 'after'} "
+                f"{spell(needed, 2)}"
+            )
         return f"{name}: no, {after}; ±{wish} {'never' if math.isinf(needed) else f'after {spell(needed, 2)}'}"
 
     @property
@@ -217,7 +223,8 @@ class Plan(Answer):
             "within_percent": 100.0 * self.within,
             "verdict": self.verdict,
             "parameters": {
-                name: {"two_sigma_percent": 100.0 * self.band(name), "needed_s": self.needed(name), "answer": self.answer(name)}
+                name: {"two_sigma_percent": 100.0 * self.band(name), "needed_s": self.needed(name),
+                "answer": self.answer(name)}
                 for name in self.coefficients
             },
             "directions": list(self.directions),
@@ -260,8 +267,8 @@ def plan(
     duration, rate
         Of the planned record [s], [Hz].
     parameters
-        What is asked for; all coefficients by default. The coefficients of all free degrees of freedom are unknown in any case, masses
-        and geometry only where they are named here.
+        What is asked for; all coefficients by default. The coefficients of all free degrees of freedom are unknown in
+        any case, masses and geometry only where they are named here.
     within
         The wish: ±2σ relative to the value.
     load_scale
@@ -293,7 +300,8 @@ def plan(
     start, growths = _information(problem, rate / thinning, finding, progress)
     growth = growths.mean(axis=0)
     notes += [
-        f"from the data alone, no prior; loads and noise unknown too, of the kind in the turbine file; from {spell(length)} of simulated "
+        f"from the data alone, no prior; loads and noise unknown too, of the kind in the turbine file; from "
+        f"{spell(length)} of simulated "
         "vibration",
     ]
     draft = Plan(
@@ -324,7 +332,8 @@ def percent(share: float) -> str:
 
 
 def _as_planned(
-    turbine: Turbine, sensors: Sequence[Sensor] | None, duration: float, rate: float, within: float, load_scale: float, rotor_speed: float | None
+    turbine: Turbine, sensors: Sequence[Sensor] | None, duration: float, rate: float, within: float, load_scale: float,
+    rotor_speed: float | None
 ) -> Turbine:  # fmt: skip
     """The turbine with the planned sensors, loads and rotor speed, all options checked."""
     for what, value, most in (
@@ -352,7 +361,8 @@ def _as_planned(
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     if fastest / rate > 0.6:
         raise ConfigurationError(
-            f"rate: expected at least {fastest / 0.6:.3g} samples per second for a mode at {fastest / (2.0 * math.pi):.3g} Hz, got {rate:g}"
+            f"rate: expected at least {fastest / 0.6:.3g} samples per second for a mode at "
+            f"{fastest / (2.0 * math.pi):.3g} Hz, got {rate:g}"
         )
     return turbine
 
@@ -370,7 +380,8 @@ def _simulated(
 ) -> TurbineProblem:
     """The problem that a record of the planned kind poses, from stationary vibration.
 
-    Where modes are slow against the planned rate, only every so many samples are simulated, with noise of the same spectral density.
+    Where modes are slow against the planned rate, only every so many samples are simulated, with noise of the same
+    spectral density.
     """
     sensors = tuple(s.model_copy(update={"noise": s.noise / math.sqrt(thinning)}) for s in turbine.sensors)
     record = simulate_record(replace(turbine, sensors=sensors), duration=settling + length, rate=rate, seed=seed)
@@ -406,19 +417,19 @@ def _information(
 def _logarithms(problem: TurbineProblem) -> Array:
     """How the logarithms of the statistics move with η: the first derivative of each by each (n, n)."""
     steps = np.eye(len(problem.statistics))
-    return np.array([
-        [math.log(s.estimate / s.given) for s in learned_statistics(problem.statistics, step, np.zeros_like(steps))] for step in steps
-    ]).reshape(steps.shape).T  # fmt: skip
+    moved = [learned_statistics(problem.statistics, step, np.zeros_like(steps)) for step in steps]
+    return np.array([[math.log(s.estimate / s.given) for s in one] for one in moved]).reshape(steps.shape).T
 
 
 def _accuracy(draft: Plan, growths: Array, relaxations: float) -> float:
-    """Relative standard error of σ after the planned duration, the worst of what is seen: a jackknife over the blocks, and not less than
-    what the energy of so many relaxations leaves.
+    """Relative standard error of σ after the planned duration, the worst of what is seen: a jackknife over the blocks,
+    and not less than what the energy of so many relaxations leaves.
     """
     whole = growths.sum(axis=0)
     n = len(growths)
     sigmas = np.array([
-        standard_deviations(replace(draft, growth=(whole - growth) / (n - 1)).information(draft.duration)) for growth in growths
+        standard_deviations(replace(draft, growth=(whole - growth) / (n - 1)).information(draft.duration))
+        for growth in growths
     ])  # fmt: skip
     logs = np.log(sigmas[:, : draft.unknown][:, np.isfinite(sigmas[:, : draft.unknown]).all(axis=0)])
     return float(

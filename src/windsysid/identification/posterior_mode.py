@@ -1,14 +1,15 @@
 """The mode of the posterior by Fisher scoring on the innovations of a state-only filter.
 
-A joint filter leaves out how its own gain depends on the parameters (Ljung 1979), and what it learns while the state is still
-unknown counts too much: its bands are too narrow (`validation.calibration` prints by how much). The likelihood of the
-state-only filter knows both. With whitened innovations z and the standard deviations s they were divided by,
+A joint filter leaves out how its own gain depends on the parameters (Ljung 1979), and what it learns while the state is
+still unknown counts too much: its bands are too narrow (`validation.calibration` prints by how much). The likelihood of
+the state-only filter knows both. With whitened innovations z and the standard deviations s they were divided by,
 
     log L = −Σ (log s + z²/2) + const,   ∂ log L = −Σ (∂ log s + z ∂z),
     Fisher information ≈ Σ a aᵀ + 2 Σ ∂log s ∂log sᵀ,   a = ∂z + z ∂log s  (the derivative of the innovation, over s),
 
 and derivatives are differences between filters at neighbouring parameters, which run side by side in a bank
-(`windsysid.filters.bank`). Source: Ljung, IEEE TAC 24(1), 1979, https://doi.org/10.1109/TAC.1979.1101943; Särkkä & Svensson, ch. 16.
+(`windsysid.filters.bank`). Source: Ljung, IEEE TAC 24(1), 1979, https://doi.org/10.1109/TAC.1979.1101943; Särkkä &
+Svensson, ch. 16.
 """
 
 import math

@@ -35,7 +35,8 @@ __all__ = [
 
 
 FEWEST_PER_PERIOD, FEWEST = 2.5, 20
-"""Samples per period of the slowest mode below which nothing of it is left in a resampled record, and fewest samples of such a record."""
+"""Samples per period of the slowest mode below which nothing of it is left in a resampled record, and fewest samples of
+such a record."""
 
 MAX_STEP = 0.6
 """Longest step of the equations, times the highest natural frequency [rad]."""
@@ -91,7 +92,8 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
         unit = record.units[record.channels.index(sensor.channel)]
         if not sensor.accepts(unit):
             raise RecordError(
-                f"channel '{sensor.channel}': expected {sensor.unit} for {sensor.quantity}, got {unit}: correct the unit or the sensor"
+                f"channel '{sensor.channel}': expected {sensor.unit} for {sensor.quantity}, got {unit}: correct the "
+                f"unit or the sensor"
             )
         if not np.isfinite(values).any():
             raise RecordError(
@@ -106,10 +108,12 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
 
 
 def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, refuse: bool = True) -> list[Finding]:
-    """What is wrong with the channels that the joint formulation reads (`windsysid.inspection.screening`); RecordError where it makes estimates wrong."""
+    """What is wrong with the channels that the joint formulation reads (`windsysid.inspection.screening`); RecordError
+    where it makes estimates wrong."""
     return screen(
         record, turbine, [sensor.channel for sensor in sensors],
-        others=(*TURNING, "wind_speed", *turbine.model.loads), offsets={sensor.channel: sensor.bias for sensor in sensors},
+        others=(*TURNING, "wind_speed", *turbine.model.loads),
+        offsets={sensor.channel: sensor.bias for sensor in sensors},
         refuse=refuse,
     )  # fmt: skip
 
@@ -117,9 +121,11 @@ def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, ref
 def resample_for_model(
     record: Record, turbine: Turbine, rate: float | None, sensors: Sequence[Sensor]
 ) -> tuple[Record, int, tuple[str, ...]]:
-    """The record at a lower rate, where one is asked for or the turbine's model has nothing to say of what is faster; samples per reading, and a note.
+    """The record at a lower rate, where one is asked for or the turbine's model has nothing to say of what is faster;
+    samples per reading, and a note.
 
-    Where the equations need shorter steps than a reading takes, sensors are missing between their readings and all else is as the fine grid has it.
+    Where the equations need shorter steps than a reading takes, sensors are missing between their readings and all else
+    is as the fine grid has it.
     """
     slow = choose_rate(record.rate, record.duration, turbine, rate)
     if slow is None:
@@ -161,12 +167,16 @@ def describe_rate(recorded: float, rate: float, steps: int, turbine: Turbine) ->
     if steps <= 1:
         return (note,)
     if fastest > 0.8 * math.pi * rate:
-        note += f", which takes the mode near {fastest / (2.0 * math.pi):.3g} Hz out of the record and not out of the model: do not rely on what is said of it"
+        note += (
+            f", which takes the mode near {fastest / (2.0 * math.pi):.3g} Hz out of the record and not out of "
+            f"the model: do not rely on what is said of it"
+        )
     return (f"{note}, {steps} steps of the equations for each reading",)
 
 
 def slow_down(record: Record, read: Sequence[str], rate: float, steps: int, *, start: float | None = None) -> Record:
-    """The record with the channels `read` at `rate` [Hz] from `start` [s] on, its own by default, and all others `steps` times as often."""
+    """The record with the channels `read` at `rate` [Hz] from `start` [s] on, its own by default, and all others
+    `steps` times as often."""
     slow = resample(record, rate, start=start)
     if steps <= 1:
         return slow
@@ -182,7 +192,8 @@ def slow_down(record: Record, read: Sequence[str], rate: float, steps: int, *, s
 
 
 def _check_rate(duration: float, turbine: Turbine, rate: float) -> None:
-    """Refuse a rate whose low-pass, flat to 0.4 of it, takes every mode out of the record, or that leaves next to no readings."""
+    """Refuse a rate whose low-pass, flat to 0.4 of it, takes every mode out of the record, or that leaves next to no
+    readings."""
     slowest = turbine.slowest_frequency / (2.0 * math.pi)
     least = max(FEWEST_PER_PERIOD * slowest, FEWEST / duration)
     if rate < least:
@@ -193,7 +204,8 @@ def _check_rate(duration: float, turbine: Turbine, rate: float) -> None:
             else f"{math.floor(duration * rate) + 1} samples of {periods:.3g} periods"
         )
         raise ConfigurationError(
-            f"rate: {rate:g} Hz would leave {left} of the slowest mode ({slowest:.3g} Hz): expected at least {1.001 * least:.3g} Hz"
+            f"rate: {rate:g} Hz would leave {left} of the slowest mode ({slowest:.3g} Hz): expected at least "
+            f"{1.001 * least:.3g} Hz"
         )
 
 
@@ -223,7 +235,8 @@ def check_length(name: str, duration: float, rate: float, turbine: Turbine) -> N
     period = 2.0 * math.pi / turbine.slowest_frequency
     if duration < period:
         raise RecordError(
-            f"{name}: expected at least one period of the turbine's slowest mode ({period:.3g} s), got {duration:.3g} s: "
+            f"{name}: expected at least one period of the turbine's slowest mode ({period:.3g} s), got "
+            f"{duration:.3g} s: "
             "choose a longer record, or correct the stiffness in the turbine file"
         )
     fastest = max(turbine.natural_frequency(coordinate) for coordinate in turbine.model.coordinates)

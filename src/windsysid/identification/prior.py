@@ -68,8 +68,8 @@ def identifiable(turbine: Turbine, chosen: Sequence[str] | None = None) -> list[
     Raises
     ------
     ConfigurationError
-        If none is chosen, or a chosen parameter is not one of the turbine's, belongs to a locked degree of freedom, or has no reference to
-        start from.
+        If none is chosen, or a chosen parameter is not one of the turbine's, belongs to a locked degree of freedom, or
+        has no reference to start from.
     """
     if chosen is None:
         known = [name for name in turbine.model.coefficients if turbine.values[name] != 0.0]

@@ -1,7 +1,8 @@
 """The state-only problem of a record: a model for every value of the unknowns, with the prior of the unknowns.
 
 The unknowns are θ, the identified parameters in filter coordinates, and after them η, the statistics of loads and noise
-(`windsysid.loads.statistics`). What the likelihood of a record is a function of, and what a planned record informs about, is said here once.
+(`windsysid.loads.statistics`). What the likelihood of a record is a function of, and what a planned record informs
+about, is said here once.
 """
 
 import math
@@ -111,10 +112,12 @@ class TurbineProblem(NamedTuple):
         return loads, [sensor.noise for sensor in sensors]
 
     def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
-        """Where to begin to look for the unknowns, and how uncertain that is (n,), (n, n): from the joint filter on T samples.
+        """Where to begin to look for the unknowns, and how uncertain that is (n,), (n, n): from the joint filter on T
+        samples.
 
-        What the filter learns while linearised at a wrong θ it never forgets, so it runs again from where it ended, with the original
-        prior covariance and the pull of the prior added afterwards, exactly so for a linear model: θ ← θ₁ + P₁ P₀⁻¹ (θ₀ − θ_start).
+        What the filter learns while linearised at a wrong θ it never forgets, so it runs again from where it ended,
+        with the original prior covariance and the pull of the prior added afterwards, exactly so for a linear model: θ
+        ← θ₁ + P₁ P₀⁻¹ (θ₀ − θ_start).
         """
         block, n = self.model.parameter_block, len(self.parameters)
         prior_mean, prior_cov = self.model.mean[block], self.model.cov[block, block]

@@ -2,9 +2,10 @@
 
     ℓ_p(θ_k) = max over the others of ℓ(θ_k, others),      band: ℓ_p ≥ max ℓ − 2,
 
-which is ±2σ exactly where the posterior is Gaussian, and is right in any coordinate where it is not. The others are found anew at each
-value from where the Gaussian would put them. Between the values, and to the ends of the band, the signed root
-r = sign(θ_k − θ̂_k) √(2 (max ℓ − ℓ_p)), nearly a straight line, is interpolated. Source: Pawitan, In All Likelihood (Oxford 2001), ch. 3.4.
+which is ±2σ exactly where the posterior is Gaussian, and is right in any coordinate where it is not. The others are
+found anew at each value from where the Gaussian would put them. Between the values, and to the ends of the band, the
+signed root r = sign(θ_k − θ̂_k) √(2 (max ℓ − ℓ_p)), nearly a straight line, is interpolated. Source: Pawitan, In All
+Likelihood (Oxford 2001), ch. 3.4.
 """
 
 import math

@@ -1,16 +1,18 @@
 """The posterior while the record is still being taken: recursive scoring, in fixed memory.
 
-A bank of state-only filters runs at θ and its neighbours (`windsysid.identification.posterior_mode`). After each block of samples the differences between its
-filters give the block's gradient g and Fisher information J, and θ moves by a Gauss–Newton step on the sum of all that is known,
+A bank of state-only filters runs at θ and its neighbours (`windsysid.identification.posterior_mode`). After each block
+of samples the differences between its filters give the block's gradient g and Fisher information J, and θ moves by a
+Gauss–Newton step on the sum of all that is known,
 
     Λ ← Λ + J,    θ ← θ + Λ⁻¹ g.
 
-The filters follow: their means and covariances are moved along their own slopes ∂m/∂θ, ∂P/∂θ, which the bank knows as well. This is the
-recursive prediction error method with the gain's own dependence on θ included (Ljung 1979; Ljung & Söderström 1983, ch. 3).
+The filters follow: their means and covariances are moved along their own slopes ∂m/∂θ, ∂P/∂θ, which the bank knows as
+well. This is the recursive prediction error method with the gain's own dependence on θ included (Ljung 1979; Ljung &
+Söderström 1983, ch. 3).
 
-What is learned at a wrong θ, in the first seconds, must not be kept. So the samples since the start are held until `MEMORY` × `first` of
-them have come; whenever their number has doubled the mode of the posterior is found anew from the original prior, and the recursion goes on
-from there. Blocks grow with the record: a step then never moves θ by much.
+What is learned at a wrong θ, in the first seconds, must not be kept. So the samples since the start are held until
+`MEMORY` × `first` of them have come; whenever their number has doubled the mode of the posterior is found anew from the
+original prior, and the recursion goes on from there. Blocks grow with the record: a step then never moves θ by much.
 """
 
 import json
@@ -85,7 +87,8 @@ class Online(NamedTuple):
     samples
         Samples that θ knows of.
     inputs, readings
-        Samples that are held: all since the start until the memory is full, then those of the block that is not complete.
+        Samples that are held: all since the start until the memory is full, then those of the block that is not
+        complete.
     """
 
     prior_mean: Array
@@ -147,8 +150,8 @@ def advance(
     build
         The state-only model for a value of θ (n_θ,).
     start
-        Where the first estimate begins to look, and how uncertain that is, from the first samples' inputs and readings: θ (n_θ,) and its
-        covariance. The prior by default.
+        Where the first estimate begins to look, and how uncertain that is, from the first samples' inputs and readings:
+        θ (n_θ,) and its covariance. The prior by default.
     """
     online = online._replace(
         inputs=np.concatenate([online.inputs, inputs]), readings=np.concatenate([online.readings, readings])
@@ -219,7 +222,8 @@ def check_call(path: Path, call: Mapping[str, Any]) -> dict[str, Any]:
 def another_call(path: Path, differ: Sequence[str]) -> ConfigurationError:
     """The refusal of a checkpoint that belongs to another call."""
     return ConfigurationError(
-        f"{path}: was left by another call, which differs in {', '.join(differ)}: repeat that call, choose another output, or delete "
+        f"{path}: was left by another call, which differs in {', '.join(differ)}: repeat that call, choose another "
+        f"output, or delete "
         "the checkpoint to begin anew"
     )
 
@@ -255,7 +259,8 @@ def _checkpoint(path: Path) -> Iterator[Any]:
             yield archive
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise ConfigurationError(
-            f"{path}: expected where an earlier run of this version stopped, got something else ({error}): delete it to begin anew"
+            f"{path}: expected where an earlier run of this version stopped, got something else ({error}): delete it "
+            f"to begin anew"
         ) from None
 
 
@@ -267,7 +272,8 @@ def join_histories(histories: Sequence[History]) -> History:
 def spread_over_samples(
     prior_mean: Array, prior_cov: Array, history: History | None, samples: int
 ) -> tuple[Array, Array]:
-    """Mean and standard deviation of θ as they were known after each of so many samples (T, n_θ): the prior before the first estimate.
+    """Mean and standard deviation of θ as they were known after each of so many samples (T, n_θ): the prior before the
+    first estimate.
 
     NaN where there is no history.
     """

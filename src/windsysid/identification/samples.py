@@ -1,8 +1,8 @@
 """What filters read of a record, block by block, as often as it is asked for: from memory, or from a file on disk.
 
-A search for the mode looks at all samples several times. A record that fits into memory is one block. A record that does not is
-written, as it comes, to a file that has no name and ends with the process, and is read back in blocks of one length: what is computed
-does not depend on how the record was cut.
+A search for the mode looks at all samples several times. A record that fits into memory is one block. A record that
+does not is written, as it comes, to a file that has no name and ends with the process, and is read back in blocks of
+one length: what is computed does not depend on how the record was cut.
 """
 
 import tempfile
@@ -30,7 +30,8 @@ MAX_BLOCK = 100_000
 
 
 def split_evenly(count: int, every: int = 1) -> list[slice]:
-    """As few parts of at most `MAX_BLOCK` samples as there can be, all but equally long, that begin at multiples of `every`."""
+    """As few parts of at most `MAX_BLOCK` samples as there can be, all but equally long, that begin at multiples of
+    `every`."""
     parts = max(-(-count // MAX_BLOCK), 1)
     edges = [round(i * count / parts) // every * every for i in range(parts)] + [count]
     return [slice(first, last) for first, last in pairwise(edges)]

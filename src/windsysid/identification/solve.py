@@ -1,11 +1,12 @@
 """One way from samples to an estimate, for whole records, records in pieces, and equations of one's own.
 
-A `Problem` says what is looked for; samples come in blocks (`windsysid.identification.samples`). `solve` takes them in as they would be on
-line (`windsysid.identification.recursive`), finds the mode of the posterior of all of them from where that ends
-(`windsysid.identification.posterior_mode`), leaves outliers out, and filters once more at the mode: those innovations judge the result.
+A `Problem` says what is looked for; samples come in blocks (`windsysid.identification.samples`). `solve` takes them in
+as they would be on line (`windsysid.identification.recursive`), finds the mode of the posterior of all of them from
+where that ends (`windsysid.identification.posterior_mode`), leaves outliers out, and filters once more at the mode:
+those innovations judge the result.
 
-Maximum likelihood needs a fixed set of readings. So the mode is found with all of them, the outliers there are left out, and the mode is
-found anew; the set is judged again from all readings, until it stays.
+Maximum likelihood needs a fixed set of readings. So the mode is found with all of them, the outliers there are left
+out, and the mode is found anew; the set is judged again from all readings, until it stays.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,7 +34,8 @@ GATE_SIGMAS = 5.0
 """Standard deviations beyond which an innovation is an outlier: one in two million of normal ones."""
 
 MIN_OUTLIER_POWER = 0.02
-"""What outliers must add to a channel's mean squared innovation to be left out: a few that are hardly beyond the gate do no harm."""
+"""What outliers must add to a channel's mean squared innovation to be left out: a few that are hardly beyond the gate
+do no harm."""
 
 MAX_OUTLIER_SHARE = 0.05
 """Share of a channel beyond which they are not outliers: then the model is wrong, and all are kept."""
@@ -126,8 +128,8 @@ def solve(
     rate
         Samples per second [Hz].
     start
-        Where the search for the mode begins, and how uncertain that is (n,), (n, n): where the recursion ends by default. With it, a
-        recursion that loses its way costs the history only.
+        Where the search for the mode begins, and how uncertain that is (n,), (n, n): where the recursion ends by
+        default. With it, a recursion that loses its way costs the history only.
 
     Raises
     ------
@@ -212,7 +214,8 @@ class SamplesWithout:
 def _search(
     problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float
 ) -> "tuple[Mode, Outliers, _Seen]":
-    """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the mode."""
+    """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the
+    mode."""
     prior_mean, prior_cov = problem.prior
     outliers, kept = Outliers(), samples
     for _ in range(MAX_GATED_SEARCHES):
@@ -237,7 +240,8 @@ def _search(
 
 
 def _outliers(seen: "_Seen") -> Outliers:
-    """Readings beyond the gate of a filter that takes none of them in, in channels that feel them, and not where they are the rule."""
+    """Readings beyond the gate of a filter that takes none of them in, in channels that feel them, and not where they
+    are the rule."""
     felt = seen.gated_power > MIN_OUTLIER_POWER * seen.read
     channels = felt & (seen.gated <= MAX_OUTLIER_SHARE * seen.stretch.samples)
     places = tuple(at[channels[at % len(channels)]] for at in seen.gated_at)

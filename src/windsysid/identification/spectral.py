@@ -1,8 +1,9 @@
 """The spectral formulation: coefficients from the spectra of a stationary record.
 
-Where loads are steady and the speed is constant, a record says all it knows in its spectra (`windsysid.spectral.lifted`). The coefficients and the statistics of loads and
-noise are found at the mode of the posterior by scoring (`windsysid.spectral.scoring`), with any smooth load spectrum and without load states. It is not for what is not stationary: a free
-decay, a start, a stop, or a speed that varies much.
+Where loads are steady and the speed is constant, a record says all it knows in its spectra
+(`windsysid.spectral.lifted`). The coefficients and the statistics of loads and noise are found at the mode of the
+posterior by scoring (`windsysid.spectral.scoring`), with any smooth load spectrum and without load states. It is not
+for what is not stationary: a free decay, a start, a stop, or a speed that varies much.
 """
 
 import math
@@ -32,7 +33,8 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["identify_by_spectrum"]
 
 STEADY, VARYING = 0.005, 0.02
-"""Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the spectra are not those of a constant speed."""
+"""Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
+spectra are not those of a constant speed."""
 
 GAPS = 0.01
 """Share of a channel that may be missing: so little is bridged by straight lines."""
@@ -42,12 +44,14 @@ def identify_by_spectrum(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
     loads: str = "auto",
 ) -> Outcome:  # fmt: skip
-    """Identify the chosen parameters, or every coefficient that the sensors see, from the spectra of a uniformly sampled record.
+    """Identify the chosen parameters, or every coefficient that the sensors see, from the spectra of a uniformly
+    sampled record.
 
     Raises
     ------
     RecordError, ConfigurationError
-        If the record is too short, has gaps, holds measured loads or a speed that varies, or no such load model fits this turbine.
+        If the record is too short, has gaps, holds measured loads or a speed that varies, or no such load model fits
+        this turbine.
     """
     notes: list[str] = []
     turbine = seen_by(turbine, sensors, notes)
@@ -84,7 +88,8 @@ def identify_by_spectrum(
         notes.append(f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad")
     where = ", ".join(f"{low:.3g} … {high:.3g} Hz" for low, high in posed.bands)
     notes += [
-        f"loads: {posed.text}, learned from the record with the noise{found.why}; damping is total: structure and aerodynamics",
+        f"loads: {posed.text}, learned from the record with the noise{found.why}; damping is total: structure and "
+        f"aerodynamics",
         f"read at {where}; what repeats in every turn was taken out",
     ]
     elapsed = time.perf_counter() - started
@@ -125,7 +130,8 @@ def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
 
 
 def _ask(
-    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None, inputs: Array,
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
+    inputs: Array,
     readings: Array, loads: str,
 ) -> Question:  # fmt: skip
     """The question under a load model, which may bring coefficients of its own."""
@@ -148,7 +154,8 @@ def _readings(record: Record, sensors: Sequence[Sensor], notes: list[str]) -> Ar
         missing = ~np.isfinite(values)
         if missing.mean() > GAPS:
             raise RecordError(
-                f"channel '{sensor.channel}': expected at most {100 * GAPS:g} % missing samples for spectra, got {100 * missing.mean():.3g} %: "
+                f"channel '{sensor.channel}': expected at most {100 * GAPS:g} % missing samples for spectra, got "
+                f"{100 * missing.mean():.3g} %: "
                 "choose another section, or use --formulation joint"
             )
         if missing.any():
@@ -163,12 +170,14 @@ def _speed(speed: Array) -> list[str]:
     varies = float(speed.std() / abs(speed.mean()))
     if varies > VARYING:
         raise RecordError(
-            f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation): expected at most ±{100 * VARYING:g} % for spectra; "
+            f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation): expected at most "
+            f"±{100 * VARYING:g} % for spectra; "
             "choose a steadier section, or use --formulation joint"
         )
     if varies > STEADY:
         return [
-            f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation), and spectra were taken as if it did not"
+            f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation), and spectra were taken as if "
+            f"it did not"
         ]
     return []
 
@@ -201,16 +210,19 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
         )
     except np.linalg.LinAlgError:
         raise WindsysidError(
-            "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; check units and the turbine file"
+            "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
+            "check units and the turbine file"
         ) from None
 
 
 def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[str]:
-    """What speaks against the bands: a search that did not end, a record that the spectra do not explain or that is not stationary."""
+    """What speaks against the bands: a search that did not end, a record that the spectra do not explain or that is not
+    stationary."""
     doubts = []
     if not found.settled:
         doubts.append(
-            f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors nearer to the structure"
+            f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors "
+            f"nearer to the structure"
         )
     doubts += unexplained(_parts(posed, posed, found.unknowns, question))[:3]
     half = len(question.readings) // 2

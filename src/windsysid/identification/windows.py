@@ -1,7 +1,8 @@
 """What filters read of a record in pieces: the same as of the whole record.
 
-Resampling, and the smooth slopes of azimuth and yaw, look at samples before and after the one they are for. So pieces are joined: the end of
-what has come is held back until the samples after it have come too, and what was handed out is kept as long as later samples look at it.
+Resampling, and the smooth slopes of azimuth and yaw, look at samples before and after the one they are for. So pieces
+are joined: the end of what has come is held back until the samples after it have come too, and what was handed out is
+kept as long as later samples look at it.
 """
 
 import math
@@ -22,14 +23,16 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["Prepared", "Windows"]
 
 SMOOTHING = 8.0
-"""Seconds that the slopes of azimuth and yaw look ahead and back at most (`windsysid.signals.yaw`, `windsysid.signals.rotor`)."""
+"""Seconds that the slopes of azimuth and yaw look ahead and back at most (`windsysid.signals.yaw`,
+`windsysid.signals.rotor`)."""
 
 RESAMPLING = 50.0
 """The same for resampling, in samples of the lower rate (`windsysid.signals.condition`)."""
 
 
 class Prepared(NamedTuple):
-    """Consecutive samples as the model takes them: the record at the model's rate, inputs (T, n_u + n_w), readings (T, m)."""
+    """Consecutive samples as the model takes them: the record at the model's rate, inputs (T, n_u + n_w), readings (T,
+    m)."""
 
     record: Record
     inputs: Array

@@ -29,7 +29,8 @@ def hypothesis(name: str, turbine: Turbine, loads: Sequence[GaussMarkov]) -> Sup
 
 
 def candidates(turbine: Turbine, loads: Sequence[GaussMarkov]) -> tuple[str, ...]:
-    """The hypotheses to choose from for a turbine: the simplest, and of those that apply the last, which says most of its loads."""
+    """The hypotheses to choose from for a turbine: the simplest, and of those that apply the last, which says most of
+    its loads."""
     applying = [name for name, one in HYPOTHESES.items() if one.applies_to(turbine)]
     simplest = next(iter(HYPOTHESES))
     return (simplest,) if not loads else tuple(dict.fromkeys((simplest, applying[-1])))

@@ -1,7 +1,8 @@
-"""Hypotheses of what the loads are: what each supposes of a turbine, where it applies, and the registry that holds them all.
+"""Hypotheses of what the loads are: what each supposes of a turbine, where it applies, and the registry that holds them
+all.
 
-A hypothesis of one's own derives from `LoadHypothesis` and is known everywhere after `register_loads`: `identify` takes its name and tries it by
-itself where it applies, `simulate` plays it, the command line lists it.
+A hypothesis of one's own derives from `LoadHypothesis` and is known everywhere after `register_loads`: `identify` takes
+its name and tries it by itself where it applies, `simulate` plays it, the command line lists it.
 """
 
 import math
@@ -86,14 +87,16 @@ class LoadHypothesis(ABC):
         """
 
     def start_from(self, louder: Values, statistics: Sequence[Statistic]) -> dict[str, float]:
-        """Where to begin to look for its statistics, by name, after the simplest hypothesis has been tried; those left out stay as given.
+        """Where to begin to look for its statistics, by name, after the simplest hypothesis has been tried; those left
+        out stay as given.
 
         Parameters
         ----------
         louder
             By which factor the simplest found its loads louder than the file says, by the name of its statistic.
         statistics
-            Of this hypothesis. By default levels of the same name are as much louder, and others as much as the loudest.
+            Of this hypothesis. By default levels of the same name are as much louder, and others as much as the
+            loudest.
         """
         return {s.name: s.given * as_loud_as(louder, s.name) for s in statistics if s.name.startswith("load_rms")}
 

@@ -5,11 +5,13 @@ A block holds n states with
     dz = A z dt + noise,    cov(z) = P for all time,    w = H(ψ) z,
     H(ψ) = H₀ + Σ_k (C_k cos kψ + S_k sin kψ),
 
-mean zero and mean-reverting. Several blocks may drive the same degree of freedom, and one block may drive several: that is how loads on
-blades and hub are correlated. Over a step h the block is discretised exactly, Φ = exp(A h) and Q = P − Φ P Φᵀ.
+mean zero and mean-reverting. Several blocks may drive the same degree of freedom, and one block may drive several: that
+is how loads on blades and hub are correlated. Over a step h the block is discretised exactly, Φ = exp(A h) and Q = P −
+Φ P Φᵀ.
 
-A block is a `Process`, a scalar random process with a rational spectrum, put somewhere: on one degree of freedom (`load_on`), on one blade and
-through it on the hub (`blade_force`), or on the whole rotor as a harmonic nP whose amplitudes wander (`rotor_harmonic`).
+A block is a `Process`, a scalar random process with a rational spectrum, put somewhere: on one degree of freedom
+(`load_on`), on one blade and through it on the hub (`blade_force`), or on the whole rotor as a harmonic nP whose
+amplitudes wander (`rotor_harmonic`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,8 +31,9 @@ __all__ = ["BladeForces", "blade_force", "rotor_harmonic"]
 class BladeForces:
     """How forces in the plane of the rotor, one on each blade, push its degrees of freedom.
 
-    A moment F_i about the blade's link is a force F_i / lever along the tangent t_i = (−sin ψ_i, cos ψ_i), with the rotation. It pushes the lag angle with F_i,
-    the hub with F_i / lever, and a roll with F_i (1 + hinge_offset / lever).
+    A moment F_i about the blade's link is a force F_i / lever along the tangent t_i = (−sin ψ_i, cos ψ_i), with the
+    rotation. It pushes the lag angle with F_i, the hub with F_i / lever, and a roll with F_i (1 + hinge_offset /
+    lever).
 
     Attributes
     ----------
@@ -66,11 +69,13 @@ def blade_force(process: Process, blade: int, to: BladeForces, lever: float, nam
 def rotor_harmonic(
     process: Process, n: int, to: BladeForces, lever: float, name: str, *, moments: bool = True
 ) -> PlacedProcess:
-    """Forces that turn with the rotor, F_i = a(t) cos nψ_i + b(t) sin nψ_i, a and b two independent copies of a process.
+    """Forces that turn with the rotor, F_i = a(t) cos nψ_i + b(t) sin nψ_i, a and b two independent copies of a
+    process.
 
-    This is one term of the series in azimuth of any load that is homogeneous over the disc: its terms are uncorrelated, and slow in the fixed frame,
-    where the blades cut through them n times a turn (Sørensen, Hansen & Rosas 2002, https://doi.org/10.1016/S0167-6105(02)00260-X). A blade feels nP,
-    the hub the two neighbours (n ± 1)P as far as they are multiples of N.
+    This is one term of the series in azimuth of any load that is homogeneous over the disc: its terms are uncorrelated,
+    and slow in the fixed frame, where the blades cut through them n times a turn (Sørensen, Hansen & Rosas 2002,
+    https://doi.org/10.1016/S0167-6105(02)00260-X). A blade feels nP, the hub the two neighbours (n ± 1)P as far as they
+    are multiples of N.
 
     Parameters
     ----------
@@ -84,7 +89,8 @@ def rotor_harmonic(
 
 
 class _Pushed(NamedTuple):
-    """What unit moments drive on the blades, and what forces of unit moment and unit lever drive elsewhere: rows of each load."""
+    """What unit moments drive on the blades, and what forces of unit moment and unit lever drive elsewhere: rows of
+    each load."""
 
     by_moment: Mapping[str, Array]
     by_force: Mapping[str, Array]

@@ -1,25 +1,28 @@
 """What the loads may be like: a small family of named load models, each with the statistics that a record must tell.
 
 ``broadband``
-    The turbine file's loads: a first-order Gauss–Markov process on each degree of freedom, independent of the others, and the rotor's
-    harmonics where the file lists them.
+    The turbine file's loads: a first-order Gauss–Markov process on each degree of freedom, independent of the others,
+    and the rotor's harmonics where the file lists them.
 ``second-order``
     The same with a second-order process, whose spectrum may have a hump and falls twice as fast.
 ``rotor-wind``
-    What wind does to a turning rotor. Turbulence over the disc is a series in azimuth whose terms are uncorrelated and slow; the blades cut
-    through them, so that the force on each is
+    What wind does to a turning rotor. Turbulence over the disc is a series in azimuth whose terms are uncorrelated and
+    slow; the blades cut through them, so that the force on each is
 
         F_i = A_0 + Σ_{m=1}^{2N+1} (A_m cos mψ_i + B_m sin mψ_i) + R_i,        ψ_i = ψ + 2π(i−1)/N,
 
-    with R_i the small eddies that one blade meets alone. The same forces push the hub: a moment F about a blade's link is a force F/ℓ_m on the hub
-    that turns with the blade, ℓ_m = ℓ (m+1)/(m+1+ρ), further out for smaller eddies. What a force has that the moment has not (eddies near the hub) is a series
-    of its own in the terms that the hub feels, and small eddies of its own. Air that pushes hub and blades also damps them together: the coefficient
-    ``c_hub_blade`` of `windsysid.mechanics.RotorModel` is identified with the others.
+    with R_i the small eddies that one blade meets alone. The same forces push the hub: a moment F about a blade's link
+    is a force F/ℓ_m on the hub that turns with the blade, ℓ_m = ℓ (m+1)/(m+1+ρ), further out for smaller eddies. What a
+    force has that the moment has not (eddies near the hub) is a series of its own in the terms that the hub feels, and
+    small eddies of its own. Air that pushes hub and blades also damps them together: the coefficient ``c_hub_blade`` of
+    `windsysid.mechanics.RotorModel` is identified with the others.
 
-The spectra of A_m, B_m follow from frozen turbulence with exponential coherence (IEC 61400-1 ed. 4, annex C): what a ring of radius r sees in its m-th
-term is S(f) x/(π(x² + m²)), x = 12 r f/V, for S ∝ f^{−5/3} flat below a corner near m V/12r and steep above, and between two lines nP there is nothing but such skirts. One pole at the
-corner f₁ m^0.7 does for m ≥ 3; below, a second pole and a zero bend the skirt. What the moment does not tell of the force falls later, from 2.2 f₁ m^0.6.
-The constants were fitted to the sums over the blades of the scale model and of the NREL 5 MW turbine (docs/loads.md).
+The spectra of A_m, B_m follow from frozen turbulence with exponential coherence (IEC 61400-1 ed. 4, annex C): what a
+ring of radius r sees in its m-th term is S(f) x/(π(x² + m²)), x = 12 r f/V, for S ∝ f^{−5/3} flat below a corner near m
+V/12r and steep above, and between two lines nP there is nothing but such skirts. One pole at the corner f₁ m^0.7 does
+for m ≥ 3; below, a second pole and a zero bend the skirt. What the moment does not tell of the force falls later, from
+2.2 f₁ m^0.6. The constants were fitted to the sums over the blades of the scale model and of the NREL 5 MW turbine
+(docs/loads.md).
 """
 
 import math
@@ -63,7 +66,10 @@ class RotorWind(LoadHypothesis):
 
     name = "rotor-wind"
     text = "wind on the turning rotor"
-    caution = "under simulated turbulent wind ±2σ of this load model held the truth in nine cases of ten (docs/calibration.md)"
+    caution = (
+        "under simulated turbulent wind ±2σ of this load model held the truth in nine cases of ten "
+        "(docs/calibration.md)"
+    )
     """``python -m validation.mismatch`` prints how often."""
 
     def applies_to(self, turbine: Turbine) -> bool:
@@ -80,7 +86,8 @@ class RotorWind(LoadHypothesis):
             )
         if rotor is None or not loads:
             raise ConfigurationError(
-                "load model rotor-wind: expected a rotor with blades of its own and loads that are not all measured; choose broadband"
+                "load model rotor-wind: expected a rotor with blades of its own and loads that are not all measured; "
+                "choose broadband"
             )
         hub = tuple(name for name in names if name in ("load_x", "load_y"))
         both = bool(hub) and any(rotor.freedom(name).blade for name in names)

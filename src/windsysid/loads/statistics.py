@@ -1,11 +1,12 @@
 """Statistics of loads and noise as parameters: what nobody knows beforehand, learned from the record.
 
-Wrong statistics ruin honest bands more than the choice of filter does, so they are identified with the coefficients: one rms for
-the loads on the support, one for those on the blades, one time constant (harmonics of the rotor have their own of either), and one noise level for each kind of sensor on either.
-Each is a factor on what the turbine file and the sensor list say.
+Wrong statistics ruin honest bands more than the choice of filter does, so they are identified with the coefficients:
+one rms for the loads on the support, one for those on the blades, one time constant (harmonics of the rotor have their
+own of either), and one noise level for each kind of sensor on either. Each is a factor on what the turbine file and the
+sensor list say.
 
-Of a first-order load with corner below the modes only the level rms²/τ of its spectrum is well seen; rms and time constant wander
-together. The coordinates η are therefore ln(rms² / τ)/2, ln τ and ln noise, relative to what was given.
+Of a first-order load with corner below the modes only the level rms²/τ of its spectrum is well seen; rms and time
+constant wander together. The coordinates η are therefore ln(rms² / τ)/2, ln τ and ln noise, relative to what was given.
 """
 
 import math
@@ -33,7 +34,8 @@ __all__ = [
 
 
 SPREAD, TIME_CONSTANT_SPREAD = 1.5, 0.7
-"""Prior standard deviations of η: levels may be wrong by a factor of four or five, the time constant by a factor of two."""
+"""Prior standard deviations of η: levels may be wrong by a factor of four or five, the time constant by a factor of
+two."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,8 @@ def coordinates_of(statistics: Sequence[Statistic], values: Mapping[str, float])
 def moved_loads(
     statistics: Sequence[Statistic], values: Mapping[str, float], loads: Sequence[GaussMarkov], model: MechanicalModel
 ) -> tuple[GaussMarkov, ...]:
-    """The file's loads with the statistics that they have in `values`; those not among `statistics` as the file says."""
+    """The file's loads with the statistics that they have in `values`; those not among `statistics` as the file
+    says."""
     factor = {s.name: values[s.name] / s.given for s in statistics}
     return tuple(
         replace(

@@ -1,10 +1,11 @@
 """Equations of motion and sensor readings → compiled kernels with exact Jacobians.
 
-A model is written out as one readable Python module in the user's cache folder (`windsysid.mechanics.generate`), named by
-a hash of what it was made from, and compiled from there; a warm run imports that module and never SymPy. Per model there
-are two quantities, the rates ẋ and the readings y, each as a value kernel and as a kernel with its Jacobians, with one
-fixed signature for all models (`windsysid.kernels.jit`). The Jacobian kernels can also be compiled for several models side by side: the generated
-arithmetic is the same for numbers and for vectors (`windsysid.kernels.simd`), and what depends on inputs alone stays a number.
+A model is written out as one readable Python module in the user's cache folder (`windsysid.mechanics.generate`), named
+by a hash of what it was made from, and compiled from there; a warm run imports that module and never SymPy. Per model
+there are two quantities, the rates ẋ and the readings y, each as a value kernel and as a kernel with its Jacobians,
+with one fixed signature for all models (`windsysid.kernels.jit`). The Jacobian kernels can also be compiled for several
+models side by side: the generated arithmetic is the same for numbers and for vectors (`windsysid.kernels.simd`), and
+what depends on inputs alone stays a number.
 """
 
 import hashlib
@@ -132,8 +133,8 @@ def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequenc
 def _structure(model: Model, sensors: Sequence[Any]) -> list[str]:
     """What the kernels depend on, as text.
 
-    This package's own classes say it, and `_version` changes with their code. Of a class from elsewhere nobody sees the code: there
-    the expressions themselves are the text, at the cost of deriving them in every process.
+    This package's own classes say it, and `_version` changes with their code. Of a class from elsewhere nobody sees the
+    code: there the expressions themselves are the text, at the cost of deriving them in every process.
     """
     if all(type(part).__module__.split(".")[0] == "windsysid" for part in (model, *sensors)):
         return [model.signature, *(getattr(sensor, "structure", None) or repr(sensor) for sensor in sensors)]
@@ -153,7 +154,8 @@ def _announce() -> None:
 
 @lru_cache(maxsize=1)
 def _version() -> str:
-    """What the generated source and its kernels depend on besides the model: this package's mechanics and vectors, and SymPy."""
+    """What the generated source and its kernels depend on besides the model: this package's mechanics and vectors, and
+    SymPy."""
     digest = hashlib.sha256()
     for path in (*sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "kernels" / "simd.py"):
         digest.update(path.read_bytes())

@@ -23,7 +23,8 @@ from windsysid.errors import ConfigurationError
 __all__ = ["MATH", "Equations", "lagrange", "total_derivative"]
 
 MATH = (
-    "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "nan", "pi", "sin", "sinh", "sqrt", "tan", "tanh",
+    "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "erf", "exp", "log", "nan", "pi", "sin", "sinh",
+    "sqrt", "tan", "tanh",
 )  # fmt: skip
 """What generated source imports from `math`."""
 
@@ -48,8 +49,9 @@ class Equations:
     Raises
     ------
     ConfigurationError
-        If the sizes do not fit; if something is no SymPy symbol or expression (text is refused, since SymPy would execute it); if a
-        name is not fit for a Python variable or is there twice; or if an expression holds what is none of the symbols.
+        If the sizes do not fit; if something is no SymPy symbol or expression (text is refused, since SymPy would
+        execute it); if a name is not fit for a Python variable or is there twice; or if an expression holds what is
+        none of the symbols.
     """
 
     name: str
@@ -121,7 +123,8 @@ class Equations:
                 same = name in {symbol.name for symbol in known}
                 raise ConfigurationError(
                     f"model '{self.name}': '{name:.60}' in an expression is "
-                    + ("not declared as it is among the model's symbols: use the same SymPy symbol, such as real=True" if same
+                    + ("not declared as it is among the model's symbols: use the same SymPy symbol, such as "
+                        "real=True" if same
                        else "no state, input, parameter, load or acceleration of the model: declare it")
                 )  # fmt: skip
 

@@ -1,8 +1,8 @@
 """Symbolic equations and readings → the source of four compiled kernels, as one readable Python module.
 
-Where the accelerations are implicit, M a = F is factorised M = L D Lᵀ without pivoting (M is positive definite) along its
-nonzero pattern. Derivatives follow from the residual R(a, ·) = F − M a at the solution:
-∂a/∂· = M⁻¹ ∂R/∂·, and M⁻¹ itself is wanted anyway: it is ∂a/∂w for loads on the degrees of freedom. With it,
+Where the accelerations are implicit, M a = F is factorised M = L D Lᵀ without pivoting (M is positive definite) along
+its nonzero pattern. Derivatives follow from the residual R(a, ·) = F − M a at the solution: ∂a/∂· = M⁻¹ ∂R/∂·, and M⁻¹
+itself is wanted anyway: it is ∂a/∂w for loads on the degrees of freedom. With it,
 
     ∂y/∂· = ∂y/∂·|_a + Σ_k ∂y/∂a_k · (M⁻¹ ∂R/∂·)_k.
 """
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["generate_source"]
 
 SMALLEST = 1e-30
-"""Least magnitude: |z| is kept that far off zero, so that |z|ⁿ has derivatives to z and n where z = 0, and not 0/0 or 0 · log 0."""
+"""Least magnitude: |z| is kept that far off zero, so that |z|ⁿ has derivatives to z and n where z = 0, and not 0/0 or 0
+· log 0."""
 
 
 def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence[str]) -> str:
@@ -63,13 +64,15 @@ def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence
 
 
 def _check_agreement(model: "Model", equations: Equations) -> None:
-    """Refuse a `MechanicalModel` that does not say what its equations have, before arrays are filled in another order."""
+    """Refuse a `MechanicalModel` that does not say what its equations have, before arrays are filled in another
+    order."""
     for what in ("states", "inputs", "parameters", "loads"):
         told = tuple(getattr(one, "name", one) for one in getattr(model, what, ()))
         found = tuple(symbol.name for symbol in getattr(equations, what))
         if model is not equations and hasattr(model, "freedoms") and told != found:
             raise ConfigurationError(
-                f"model '{equations.name}': its {what} are {', '.join(told) or 'none'}, those of its equations {', '.join(found) or 'none'}: "
+                f"model '{equations.name}': its {what} are {', '.join(told) or 'none'}, those of its equations "
+                f"{', '.join(found) or 'none'}: "
                 "expected the same in the same order"
             )
 
@@ -212,7 +215,8 @@ def _text(expression: sp.Expr) -> str:
         return str(_printer().doprint(expression))
     except PrintMethodNotImplementedError:
         raise ConfigurationError(
-            f"cannot compile '{str(expression)[:100]}', a derivative in the model: expected functions of symbols declared with real=True"
+            f"cannot compile '{str(expression)[:100]}', a derivative in the model: expected functions of symbols "
+            f"declared with real=True"
         ) from None
 
 
@@ -269,7 +273,8 @@ class _Factor:
 
 @lru_cache(maxsize=1)
 def _printer() -> Any:
-    """SymPy's printer of plain Python that vectors understand too, with magnitudes kept off zero and the slope of a jump left out."""
+    """SymPy's printer of plain Python that vectors understand too, with magnitudes kept off zero and the slope of a
+    jump left out."""
     from sympy.printing.pycode import PythonCodePrinter
 
     class Printer(PythonCodePrinter):  # type: ignore[misc]

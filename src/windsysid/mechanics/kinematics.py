@@ -66,7 +66,8 @@ class Kinematics:
         return self.sp.Symbol(name, real=True)
 
     def displacement(self, name: str) -> "sp.Expr":
-        """The displacement of hub, support or blade: its symbol if free, 0 if locked; κ x and what is free for a roll."""
+        """The displacement of hub, support or blade: its symbol if free, 0 if locked; κ x and what is free for a
+        roll."""
         own = self.coordinate[name][0] if name in self.coordinate else self.zero
         if name == "roll" and self.model.roll != "locked" and "x" in self.coordinate:
             return self.parameters["kappa"] * self.coordinate["x"][0] + own
@@ -159,8 +160,9 @@ class Kinematics:
     def dissipation(self) -> "sp.Expr":
         """Rayleigh's dissipation function of the dampers, D = ½ Σ c q̇² + c_hub_blade Σ_i β̇_i v_i.
 
-        A blade's aerodynamic force falls with the velocity of its section, v_i + r β̇_i, v_i along the tangent where it acts: to each blade ½ c_a (v_i + r β̇_i)².
-        The squares are part of the totals c_x, c_y, c_β; what they leave is c_hub_blade = c_a r [N·s]. On a roll it acts at the radius d + I/S.
+        A blade's aerodynamic force falls with the velocity of its section, v_i + r β̇_i, v_i along the tangent where it
+        acts: to each blade ½ c_a (v_i + r β̇_i)². The squares are part of the totals c_x, c_y, c_β; what they leave is
+        c_hub_blade = c_a r [N·s]. On a roll it acts at the radius d + I/S.
         """
         half, p, sin, cos = self.sp.Rational(1, 2), self.parameters, self.sp.sin, self.sp.cos
         total = sum((half * p[f"c_{name}"] * v**2 for name, (_, v, _) in self.coordinate.items()), self.zero)

@@ -1,8 +1,9 @@
 """What a mechanical model must say: its degrees of freedom, its parameters, its equations and what sensors read.
 
-`Model` is what can be compiled. `MechanicalModel` is what a turbine can be made of: everything that the rest of the package asks of a
-structure is asked here, and nothing else looks at a model's class or takes the names of its parameters apart. A model of one's own derives
-from `MechanicalModel`, says what has no default, and is known to turbine files after `register_model`.
+`Model` is what can be compiled. `MechanicalModel` is what a turbine can be made of: everything that the rest of the
+package asks of a structure is asked here, and nothing else looks at a model's class or takes the names of its
+parameters apart. A model of one's own derives from `MechanicalModel`, says what has no default, and is known to turbine
+files after `register_model`.
 """
 
 import math
@@ -104,7 +105,8 @@ class Model(Protocol):
 
 
 class ModalAxes(Protocol):
-    """The coordinates in which a structure's equations are constant, or nearly so, and in which its modes have names."""
+    """The coordinates in which a structure's equations are constant, or nearly so, and in which its modes have
+    names."""
 
     @property
     def turns(self) -> bool:
@@ -171,7 +173,8 @@ class MechanicalModel(Model, Protocol):
     blades
         Number of blades of the rotor, whose harmonics the structure feels; 0 where there is none.
     samples_per_period
-        Readings per period of the fastest degree of freedom that hold what the model has and leave out what it has not; None: the record's own.
+        Readings per period of the fastest degree of freedom that hold what the model has and leave out what it has not;
+        None: the record's own.
     required_inputs
         Inputs that a record must tell, because the equations depend on them.
     """
@@ -197,7 +200,8 @@ class MechanicalModel(Model, Protocol):
 
     @abstractmethod
     def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
-        """What holds one degree of freedom [N/m or N·m/rad] when the others are held, the rotor turning at `rotor_speed` [rad/s]."""
+        """What holds one degree of freedom [N/m or N·m/rad] when the others are held, the rotor turning at
+        `rotor_speed` [rad/s]."""
 
     def __hash__(self) -> int:
         """Models with the same equations are one."""
@@ -209,7 +213,8 @@ class MechanicalModel(Model, Protocol):
         return ()
 
     def lock_unseen(self, sensors: Sequence[Any]) -> tuple[Self, tuple[str, ...]]:
-        """The model with those degrees of freedom locked that no sensor sees, and a note on each; by default all stay free."""
+        """The model with those degrees of freedom locked that no sensor sees, and a note on each; by default all stay
+        free."""
         return self, ()
 
     def modes(self) -> ModalAxes:
@@ -288,6 +293,7 @@ M = TypeVar("M", bound=type[MechanicalModel])
 
 
 def register_model(model: M) -> M:
-    """Make a mechanical model known to turbine files and saved results, by its `kind`; for use as a decorator of its class."""
+    """Make a mechanical model known to turbine files and saved results, by its `kind`; for use as a decorator of its
+    class."""
     MODELS[model.kind] = model
     return model

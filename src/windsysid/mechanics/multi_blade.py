@@ -65,11 +65,13 @@ class MultiBlade(NamedTuple):
 
     @property
     def averages(self) -> bool:
-        """Whether what is left of the azimuth may be averaged over a turn: not with two blades, whose equations turn as a whole."""
+        """Whether what is left of the azimuth may be averaged over a turn: not with two blades, whose equations turn as
+        a whole."""
         return self.rotor.blades >= 3 or self.rotor.lag == "locked"
 
     def obstacles(self, values: Mapping[str, float]) -> list[str]:
-        """Why the Coleman transform does not make this rotor's equations constant, a phrase each; empty where it does."""
+        """Why the Coleman transform does not make this rotor's equations constant, a phrase each; empty where it
+        does."""
         rotor = self.rotor
         if rotor.lag == "locked" and rotor.roll == "locked":
             return []
@@ -88,7 +90,8 @@ class MultiBlade(NamedTuple):
         return found
 
     def transform(self, psi: Array) -> Array:
-        """T(ψ) with its first and second derivative to ψ (3, K, n, n), at azimuths (K,); the support's rows are the identity."""
+        """T(ψ) with its first and second derivative to ψ (3, K, n, n), at azimuths (K,); the support's rows are the
+        identity."""
         n = len(self.rotor.coordinates)
         T = np.zeros((3, len(psi), n, n))
         T[0] = np.eye(n)

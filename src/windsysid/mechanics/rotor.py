@@ -1,9 +1,9 @@
 """An N-blade rotor on an elastic support, in the plane of the rotor (the paper's Eqs (1)–(20)).
 
-Looking upwind: x is lateral, y is up, the rotor turns counter-clockwise by the azimuth ψ(t), which is an input.
-Blade i hangs on a link at the radius d and the angle θ_i = φ_i + ψ + r, φ_i = 2π(i−1)/N, where r is the in-plane
-roll of the support, r = κ x + ρ where x leans it and ρ is free; it leads by β_i. With m its mass, S its first and I its second moment about the link,
-twice its kinetic energy is
+Looking upwind: x is lateral, y is up, the rotor turns counter-clockwise by the azimuth ψ(t), which is an input. Blade i
+hangs on a link at the radius d and the angle θ_i = φ_i + ψ + r, φ_i = 2π(i−1)/N, where r is the in-plane roll of the
+support, r = κ x + ρ where x leans it and ρ is free; it leads by β_i. With m its mass, S its first and I its second
+moment about the link, twice its kinetic energy is
 
     m |v_L|² + 2 S (θ̇ + β̇) v_L·t + I (θ̇ + β̇)²,     v_L = (ẋ, ẏ) + d θ̇ (−sin θ, cos θ),   t = (−sin(θ+β), cos(θ+β)).
 
@@ -45,14 +45,15 @@ class RotorModel(MechanicalModel):
     x, y
         Lateral and vertical motion of the hub: ``"free"`` or ``"locked"``.
     roll
-        In-plane roll of the support: ``"locked"`` (the paper), ``"tied"`` to x (r = κ x), or ``"free"`` (r = κ x + ρ, with ρ on a spring and a
-        damper of its own; κ may be 0).
+        In-plane roll of the support: ``"locked"`` (the paper), ``"tied"`` to x (r = κ x), or ``"free"`` (r = κ x + ρ,
+        with ρ on a spring and a damper of its own; κ may be 0).
     lag
         The blades' lag angles, all ``"free"`` or all ``"locked"``.
     datum
         Where y is counted from: ``"static"`` equilibrium or the ``"unstressed"`` support (Eq (12) as printed).
     air_couples
-        Whether the air that damps hub and blades also couples them, by the coefficient ``c_hub_blade`` (`Kinematics.dissipation`).
+        Whether the air that damps hub and blades also couples them, by the coefficient ``c_hub_blade``
+        (`Kinematics.dissipation`).
     """
 
     kind: ClassVar[str] = "rotor"
@@ -88,7 +89,8 @@ class RotorModel(MechanicalModel):
 
     @cached_property
     def parameters(self) -> tuple[Coefficient, ...]:
-        """Every parameter, in the order of the equations: the paper's ten coefficients for three blades, masses and geometry."""
+        """Every parameter, in the order of the equations: the paper's ten coefficients for three blades, masses and
+        geometry."""
         found = [
             Coefficient("hub_mass_x", "inertia", "kg", "x"),
             Coefficient("hub_mass_y", "inertia", "kg", "y"),

@@ -5,8 +5,9 @@ Jacobians beside the equations of motion, and the simulator and the filters call
 reads the total acceleration of its point, the effect of loads included; one that feels gravity reads the specific
 force a − g along its own axis, in its own turning frame.
 
-A mechanical model says how its parts move (`Motion`); a sensor says what it makes of that. A sensor of one's own derives from `Sensor` or
-`PlacedSensor`, says its `quantity`, `unit` and `reading`, and is known to sensor lists after `register_sensor`.
+A mechanical model says how its parts move (`Motion`); a sensor says what it makes of that. A sensor of one's own
+derives from `Sensor` or `PlacedSensor`, says its `quantity`, `unit` and `reading`, and is known to sensor lists after
+`register_sensor`.
 """
 
 from abc import abstractmethod
@@ -140,8 +141,8 @@ class PlacedSensor(Sensor):
     point
         ``tower`` (the support's top, where the hub sits) or ``blade_1`` … ``blade_N``.
     axis
-        ``x``, ``y`` of the frame; ``span`` or ``tangential`` (in the sense of rotation) in the frame ``blade``;
-        ``lag`` for a blade's lag angle itself. On a `TowerModel`: ``x`` (side-side) and ``z`` (fore-aft, downwind) in the frame
+        ``x``, ``y`` of the frame; ``span`` or ``tangential`` (in the sense of rotation) in the frame ``blade``; ``lag``
+        for a blade's lag angle itself. On a `TowerModel`: ``x`` (side-side) and ``z`` (fore-aft, downwind) in the frame
         ``nacelle``, ``bearing`` in the frame ``tower``.
     frame
         ``fixed``, ``tower_top`` (rolls with the support) or ``blade`` (turns with the blade). On a `TowerModel`:
@@ -177,7 +178,8 @@ class PlacedSensor(Sensor):
         axes, on = _AXES[self.frame][place], "a blade" if place else "the tower"
         if not axes:
             raise ValueError(
-                f"the frame '{self.frame}' belongs to a sensor on {'the tower' if place else 'a blade'}, got point '{self.point}'"
+                f"the frame '{self.frame}' belongs to a sensor on {'the tower' if place else 'a blade'}, got point "
+                f"'{self.point}'"
             )
         if self.axis not in axes:
             frames = [frame for frame, there in _AXES.items() if self.axis in there[place]]
@@ -294,7 +296,8 @@ class AngularRateSensor(PlacedSensor):
 
 @register_sensor
 class MomentSensor(PlacedSensor):
-    """The moment in the lag spring and damper of a blade; for the support, the force in its spring and damper times `gain`, its lever arm."""
+    """The moment in the lag spring and damper of a blade; for the support, the force in its spring and damper times
+    `gain`, its lever arm."""
 
     quantity: Literal["moment"] = "moment"
 

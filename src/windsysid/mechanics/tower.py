@@ -1,22 +1,26 @@
-"""The top of a tower under a rigid rotor: side-side and fore-aft, the nacelle yawed by the angle γ(t), which is an input.
+"""The top of a tower under a rigid rotor: side-side and fore-aft, the nacelle yawed by the angle γ(t), which is an
+input.
 
-Nacelle axes: x points sideways, to the right looking upwind; z points downwind (`windsysid.signals.yaw`). The top moves by
-u = x + i z in these axes, which turn with the nacelle, so that its velocity is
+Nacelle axes: x points sideways, to the right looking upwind; z points downwind (`windsysid.signals.yaw`). The top moves
+by u = x + i z in these axes, which turn with the nacelle, so that its velocity is
 
     v = u̇ + i γ̇ u.
 
-Three bodies, two frames. What leans is a nacelle: its modal mass need not be the same sideways and fore-aft, and air damps it by its
-own velocity, fore-aft far more than sideways. What bends is a tower, round and fixed to the ground:
+Three bodies, two frames. What leans is a nacelle: its modal mass need not be the same sideways and fore-aft, and air
+damps it by its own velocity, fore-aft far more than sideways. What bends is a tower, round and fixed to the ground:
 
     T = ½ m_x v_x² + ½ m_z v_z²,    V = ½ k_x x² + ½ k_z z²,    D = ½ c_x v_x² + ½ c_z v_z²,
 
-with k_x = k_z for a round tower and true masses: V is then the same for every yaw. They are two coefficients all the same,
-because a vibration shows k/m and never k, and nobody knows two modal masses: what the masses of the file get wrong ends in the stiffness.
+with k_x = k_z for a round tower and true masses: V is then the same for every yaw. They are two coefficients all the
+same, because a vibration shows k/m and never k, and nobody knows two modal masses: what the masses of the file get
+wrong ends in the stiffness.
 
-Along the compass bearing b of an axis fixed to the tower, a vector reads v_x sin(b − γ) − v_z cos(b − γ). A top that leans by `tilt` radians per
-metre tips its accelerometers: what feels gravity reads g · tilt · (x, z) less than the acceleration.
+Along the compass bearing b of an axis fixed to the tower, a vector reads v_x sin(b − γ) − v_z cos(b − γ). A top that
+leans by `tilt` radians per metre tips its accelerometers: what feels gravity reads g · tilt · (x, z) less than the
+acceleration.
 
-Left out: torsion, and with it the rotor's gyroscopic moment, which turns a nodding nacelle about the tower and not sideways.
+Left out: torsion, and with it the rotor's gyroscopic moment, which turns a nodding nacelle about the tower and not
+sideways.
 """
 
 import math
@@ -37,13 +41,15 @@ if TYPE_CHECKING:
 __all__ = ["TOWER_INPUTS", "TowerModel"]
 
 TOWER_INPUTS = ("rotor_azimuth", "rotor_speed", "nacelle_yaw", "yaw_rate", "yaw_acceleration")
-"""Names of the inputs u: ψ and Ω, which the equations do not need but loads that turn with the rotor do; γ, γ̇, γ̈ [rad …]."""
+"""Names of the inputs u: ψ and Ω, which the equations do not need but loads that turn with the rotor do; γ, γ̇, γ̈ [rad
+…]."""
 
 DIRECTIONS = ("side_side", "fore_aft")
 
 
 TOWER_SAMPLES = 12.0
-"""Samples per period of a tower: room for its blade-passing line, not for the blades' own modes and the tower's second."""
+"""Samples per period of a tower: room for its blade-passing line, not for the blades' own modes and the tower's
+second."""
 
 
 @register_model
@@ -151,7 +157,8 @@ class TowerModel(MechanicalModel):
 
 
 class _Kinematics:
-    """The symbols of a `TowerModel` and the motion of its top, as sensors ask for it; SymPy is imported here and not before."""
+    """The symbols of a `TowerModel` and the motion of its top, as sensors ask for it; SymPy is imported here and not
+    before."""
 
     def __init__(self, model: TowerModel) -> None:
         import sympy as sp
@@ -222,6 +229,8 @@ class _Kinematics:
 
     def _refusal(self, sensor: "PlacedSensor") -> ConfigurationError:
         return ConfigurationError(
-            f"sensor '{sensor.channel}': this turbine is a tower under a rigid rotor; expected an acceleration, velocity, displacement, "
-            "moment or strain of the point 'tower' along x (side-side) or z (fore-aft) of the frame 'nacelle', or along a bearing of the frame 'tower'"
+            f"sensor '{sensor.channel}': this turbine is a tower under a rigid rotor; expected an acceleration, "
+            f"velocity, displacement, "
+            "moment or strain of the point 'tower' along x (side-side) or z (fore-aft) of the frame 'nacelle', or "
+            "along a bearing of the frame 'tower'"
         )

@@ -58,12 +58,14 @@ def integrate(
     response = Response(*(np.empty((len(inputs), size)) for size in (n, n, model.readings)))
     no_damping, no_loads = np.empty((0, 0, 0)), np.empty((0, 0))
     integrator()(
-        model.rates, model.reading, p, inputs, no_damping, len(model.inputs), start, 1.0 / rate, substeps, *response, no_loads
+        model.rates, model.reading, p, inputs, no_damping, len(model.inputs), start, 1.0 / rate, substeps, *response,
+        no_loads
     )  # fmt: skip
     if not np.isfinite(response.states).all():
         when = int(np.argmin(np.isfinite(response.states).all(axis=1))) / rate
         raise ConfigurationError(
-            f"the simulated motion grows without bound after {when:.3g} s: check stiffness and damping, or sample faster"
+            f"the simulated motion grows without bound after {when:.3g} s: check stiffness and damping, or sample "
+            f"faster"
         )
     return response
 
@@ -76,7 +78,8 @@ def constant_speed_inputs(rotor_speed: float, duration: float, rate: float) -> A
 
 @lru_cache(maxsize=1)
 def integrator() -> Any:
-    """The compiled loop, one for all models: with damping C (T, n, n), loads fall by C times the velocities and are written; without, C is empty."""
+    """The compiled loop, one for all models: with damping C (T, n, n), loads fall by C times the velocities and are
+    written; without, C is empty."""
     model, vector, matrix = types.FunctionType(VALUE), types.float64[::1], types.float64[:, ::1]
     integer, real = types.int64, types.float64
     return compiled(

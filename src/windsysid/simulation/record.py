@@ -43,13 +43,15 @@ def simulate_record(
         Samples per second [Hz].
     loads
         What drives the turbine. ``"random"``: the Gauss–Markov loads of its file. The name of a hypothesis
-        (`windsysid.loads.family`): what that supposes, with the file's statistics. ``"wind"``: turbulent wind on the packaged blades
-        (docs/wind.md), as if tower and blades stood still. ``"wind-feedback"``: with their motion, aerodynamic damping included.
+        (`windsysid.loads.family`): what that supposes, with the file's statistics. ``"wind"``: turbulent wind on the
+        packaged blades (docs/wind.md), as if tower and blades stood still. ``"wind-feedback"``: with their motion,
+        aerodynamic damping included.
 
     Raises
     ------
     ConfigurationError
-        If duration or rate are out of range, there are no such loads or none for this turbine, or the motion grows without bound.
+        If duration or rate are out of range, there are no such loads or none for this turbine, or the motion grows
+        without bound.
     """
     turbine = as_turbine(turbine)
     if loads not in (playable := ("random", *WIND, *HYPOTHESES)):
@@ -60,7 +62,8 @@ def simulate_record(
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * np.pi)
     if not (np.isfinite(rate) and 4.0 * fastest <= rate <= 1e5):
         raise ConfigurationError(
-            f"rate: expected {4.0 * fastest:.3g} to 100000 Hz (four samples per period of the fastest spring), got {rate:g}"
+            f"rate: expected {4.0 * fastest:.3g} to 100000 Hz (four samples per period of the fastest spring), got "
+            f"{rate:g}"
         )
     if not (np.isfinite(duration) and duration > 0.0):
         raise ConfigurationError(f"duration: expected a positive time in seconds, got {duration:g}")

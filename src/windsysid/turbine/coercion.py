@@ -23,5 +23,6 @@ def as_turbine(given: TurbineLike) -> "Turbine":
     if isinstance(given, str | Path):
         return load_turbine(given)
     raise ConfigurationError(
-        f"turbine: expected a Turbine, the name of a packaged one or the path of a TOML file, got {type(given).__name__}"
+        f"turbine: expected a Turbine, the name of a packaged one or the path of a TOML file, got "
+        f"{type(given).__name__}"
     )

@@ -11,8 +11,8 @@ from windsysid.turbine.turbine import Turbine
 from windsysid.units import parse_quantity
 
 __all__ = [
-    "AngularDamping", "AngularStiffness", "Damping", "File", "FirstMoment", "Inertia", "Length", "Mass", "NotNegative", "Positive",
-    "Rotor", "Stiffness", "Table", "quantity",
+    "AngularDamping", "AngularStiffness", "Damping", "File", "FirstMoment", "Inertia", "Length", "Mass", "NotNegative",
+    "Positive", "Rotor", "Stiffness", "Table", "quantity",
 ]  # fmt: skip
 
 

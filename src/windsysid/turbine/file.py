@@ -1,7 +1,7 @@
 """A turbine as numbers: masses, dimensions, reference coefficients, usual instruments; TOML in and out.
 
-Everything is SI inside; how a turbine file is written, `windsysid.turbine.tables` says. Coefficients are references: the prior is
-centred on them, and results are compared with them.
+Everything is SI inside; how a turbine file is written, `windsysid.turbine.tables` says. Coefficients are references:
+the prior is centred on them, and results are compared with them.
 """
 
 from importlib import resources
@@ -15,7 +15,8 @@ __all__ = ["load_turbine", "packaged_turbines", "write_turbine"]
 
 
 def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False) -> None:
-    """Write a turbine as TOML, every value with its unit, so that `load_turbine` gives it back; a folder that is missing is made.
+    """Write a turbine as TOML, every value with its unit, so that `load_turbine` gives it back; a folder that is
+    missing is made.
 
     Raises
     ------

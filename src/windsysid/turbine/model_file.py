@@ -1,7 +1,7 @@
 """The turbine file of any mechanical model: its own fields, every parameter by name, loads and sensors as lists.
 
-What `windsysid.mechanics.model.register_model` made known can be written and read that way, so that results with it can be saved, compared and
-followed; the module that registers it must be imported first.
+What `windsysid.mechanics.model.register_model` made known can be written and read that way, so that results with it can
+be saved, compared and followed; the module that registers it must be imported first.
 """
 
 from dataclasses import fields, is_dataclass
@@ -21,7 +21,8 @@ __all__ = ["ModelFile", "model_tables"]
 
 
 class _Load(Table):
-    """A random load: on which degree of freedom, how large in its own unit, how fast it wanders, and with which harmonic of the rotor."""
+    """A random load: on which degree of freedom, how large in its own unit, how fast it wanders, and with which
+    harmonic of the rotor."""
 
     load: str
     rms: str
@@ -72,7 +73,8 @@ class ModelFile(File):
         known: list[str] = [field.name for field in fields(kind)] if is_dataclass(kind) else []
         if unknown := sorted(set(own) - set(known)):
             raise ConfigurationError(
-                f"turbine '{self.name}': model: unknown key '{unknown[0]}': expected some of {', '.join(known) or 'none'}"
+                f"turbine '{self.name}': model: unknown key '{unknown[0]}': expected some of "
+                f"{', '.join(known) or 'none'}"
             )
         return kind(**own)
 

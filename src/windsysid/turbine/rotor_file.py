@@ -122,7 +122,8 @@ class RotorFile(File):
         blades = self.blade * model.blades if len(self.blade) == 1 else self.blade
         if len(blades) != model.blades:
             raise ConfigurationError(
-                f"turbine '{self.name}': expected one [blade] table or {model.blades} [[blade]] tables, got {len(blades)}"
+                f"turbine '{self.name}': expected one [blade] table or {model.blades} [[blade]] tables, got "
+                f"{len(blades)}"
             )
         values = self.support.model_dump(exclude_none=True) | {
             key: getattr(self.rotor, key) for key in ("hinge_offset", "gravity", "eccentricity", "eccentricity_angle")

@@ -1,7 +1,8 @@
 """The turbine file: TOML tables, every value with its unit (``k_x = "1800 N/m"``), to a `Turbine` and back.
 
-A ``rotor`` of hinged blades on its support (docs/nrel5mw.md) and a ``tower`` under a rigid rotor (docs/tower.md) have files of their own;
-any other model that was registered is written with its parameters by name (`windsysid.turbine.model_file`).
+A ``rotor`` of hinged blades on its support (docs/nrel5mw.md) and a ``tower`` under a rigid rotor (docs/tower.md) have
+files of their own; any other model that was registered is written with its parameters by name
+(`windsysid.turbine.model_file`).
 """
 
 import math
@@ -41,7 +42,8 @@ def parse_turbine(text: str, source: str) -> Turbine:
     if not (isinstance(kind, str) and kind in MODELS):
         known = " or ".join(f"'{name}'" for name in MODELS)
         raise ConfigurationError(
-            f"turbine file {source}: model.kind: expected {known}, got {kind!r:.60}; a model of your own is known once the module that "
+            f"turbine file {source}: model.kind: expected {known}, got {kind!r:.60}; a model of your own is known "
+            f"once the module that "
             "registers it is imported"
         )
     try:

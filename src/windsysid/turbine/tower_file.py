@@ -53,7 +53,8 @@ class _Forces(Table):
 
 
 class TowerFile(File):
-    """Tables ``[model]``, ``[rotor]``, ``[side_side]``, ``[fore_aft]``, ``[top]``, ``[loads]`` and ``[blade_passing]``."""
+    """Tables ``[model]``, ``[rotor]``, ``[side_side]``, ``[fore_aft]``, ``[top]``, ``[loads]`` and
+    ``[blade_passing]``."""
 
     model: _TowerModel
     rotor: Rotor

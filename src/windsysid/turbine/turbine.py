@@ -76,7 +76,8 @@ class Turbine:
         if (rotor := as_rotor(self.model)) is not None:
             return rotor
         raise ConfigurationError(
-            f"turbine '{self.name}' is of the kind '{self.model.kind}': expected a rotor with blades of its own; choose another turbine file, "
+            f"turbine '{self.name}' is of the kind '{self.model.kind}': expected a rotor with blades of its own; "
+            f"choose another turbine file, "
             "or the joint formulation, which takes either"
         )
 
@@ -104,7 +105,8 @@ class Turbine:
 
     @property
     def least_duration(self) -> tuple[float, str]:
-        """The shortest record [s] that is worth judging, and why: one revolution, or, parked, periods of the slowest mode."""
+        """The shortest record [s] that is worth judging, and why: one revolution, or, parked, periods of the slowest
+        mode."""
         if self.rotor_speed > 0.0:
             turn = 2.0 * math.pi / self.rotor_speed
             return turn, f"one revolution ({turn:.3g} s at {self.rotor_speed * RPM:.3g} rpm)"

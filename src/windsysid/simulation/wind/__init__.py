@@ -1,8 +1,8 @@
 """Wind as stochastic processes, and what it does to a turning rotor.
 
-`field` gives the wind speed at points of the blades, `direction` where it comes from, `blades` the generalised loads that
-follow, `feedback` simulates with the aerodynamic damping in the loop, `packaged` holds the machines' numbers. Every equation
-and its source: docs/wind.md.
+`field` gives the wind speed at points of the blades, `direction` where it comes from, `blades` the generalised loads
+that follow, `feedback` simulates with the aerodynamic damping in the loop, `packaged` holds the machines' numbers.
+Every equation and its source: docs/wind.md.
 """
 
 from windsysid.simulation.wind.blades import BladeAerodynamics, BladeLoads, blade_loads

@@ -10,9 +10,10 @@ and meets the air with V_n = u cos δ − a V across the rotor plane and W = r �
     f = ½ ρ c √(V_n² + W²) (C_l V_n − C_d W)   [N/m, positive with the rotation],
     Q = Σ Jᵀ f Δr,      C = −∂Q/∂q̇ = Σ Jᵀ (−∂f/∂W) J Δr.
 
-The same J makes velocities of q̇ and generalised loads of forces (virtual work), so C is symmetric, and positive where −∂f/∂W is.
-Sources: Burton et al., Wind Energy Handbook (blade elements, aerodynamic damping); M. O. L. Hansen, Aerodynamics of Wind
-Turbines (blade elements); M. H. Hansen (2007), https://doi.org/10.1002/we.242 (damping of a blade section).
+The same J makes velocities of q̇ and generalised loads of forces (virtual work), so C is symmetric, and positive where
+−∂f/∂W is. Sources: Burton et al., Wind Energy Handbook (blade elements, aerodynamic damping); M. O. L. Hansen,
+Aerodynamics of Wind Turbines (blade elements); M. H. Hansen (2007), https://doi.org/10.1002/we.242 (damping of a blade
+section).
 """
 
 import math
@@ -54,7 +55,8 @@ class BladeAerodynamics:
     drag, drag_factor
         C_d0 and k of C_d = C_d0 + k C_l².
     induction
-        a: the wake slows the axial wind by a V, V the mean speed, and stays as it is when the wind changes (frozen wake).
+        a: the wake slows the axial wind by a V, V the mean speed, and stays as it is when the wind changes (frozen
+        wake).
     density
         ρ [kg/m³].
     levers
@@ -179,7 +181,8 @@ def blade_loads(
 
 
 def _station_motion(turbine: "Turbine", aerodynamics: BladeAerodynamics, theta: Array) -> list[Array]:
-    """J: motion of every station along its tangent per unit of each degree of freedom, (T, N, R) or what broadcasts to it."""
+    """J: motion of every station along its tangent per unit of each degree of freedom, (T, N, R) or what broadcasts to
+    it."""
     model, radii = turbine.rotor, np.array(aerodynamics.radii)
     levers = radii - turbine.values["hinge_offset"] if aerodynamics.levers is None else np.array(aerodynamics.levers)
     columns = []

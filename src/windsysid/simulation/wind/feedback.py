@@ -1,7 +1,7 @@
 """Simulation with the aerodynamic damping in the loop: ẋ = f(x, u, p, w₀ − C q̇).
 
-The loads at rest w₀ and the damping C of `windsysid.simulation.wind.wind_loads` run linearly between samples, the velocities are those of
-the Runge–Kutta stage: one pass, no iteration, in the loop of `windsysid.simulation.integrate`.
+The loads at rest w₀ and the damping C of `windsysid.simulation.wind.wind_loads` run linearly between samples, the
+velocities are those of the Runge–Kutta stage: one pass, no iteration, in the loop of `windsysid.simulation.integrate`.
 """
 
 from typing import NamedTuple

@@ -1,16 +1,19 @@
 """Wind speed where the blades are: Kaimal turbulence with IEC coherence, sampled on the turning rotor.
 
-On a ring around the hub the IEC's coherence depends on the difference of two azimuths only, so the field is a Fourier series
-in azimuth with independent coefficients, one set for each harmonic n,
+On a ring around the hub the IEC's coherence depends on the difference of two azimuths only, so the field is a Fourier
+series in azimuth with independent coefficients, one set for each harmonic n,
 
-    u(r, θ, t) = A_0(r, t) + Σ_n [A_n(r, t) cos nθ + B_n(r, t) sin nθ],      S_n(r, r', f) = (2 − δ_n0)/M λ_n(r, r', f) S(f),
+    u(r, θ, t) = A_0(r, t) + Σ_n [A_n(r, t) cos nθ + B_n(r, t) sin nθ],
+    S_n(r, r', f) = (2 − δ_n0)/M λ_n(r, r', f) S(f),
 
-where λ_n is the discrete Fourier transform of the coherence over M = 2H + 1 points of the ring. Only the radii of one harmonic
-have to be factorised together (Cholesky, as Veers does for all points), and a blade that passes reads the series at its own
-azimuth: nothing is interpolated between grid points, and the spectrum at every fixed point is Kaimal's exactly.
+where λ_n is the discrete Fourier transform of the coherence over M = 2H + 1 points of the ring. Only the radii of one
+harmonic have to be factorised together (Cholesky, as Veers does for all points), and a blade that passes reads the
+series at its own azimuth: nothing is interpolated between grid points, and the spectrum at every fixed point is
+Kaimal's exactly.
 
-Sources: IEC 61400-1 ed. 4 (2019), 6.3 (wind conditions) and annex C (turbulence); Veers, SAND88-0152 (1988), https://doi.org/10.2172/7102613; for the series
-in azimuth Sørensen, Hansen & Rosas (2002), https://doi.org/10.1016/S0167-6105(02)00260-X.
+Sources: IEC 61400-1 ed. 4 (2019), 6.3 (wind conditions) and annex C (turbulence); Veers, SAND88-0152 (1988),
+https://doi.org/10.2172/7102613; for the series in azimuth Sørensen, Hansen & Rosas (2002),
+https://doi.org/10.1016/S0167-6105(02)00260-X.
 """
 
 import math
@@ -228,9 +231,11 @@ def blade_angles(azimuth: ArrayLike, blades: int) -> Array:
 
 
 def tower_shadow(conditions: WindConditions, angle: ArrayLike, radius: ArrayLike) -> Array:
-    """Factor on the axial wind in front of the tower: potential flow past a cylinder of radius a, seen by a blade below the hub.
+    """Factor on the axial wind in front of the tower: potential flow past a cylinder of radius a, seen by a blade below
+    the hub.
 
-    1 − a² (z² − x²)/(z² + x²)², z upwind of the tower's axis, x beside it (Burton et al., Wind Energy Handbook; Hansen, Aerodynamics of Wind Turbines).
+    1 − a² (z² − x²)/(z² + x²)², z upwind of the tower's axis, x beside it (Burton et al., Wind Energy Handbook; Hansen,
+    Aerodynamics of Wind Turbines).
     """
     angle, radius = np.asarray(angle, dtype=np.float64), np.asarray(radius, dtype=np.float64)
     if conditions.tower_radius == 0.0:

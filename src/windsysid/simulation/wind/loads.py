@@ -22,7 +22,8 @@ class WindLoads(NamedTuple):
     Attributes
     ----------
     loads
-        Generalised loads at rest (T, n) [N, N·m], in the order of `RotorModel.loads`: as `simulate.integrate` takes them.
+        Generalised loads at rest (T, n) [N, N·m], in the order of `RotorModel.loads`: as `simulate.integrate` takes
+        them.
     damping
         Aerodynamic damping C (T, n, n): with feedback the loads are ``loads − C q̇``.
     hub_speed
