@@ -55,11 +55,8 @@ __all__ = [
 
 
 LOADS_WITHHELD = (
-    "In stationary vibration the power that damping takes is fed by the loads, and by the shaft through the blades: "
-    "for a support "
-    "alone E[f v] = c E[v²] exactly. A balance without the load finds nothing that pays for the damping, loses it, "
-    "and biases the "
-    "stiffness. Use the joint formulation, in which loads are states, or record the load."
+    "Stationary loads feed what damping takes, E[f v] = c E[v²]: a balance without them loses damping and biases "
+    "stiffness. Use the joint formulation."
 )
 """What a reader of a balance without its loads must know."""
 
@@ -294,9 +291,8 @@ def _residual_rms(balance: Balance) -> Array:
         known = np.isfinite(balance.force[:, j]) & np.isfinite(balance.regressors[:, j]).all(axis=1)
         if not known.any():
             raise RecordError(
-                f"force balance: no sample is left: {RINGING:g} periods of the band's lower edge at either end of "
-                f"the record "
-                "belong to its filters; choose a longer record, or a section further inside"
+                f"force balance: no sample is left: its filters need {RINGING:g} periods of the band's lower edge at "
+                "either end; choose a longer record, or a section further inside"
             )
         rows, right = balance.regressors[known, j], balance.force[known, j]
         solution = np.linalg.lstsq(rows, right, rcond=None)[0]

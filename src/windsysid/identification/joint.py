@@ -119,8 +119,7 @@ def _list_doubts(solution: Solution, given: Turbine, used: Turbine) -> tuple[str
         )
     if getattr(given.model, "lag", "") == "free" and getattr(used.model, "lag", "") == "locked":
         doubts.append(
-            "no channel sees the blades, so they are locked; where they move, the load takes the blame and the "
-            "support's stiffness is off by more "
-            "than its band: add a sensor on a blade, or use a turbine file whose blades are locked (docs/tower.md)"
+            "no channel sees the blades, so they are locked: the support's stiffness may be off by more than its band; "
+            "add a blade sensor (docs/tower.md)"
         )
     return tuple(doubts)

@@ -109,5 +109,5 @@ def check_finite(mean: Array, cov: Array) -> None:
     if not (np.isfinite(mean).all() and np.isfinite(cov).all()):
         raise WindsysidError(
             "the filter diverged: expected loads, noise and priors of the size of the record's; "
-            "check units, the turbine file or the equations, or move the priors with --prior-scale"
+            "check units and the turbine file, or move the priors with --prior-scale"
         )

@@ -164,9 +164,8 @@ def constant_loads(
             continue
         if name not in values and name not in driven:
             raise ConfigurationError(
-                f"load '{name}': nothing says what it was: expected a channel of that name, or one named in "
-                f"`channels` (the record has "
-                f"{', '.join(record.channels)}), a model in `loads`, or in `values` a constant, 0 where it does not act"
+                f"load '{name}': nothing says what it was: expected a channel, a model in `loads`, or a constant in "
+                f"`values` (0: it does not act); the record has {', '.join(record.channels)}"
             )
         constant[name] = float(values.get(name, 0.0))
     return constant

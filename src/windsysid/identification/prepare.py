@@ -236,8 +236,7 @@ def check_length(name: str, duration: float, rate: float, turbine: Turbine) -> N
     if duration < period:
         raise RecordError(
             f"{name}: expected at least one period of the turbine's slowest mode ({period:.3g} s), got "
-            f"{duration:.3g} s: "
-            "choose a longer record, or correct the stiffness in the turbine file"
+            f"{duration:.3g} s: choose a longer record, or correct its stiffness"
         )
     fastest = max(turbine.natural_frequency(coordinate) for coordinate in turbine.model.coordinates)
     if fastest / rate > MAX_STEP:

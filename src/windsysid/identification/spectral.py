@@ -170,9 +170,8 @@ def _speed(speed: Array) -> list[str]:
     varies = float(speed.std() / abs(speed.mean()))
     if varies > VARYING:
         raise RecordError(
-            f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation): expected at most "
-            f"±{100 * VARYING:g} % for spectra; "
-            "choose a steadier section, or use --formulation joint"
+            f"the rotor's speed varies by ±{100 * varies:.2g} % (one σ): expected at most ±{100 * VARYING:g} % for "
+            "spectra; choose a steadier section, or use --formulation joint"
         )
     if varies > STEADY:
         return [

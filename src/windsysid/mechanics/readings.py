@@ -69,9 +69,8 @@ class RotorMotion:
         k = self.kinematics
         if sensor.frame in ("nacelle", "tower"):
             raise ConfigurationError(
-                f"sensor '{sensor.channel}' is in the frame '{sensor.frame}', which a rotor in its own plane does "
-                f"not know: expected 'fixed', "
-                "'tower_top' or 'blade'; for side-side and fore-aft motion use a turbine file of the kind 'tower'"
+                f"sensor '{sensor.channel}' is in the frame '{sensor.frame}', which a rotor in its own plane does not "
+                "know: expected fixed, tower_top, blade, or a turbine of the kind tower"
             )
         if sensor.blade > k.model.blades:
             raise ConfigurationError(

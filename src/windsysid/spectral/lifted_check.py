@@ -105,8 +105,7 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
         if factor > max(UNSTEADY, float(f.isf(CHANCE, 2.0 * loud.independent, 2.0 * quiet.independent))):
             off.append((factor, a))
     return [
-        f"{p.channel} is {factor:.2g} times as loud (squared) in one half of the record as in the other at "
-        f"{p.low:.3g} … {p.high:.3g} Hz: "
-        "it is not stationary; use --formulation joint or another section"
+        f"{p.channel} is {factor:.2g} times as loud (squared) in one half as in the other at "
+        f"{p.low:.3g} … {p.high:.3g} Hz; use --formulation joint or another section"
         for factor, p in sorted(off, key=lambda pair: -pair[0])
     ]

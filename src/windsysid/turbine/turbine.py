@@ -77,8 +77,7 @@ class Turbine:
             return rotor
         raise ConfigurationError(
             f"turbine '{self.name}' is of the kind '{self.model.kind}': expected a rotor with blades of its own; "
-            f"choose another turbine file, "
-            "or the joint formulation, which takes either"
+            "choose another turbine, or the joint formulation"
         )
 
     def inertia(self, coordinate: str) -> float:
