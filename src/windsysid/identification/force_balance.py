@@ -291,8 +291,8 @@ def _residual_rms(balance: Balance) -> Array:
         known = np.isfinite(balance.force[:, j]) & np.isfinite(balance.regressors[:, j]).all(axis=1)
         if not known.any():
             raise RecordError(
-                f"force balance: no sample is left: its filters need {RINGING:g} periods of the band's lower edge at "
-                "either end; choose a longer record, or a section further inside"
+                f"force balance: no sample is left: its filters need {RINGING:g} periods of the lower edge at either "
+                "end; choose a longer record, or a section further inside"
             )
         rows, right = balance.regressors[known, j], balance.force[known, j]
         solution = np.linalg.lstsq(rows, right, rcond=None)[0]

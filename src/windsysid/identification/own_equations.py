@@ -334,7 +334,7 @@ def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str
     enough = size / h / (72.0 * MAX_STEP_SHARE * max(abs(float(ratio[i])), 1e-4)) ** 0.2
     return (
         f"steps are too long for the vibration at {size / h / (2.0 * np.pi):.3g} Hz: the integration damps it by "
-        f"{100.0 * (ratio[i] - own[i]):.2g} %, which the damping lacks; give {enough:.3g} Hz, missing samples in between",
+        f"{100.0 * (ratio[i] - own[i]):.2g} %, which the damping lacks; give {enough:.3g} Hz, with gaps between",
     )
 
 

@@ -229,6 +229,6 @@ class _Kinematics:
 
     def _refusal(self, sensor: "PlacedSensor") -> ConfigurationError:
         return ConfigurationError(
-            f"sensor '{sensor.channel}': this turbine is a tower under a rigid rotor; expected the point tower, along x "
-            "or z of the frame nacelle, or a bearing of the frame tower"
+            f"sensor '{sensor.channel}': this turbine is a tower under a rigid rotor; expected the point tower, along "
+            "x or z of the frame nacelle, or a bearing of the frame tower"
         )
