@@ -109,7 +109,7 @@ def analyse_vibration(
     empty = [
         (low, high)
         for (low, high, _), one in zip(wanted, found, strict=False)
-        if bands is not None and not _modes_of(one)
+        if bands is not None and not _seen(one, 1.0 / step)
     ]
     say("checks")
     middle = readings.samples // 2
@@ -133,7 +133,7 @@ def analyse_vibration(
         empty=tuple(empty),
         frequency=frequency,
         level=level,
-        bands=tuple(_drawn(one) for one in found if _modes_of(one)),
+        bands=tuple(_drawn(one) for one in found if _seen(one, readings.samples / readings.rate)),
         rotor_hz=readings.rotor_hz,
         doubts=readings.doubts,
         notes=readings.notes,
@@ -174,6 +174,11 @@ def _modes_of(found: BandFit) -> int:
     return len(found.fit.modes.frequency) if found.against_none > LEAST_EVIDENCE else 0
 
 
+def _seen(found: BandFit, length: float) -> int:
+    """How many modes of a band are inside it."""
+    return sum(not is_flank(found, j, length) for j in range(_modes_of(found)))
+
+
 def _once_more(
     found: Sequence[BandFit], frequency: Array, values: Complex, readings: Readings, *, keep: bool
 ) -> list[BandFit]:
@@ -208,8 +213,7 @@ def _is_hump(peak: Peak, readings: Readings) -> bool:
 
 def _is_same(found: BandFit, low: float, high: float, count: int, length: float) -> bool:
     first, last = found.band.frequency[[0, -1]]
-    seen = sum(not is_flank(found, j, length) for j in range(_modes_of(found)))
-    return seen == count and max(abs(first - low), abs(last - high)) < MOVED * (high - low)
+    return _seen(found, length) == count and max(abs(first - low), abs(last - high)) < MOVED * (high - low)
 
 
 def _described(found: BandFit, halves: Sequence[tuple[Array, Complex]], readings: Readings) -> list[OperationalMode]:
