@@ -29,12 +29,12 @@ import numpy as np
 import sympy as sp
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.filters import FILTERS, Filter
 from windsysid.identification.own_equations import Reading, fit
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.equations import Equations
+from windsysid.output.console import render
 from windsysid.records.formats import read_record
 from windsysid.records.record import AS_WRITTEN, Record
 from windsysid.results.identification import Estimate

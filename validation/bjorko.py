@@ -26,10 +26,10 @@ import numpy as np
 import sympy as sp
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.errors import RecordError, WindsysidError
 from windsysid.identification.own_equations import Fit, Reading, fit
 from windsysid.mechanics.equations import Equations
+from windsysid.output.console import render
 from windsysid.records.record import Record
 from windsysid.results.posterior import SIGMAS
 from windsysid.statespace.gauss_markov import GaussMarkov

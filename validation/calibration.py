@@ -19,13 +19,13 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.identification.identify import identify
 from windsysid.identification.posterior_mode import INCREMENT, information
 from windsysid.identification.prepare import usable_sensors
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import pose
 from windsysid.mechanics.compile import compile_model
+from windsysid.output.console import render
 from windsysid.records.record import Record
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
 from windsysid.simulation.random_loads import draw_loads

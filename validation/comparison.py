@@ -27,11 +27,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from windsysid.console import render
 from windsysid.identification.identify import identify
 from windsysid.identification.prior import Prior
 from windsysid.monitoring.change import Change
 from windsysid.monitoring.comparison import compare
+from windsysid.output.console import render
 from windsysid.results.posterior import Posterior
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine

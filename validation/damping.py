@@ -23,12 +23,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from windsysid.console import render
 from windsysid.identification.identify import identify
 from windsysid.inspection import inspect_record
 from windsysid.mechanics.compile import compile_model
 from windsysid.monitoring.damping import separate_damping
 from windsysid.monitoring.separation import Band
+from windsysid.output.console import render
 from windsysid.records.formats import write_record
 from windsysid.records.record import Record
 from windsysid.results.posterior import Posterior

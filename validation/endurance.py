@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from windsysid.console import render
 from windsysid.identification.pieces import identify_pieces
 from windsysid.identification.prior import Prior
 from windsysid.mechanics.compile import compile_model
+from windsysid.output.console import render
 from windsysid.records.record import Record
 from windsysid.simulation.integrate import integrate
 from windsysid.turbine.file import load_turbine

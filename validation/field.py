@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from windsysid.console import render
 from windsysid.errors import RecordError, WindsysidError
 from windsysid.identification.identify import identify
 from windsysid.identification.prepare import add_noise, with_noise
@@ -35,6 +34,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes_with_bands
 from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison
 from windsysid.monitoring.comparison import compare
+from windsysid.output.console import render
 from windsysid.output.folders import result_file
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record

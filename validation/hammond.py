@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import Spectrum, analyse
 from windsysid.modal.stability import Unstable, unstable_ranges
+from windsysid.output.console import render
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import RPM

@@ -198,7 +198,7 @@ def summary(rows: Sequence[Row]) -> object:
 
 def main(folder: Path | None = None) -> list[Row]:
     """Print the table; `folder` holds OpenFAST's records, ``shared/data/openfast`` beside the checkout by default."""
-    from windsysid.console import render
+    from windsysid.output.console import render
 
     folder = folder or _shared()
     truths = simulated_truths()

@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.identification.identify import identify
+from windsysid.output.console import render
 from windsysid.simulation.integrate import constant_speed_inputs
 from windsysid.simulation.record import LEAD_IN, simulate_record
 from windsysid.simulation.wind import packaged_wind, wind_loads

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import eigh, expm
 from scipy.signal import lfilter
 
-from windsysid.console import render
+from windsysid.output.console import render
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.spectral.oma import analyse_vibration

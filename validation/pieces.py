@@ -20,12 +20,12 @@ import numpy as np
 import sympy as sp
 
 from windsysid import Equations, GaussMarkov, Parameter, Reading, fit
-from windsysid.console import render
 from windsysid.filters import bank
 from windsysid.filters.protocol import Filter
 from windsysid.identification import load_choice, posterior_mode, problem
 from windsysid.identification.identify import identify
 from windsysid.identification.pieces import identify_pieces
+from windsysid.output.console import render
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification

@@ -29,13 +29,13 @@ from numpy.typing import NDArray
 
 from validation.field import READ
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.errors import RecordError, WindsysidError
 from windsysid.identification.identify import identify
 from windsysid.identification.prepare import add_noise, with_noise
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import PlacedSensor
 from windsysid.modal.analysis import modes
+from windsysid.output.console import render
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from validation.calibration import DURATION, RATE, Run, judge, measured, stationary
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.errors import RecordError
+from windsysid.output.console import render
 from windsysid.records.record import Record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine

@@ -20,8 +20,8 @@ import numpy as np
 
 from validation.mismatch import total_coefficients
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.identification.identify import identify
+from windsysid.output.console import render
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine

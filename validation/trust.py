@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.errors import WindsysidError
 from windsysid.identification.conclude import conclude
 from windsysid.identification.joint import identify_jointly
 from windsysid.identification.prepare import usable_sensors
 from windsysid.identification.prior import Prior
 from windsysid.mechanics.compile import compile_model
+from windsysid.output.console import render
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import constant_speed_inputs, integrate

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from windsysid import cli
-from windsysid.console import plain, render
+from windsysid.output.console import plain, render
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 
@@ -172,7 +172,7 @@ def test_control_characters_of_a_name_do_not_reach_the_terminal(refusal):
 
 
 def test_control_characters_of_a_channel_are_not_printed():
-    from windsysid.console import render
+    from windsysid.output.console import render
 
     assert render("channel \x1b[31mred", "a\nb") == "channel ?[31mred\na\nb"
 
@@ -228,7 +228,7 @@ def test_an_interrupt_inside_a_destructor_ends_it_too():
 def test_no_number_is_broken_over_two_lines(monkeypatch: pytest.MonkeyPatch, columns: int):
     from rich.table import Table
 
-    from windsysid.console import render
+    from windsysid.output.console import render
 
     monkeypatch.setenv("COLUMNS", str(columns))
     table = Table()

@@ -143,7 +143,7 @@ def test_the_joint_filter_locks_in_and_the_fit_does_not(comparison: Comparison):
 def test_a_comparison_prints_and_draws_every_method(
     comparison: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    from windsysid.console import render
+    from windsysid.output.console import render
 
     monkeypatch.setenv("COLUMNS", "200")
     text = render(comparison.table())

@@ -108,7 +108,7 @@ def show_progress(title: str) -> Iterator[Any]:
 
 def print_table(headings: Any, rows: Any, title: str) -> None:
     """Print rows under headings, as wide as the terminal at most."""
-    from windsysid.console import render
+    from windsysid.output.console import render
     from windsysid.output.table import Table
 
     print(render(Table(headings, rows, title, words=range(len(headings)))))

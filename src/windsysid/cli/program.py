@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from windsysid._version import __version__
-from windsysid.console import show_what_can_be_shown
 from windsysid.errors import WindsysidError
+from windsysid.output.console import show_what_can_be_shown
 
 if TYPE_CHECKING:
     pass

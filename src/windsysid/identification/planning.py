@@ -240,7 +240,7 @@ class Plan(Answer):
         return f"<Plan of {self.turbine}: {self.sentence}; print it for the table>"
 
     def __str__(self) -> str:
-        from windsysid.console import render
+        from windsysid.output.console import render
 
         return render(self.table(), self.sentence, *self.answers, *self.directions, *self.notes)
 

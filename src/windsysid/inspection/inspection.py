@@ -4,7 +4,6 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from windsysid.console import render
 from windsysid.inspection.channels import kinds, most_telling
 from windsysid.inspection.health import SEVERITIES, Finding
 from windsysid.inspection.plausibility import Rotor
@@ -12,6 +11,7 @@ from windsysid.inspection.sections import Proposal
 from windsysid.inspection.spectra import Spectrogram, Spectrum
 from windsysid.inspection.stops import Stop
 from windsysid.output.answers import Answer
+from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.record import Record
 from windsysid.units import RPM, unit_text

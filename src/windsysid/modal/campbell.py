@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.modal.stability import GroundResonance, Unstable
 from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
+from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.results.posterior import SIGMAS

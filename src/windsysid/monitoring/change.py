@@ -5,8 +5,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from windsysid.console import render
 from windsysid.output.answers import Answer
+from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.units import unit_text

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.monitoring.series import DAY, Blocks
 from windsysid.output.answers import Answer
+from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.units import unit_text

@@ -4,8 +4,8 @@ import json
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from windsysid.console import render
 from windsysid.output.answers import Answer
+from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.units import RPM, unit_text

@@ -10,7 +10,7 @@ __all__ = ["Table"]
 class Table:
     """Rows of text under headings; columns in `words` are set left and may wrap, the others, numbers, are set right.
 
-    `windsysid.console.render` shows it on a terminal, `windsysid.reports.html.report_page` on a page.
+    `windsysid.output.console.render` shows it on a terminal, `windsysid.reports.html.report_page` on a page.
     """
 
     headings: Sequence[str]

@@ -1,7 +1,6 @@
 """Figures: one function per picture, a Matplotlib `Figure` out, nothing shown and nothing saved.
 
-One language throughout: blue is the estimate with its ±2σ band, a black dashed line the reference, grey what was
-measured, orange an error.
+Blue is the estimate with its ±2σ band, dashed black the reference, grey what was measured, orange an error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,8 +43,7 @@ GREEK = (
 
 
 def symbol(name: str) -> str:
-    """A name as it is written in formulas, ``k_beta_1`` → k_β1, ``k_side_side`` → k side-side; in words where it begins
-    with a word."""
+    """A name as formulas have it, ``k_beta_1`` → k_β1, ``k_side_side`` → k side-side; words stay words."""
     letter, *words = name.split("_")
     if len(letter) > 1 and letter not in GREEK:
         return name.replace("_", " ")

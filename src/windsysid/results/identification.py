@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid._version import __version__
-from windsysid.console import render
 from windsysid.errors import ConfigurationError
 from windsysid.loads.statistics import Statistic
 from windsysid.output.answers import Answer
+from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.formats.netcdf import sealed
 from windsysid.results.diagnosis import Diagnosis

@@ -220,7 +220,7 @@ class OperationalModes(Answer):
         """The table, and what speaks against it."""
         from rich.table import Table
 
-        from windsysid.console import render
+        from windsysid.output.console import render
 
         table = Table(title=f"modes of {section_name(self.record, *self.section)}", title_justify="left")
         last = len(self.headings) - 2

@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.filters import FILTERS, Filter
 from windsysid.identification.identify import identify
 from windsysid.identification.problem import pose
 from windsysid.mechanics.compile import compile_model
+from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.filters import EKF, Cloud, Info, ParticleFilter, ParticleInfo, RaoBlackwellised, Split, degeneracy
 from windsysid.identification.conclude import conclude
 from windsysid.identification.force_balance import Balance, analysis_band, balance_statespace
@@ -24,6 +23,7 @@ from windsysid.identification.outcome import Outcome
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import pose
 from windsysid.mechanics.equations import Equations
+from windsysid.output.console import render
 from windsysid.results.identification import Identification
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.compose import StateSpace, compose

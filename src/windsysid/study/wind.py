@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from windsysid._types import Array
-from windsysid.console import render
 from windsysid.errors import WindsysidError
 from windsysid.mechanics.compile import compile_model
+from windsysid.output.console import render
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import constant_speed_inputs
