@@ -48,8 +48,8 @@ class Sources(Protocol):
     def placement(self) -> Complex:
         """U ((2K+1) n, s)."""
 
-    def spectra(self, values: Mapping[str, float]) -> SourceSpectra:
-        """Spectra for values of the statistics."""
+    def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
+        """Spectra for values of the statistics, at every n-th base frequency from the n//2-th on."""
 
 
 class BroadbandLoads:
@@ -68,13 +68,14 @@ class BroadbandLoads:
             for k in range(count):
                 self.placement[k * len(names) + names.index(load.load), i * count + k] = 1.0
 
-    def spectra(self, values: Mapping[str, float]) -> SourceSpectra:
+    def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
         """2σ²τ / (1 + (2πfτ)²) each."""
+        frequency = self._frequency[every // 2 :: every]
         own = [
-            2.0 * load.rms**2 * load.time_constant / (1.0 + (2.0 * np.pi * self._frequency * load.time_constant) ** 2)
+            2.0 * load.rms**2 * load.time_constant / (1.0 + (2.0 * np.pi * frequency * load.time_constant) ** 2)
             for load in moved_loads(self.statistics, values, self.loads, self._model)
         ]
-        return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(self._frequency), 0)))
+        return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(frequency), 0)))
 
 
 STATIONS = 6
@@ -139,14 +140,14 @@ class WindLoads:
         self.placement = _wind_placement(names, blades, orders, self._orders)
         self._parts = lru_cache(maxsize=16)(self._turbulence)
 
-    def spectra(self, values: Mapping[str, float]) -> SourceSpectra:
+    def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
         """Of force G and moment F, classes p = 0 … N − 1, harmonics −K−1 … K+1."""
         time, decay, power = values["load_wind_time"], values["load_decay"], values["load_power"]
         per_force = 1.0 / values["load_lever"]
         size = values["load_rms_wind"] ** 2
-        force, both, moment = self._parts(time, decay, power)
+        force, both, moment = self._parts(time, decay, power, every)
         corner = values["load_eddies_frequency"]
-        f = self._base[:, None] + self._rotor_hz * self._orders
+        f = self._base[every // 2 :: every, None] + self._rotor_hz * self._orders
         own = values["load_rms_eddies"] ** 2 / corner * (1.0 + (f / corner) ** 2) ** (-5.0 / 3.0) / self._blades
         own = np.tile(own, self._blades)
         outer = per_force / EDDY_MOMENT
@@ -154,7 +155,7 @@ class WindLoads:
         GF = size * per_force * both + outer * own
         return SourceSpectra(np.concatenate([G, size * moment + own], axis=1), GF)
 
-    def _turbulence(self, time: float, decay: float, power: float) -> tuple[Array, Array, Array]:
+    def _turbulence(self, time: float, decay: float, power: float, every: int) -> tuple[Array, Array, Array]:
         """Spectra GG, GF and FF of all sources (B, N (2K+3)) for σ = 1 and forces of 1 N per N·m."""
         r = self._radii
         along = r**power
@@ -162,7 +163,7 @@ class WindLoads:
         weights = np.stack([along / along.sum(), outer / outer.sum()])
         grid, table = _coherence_table(tuple(r.tolist()))
         contracted = np.einsum("ar,bs,grsn->gnab", weights, weights, table, optimize=True)
-        f = np.abs(self._shifted)
+        f = np.abs(self._shifted[every // 2 :: every])
         kappa = decay * np.hypot(f, 0.12 / time)
         place = np.clip((np.log(kappa) - grid[0]) / (grid[1] - grid[0]), 0.0, len(grid) - 1.001)
         below = place.astype(np.int64)
@@ -243,16 +244,17 @@ class BandLoads:
             for k in range(count):
                 self.placement[k * len(names) + names.index(load), i * count + k] = 1.0
 
-    def spectra(self, values: Mapping[str, float]) -> SourceSpectra:
+    def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
         """Power laws through the levels at the ends of each band; between bands the nearer one's."""
         amplitudes = np.log([values[s.name] for s in self.statistics]).reshape(len(self._loads), len(self._bands), 2)
+        frequency = self._frequency[every // 2 :: every]
         middles = [math.sqrt(a[1] * b[0]) for a, b in zip(self._bands[:-1], self._bands[1:], strict=True)]
-        which = np.searchsorted(middles, self._frequency)
+        which = np.searchsorted(middles, frequency)
         low, high = (np.log([band[end] for band in self._bands])[which] for end in (0, 1))
         with np.errstate(divide="ignore"):
-            part = np.clip((np.log(self._frequency) - low) / (high - low), -1.0, 2.0)
+            part = np.clip((np.log(frequency) - low) / (high - low), -1.0, 2.0)
         own = [np.exp(2.0 * (level[which, 0] + part * (level[which, 1] - level[which, 0]))) for level in amplitudes]
-        return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(self._frequency), 0)))
+        return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(frequency), 0)))
 
 
 def _ends(bands: Sequence[tuple[float, float]]) -> list[str]:

@@ -111,22 +111,20 @@ class LiftedModel(NamedTuple):
         """
         if self.window is not None:
             return _shared(whittle(self.data, self.spectrum(unknowns, slopes=slopes)), 1.0 / self.overlap)
-        bins = np.arange(every // 2, len(self.place.base), every)
-        parts = []
-        for at, model in self._spectra(unknowns, bins, slopes=slopes, whiten=slopes):
-            parts.append(whittle(self.data[at], model))
+        parts = [
+            whittle(self.data[at], model) for at, model in self._spectra(unknowns, every, slopes=slopes, whiten=slopes)
+        ]
         whole = Likelihood(
             sum(part.value for part in parts),
             np.sum([part.gradient for part in parts], axis=0),
             np.sum([part.information for part in parts], axis=0),
             np.concatenate([part.whitened for part in parts]),
         )
-        return _shared(whole, len(self.place.base) / len(bins) / self.overlap)
+        return _shared(whole, len(self.place.base) / len(whole.whitened) / self.overlap)
 
     def spectrum(self, unknowns: Array, *, slopes: bool = False) -> ModelSpectrum:
         """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
-        every = np.arange(len(self.place.base))
-        parts = self._spectra(unknowns, every, slopes=slopes, whiten=False)
+        parts = self._spectra(unknowns, 1, slopes=slopes, whiten=False)
         if self.window is None:
             every_part = [part for _, part in parts]
             whole = np.concatenate([part.slopes for part in every_part], axis=1)
@@ -167,27 +165,28 @@ class LiftedModel(NamedTuple):
         return np.asarray(self.window.T @ self.place.base)
 
     def _spectra(
-        self, unknowns: Array, bins: NDArray[np.intp], *, slopes: bool, whiten: bool
+        self, unknowns: Array, every: int, *, slopes: bool, whiten: bool
     ) -> Iterator[tuple[NDArray[np.intp], ModelSpectrum]]:
-        """S and its derivatives, a few of the places at a time."""
+        """S and its derivatives at every n-th place, a few of them at a time."""
+        bins = np.arange(every // 2, len(self.place.base), every)
         matrices, moved = self._matrices(unknowns, slopes=slopes)
         eta = unknowns[len(self.parameters) + self.lag :]
-        spectra, noise = self._levels(eta)
+        spectra, noise = self._levels(eta, every)
         loads, entries = len(self.sources.statistics), len(self.place.entries)
-        steps = [self._source_slope(eta, i) for i in range(loads)] if slopes else []
+        steps = [self._source_slope(eta, i, every) for i in range(loads)] if slopes else []
         densities = 2.0 * np.exp(2.0 * eta[loads:])[:, None, None] * self.noise_given
         chunk = max(8, MOST_NUMBERS // (len(unknowns) * entries**2))
         for first in range(0, len(bins), chunk):
-            at = bins[first : first + chunk]
+            at, near = bins[first : first + chunk], slice(first, first + chunk)
             part = None
             if slopes:
                 part = Slopes(
                     moved,
-                    tuple(SourceSpectra(step.own[at], step.cross[at]) for step in steps),
+                    tuple(SourceSpectra(step.own[near], step.cross[near]) for step in steps),
                     densities[:, at],
                 )
             where = self.place._replace(base=self.place.base[at], left_out=self.place.left_out[at])
-            own = SourceSpectra(spectra.own[at], spectra.cross[at])
+            own = SourceSpectra(spectra.own[near], spectra.cross[near])
             yield at, spectrum_of_bins(
                 where, matrices, self.sources.placement, own, noise[at], part, whiten=whiten,
                 more=None if self.smear is None else self.smear[at],
@@ -218,19 +217,20 @@ class LiftedModel(NamedTuple):
             moved.append(change / (2.0 * steps[:, None, None, None]) if slopes else change)
         return at, MatrixHarmonics(*moved)
 
-    def _levels(self, eta: Array) -> tuple[SourceSpectra, Array]:
+    def _levels(self, eta: Array, every: int) -> tuple[SourceSpectra, Array]:
         """Spectra of the sources, and of the noise of every entry (F, e)."""
         loads = len(self.sources.statistics)
         values = values_of(self.sources.statistics, eta[:loads])
         noise = np.tensordot(np.exp(2.0 * eta[loads:]), self.noise_given, 1)
-        return self.sources.spectra(values), np.asarray(noise)
+        return self.sources.spectra(values, every), np.asarray(noise)
 
-    def _source_slope(self, eta: Array, which: int) -> SourceSpectra:
+    def _source_slope(self, eta: Array, which: int, every: int) -> SourceSpectra:
         """Derivative of the sources' spectra to one statistic."""
         loads, step = len(self.sources.statistics), np.zeros(len(self.sources.statistics))
         step[which] = STEP
         up, down = (
-            self.sources.spectra(values_of(self.sources.statistics, eta[:loads] + sign * step)) for sign in (1.0, -1.0)
+            self.sources.spectra(values_of(self.sources.statistics, eta[:loads] + sign * step), every)
+            for sign in (1.0, -1.0)
         )
         own, cross = ((a - b) / (2.0 * STEP) for a, b in zip(up, down, strict=True))
         return SourceSpectra(own, cross)

@@ -33,7 +33,7 @@ SEARCHED = 3.0
 NARROW = 4.0
 """Bins in half the half-power width of a mode below which spectra are smoothed by the taper's window."""
 
-ALIKE = 3.5
+ALIKE = 3.0
 """Bins in half the half-power width of a mode for each bin that shares its spectrum with others."""
 
 LINE_BINS, LINE_SHARE = 2.5, 0.006
@@ -42,7 +42,7 @@ LINE_BINS, LINE_SHARE = 2.5, 0.006
 LEAST_BINS = 12
 """Fewest bins of a band."""
 
-MOST_HARMONICS = 20
+MOST_HARMONICS = 10
 """Highest K: a rotor that turns more slowly beside its modes makes matrices too large."""
 
 PEAK_BINS = 5

@@ -10,8 +10,8 @@ from windsysid._types import Array
 
 __all__ = ["Mode", "find_mode"]
 
-STEPS = 60
-"""Most evaluations with slopes of one stage."""
+STEPS, ROUGH_STEPS = 60, 8
+"""Most steps of the last stage, and of a stage before it."""
 
 SETTLED = 1e-3
 """Squared length of a step in standard deviations below which the search ends; of the stages before the last
@@ -63,8 +63,9 @@ def find_mode(
     value, information = np.inf, np.diag(precision)
     for stage, (weight, every) in enumerate(stages):
         J, g, F = _posterior(evaluate(u, every), u, weight, prior_mean, precision)
-        damping, enough = 1e-3, SETTLED if stage == len(stages) - 1 else ROUGH
-        for _ in range(STEPS):
+        last = stage == len(stages) - 1
+        damping, enough = 1e-3, SETTLED if last else ROUGH
+        for _ in range(STEPS if last else ROUGH_STEPS):
             step = np.clip(-np.linalg.solve(F + damping * np.diag(np.diag(F)), g), -longest, longest)
             length = float(step @ F @ step)
             try:
