@@ -36,11 +36,12 @@ STEADY, VARYING = 0.005, 0.02
 """Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
 spectra are not those of a constant speed."""
 
-HELD = (
-    "under simulated turbulent wind ±2σ of this load model held the truth in nine cases of ten, the hub's damping "
-    "least (docs/spectral.md)"
+WIND_DOUBT = (
+    "under wind, spectra find the hub's damping 5 % too high, and few records have tried it; compare with "
+    "--formulation joint (docs/spectral.md)"
 )
-"""What a result under `rotor-wind` says of itself; ``python -m validation.spectral`` prints how often."""
+"""Why a result under `rotor-wind` is not to be trusted yet; ``python -m validation.spectral`` prints how often ±2σ
+holds."""
 
 LEAST_RESONANCE = 20.0
 """As how many independent values the narrowest resonance of a turning rotor has to count: below, its bands were never
@@ -97,7 +98,7 @@ def identify_by_spectrum(
         angle, std = 1e3 * best.unknowns[n], 1e3 * math.sqrt(best.cov[n, n])
         notes.append(f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad")
     if name == "rotor-wind":
-        notes.append(HELD)
+        doubts.append(WIND_DOUBT)
     where = ", ".join(f"{low:.3g} … {high:.3g} Hz" for low, high in posed.bands)
     notes += [
         f"loads: {posed.text}, learned from the record with the noise{found.why}; damping is total: structure and "
