@@ -109,10 +109,8 @@ def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: boo
 def files(found: OperationalModes) -> dict[str, bytes]:
     """``report.html``, ``modes.png`` and ``summary.json``, by name."""
     drawn = png(figure(found))
-    verdict = [
-        "Nothing speaks against these modes." if found.trusted else "Not to be trusted as a whole:",
-        *found.reasons,
-    ]
+    trusted = sum(mode.trusted for mode in found.modes) if not found.doubts else 0
+    verdict = f"{trusted} of {len(found.modes)} modes are to be trusted."
     caption = (
         "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the "
         "band. Bands of frequencies and damping ratios are ±2σ of the posterior."
@@ -120,7 +118,7 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     sections = [
         Section(
             "Modes",
-            text=verdict,
+            text=[verdict, *found.reasons_of_record],
             tables=[Table(found.headings, found.rows, "", (0, len(found.headings) - 2, len(found.headings) - 1))],
         ),
         Section("Spectra", figures=[(drawn, caption)]),
@@ -129,6 +127,10 @@ def files(found: OperationalModes) -> dict[str, bytes]:
     if shapes is not None:
         text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
         sections.append(Section("Shapes", figures=[(shapes, text)]))
+    doubted = [(mode.name, f"{mode.frequency:.4g}", ". ".join(mode.doubts)) for mode in found.modes if mode.doubts]
+    if doubted:
+        why = Table(("mode", "f [Hz]", "what speaks against it"), doubted, words=(0, 2))
+        sections.append(Section("Why some are not to be trusted", tables=[why]))
     if found.notes:
         sections.append(Section("How this was computed", text=list(found.notes)))
     subtitle = (

@@ -167,12 +167,14 @@ class OperationalModes(Answer):
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why not."""
-        found = list(self.doubts)
-        found += [f"no mode stands out between {low:.4g} and {high:.4g} Hz" for low, high in self.empty]
-        if not self.modes:
-            found.append("no mode was found")
-        found += [f"{mode.name}, {mode.frequency:.4g} Hz: {doubt}" for mode in self.modes for doubt in mode.doubts]
-        return tuple(found)
+        of_modes = (f"{mode.name}, {mode.frequency:.4g} Hz: {doubt}" for mode in self.modes for doubt in mode.doubts)
+        return (*self.reasons_of_record, *of_modes)
+
+    @property
+    def reasons_of_record(self) -> tuple[str, ...]:
+        """What speaks against the record or a band, and not against one mode."""
+        empty = [f"no mode stands out between {low:.4g} and {high:.4g} Hz" for low, high in self.empty]
+        return (*self.doubts, *empty, *(() if self.modes else ("no mode was found",)))
 
     def summary(self) -> dict[str, Any]:
         """What ``summary.json`` holds."""
