@@ -92,12 +92,13 @@ def analyse_vibration(
     step = float(frequency[1])
     if bands is None:
         say("spectral peaks")
-        peaks = [
+        seen = [
             peak._replace(alone=_is_hump(peak, readings))
             for peak in find_peaks(frequency, values, readings.low, readings.high)
         ]
-        wanted = group_peaks(peaks, step, readings.low, readings.high)
+        wanted = group_peaks(seen, step, readings.low, readings.high)
     else:
+        seen = []
         wanted = [_checked_band(band, readings, step) for band in bands]
     found: list[BandFit] = []
     for low, high, count in wanted:
@@ -105,7 +106,7 @@ def analyse_vibration(
         found.append(_fit(frequency, values, readings, low, high, count, MOST_MODES if bands is not None else count))
     for again in range(AGAIN if bands is None else 0):
         say("bands around what was found")
-        found = _once_more(found, frequency, values, readings, keep=again > 0)
+        found = _once_more(found, frequency, values, readings, [] if again else seen, keep=again > 0)
     empty = [
         (low, high)
         for (low, high, _), one in zip(wanted, found, strict=False)
@@ -180,17 +181,32 @@ def _seen(found: BandFit, length: float) -> int:
 
 
 def _once_more(
-    found: Sequence[BandFit], frequency: Array, values: Complex, readings: Readings, *, keep: bool
+    found: Sequence[BandFit],
+    frequency: Array,
+    values: Complex,
+    readings: Readings,
+    seen: Sequence[Peak],
+    *,
+    keep: bool,
 ) -> list[BandFit]:
-    """Bands around the modes that were found; those that are where they should be stay where `keep` says so."""
+    """Bands around the modes that were found, and around peaks `seen` where none was; bands that are where they should
+    be stay where `keep` says so.
+
+    A band with one peak of its own may hold the flank of a louder mode: the first search then finds that one.
+    """
     step = float(frequency[1])
-    peaks = []
+    peaks: list[Peak] = []
     for one in found:
         if _modes_of(one):
             for j, (f, z) in enumerate(zip(one.fit.modes.frequency, one.fit.modes.damping, strict=True)):
                 if not is_flank(one, j, 1.0 / step):
                     peak = Peak(float(f), float(max(z * f, 0.5 * step)), one.against_none)
                     peaks.append(peak._replace(alone=_is_hump(peak, readings)))
+    peaks += [
+        peak
+        for peak in seen
+        if all(abs(peak.frequency - p.frequency) > 2.0 * max(peak.half_width, p.half_width) for p in peaks)
+    ]
     single: list[Peak] = []
     for peak in sorted(peaks):
         if single and peak.frequency - single[-1].frequency < 0.3 * min(peak.half_width, single[-1].half_width):
