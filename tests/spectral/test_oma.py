@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import windsysid as ws
+from windsysid.spectral.bands import Peak
 from windsysid.spectral.multiblade import multiblade
+from windsysid.spectral.oma import fit_between, search_again
+from windsysid.spectral.oma_data import prepare_readings, transforms
 from windsysid.spectral.tonal import find_lines
 
 from .oscillators import modal_responses
@@ -65,6 +68,21 @@ def test_close_modes_are_told_apart():
     assert len(found.modes) == 3
     for mode, f in zip(found.modes, (0.98, 1.0, 1.02), strict=True):
         assert abs(mode.frequency - f) < 3.5 * mode.frequency_std
+
+
+def test_a_quiet_mode_beside_a_loud_ones_flank_is_looked_for_again():
+    """A search for one mode in a band of two finds the loud one; the peak of the other is not forgotten."""
+    rng = np.random.default_rng(4)
+    q, _ = modal_responses([0.89, 1.04], [0.012, 0.008], 8.0, 4320, rng)
+    q /= q.std(axis=0)
+    y = np.column_stack([q[:, 1], 0.4 * q[:, 1] + 0.15 * q[:, 0]]) + 0.02 * rng.normal(size=q.shape)
+    readings = prepare_readings(record_of(y, 8.0), None)
+    frequency, values = transforms(readings)
+    first = fit_between(frequency, values, readings, 0.75, 1.07, 1, 1)
+    assert first.fit.modes.frequency == pytest.approx([1.04], abs=0.01)
+    again = search_again([first], frequency, values, readings, [Peak(0.89, 0.015, 6.0)], keep=False)
+    found = sorted(float(f) for one in again for f in one.fit.modes.frequency)
+    assert found == pytest.approx([0.89, 1.04], abs=0.01)
 
 
 def test_one_sensor_will_do_and_its_kind_does_not_matter():

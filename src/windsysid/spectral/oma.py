@@ -25,7 +25,7 @@ from windsysid.spectral.operational import BandSpectrum, OperationalMode, Operat
 from windsysid.spectral.order import BandFit, fit_band, full_shapes
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 
-__all__ = ["analyse_vibration"]
+__all__ = ["analyse_vibration", "fit_between", "search_again"]
 
 MOST_MODES = 5
 """In one band."""
@@ -103,10 +103,11 @@ def analyse_vibration(
     found: list[BandFit] = []
     for low, high, count in wanted:
         say(f"{low:.4g} … {high:.4g} Hz")
-        found.append(_fit(frequency, values, readings, low, high, count, MOST_MODES if bands is not None else count))
+        most = count if bands is None else MOST_MODES
+        found.append(fit_between(frequency, values, readings, low, high, count, most))
     for again in range(AGAIN if bands is None else 0):
         say("bands around what was found")
-        found = _once_more(found, frequency, values, readings, [] if again else seen, keep=again > 0)
+        found = search_again(found, frequency, values, readings, [] if again else seen, keep=again > 0)
     empty = [
         (low, high)
         for (low, high, _), one in zip(wanted, found, strict=False)
@@ -158,7 +159,7 @@ def _checked_band(band: tuple[float, float], readings: Readings, step: float) ->
     return low, high, 1
 
 
-def _fit(
+def fit_between(
     frequency: Array, values: Complex, readings: Readings, low: float, high: float, count: int, most: int
 ) -> BandFit:
     """The modes of one band, its lines left out."""
@@ -180,7 +181,7 @@ def _seen(found: BandFit, length: float) -> int:
     return sum(not is_flank(found, j, length) for j in range(_modes_of(found)))
 
 
-def _once_more(
+def search_again(
     found: Sequence[BandFit],
     frequency: Array,
     values: Complex,
@@ -216,7 +217,7 @@ def _once_more(
     again = []
     for low, high, count in group_peaks(single, step, readings.low, readings.high):
         same = keep and [one for one in found if _is_same(one, low, high, count, 1.0 / step)]
-        again.append(same[0] if same else _fit(frequency, values, readings, low, high, count, MOST_MODES))
+        again.append(same[0] if same else fit_between(frequency, values, readings, low, high, count, MOST_MODES))
     return again
 
 
