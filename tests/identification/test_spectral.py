@@ -25,7 +25,6 @@ def test_tower_is_found_from_its_spectra(tower_record: Record) -> None:
         assert e.reference is not None
         assert abs(e.estimate - e.reference) < 3.0 * e.std
     assert found["k_side_side"].std < 0.01 * found["k_side_side"].estimate
-    assert found.elapsed < 30.0  # a busy machine; 0.1 s on a quiet one
 
 
 def test_result_is_saved_and_reported(tower_record: Record, tmp_path: object) -> None:
