@@ -17,7 +17,7 @@ from windsysid._types import Array, Complex
 
 __all__ = ["MultiBlade"]
 
-CIRCULAR = 0.8
+WHIRL_MIN_ROUNDNESS = 0.8
 """How round the orbit of the support must be to be called a whirl: 1 is a circle, 0 a line."""
 
 
@@ -128,7 +128,7 @@ class MultiBlade(NamedTuple):
         energy = {f"tower {name}": abs(shape[i]) ** 2 for name, i in support.items()}
         if {"x", "y"} <= set(support):
             whirl, roundness = _whirl(shape[support["x"]], shape[support["y"]])
-            if roundness > CIRCULAR:
+            if roundness > WHIRL_MIN_ROUNDNESS:
                 energy[f"tower {whirl}"] = energy.pop("tower x") + energy.pop("tower y")
         if N:
             energy["lag collective" if N > 1 else "lag"] = abs(shape[start]) ** 2

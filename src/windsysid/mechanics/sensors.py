@@ -37,6 +37,7 @@ __all__ = [
     "VelocitySensor",
     "as_sensor",
     "first_problem",
+    "read_sensor_tables",
     "read_sensors",
     "register_sensor",
 ]
@@ -356,17 +357,22 @@ def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
     ConfigurationError
         In one line: the file, the sensor, what was expected and what was got.
     """
+    return parse_sensors(read_sensor_tables(path), str(path))
+
+
+def read_sensor_tables(path: str | Path) -> list[object]:
+    """Read the ``[[sensor]]`` tables of a TOML file, not yet validated; ConfigurationError where it holds others."""
     path = Path(path)
     try:
         content = parse_toml(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{path}: expected a TOML file with [[sensor]] tables, got: {error}") from None
-    unknown = set(content) - {"sensor"}
-    if unknown or not isinstance(content.get("sensor"), list):
+    tables = content.get("sensor")
+    if set(content) != {"sensor"} or not isinstance(tables, list):
         raise ConfigurationError(
             f"{path}: expected [[sensor]] tables and nothing else, got {', '.join(sorted(content)) or 'an empty file'}"
         )
-    return parse_sensors(content["sensor"], str(path))
+    return tables
 
 
 def parse_sensors(tables: Sequence[object], source: str) -> tuple[Sensor, ...]:

@@ -8,10 +8,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from windsysid._types import Array
-from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.channels import VIBRATION, kind_of
-from windsysid.mechanics.sensors import Sensor, first_problem, parse_sensors
+from windsysid.mechanics.sensors import Sensor, first_problem, parse_sensors, read_sensor_tables
 from windsysid.records.record import Record
 
 __all__ = ["ModalSensor", "choose_sensors", "derivative_order", "read_modal_sensors", "without_copies"]
@@ -65,14 +64,9 @@ def read_modal_sensors(path: str | Path) -> tuple[ModalSensor, ...]:
     ConfigurationError
         In one line: the file, the sensor, what was expected and what was got.
     """
-    path = Path(path)
-    try:
-        content = parse_toml(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path}: expected a TOML file with [[sensor]] tables, got: {error}") from None
-    tables = content.get("sensor")
-    if set(content) != {"sensor"} or not isinstance(tables, list) or not tables:
-        raise ConfigurationError(f"{path}: expected [[sensor]] tables, one per channel, and nothing else")
+    tables = read_sensor_tables(path)
+    if not tables:
+        raise ConfigurationError(f"{path}: expected [[sensor]] tables, one per channel, got none")
     if any(isinstance(table, dict) and "point" in table for table in tables):
         return as_modal(parse_sensors(tables, str(path)))
     sensors = []

@@ -9,11 +9,13 @@ is doubted (`modal_checks`).
 import re
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
+from windsysid.inspection.spectra import expected_modes
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.spectral.bands import Peak, find_peaks, group_peaks
@@ -24,6 +26,7 @@ from windsysid.spectral.oma_data import Readings, prepare_readings, transforms
 from windsysid.spectral.operational import BandSpectrum, OperationalMode, OperationalModes
 from windsysid.spectral.order import BandFit, fit_band, full_shapes
 from windsysid.turbine.coercion import TurbineLike, as_turbine
+from windsysid.turbine.turbine import Turbine
 
 __all__ = ["analyse_vibration", "fit_between", "search_again"]
 
@@ -264,8 +267,6 @@ def _described(found: BandFit, halves: Sequence[tuple[Array, Complex]], readings
 
 def _with_neighbours(modes: list[OperationalMode]) -> list[OperationalMode]:
     """Modes of one band: where one is doubtful the others are, since they were found together."""
-    from dataclasses import replace
-
     doubtful = [mode for mode in modes if mode.doubts]
     if not doubtful:
         return modes
@@ -275,8 +276,6 @@ def _with_neighbours(modes: list[OperationalMode]) -> list[OperationalMode]:
 
 def _named(modes: Sequence[OperationalMode], readings: Readings) -> list[OperationalMode]:
     """Modes with names: numbers, or where a rotor turns what moves and which way it turns."""
-    from dataclasses import replace
-
     if not any(name.startswith("blades_") for name in readings.names):
         return [replace(mode, name=f"mode {i}") for i, mode in enumerate(modes, start=1)]
     known: dict[str, int] = {}
@@ -297,15 +296,13 @@ def _what_moves(size: Array, names: Sequence[str]) -> str:
     return f"{'flap' if re.search('flap|out', what) else 'lag'} {way}"
 
 
-def _with_references(modes: list[OperationalMode], machine: object, readings: Readings) -> list[OperationalMode]:
+def _with_references(
+    modes: list[OperationalMode], machine: Turbine | None, readings: Readings
+) -> list[OperationalMode]:
     """Modes with the turbine file's frequencies beside them, each used once, the nearest first."""
-    from dataclasses import replace
-
     if machine is None:
         return modes
-    from windsysid.inspection.spectra import expected_modes
-
-    expected = expected_modes(machine, 2.0 * np.pi * readings.rotor_hz)  # type: ignore[arg-type]
+    expected = expected_modes(machine, 2.0 * np.pi * readings.rotor_hz)
     pairs = sorted(
         (abs(mode.frequency / f - 1.0), i, k) for i, mode in enumerate(modes) for k, (_, f, _) in enumerate(expected)
     )

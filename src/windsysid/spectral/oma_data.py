@@ -131,7 +131,7 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
         high = min(high, LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
     azimuth, rotor_hz, lines = _rotor(record, high, notes, doubts)
     values = values - values.mean(axis=0)
-    if azimuth is not None and rotor_hz:
+    if azimuth is not None:
         values = without_harmonics(values, azimuth)
     elif rotor_hz:
         for line in lines:
@@ -151,8 +151,8 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     names = [sensor.channel for sensor in chosen]
     sets, incomplete = blade_sets(names)
     on_blades = [c for found in sets for c in found.columns]
-    turns = bool(rotor_hz) or azimuth is not None
-    if (sets or incomplete) and (azimuth is None and turns):
+    turns = rotor_hz > 0.0
+    if (sets or incomplete) and turns and azimuth is None:
         notes.append(
             "rotor_azimuth is missing: the blades' channels are left out, since their frequencies are shifted by the "
             "turning"
@@ -170,7 +170,7 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
             f"{record.name}: no channel is left: record rotor_azimuth and a sensor on every blade, or one on the tower"
         )
     columns, turning = [values[:, i] for i in still], []
-    found_names, units, orders = [names[i] for i in still], [], []
+    found_names = [names[i] for i in still]
     for found in sets:
         assert azimuth is not None
         mean, z = multiblade(values[:, list(found.columns)], azimuth)
