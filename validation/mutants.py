@@ -407,8 +407,8 @@ _LIKELIHOOD = (
     ),
     Mutant(
         "slopes of the beliefs on line", "recursive.py",
-        "/ (2.0 * online.widths)",
-        "/ online.widths",
+        "slopes = (lanes[..., 1:] - lanes[..., :1]) / online.widths",
+        "slopes = 2.0 * (lanes[..., 1:] - lanes[..., :1]) / online.widths",
         "beliefs move twice as far as the parameters ask for",
     ),
     Mutant(

@@ -32,7 +32,7 @@ def test_information_and_gradient_are_those_of_a_first_order_autoregression():
     for k in range(1, SAMPLES):
         y[k] = PHI * y[k - 1] + SIGMA * np.sqrt(1.0 - PHI**2) * rng.standard_normal()
     gradient, fisher = information(
-        autoregression, np.zeros((SAMPLES, 1)), y[:, None], np.array([np.log(SIGMA), PHI]), np.array([1e-4, 1e-4])
+        autoregression, np.zeros((SAMPLES, 1)), y[:, None], np.array([np.log(SIGMA), PHI]), np.array([1e-7, 1e-7])
     )
     rest, variance = 1.0 - PHI**2, SIGMA**2 * (1.0 - PHI**2)
     slope = -PHI / rest  # ∂ ln s / ∂φ

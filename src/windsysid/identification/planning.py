@@ -61,7 +61,7 @@ PERIODS = 5.0
 ENOUGH = 20.0
 """Samples per period of the fastest mode beyond which the simulation samples no faster than it must."""
 
-STEP = 1e-4
+STEP = 1e-6
 """Relative width of the differences."""
 
 FOREVER = 10.0 * 365.25 * 86400.0
@@ -402,13 +402,13 @@ def _information(
     widths = STEP * np.concatenate([np.abs(relative), np.ones(len(theta) - n)])
     first = max(1, round(finding * rate))
     ends = np.linspace(first, len(problem.readings), BLOCKS + 1).astype(int)
-    bank = bank_of([problem.build(values) for values in neighbours(theta, widths, central=True)])
+    bank = bank_of([problem.build(values) for values in neighbours(theta, widths)])
     found: list[Array] = []
     with ThreadPoolExecutor(THREADS) as pool:
         for begin, end in zip([0, *ends[:-1]], ends, strict=True):
             progress(f"information of {end / rate:.0f} s of {len(problem.readings) / rate:.0f} s")
             part = slice(begin, end)
-            bank, scored = score(bank, problem.inputs[part], problem.readings[part], widths, central=True, pool=pool)
+            bank, scored = score(bank, problem.inputs[part], problem.readings[part], widths, pool)
             found.append(to_relative.T @ scored.fisher @ to_relative)
     seconds = np.diff(ends)[:, None, None] / rate
     return found[0], np.array(found[1:]) / seconds

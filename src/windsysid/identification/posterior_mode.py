@@ -44,8 +44,8 @@ MAX_ITERATIONS = 15
 MODE_TOLERANCE = 0.05
 """Newton's decrement, the squared length of a step in standard deviations, below which it is the last."""
 
-CENTRAL_WITHIN = 1.0
-"""The same, below which differences are central instead of forward."""
+NEARLY_SETTLED = 1.0
+"""The same, below which a search that cannot rise any more has settled."""
 
 MAX_STEP_SIGMAS = 3.0
 """No step moves a parameter by more than so many standard deviations of its prior."""
@@ -53,8 +53,9 @@ MAX_STEP_SIGMAS = 3.0
 MAX_HALVINGS = 8
 """How often a step that does not raise the posterior is halved."""
 
-INCREMENT = 0.1
-"""Width of the differences, in standard deviations of a parameter with all others held."""
+INCREMENT = 0.01
+"""Width of the forward differences, in standard deviations of a parameter with all others held: so narrow that their
+curvature does not matter, and a thousand million times wider than rounding."""
 
 THREADS = 2
 
@@ -93,8 +94,6 @@ class Look(NamedTuple):
     ----------
     theta, widths
         Where (n_θ,), and the widths of the differences (n_θ,).
-    central
-        Whether differences are central, else forward.
     bank
         The filters at θ and its neighbours after the last sample.
     found
@@ -103,7 +102,6 @@ class Look(NamedTuple):
 
     theta: Array
     widths: Array
-    central: bool
     bank: Bank
     found: Score
 
@@ -208,9 +206,9 @@ def find_mode(
         return value if np.isfinite(value) else -np.inf
 
     widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
-    central, settled = False, False
+    settled = False
     with ThreadPoolExecutor(THREADS) as pool:
-        here = look(build, samples, start.copy(), widths, central=central, pool=pool)
+        here = look(build, samples, start.copy(), widths, pool=pool)
         best = objective(here)
         if not np.isfinite(best):
             raise WindsysidError(
@@ -223,39 +221,35 @@ def find_mode(
             step = np.asarray(np.linalg.solve(curvature, pull), dtype=np.float64)
             distance = float(step @ curvature @ step)
             step *= min(1.0, MAX_STEP_SIGMAS / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
-            widths = INCREMENT / np.sqrt(np.diag(curvature))
-            if here.central and distance < MODE_TOLERANCE:  # so short a step is taken unseen
+            if distance < MODE_TOLERANCE:  # so short a step is taken unseen
                 theta, settled = theta + step, True
                 break
-            central = central or distance < CENTRAL_WITHIN
+            widths = INCREMENT / np.sqrt(np.diag(curvature))
             for _ in range(MAX_HALVINGS):
-                candidate = look(build, samples, theta + step, widths, central=central, pool=pool)
+                candidate = look(build, samples, theta + step, widths, pool=pool)
                 if (value := objective(candidate)) > best:
                     here, best = candidate, value
                     theta = here.theta
                     break
                 step = 0.5 * step
             else:
-                settled = central and distance < CENTRAL_WITHIN
-                if settled or central:
-                    break
-                central = True
-                here = look(build, samples, theta, widths, central=central, pool=pool)
+                settled = distance < NEARLY_SETTLED
+                break
     return Mode(theta, np.linalg.inv(curvature), count, settled, distance, here)
 
 
 def look(
-    build: Callable[[Array], StateSpace], samples: Samples, theta: Array, widths: Array, *,
-    central: bool, pool: ThreadPoolExecutor | None = None,
+    build: Callable[[Array], StateSpace], samples: Samples, theta: Array, widths: Array,
+    pool: ThreadPoolExecutor | None = None,
 ) -> Look:  # fmt: skip
     """What the readings say at θ (n_θ,), from differences of the widths given (n_θ,)."""
-    bank = bank_of([build(values) for values in neighbours(theta, widths, central=central)])
+    bank = bank_of([build(values) for values in neighbours(theta, widths)])
     n = len(theta)
     found = Score(0.0, np.zeros(n), np.zeros((n, n)))
     for inputs, readings in samples:
-        bank, more = score(bank, inputs, readings, widths, central=central, pool=pool)
+        bank, more = score(bank, inputs, readings, widths, pool)
         found = found.plus(more)
-    return Look(theta, widths, central, bank, found)
+    return Look(theta, widths, bank, found)
 
 
 def information(
@@ -270,37 +264,34 @@ def information(
     theta
         Where (n_θ,).
     widths
-        Widths of the central differences (n_θ,): a tenth of a standard deviation of each parameter serves well.
+        Widths of the differences (n_θ,): `INCREMENT` standard deviations of each parameter serve well.
     """
     with ThreadPoolExecutor(THREADS) as pool:
-        found = look(build, [(inputs, readings)], theta, widths, central=True, pool=pool).found
+        found = look(build, [(inputs, readings)], theta, widths, pool).found
     return found.gradient, found.fisher
 
 
-def neighbours(theta: Array, widths: Array, *, central: bool) -> list[Array]:
-    """θ, each parameter one width above, and for central differences each one width below."""
-    steps = np.diag(widths)
-    return [theta, *(theta + step for step in steps), *(theta - step for step in steps if central)]
+def neighbours(theta: Array, widths: Array) -> list[Array]:
+    """θ, and each parameter one width above."""
+    return [theta, *(theta + step for step in np.diag(widths))]
 
 
 def score(
-    bank: Bank, inputs: Array, readings: Array, widths: Array, *, central: bool, pool: ThreadPoolExecutor | None = None
+    bank: Bank, inputs: Array, readings: Array, widths: Array, pool: ThreadPoolExecutor | None = None
 ) -> tuple[Bank, Score]:
     """Run a bank of `neighbours` over T samples and take the differences between its filters."""
     n = len(widths)
     log_likelihood, gradient, fisher = 0.0, np.zeros(n), np.zeros((n, n))
-    above, below = slice(1, n + 1), slice(n + 1, None) if central else slice(0, 1)
     for first in range(0, len(readings), CHUNK):
         part = slice(first, first + CHUNK)
         bank, scores = run_bank(bank, inputs[part], readings[part], pool)
         z, log_s = (array.reshape(-1, bank.filters) for array in scores)  # zero where the reading is missing
         middle = z[:, 0]
         log_likelihood -= float(log_s[:, 0].sum() + 0.5 * middle @ middle)
-        moved_z, moved_s = (array[:, above] - array[:, below] for array in (z, log_s))
+        moved_z, moved_s = (array[:, 1:] - array[:, :1] for array in (z, log_s))
         gradient -= moved_s.sum(axis=0) + middle @ moved_z
         fisher += 2.0 * (moved_s.T @ moved_s)
         moved_z += middle[:, None] * moved_s
         fisher += moved_z.T @ moved_z
     log_likelihood -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
-    width = 2.0 * widths if central else widths
-    return bank, Score(float(log_likelihood), gradient / width, fisher / np.outer(width, width))
+    return bank, Score(float(log_likelihood), gradient / widths, fisher / np.outer(widths, widths))

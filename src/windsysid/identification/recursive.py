@@ -243,7 +243,7 @@ def restore(build: Callable[[Array], StateSpace], path: Path) -> tuple[Online, H
         history = History(*(arrays[f"history_{name}"] for name in History._fields))
         if "bank_mean" not in arrays:
             return online, history
-        bank = bank_of([build(theta) for theta in neighbours(online.theta, online.widths, central=True)])
+        bank = bank_of([build(theta) for theta in neighbours(online.theta, online.widths)])
         if bank.mean.shape != arrays["bank_mean"].shape:
             raise ValueError("another model")
         mean, cov, inputs = arrays["bank_mean"], arrays["bank_cov"], arrays["bank_inputs"]
@@ -316,9 +316,7 @@ def _take_block(
         online = _find_anew(build, online, *held, pool, begin_at)
     else:
         part = slice(online.samples - held_from, None)
-        bank, found = score(
-            online.bank, held[0][part], held[1][part], online.widths, central=True, pool=pool
-        )  # fmt: skip
+        bank, found = score(online.bank, held[0][part], held[1][part], online.widths, pool)
         precision = online.precision + found.fisher
         online = _recentre_bank(
             build, online, bank, precision, np.asarray(np.linalg.solve(precision, found.gradient), dtype=np.float64)
@@ -339,9 +337,9 @@ def _find_anew(
         start=start[0], start_cov=start[1],
     )  # fmt: skip
     seen = mode.look
-    if not (seen.central and mode.decrement < MODE_TOLERANCE):  # too long a step to follow along the slopes
+    if not mode.decrement < MODE_TOLERANCE:  # too long a step to follow along the slopes
         widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
-        seen = look(build, [(inputs, readings)], mode.mean, widths, central=True, pool=pool)
+        seen = look(build, [(inputs, readings)], mode.mean, widths, pool)
     information = np.linalg.inv(online.prior_cov)
     precision = seen.found.fisher + information
     pull = seen.found.gradient - information @ (seen.theta - online.prior_mean)
@@ -354,13 +352,13 @@ def _recentre_bank(
 ) -> Online:
     """θ one step on, and the bank's filters about it."""
     theta, widths = online.theta + step, INCREMENT / np.sqrt(np.diag(precision))
-    fresh = bank_of([build(values) for values in neighbours(theta, widths, central=True)])
+    fresh = bank_of([build(values) for values in neighbours(theta, widths)])
     n = len(theta)
-    offsets = np.array(neighbours(np.zeros(n), widths, central=True))
+    offsets = np.array(neighbours(np.zeros(n), widths))
     beliefs = []
     for array in (bank.mean, bank.cov):
         lanes = np.moveaxis(array, 0, -2).reshape(*array.shape[1:-1], -1)[..., : bank.filters]
-        slopes = (lanes[..., 1 : n + 1] - lanes[..., n + 1 :]) / (2.0 * online.widths)
+        slopes = (lanes[..., 1:] - lanes[..., :1]) / online.widths
         moved = (lanes[..., 0] + slopes @ step)[..., None] + slopes @ offsets.T
         padded = np.concatenate(
             [moved, np.repeat(moved[..., -1:], len(fresh.lanes) * array.shape[-1] - bank.filters, -1)], -1
