@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -247,9 +248,25 @@ def test_no_parameters_are_refused(verne555, record):
 
 
 def test_a_sampling_rate_that_is_too_low_is_refused(verne555, record):
+    # Two and a half readings for each period of 4.02 Hz; without steps between readings, a step of 0.6 rad.
     slow = Record(record.time[::10], record.values[::10], record.channels, record.units, name="slow")
-    with pytest.raises(RecordError, match=r"slow: expected at least 42\.1 samples per second .* got 10"):
+    with pytest.raises(RecordError, match=r"slow: expected at least 10\.1 samples per second .* got 10"):
         identify(slow, verne555)
+    with pytest.raises(RecordError, match=r"slow: expected at least 42\.1 samples per second .* got 10"):
+        identify(slow, verne555, formulation="spectral")
+
+
+def test_a_record_read_rarely_is_not_made_softer_by_the_steps_of_the_equations(verne555):
+    # Twenty readings a second leave (ωh)⁴/60 = 0.04 of the blades' stiffness to the Runge–Kutta method in one step.
+    fine = simulate_record(verne555, duration=60.0, rate=400.0, seed=2)
+    found = identify(replace(fine, time=fine.time[::20], values=fine.values[::20]), verne555, loads="broadband")
+    assert found.rate == pytest.approx(20.0)
+    assert "5 steps of the equations for each reading" in found.notes
+    assert len(found.time) == len(found.innovation) == found.samples == 1200
+    for e in found.estimates:
+        assert e.reference is not None
+        assert abs(e.estimate - e.reference) < 3.5 * e.std
+        assert e.kind != "stiffness" or e.std < 0.03 * e.estimate
 
 
 def test_readings_may_be_fewer_than_the_steps_of_the_equations(verne555):
@@ -261,7 +278,7 @@ def test_readings_may_be_fewer_than_the_steps_of_the_equations(verne555):
     assert found.loads is not None
     assert found.samples == len(found.time) == len(found.innovation) == len(found.loads.mean) == 800
     assert np.isfinite(found.innovation).all()
-    assert "3 steps of the equations for each reading" in found.notes[0]
+    assert "5 steps of the equations for each reading" in found.notes[0]
     for few, many in zip(found.estimates, full.estimates, strict=True):
         assert abs(few.estimate - many.estimate) < many.std
         assert few.std < 1.3 * many.std

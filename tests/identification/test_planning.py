@@ -101,7 +101,7 @@ def test_stiffness_and_mass_are_seen_only_up_to_a_common_factor():
     light = light.with_values({f"blade_mass_{i}": 1e-9 for i in (1, 2, 3)} | {"hub_mass_x": light.inertia("x")})
     found = plan(light, rate=50.0, parameters=["k_x", "hub_mass_x"])
     assert found.directions == (
-        "k_x, c_x, hub_mass_x and load_rms_support: only the proportion between them (not their common factor) is seen",
+        "k_x, c_x, hub_mass_x and load_rms_x: only the proportion between them (not their common factor) is seen",
     )
     for name in ("k_x", "c_x", "hub_mass_x"):
         assert found.band(name) == found.needed(name) == math.inf
@@ -113,9 +113,7 @@ def test_stiffness_and_mass_are_seen_only_up_to_a_common_factor():
 def test_a_mass_beside_known_masses_moves_with_the_stiffness_in_its_own_proportion():
     # Blades of 7.5 kg move with a hub of 7 kg: 10 % of the hub is 4.8 % of what the spring carries.
     (sentence,) = plan(one_mode(), rate=50.0, parameters=["hub_mass_x"]).directions
-    assert (
-        sentence == "k_x +4.8 %, c_x +4.8 %, hub_mass_x +10 % and load_rms_support +4.8 % together: no reading changes"
-    )
+    assert sentence == "k_x +4.8 %, c_x +4.8 %, hub_mass_x +10 % and load_rms_x +4.8 % together: no reading changes"
 
 
 def test_a_damper_that_is_hardly_seen_is_mixed_up_with_the_mass_too():

@@ -12,6 +12,7 @@ from tests.filters.test_protocol import chain_with
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import pose
+from windsysid.loads.statistics import coordinates_of
 from windsysid.mechanics import RotorModel, compile_model
 from windsysid.mechanics.sensors import as_sensor
 from windsysid.records.record import Record
@@ -76,16 +77,13 @@ def test_what_is_learned_of_loads_and_noise_is_what_the_model_has(verne555: Turb
     problem = pose(record, verne555, verne555.sensors, Prior())
     n = len(problem.parameters)
     unknowns = problem.prior[0].copy()
-    factors = dict(zip((s.name for s in problem.statistics), (1.1, 1.2, 1.3, 1.4, 1.5), strict=True))
-    time_constant = math.log(factors["load_time_constant"])
-    unknowns[n:] = [  # of a load's level the time constant has a half
-        math.log(factor) - (0.5 * time_constant if name.startswith("load_rms") else 0.0)
-        for name, factor in factors.items()
-    ]
+    factors = {s.name: 1.1 + 0.1 * i for i, s in enumerate(problem.statistics)}
+    given = {s.name: s.given for s in problem.statistics}
+    unknowns[n:] = coordinates_of(problem.statistics, {name: given[name] * f for name, f in factors.items()})
     model = problem.build(unknowns)
     noise = [s.noise * factors[f"noise_{'blade' if s.blade else 'tower'}_acceleration"] for s in verne555.sensors]
     np.testing.assert_allclose(np.sqrt(model.blocks.noise), noise, rtol=1e-12)
-    rms = [15.0 * factors["load_rms_support"]] * 2 + [15.0 * factors["load_rms_blades"]] * 3
+    rms = [15.0 * factors[f"load_rms_{name}"] for name in ("x", "y", "beta_1", "beta_2", "beta_3")]
     np.testing.assert_allclose(np.sqrt(np.diag(model.cov)[10:15]), rms, rtol=1e-12)
     decay = math.exp(-0.01 / (verne555.loads[0].time_constant * factors["load_time_constant"]))
     np.testing.assert_allclose(model.blocks.load_transition[0], decay * np.eye(5), rtol=1e-12)

@@ -92,7 +92,7 @@ def test_two_accelerometers_identify_both_directions(found: Identification):
 def test_what_is_faster_than_the_tower_is_left_out(found: Identification, record: Record, tower: Turbine):
     # Twelve samples for each period of 0.324 Hz.
     assert found.rate == pytest.approx(12 * 0.324)
-    assert found.notes[0] == "resampled from 8 to 3.89 Hz"
+    assert found.notes[0] == "resampled from 8 to 3.89 Hz, 2 steps of the equations for each reading"
     with pytest.raises(ConfigurationError, match=r"rate: expected more than 0 and at most the record's 8 Hz, got 20"):
         identify(record, tower, rate=20.0)
 

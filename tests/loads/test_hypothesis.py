@@ -47,7 +47,8 @@ def test_broadband_is_the_turbine_file(verne555: Turbine):
     model = hypothesis("broadband", verne555, verne555.loads)
     assert given(model) == verne555.loads
     assert model.turbine is verne555
-    assert [s.name for s in model.statistics] == ["load_rms_support", "load_rms_blades", "load_time_constant"]
+    levels = [f"load_rms_{name}" for name in ("x", "y", "beta_1", "beta_2", "beta_3")]
+    assert [s.name for s in model.statistics] == [*levels, "load_time_constant"]
 
 
 def test_second_order_loads_are_as_loud_as_the_file_says(verne555: Turbine):
@@ -240,14 +241,14 @@ def test_what_there_is_to_choose_from(verne555: Turbine):
 
 
 def test_a_hypothesis_starts_as_loud_as_the_simplest_found_its_loads(verne555: Turbine):
-    louder = {"load_rms_support": 2.0, "load_rms_blades": 3.0}
+    louder = {"load_rms_x": 2.0, "load_rms_y": 1.5, "load_rms_beta_1": 3.0, "load_rms_beta_2": 0.5}
     second, wind = (hypothesis(name, verne555, verne555.loads).statistics for name in ("second-order", "rotor-wind"))
     found = HYPOTHESES["second-order"].start_from(louder, second)
-    assert found == {s.name: s.given * louder[s.name] for s in second if s.name in louder}
+    assert found == {s.name: s.given * louder.get(s.name, 3.0) for s in second if s.name.startswith("load_rms")}
     found = HYPOTHESES["rotor-wind"].start_from(louder, wind)
     factors = {s.name: found[s.name] / s.given for s in wind if s.name in found}
     assert factors == pytest.approx({"load_rms_wind": 3.0, "load_rms_eddies": 3.0, "load_rms_hub": 2.0})
-    found = HYPOTHESES["rotor-wind"].start_from({"load_rms_blades": 3.0}, wind)
+    found = HYPOTHESES["rotor-wind"].start_from({"load_rms_beta_1": 3.0}, wind)
     assert found["load_rms_hub"] == pytest.approx(3.0 * next(s.given for s in wind if s.name == "load_rms_hub"))
 
 

@@ -86,6 +86,8 @@ class Solution(NamedTuple):
         The innovations at the mode against white noise, all of them.
     outliers
         How many readings of each channel were left out (m,).
+    read
+        How many readings of each channel there were (m,).
     samples, mean_inputs
         How many samples there were, and the mean of what went in (n_u + n_w,).
     """
@@ -101,6 +103,7 @@ class Solution(NamedTuple):
     loads: Loads
     whiteness: Whiteness
     outliers: NDArray[np.int64]
+    read: NDArray[np.int64]
     samples: int
     mean_inputs: Array
 
@@ -108,8 +111,8 @@ class Solution(NamedTuple):
     def notes(self) -> tuple[str, ...]:
         """What was left out."""
         return tuple(
-            f"{count} of {self.samples} samples of {channel.name} were left out as outliers (beyond {GATE_SIGMAS:g}σ)"
-            for channel, count in zip(self.whiteness.channels, self.outliers, strict=True)
+            f"{count} of {read} samples of {channel.name} were left out as outliers (beyond {GATE_SIGMAS:g}σ)"
+            for channel, count, read in zip(self.whiteness.channels, self.outliers, self.read, strict=True)
             if count
         )
 
@@ -158,6 +161,7 @@ def solve(
             seen.stretch, names=problem.build(mode.mean).readings, frequencies=problem.frequencies(mode.mean)
         ),
         outliers=outliers.counts(seen.info.whitened.shape[1]),
+        read=seen.read,
         samples=seen.stretch.samples,
         mean_inputs=seen.total_inputs / seen.stretch.samples,
     )

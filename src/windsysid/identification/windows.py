@@ -15,7 +15,15 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.identification.outcome import known_inputs, known_loads
-from windsysid.identification.prepare import choose_rate, describe_rate, slow_down, steps_per_reading
+from windsysid.identification.prepare import (
+    check_readings,
+    choose_rate,
+    describe_rate,
+    describe_steps,
+    refine,
+    slow_down,
+    steps_per_reading,
+)
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.turbine.turbine import Turbine
@@ -56,10 +64,17 @@ class Windows:
         self._turbine, self._sensors = turbine, tuple(sensors)
         self._recorded = first.rate
         self._slow = choose_rate(first.rate, math.inf, turbine, rate)
-        self.steps = 1 if self._slow is None else steps_per_reading(turbine, self._slow)
-        self.rate = first.rate if self._slow is None else self.steps * self._slow
-        self._margin = SMOOTHING + (0.0 if self._slow is None else RESAMPLING / self._slow)
-        self.notes = () if self._slow is None else describe_rate(first.rate, self._slow, self.steps, turbine)
+        if self._slow is None:
+            check_readings(first.name, first.rate, turbine)
+        readings = self._slow or first.rate
+        self.steps = steps_per_reading(turbine, readings)
+        self.rate = self.steps * readings
+        self._margin = SMOOTHING + (RESAMPLING / readings if self._slow or self.steps > 1 else 0.0)
+        self.notes: tuple[str, ...] = ()
+        if self._slow is not None:
+            self.notes = describe_rate(first.rate, self._slow, self.steps, turbine)
+        elif self.steps > 1:
+            self.notes = (describe_steps(self.steps),)
         self._held: Record | None = None
         self._origin = float(first.time[0])
         self._reached = -math.inf
@@ -105,11 +120,12 @@ class Windows:
         held = self._held
         if held is None or until <= self._reached or held.samples < 2:
             return None
-        part = held.on_uniform_grid()
+        part, read = held.on_uniform_grid(), [sensor.channel for sensor in self._sensors]
         if self._slow is not None:
             start = self._origin + math.ceil((part.time[0] - self._origin) * self._slow - 1e-6) / self._slow
-            read = [sensor.channel for sensor in self._sensors]
             part = slow_down(part, read, self._slow, self.steps, start=start)
+        elif self.steps > 1:
+            part = refine(part, read, self.steps)
         new = (part.time > self._reached + 0.5 / self.rate) & (part.time < until)
         last = int(np.flatnonzero(new)[-1]) + 1 if new.any() else 0
         first = int(np.argmax(new))

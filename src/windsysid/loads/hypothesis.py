@@ -98,12 +98,8 @@ class LoadHypothesis(ABC):
             Of this hypothesis. By default levels of the same name are as much louder, and others as much as the
             loudest.
         """
-        return {s.name: s.given * as_loud_as(louder, s.name) for s in statistics if s.name.startswith("load_rms")}
-
-
-def as_loud_as(louder: Values, name: str) -> float:
-    """The factor of one statistic of the simplest hypothesis, or the greatest where it has none of that name."""
-    return louder.get(name, max(louder.values(), default=1.0))
+        loudest = max(louder.values(), default=1.0)
+        return {s.name: s.given * louder.get(s.name, loudest) for s in statistics if s.name.startswith("load_rms")}
 
 
 HYPOTHESES: dict[str, LoadHypothesis] = {}

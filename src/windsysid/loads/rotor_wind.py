@@ -30,7 +30,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from windsysid.errors import ConfigurationError
-from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, Values, as_loud_as, with_level
+from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, Values, with_level
 from windsysid.loads.rotor_forces import BladeForces, blade_force, rotor_harmonic
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.rotor import COUPLING, as_rotor
@@ -106,10 +106,12 @@ class RotorWind(LoadHypothesis):
         return SupposedLoads(self.name, self.text, coupled, statistics, blocks, parameters)
 
     def start_from(self, louder: Values, statistics: Sequence[Statistic]) -> dict[str, float]:
-        """What the hub feels alone is as much louder as the loads on the support, all else as those on the blades."""
-        like = {"load_rms_hub": "load_rms_support"}
+        """What the hub feels alone is as much louder as the loudest load on the support, all else as the loudest on a
+        blade."""
+        hub = {name: factor for name, factor in louder.items() if name in ("load_rms_x", "load_rms_y")}
+        blades = {name: factor for name, factor in louder.items() if name not in hub}
         return {
-            s.name: s.given * as_loud_as(louder, like.get(s.name, "load_rms_blades"))
+            s.name: s.given * max(((hub if s.name == "load_rms_hub" else blades) or louder or {"": 1.0}).values())
             for s in statistics
             if s.name.startswith("load_rms")
         }

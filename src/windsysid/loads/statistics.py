@@ -1,15 +1,19 @@
 """Statistics of loads and noise as parameters: what nobody knows beforehand, learned from the record.
 
 Wrong statistics ruin honest bands more than the choice of filter does, so they are identified with the coefficients:
-one rms for the loads on the support, one for those on the blades, one time constant (harmonics of the rotor have their
-own of either), and one noise level for each kind of sensor on either. Each is a factor on what the turbine file and the
-sensor list say.
+one rms for the load on each degree of freedom, one time constant (harmonics of the rotor have their own of either), and
+one noise level for each kind of sensor. Each is a factor on what the turbine file and the sensor list say. Loads on
+like degrees of freedom, those on the blades for instance, are alike in the file and alike by a factor of two in a
+record: their levels are tied by the prior.
 
 Of a first-order load with corner below the modes only the level rms²/τ of its spectrum is well seen; rms and time
-constant wander together. The coordinates η are therefore ln(rms² / τ)/2, ln τ and ln noise, relative to what was given.
+constant wander together. The coordinates η are therefore ln(rms² / τ)/2, ln τ and ln noise, relative to what was given,
+and of tied levels, whose prior has the covariance SPREAD² + TIE² δ_ij, the columns of its Cholesky factor, so that η
+are independent.
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -37,6 +41,10 @@ SPREAD, TIME_CONSTANT_SPREAD = 1.5, 0.7
 """Prior standard deviations of η: levels may be wrong by a factor of four or five, the time constant by a factor of
 two."""
 
+TIE = 0.5
+"""Prior standard deviation of the logarithm of one degree of freedom's level about that of its like: loads on like
+degrees of freedom differ by a factor of two."""
+
 
 @dataclass(frozen=True)
 class Statistic:
@@ -45,13 +53,15 @@ class Statistic:
     Attributes
     ----------
     name, unit
-        ``load_rms_support``, ``load_time_constant``, ``noise_blade_acceleration`` …, SI unit.
+        ``load_rms_x``, ``load_time_constant``, ``noise_blade_acceleration`` …, SI unit.
     given
         What the turbine file or the sensor list says, or what its size should be: the median of the prior.
     estimate, low, high
         What the record says, with a ±2σ band; NaN until it has been learned.
     spread
         Prior standard deviation of its coordinate η.
+    like
+        Name of what it is tied to by the prior, common to all that are; empty where it stands alone.
     """
 
     name: str
@@ -61,18 +71,33 @@ class Statistic:
     low: float = math.nan
     high: float = math.nan
     spread: float = SPREAD
+    like: str = ""
 
 
 def load_groups(loads: Sequence[GaussMarkov], model: MechanicalModel) -> tuple[Statistic, ...]:
     """The statistics of loads on a model, as its turbine file lists them."""
     found: dict[str, Statistic] = {}
     for load in loads:
-        name = _load_group(load, model)
-        found.setdefault(name, Statistic(name, model.freedom(load.load).load_unit, load.rms))
+        freedom = model.freedom(load.load)
+        name, like = _level(load, model), freedom.group + _line(load)
+        found.setdefault(name, Statistic(name, freedom.load_unit, load.rms, like=like))
+    factors = {like: _tied(number) for like, number in Counter(s.like for s in found.values()).items()}
+    rows: Counter[str] = Counter()
+    for name, one in found.items():
+        row, factor = rows[one.like], factors[one.like]
+        rows[one.like] += 1
+        found[name] = replace(one, spread=float(factor[row, row]), like=one.like if len(factor) > 1 else "")
     for load in loads:
         name = _time_group(load)
         found.setdefault(name, Statistic(name, "s", load.time_constant, spread=TIME_CONSTANT_SPREAD))
     return tuple(found.values())
+
+
+def _tied(levels: int) -> Array:
+    """The lower Cholesky factor (n, n) of the prior covariance of n tied levels; of one that stands alone, its
+    spread."""
+    cov = np.full((levels, levels), SPREAD**2) + (TIE**2 * np.eye(levels) if levels > 1 else 0.0)
+    return np.asarray(np.linalg.cholesky(cov))
 
 
 def noise_groups(sensors: Sequence[Sensor]) -> tuple[Statistic, ...]:
@@ -104,7 +129,7 @@ def moved_loads(
     return tuple(
         replace(
             load,
-            rms=load.rms * factor[_load_group(load, model)],
+            rms=load.rms * factor[_level(load, model)],
             time_constant=load.time_constant * factor.get(_time_group(load), 1.0),
         )
         for load in loads
@@ -132,9 +157,13 @@ def learned_statistics(statistics: Sequence[Statistic], eta: Array, cov: Array) 
 
 
 def to_logarithms(statistics: Sequence[Statistic]) -> Array:
-    """The matrix that turns η into logarithms of factors: ln rms = η_level + η_τ / 2, the others as they are."""
+    """The matrix that turns η into logarithms of factors: ln rms = Σ η_level + η_τ / 2, the others as they are."""
     names = [s.name for s in statistics]
     matrix: Array = np.eye(len(names))
+    for like in {s.like for s in statistics} - {""}:
+        tied = [i for i, s in enumerate(statistics) if s.like == like]
+        factor = _tied(len(tied))
+        matrix[np.ix_(tied, tied)] = factor / np.diag(factor)
     for row, name in enumerate(names):
         line = "_" + name.rpartition("_")[2] if name.endswith("P") else ""
         if name.startswith("load_rms") and _TIME + line in names:
@@ -142,8 +171,8 @@ def to_logarithms(statistics: Sequence[Statistic]) -> Array:
     return matrix
 
 
-def _load_group(load: GaussMarkov, model: MechanicalModel) -> str:
-    return f"load_rms_{model.freedom(load.load).group}{_line(load)}"
+def _level(load: GaussMarkov, model: MechanicalModel) -> str:
+    return f"load_rms_{model.freedom(load.load).name}{_line(load)}"
 
 
 _TIME = "load_time_constant"

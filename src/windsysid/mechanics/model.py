@@ -66,7 +66,7 @@ class Coordinate:
     unit
         Of its displacement, ``m`` or ``rad``.
     group
-        Loads on degrees of freedom of one group have one unknown level, the statistic ``load_rms_<group>``.
+        Loads on degrees of freedom of one group are alike: the prior ties their levels, ``load_rms_<name>``.
     blade
         Number of the hinged blade that it moves; 0 for the support.
     """
