@@ -1,15 +1,7 @@
 """Files in, records out, and back.
 
-`read_record`, `iterate_record` and `write_record` pick the format by the file name; each format is one module:
-
-=========================================  ============================  ==============
-file name                                  module                        read / written
-=========================================  ============================  ==============
-``.csv``, ``.txt``, ``.dat``, ``.tsv``     `windsysid.records.formats.csv`       both
-``.nc``, ``.nc4``, ``.netcdf``             `windsysid.records.formats.netcdf`    both
-``.parquet``                               `windsysid.records.formats.parquet`   both
-``.out``, ``.outb``                        `windsysid.records.formats.openfast`  read
-=========================================  ============================  ==============
+`read_record`, `iterate_record` and `write_record` pick the format by the file name; each format is one module, which
+ends in its `Format`, and `FORMATS` below lists them. ``docs/records.md`` has the table.
 
 What a file does not say about itself, a mapping file does (`windsysid.records.formats.mapping`). Whatever is wrong with
 a file becomes one line: a `RecordError` on reading, an `OutputError` on writing; what is wrong with a mapping is a
@@ -19,38 +11,26 @@ a file becomes one line: a `RecordError` on reading, an `OutputError` on writing
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, TypeVar
 
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.output.files import claim_file
-from windsysid.records.formats.csv import open_csv, write_csv
-from windsysid.records.formats.files import check_input, named_after
+from windsysid.records.formats import csv, hdf5, matlab, netcdf, openfast, parquet
+from windsysid.records.formats.files import check_input, named_after, read_start
+from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping, load_mapping
-from windsysid.records.formats.netcdf import open_netcdf, write_netcdf
-from windsysid.records.formats.openfast import open_openfast
-from windsysid.records.formats.parquet import open_parquet, write_parquet
-from windsysid.records.formats.source import Progress, Source, gather, gather_section, pieces
+from windsysid.records.formats.source import Progress, gather, gather_section, pieces
 from windsysid.records.record import Record
 
 __all__ = [
-    "iterate_record", "load_mapping", "read_record", "write_record",
+    "FORMATS", "iterate_record", "load_mapping", "read_record", "write_record",
 ]  # fmt: skip
 
-T = TypeVar("T")
+FORMATS: tuple[Format, ...] = (
+    netcdf.FORMAT, parquet.FORMAT, openfast.FORMAT, matlab.FORMAT, hdf5.FORMAT, csv.FORMAT,
+)  # fmt: skip
+"""All formats; of several that share an ending, the one whose content is not known by its first bytes comes last."""
 
-_CSV, _NETCDF, _PARQUET = (".csv", ".txt", ".dat", ".tsv"), (".nc", ".nc4", ".netcdf"), (".parquet",)
-# an opener is told whether the `whole` file will be read
-_OPENERS: dict[str, Callable[..., Source]] = {
-    **dict.fromkeys(_CSV, open_csv),
-    **dict.fromkeys(_NETCDF, open_netcdf),
-    **dict.fromkeys(_PARQUET, open_parquet),
-    **dict.fromkeys((".out", ".outb"), open_openfast),
-}
-_WRITERS: dict[str, Callable[[Record, BinaryIO], None]] = {
-    **dict.fromkeys(_CSV, write_csv),
-    **dict.fromkeys(_NETCDF, write_netcdf),
-    **dict.fromkeys(_PARQUET, write_parquet),
-}
+_START = 128  # bytes: the first of a file tell its format
 
 
 def read_record(
@@ -65,7 +45,7 @@ def read_record(
     Parameters
     ----------
     path : str or Path
-        CSV, netCDF, Parquet or OpenFAST output, see the table above.
+        Any format of ``docs/records.md``.
     mapping : str, Path or Mapping, optional
         Mapping file (TOML): which column is the time, how text is written, names, units and signs of channels.
     section : (float, float), optional
@@ -92,11 +72,11 @@ def read_record(
     """
     path = Path(path)
     rules = _rules(mapping)
-    opener = _of_ending(path, _OPENERS)
+    found = format_of(path)
     with named_after(path):
         if section is None:
-            return gather(opener(path, rules, whole=True), progress)
-        return gather_section(opener(path, rules), *section, progress)
+            return gather(found.open(path, rules, whole=True), progress)
+        return gather_section(found.open(path, rules), *section, progress)
 
 
 def iterate_record(
@@ -131,9 +111,9 @@ def iterate_record(
     rules = _rules(mapping)
     if not 0.0 < seconds_per_piece < float("inf"):
         raise ConfigurationError(f"seconds_per_piece is {seconds_per_piece}, expected a time [s] above 0")
-    opener = _of_ending(path, _OPENERS)
+    found = format_of(path)
     with named_after(path):
-        yield from pieces(opener(path, rules), seconds_per_piece, progress)
+        yield from pieces(found.open(path, rules), seconds_per_piece, progress)
 
 
 def _rules(mapping: str | Path | Mapping | None) -> Mapping:
@@ -142,15 +122,33 @@ def _rules(mapping: str | Path | Mapping | None) -> Mapping:
     return mapping if isinstance(mapping, Mapping) else load_mapping(mapping)
 
 
-def _of_ending(path: Path, table: dict[str, T]) -> T:
+def format_of(path: Path) -> Format:
+    """The format of a file, by the ending of its name, and by its content where several formats share the ending.
+
+    Raises
+    ------
+    RecordError
+        If there is no such file, or no format has this ending; the content then says which ending it should have.
+    """
     check_input(path)
-    found = table.get(path.suffix.lower())
-    if found is None:
+    start = read_start(path, _START)
+    named = [one for one in FORMATS if one.is_named(path)]
+    if named:
+        return next((one for one in named if one.holds(path, start)), named[-1])
+    by_content = next((one for one in FORMATS if one.begins and start.startswith(one.begins)), None)
+    if by_content is not None:
         raise RecordError(
-            f"{path}: unknown ending '{path.suffix}', expected one of {', '.join(table)}; "
-            "rename the file after what it holds"
+            f"{path}: unknown ending '{path.suffix}', but it holds {by_content.name}: rename it to end in"
+            f" '{by_content.endings[0]}'"
         )
-    return found
+    raise RecordError(
+        f"{path}: unknown ending '{path.suffix}', expected one of {_endings(FORMATS)}; rename the file after what it"
+        " holds"
+    )
+
+
+def _endings(formats: tuple[Format, ...]) -> str:
+    return ", ".join(dict.fromkeys(ending for one in formats for ending in one.endings))
 
 
 def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -> None:
@@ -180,10 +178,11 @@ def write_record(record: Record, path: str | Path, *, overwrite: bool = False) -
 def claim_record(path: str | Path, *, overwrite: bool = False) -> Iterator[Callable[[Record], None]]:
     """Take the name of a record's file before there is a record; yields what writes it. Raises as `write_record`."""
     path = Path(path)
-    writer = _WRITERS.get(path.suffix.lower())
+    written = tuple(one for one in FORMATS if one.write is not None)
+    writer = next((one.write for one in written if one.is_named(path)), None)
     if writer is None:
         raise OutputError(
-            f"{path}: cannot write files ending in '{path.suffix}', expected one of {', '.join(_WRITERS)}; "
+            f"{path}: cannot write files ending in '{path.suffix}', expected one of {_endings(written)}; "
             "choose another name"
         )
     with claim_file(path, overwrite=overwrite) as write:

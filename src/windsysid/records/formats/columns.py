@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.checks import Array, check_channels
-from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping
+from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, matches
 from windsysid.records.quantities import implied_unit, missing_units
 from windsysid.records.record import AS_WRITTEN
 from windsysid.units import is_same_quantity, si_unit, to_si
@@ -99,6 +99,10 @@ def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
         If neither says which.
     """
     wanted = mapping.time.column
+    if isinstance(wanted, tuple):
+        raise ConfigurationError(
+            f"{mapping.place}: time.column: date and time in two columns are read from text only; give one column"
+        )
     if wanted is not None:
         found = [i for i, cell in enumerate(cells) if wanted in (cell.written, cell.name)]
         if len(found) != 1:
@@ -140,13 +144,13 @@ def plan_columns(
         If a unit is missing or unknown, a name is none or occurs twice, or nothing is left.
     """
     for key in mapping.channels:
-        if not any(key in (cell.written, cell.name) for i, cell in enumerate(cells) if i != time):
+        if not any(matches(key, cell.written, cell.name) for i, cell in enumerate(cells) if i != time):
             raise ConfigurationError(
                 f'{mapping.place}: channels."{key}": the record has no such column: {_hint(key, cells)}'
             )
     columns, unsaid = [], []
     for index, cell in enumerate(cells):
-        rule = mapping.channels.get(cell.written) or mapping.channels.get(cell.name)
+        rule = mapping.rule_of(cell.written, cell.name)
         if index == time or (rule is None and mapping.only_listed):
             continue
         column = _column(index, cell, rule or ChannelRule())

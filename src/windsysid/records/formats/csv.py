@@ -30,12 +30,13 @@ from windsysid.errors import RecordError
 from windsysid.records.formats.clock import Clock, make_clock, start_of
 from windsysid.records.formats.columns import Column, find_time, plan_columns
 from windsysid.records.formats.dialect import Layout, find_layout, is_number, split
+from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.source import Block, Source
 from windsysid.records.formats.text import LineBlock, encoding_of, last_line, line_blocks
 from windsysid.records.record import Array, Record
 
-__all__ = ["open_csv", "write_csv"]
+__all__ = ["FORMAT"]
 
 Numbers = npt.NDArray[np.int64]
 
@@ -303,3 +304,6 @@ class _Reader:
             f"column '{self.layout.cells[index].written}', line {line}: '{cell[:40]}' is not a number: expected a"
             f" decimal '{self.layout.decimal}', no mark of thousands; see [csv] in docs/records.md"
         )
+
+
+FORMAT = Format("text", (".csv", ".txt", ".dat", ".tsv"), open_csv, write_csv)

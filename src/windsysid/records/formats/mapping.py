@@ -20,6 +20,7 @@ Channels that are not listed keep their names, unless ``only_listed = true`` dro
 tells every key.
 """
 
+import fnmatch
 import math
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -31,7 +32,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.records.moments import tidy
 from windsysid.units import canonical, si_unit
 
-__all__ = ["AS_IT_IS", "NAMED_FORMATS", "ChannelRule", "CsvRule", "Mapping", "TimeRule", "load_mapping"]
+__all__ = ["AS_IT_IS", "NAMED_FORMATS", "ChannelRule", "CsvRule", "Mapping", "TimeRule", "load_mapping", "matches"]
 
 AS_IT_IS = "as written"
 """The unit of a channel whose values are to be left alone."""
@@ -51,7 +52,9 @@ class TimeRule(_Strict):
     Attributes
     ----------
     column
-        Name of the time column.
+        Name of the time column; in text two names, of the columns with the date and the time of day.
+    rate
+        Samples per second [Hz] of a file without a time column: sample k is at k/rate.
     unit
         Unit of a time that is a number: ``s``, ``ms``, ``min``, ``h``, ``d``.
     format
@@ -62,13 +65,18 @@ class TimeRule(_Strict):
         The moment of time 0 in ISO 8601, for a file that does not say it.
     """
 
-    column: str | None = None
+    column: str | tuple[str, str] | None = None
     unit: str | None = None
     format: str | None = None
     zone: str | None = None
     start: str | datetime | None = None
+    rate: float | None = None
 
     def __post_init__(self) -> None:
+        if self.rate is not None and not 0.0 < self.rate < math.inf:
+            raise ValueError(f"rate {self.rate} is not a number of samples per second above 0")
+        if self.rate is not None and (self.column, self.unit, self.format) != (None, None, None):
+            raise ValueError("rate is for files without a time; remove it, or column, unit and format")
         if self.unit is not None and si_unit(self.unit) != "s":
             raise ValueError(f"unit '{self.unit}' is not a unit of time, expected s, ms, min, h or d")
         if self.format is not None and self.format not in NAMED_FORMATS and "%" not in self.format:
@@ -185,6 +193,23 @@ class Mapping(_Strict):
     channels: dict[str, ChannelRule] = field(default_factory=dict)
     only_listed: bool = False
     place: str = "mapping"
+
+    def __post_init__(self) -> None:
+        for key, rule in self.channels.items():
+            if "*" in key and rule.name is not None:
+                raise ValueError(f'channels."{key}": a pattern gives many channels one name; remove the name')
+
+    def rule_of(self, *names: str) -> ChannelRule | None:
+        """The rule of a column that is called so: that of one of its names, else of the first pattern (``*``)."""
+        exact = next((self.channels[name] for name in names if name in self.channels), None)
+        if exact is not None:
+            return exact
+        return next((rule for key, rule in self.channels.items() if matches(key, *names)), None)
+
+
+def matches(key: str, *names: str) -> bool:
+    """Whether a key of ``[channels]`` means a column with these names: one of them, or a pattern such as ``Acc*``."""
+    return key in names or ("*" in key and any(fnmatch.fnmatchcase(name, key.replace("[", "[[]")) for name in names))
 
 
 def load_mapping(path: str | Path) -> Mapping:

@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.records.formats.clock import split_since, start_of
 from windsysid.records.formats.columns import Cell, name_and_unit, plan_columns
 from windsysid.records.formats.files import read_start
+from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.source import Block, Source, indexed_source
 from windsysid.records.moments import has_zone, split_start
@@ -29,7 +30,7 @@ from windsysid.units import si_unit, to_si
 if TYPE_CHECKING:
     import h5netcdf
 
-__all__ = ["check_seal", "open_hdf5", "open_netcdf", "sealed", "write_netcdf"]
+__all__ = ["FORMAT", "check_seal", "open_hdf5", "sealed", "unpacked"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _SEAL = b"windsysid crc32 "  # and eight digits, after the end of the HDF5 file, where nobody else looks
@@ -51,7 +52,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         check_seal(path)
     file = open_hdf5(path)
     try:
-        time_name = mapping.time.column or "time"
+        time_name = _time_name(mapping)
         if time_name not in file.variables or len(file[time_name].dimensions) != 1:
             raise RecordError(
                 "not a record: expected a coordinate 'time' (T,) in seconds, got the variables "
@@ -62,7 +63,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
 
         def some(index: int) -> Array:
             _check_variable(file[names[index]], names[index], dimension)
-            return _numbers(file[names[index]], slice(0, _SOME))
+            return unpacked(file[names[index]], slice(0, _SOME))
 
         columns = plan_columns([_cell(name, file[name]) for name in names], None, mapping, some, _HOW)
         for column in columns:
@@ -83,7 +84,7 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
 
     def rows(low: int, high: int) -> Array:
         try:
-            parts = [_numbers(opened[-1][names[c.index]], slice(low, high)) for c in columns]
+            parts = [unpacked(opened[-1][names[c.index]], slice(low, high)) for c in columns]
         except Exception as error:
             raise _damaged(error) from error
         return np.column_stack([column.values(part) for column, part in zip(columns, parts, strict=True)])
@@ -198,6 +199,14 @@ def _order(file: "h5netcdf.File") -> list[str]:
     return order if sorted(order) == sorted(names) else names
 
 
+def _time_name(mapping: Mapping) -> str:
+    if mapping.time.rate is not None or isinstance(mapping.time.column, tuple):
+        raise ConfigurationError(
+            f"{mapping.place}: time: netCDF has one time of its own; leave only its column, unit, zone and start"
+        )
+    return mapping.time.column or "time"
+
+
 def _unit(variable: "h5netcdf.Variable") -> str:
     return str(variable.attrs.get("units", ""))
 
@@ -213,7 +222,7 @@ def _since(time: "h5netcdf.Variable") -> str | None:
     return said if said is None or has_zone(said) else said + "Z"
 
 
-def _numbers(variable: "h5netcdf.Variable", rows: slice) -> Array:
+def unpacked(variable: Any, rows: Any) -> Array:
     """Unpack values by CF conventions 1.11: the fill value is missing (2.5.1), then scale and offset apply (8.1)."""
     raw, attributes = variable[rows], variable.attrs
     values = np.asarray(raw, dtype=np.float64)
@@ -235,7 +244,7 @@ def _seconds(variable: "h5netcdf.Variable", name: str, mapping: Mapping) -> Arra
         raise RecordError(f"time: {error}") from error
     if factor is None:
         raise RecordError(f"time is in '{unit}', expected seconds; convert it first")
-    time = _numbers(variable, slice(None))
+    time = unpacked(variable, slice(None))
     return time if factor == 1.0 else np.asarray(time * factor)
 
 
@@ -246,3 +255,6 @@ def _check_variable(variable: "h5netcdf.Variable", name: str, dimension: str) ->
             f"'{name}' is {kind} with dimensions ({', '.join(variable.dimensions)}): "
             f"expected numbers with dimension ({dimension}); leave it out or convert it"
         )
+
+
+FORMAT = Format("netCDF-4", (".nc", ".nc4", ".netcdf"), open_netcdf, write_netcdf)

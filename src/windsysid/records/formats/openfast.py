@@ -39,13 +39,14 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.clock import start_of
 from windsysid.records.formats.columns import Cell, Column, plan_columns
 from windsysid.records.formats.dialect import is_number
+from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.formats.packed import open_packed
 from windsysid.records.formats.source import Source, indexed_source
 from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
 
-__all__ = ["CHANNELS", "open_openfast"]
+__all__ = ["CHANNELS", "FORMAT"]
 
 
 CHANNELS: dict[str, tuple[str, float]] = {
@@ -71,7 +72,6 @@ CHANNELS: dict[str, tuple[str, float]] = {
 }
 """OpenFAST's channels that have a name of ours, with the sign that turns the one into the other."""
 
-_INSTALL = 'reading OpenFAST files needs openfast_io; install it with: pip install "windsysid[openfast]"'
 _HEADER_LINES = 8  # of a .out file: names in the seventh, units in the eighth
 
 
@@ -132,12 +132,12 @@ def _cell(name: str, unit: str, mapping: Mapping) -> Cell:
         canonical(unit)
     except ConfigurationError:
         unit = AS_WRITTEN + unit
-    return Cell(name, name if name in mapping.channels else _ours(name)[0], unit)
+    return Cell(name, name if mapping.rule_of(name) else _ours(name)[0], unit)
 
 
 def _channel(name: str, column: Column, raw: Array, mapping: Mapping) -> Array:
     values = column.values(raw)
-    if name in mapping.channels:  # whoever lists a channel says its sign too
+    if mapping.rule_of(name):  # whoever lists a channel says its sign too
         return values
     ours, sign = _ours(name)
     if ours == "rotor_azimuth":
@@ -170,11 +170,7 @@ def _without_rounding(time: Array) -> Array:
 
 
 def _reader(name: str) -> Any:
-    try:
-        import openfast_io.FAST_output_reader as reader
-    except ImportError:
-        raise RecordError(_INSTALL) from None
-    return getattr(reader, name)
+    return getattr(package("openfast_io.FAST_output_reader", "OpenFAST files", "openfast"), name)
 
 
 def _read_binary(path: Path) -> tuple[Array, dict[str, Any]]:
@@ -227,3 +223,6 @@ def _name_what_is_wrong(path: Path) -> NoReturn:
                 "cut off; remove that line or run the simulation again"
             )
     raise RecordError(f"has {len(rows)} samples, expected at least 2; run the simulation again")
+
+
+FORMAT = Format("OpenFAST output", (".outb", ".out"), open_openfast)

@@ -16,14 +16,14 @@ from windsysid.errors import OutputError, RecordError
 from windsysid.records.formats.clock import Clock, exact_seconds, make_clock, moments_clock, start_of
 from windsysid.records.formats.columns import Cell, find_time, name_and_unit, plan_columns
 from windsysid.records.formats.files import read_start
+from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.source import Block, Source, shifted
 from windsysid.records.moments import split_start
 from windsysid.records.record import Array, Record
 
-__all__ = ["open_parquet", "write_parquet"]
+__all__ = ["FORMAT"]
 
-_INSTALL = 'Parquet files need pyarrow; install it with: pip install "windsysid[parquet]"'
 _GROUP = 1 << 16  # rows
 _SOME = 10_000  # values that show in which units they are plausible
 _VALUES = 1 << 20  # read at once
@@ -98,10 +98,9 @@ def write_parquet(record: Record, file: BinaryIO) -> None:
         If pyarrow is not installed.
     """
     try:
-        import pyarrow as pa  # type: ignore[import-untyped,unused-ignore]
-        import pyarrow.parquet as pq  # type: ignore[import-untyped,unused-ignore]
-    except ImportError:
-        raise OutputError(_INSTALL) from None
+        pa, pq = _pyarrow("pyarrow"), _pyarrow("pyarrow.parquet")
+    except RecordError as error:
+        raise OutputError(str(error)) from None
     fields = [pa.field("time", pa.float64(), metadata={"units": "s"})]
     for name, unit in zip(record.channels, record.units, strict=True):
         fields.append(pa.field(name, pa.float64(), metadata={"units": unit}))
@@ -112,11 +111,12 @@ def write_parquet(record: Record, file: BinaryIO) -> None:
     pq.write_table(table, file, row_group_size=_GROUP, write_page_checksum=True, use_dictionary=False)
 
 
+def _pyarrow(module: str) -> Any:
+    return package(module, "Parquet files", "parquet")
+
+
 def _opened(path: Path) -> Any:
-    try:
-        import pyarrow.parquet as pq  # type: ignore[import-untyped,unused-ignore]
-    except ImportError:
-        raise RecordError(_INSTALL) from None
+    pq = _pyarrow("pyarrow.parquet")
     try:
         return pq.ParquetFile(path, page_checksum_verification=True)
     except (ValueError, OSError, KeyError, TypeError) as error:
@@ -187,3 +187,6 @@ def _moments(column: Any) -> Any:
 
 def _numbers(column: Any) -> Array:
     return np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+FORMAT = Format("Parquet", (".parquet",), open_parquet, write_parquet, (b"PAR1",))

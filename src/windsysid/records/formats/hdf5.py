@@ -1,0 +1,112 @@
+"""HDF5 of any layout: datasets are channels, by their paths; a mapping says which one is the time.
+
+A dataset ``tower/acc`` is called ``acc``, or ``tower_acc`` where another is called so too; the mapping may list it as
+``tower/acc``. Units are attributes ``units`` or ``unit``; packed numbers are unpacked as in netCDF. The fields of a
+compound dataset are series of their own, ``table/field``. HDF5 has no checksum of its own tables: a damaged file may
+look whole.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.records.formats.arrays import Stored, source_of_arrays
+from windsysid.records.formats.files import read_start
+from windsysid.records.formats.format import Format
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.netcdf import check_seal, unpacked
+from windsysid.records.formats.source import Source
+from windsysid.records.record import Array
+
+__all__ = ["FORMAT", "damaged", "opened", "stored"]
+
+_MAGIC = b"\x89HDF\r\n\x1a\n"
+_UNITS = ("units", "unit", "Units", "Unit")
+
+
+def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+    """Open a file of any layout; its datasets are read as far as they are needed."""
+    if read_start(path, len(_MAGIC)) != _MAGIC:
+        raise RecordError("is not HDF5; give the file the ending of what it is, or export it again")
+    check_seal(path)
+    file = opened(path)
+    try:
+        arrays = [array for name, dataset in datasets(file) for array in stored(name, dataset)]
+        texts = {str(key): str(value) for key, value in file.attrs.items() if isinstance(value, str)}
+    except Exception as error:
+        raise damaged(error) from error
+    return source_of_arrays(path.name, arrays, mapping, texts)
+
+
+def opened(path: Path) -> Any:
+    """An h5py file, closed when nobody holds it any more; RecordError where it is damaged."""
+    import h5py  # type: ignore[import-untyped,unused-ignore]
+
+    try:
+        return h5py.File(path, "r")
+    except Exception as error:  # damaged HDF5 raises nearly anything
+        raise damaged(error) from error
+
+
+def damaged(error: Exception) -> Exception:
+    """The error to raise where the library raised `error`."""
+    if isinstance(error, RecordError | ConfigurationError):
+        return error
+    reason = " ".join(str(error).split())[:120]
+    return RecordError(f"is damaged or cut off ({reason}); copy or export it again")
+
+
+def datasets(group: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """All datasets of a group and those below, with their paths; links to other files are not followed."""
+    import h5py  # type: ignore[import-untyped,unused-ignore]
+
+    for name in group:
+        if name.startswith("#"):  # what MATLAB keeps for itself
+            continue
+        link = group.get(name, getlink=True)
+        if isinstance(link, h5py.ExternalLink | h5py.SoftLink):
+            continue
+        item = group[name]
+        if isinstance(item, h5py.Dataset):
+            yield path + name, item
+        elif isinstance(item, h5py.Group) and path.count("/") < 20:  # a damaged group may hold itself
+            yield from datasets(item, f"{path}{name}/")
+
+
+def stored(path: str, dataset: Any, *, unit: str | None = None) -> list[Stored]:
+    """A dataset as arrays; a compound one has one for each field."""
+    fields = dataset.dtype.names
+    if fields is not None:
+        return [_stored(f"{path}/{name}", dataset.fields(name), dataset, dataset.dtype[name], None) for name in fields]
+    said = next((_text(dataset.attrs[key]) for key in _UNITS if key in dataset.attrs), unit)
+    return [_stored(path, dataset, dataset, dataset.dtype, said)]
+
+
+def _stored(path: str, values: Any, dataset: Any, kind: Any, unit: str | None) -> Stored:
+    shape = tuple(dataset.shape or ())
+    kept = [axis for axis, size in enumerate(shape) if size != 1]
+
+    def read(index: tuple[Any, ...]) -> Array:
+        whole: list[Any] = [0] * len(shape)
+        for axis, one in zip(kept, index, strict=True):
+            whole[axis] = one
+        try:
+            if values is dataset:
+                return np.asarray(unpacked(dataset, tuple(whole)), dtype=np.float64)
+            return np.asarray(values[tuple(whole)], dtype=np.float64)
+        except Exception as error:
+            raise damaged(error) from error
+
+    return Stored(path, tuple(shape[axis] for axis in kept), read, kind.kind in "fiu" and not kind.subdtype, unit)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", errors="replace")
+    return str(np.squeeze(value)) if isinstance(value, np.ndarray) else str(value)
+
+
+FORMAT = Format("HDF5", (".h5", ".hdf5", ".hdf", ".he5"), open_hdf5_file, begins=(_MAGIC,))

@@ -1,0 +1,227 @@
+"""Formats that hold each channel as a series of its own: from their series to one `Source`.
+
+MATLAB, HDF5, TDMS, UFF, MDF and others keep channels apart, each with its name, unit and clock. A record is one table:
+all its channels are sampled together. So the series that the mapping chooses must have the same clock, and the same
+length; anything else is refused, naming two of them, and nothing is cut to fit. Only chosen series are read.
+
+The clock is, in this order: the column that the mapping names; its ``rate``, for a file that says no time; the clock
+that the series themselves say; a series called ``time``.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.records.checks import UNIFORM
+from windsysid.records.formats.clock import make_clock, moments_clock, start_of
+from windsysid.records.formats.columns import TIME_NAMES, Cell, Column, find_time, name_and_unit, plan_columns
+from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.source import Source, indexed_source
+from windsysid.records.moments import moment, split_start
+from windsysid.records.record import Array
+
+__all__ = ["Grid", "Series", "cell_of", "source_of_series", "utc"]
+
+_SOME = 10_000  # values that show in which units they are plausible
+_VALUES = 1 << 20  # read at once
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Equally spaced times: sample k is at ``first + k step`` [s] after the moment `start`, where that is known."""
+
+    first: float
+    step: float
+    start: str | None = None
+
+
+@dataclass(frozen=True)
+class Series:
+    """One series of a file.
+
+    Attributes
+    ----------
+    cell : Cell
+        Its name and unit as the file says them.
+    samples : int
+    numbers : callable
+        ``numbers(low, high)`` reads the values low … high − 1 as float64.
+    grid : Grid or None
+        Its times, where the file says them so.
+    times : callable or None
+        ``times()`` reads its times (samples,) [s] after `start`, where the file has them one by one.
+    clock : str
+        Name of its times: series with the same one are sampled together. Empty where `grid` says it all.
+    start : str or None
+        The moment of time 0 of `times`.
+    """
+
+    cell: Cell
+    samples: int
+    numbers: Callable[[int, int], Array]
+    grid: Grid | None = None
+    times: Callable[[], Array] | None = None
+    clock: str = ""
+    start: str | None = None
+
+
+def cell_of(written: str, name: str, unit: str | None) -> Cell:
+    """A column called `name`, in the unit that the file says, otherwise in that at the end of its name."""
+    if unit is not None and unit.strip():
+        return Cell(written, name, unit.strip())
+    found = name_and_unit(name)
+    return Cell(written, found.name, found.unit)
+
+
+def utc(nanoseconds: int) -> str:
+    """A moment [ns since 1970, UTC] as ISO text."""
+    return str(moments_clock(nanoseconds, "UTC", TimeRule()).start)
+
+
+def source_of_series(
+    name: str,
+    series: Sequence[Series],
+    mapping: Mapping,
+    attributes: dict[str, str],
+    *,
+    how: str,
+    hint: str = "",
+) -> Source:
+    """The source of a file whose series are these.
+
+    Parameters
+    ----------
+    name : str
+        Of the record.
+    series : sequence of Series
+        All that the file holds, in its order.
+    mapping : Mapping
+    attributes : dict of str to str
+        A start among them counts where the series say none.
+    how : str
+        How a user writes a unit in this format, as for `plan_columns`.
+    hint : str
+        What to add where the file says no time.
+
+    Raises
+    ------
+    RecordError
+        If the file says no time, or the chosen series are not sampled together.
+    ConfigurationError
+        If the mapping does not fit.
+    """
+    cells = [one.cell for one in series]
+    at = _time_index(series, mapping, hint)
+    columns = plan_columns(cells, at, mapping, lambda i: series[i].numbers(0, min(_SOME, series[i].samples)), how)
+    chosen = [series[column.index] for column in columns]
+    _check_together([series[at], *chosen] if at is not None else chosen, apart=at is not None or _has_rate(mapping))
+    time, said = _times(series, at, chosen[0], mapping)
+    noted, attributes = split_start(attributes, float(time[0]) if time.size else 0.0)
+
+    def rows(low: int, high: int) -> Array:
+        return np.column_stack([_values(column, series[column.index], low, high) for column in columns])
+
+    return indexed_source(
+        name,
+        tuple(column.name for column in columns),
+        tuple(column.unit for column in columns),
+        time,
+        rows,
+        attributes,
+        rows_at_once=max(1, _VALUES // len(columns)),
+        start=start_of(mapping.time, said or noted),
+    )
+
+
+def _values(column: Column, series: Series, low: int, high: int) -> Array:
+    raw = series.numbers(low, high)
+    if raw.shape != (high - low,):
+        raise RecordError(
+            f"channel '{column.name}' gives {raw.size} of the samples {low} to {high}; it is cut off or damaged; copy"
+            " the file again"
+        )
+    return column.values(raw)
+
+
+def _has_rate(mapping: Mapping) -> bool:
+    return mapping.time.rate is not None
+
+
+def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | None:
+    """Which of the series is the time; None where the clock is said otherwise."""
+    cells = [one.cell for one in series]
+    if mapping.time.column is not None:
+        return find_time(cells, mapping)
+    wanted = [
+        one for one in series if not mapping.only_listed or mapping.rule_of(one.cell.written, one.cell.name) is not None
+    ]
+    timed = any(one.grid is not None or one.times is not None for one in wanted)
+    if timed and mapping.time.rate is not None:
+        raise ConfigurationError(f"{mapping.place}: time.rate: the file itself says its times; remove the key")
+    if timed and (mapping.time.unit, mapping.time.format) != (None, None):
+        raise ConfigurationError(f"{mapping.place}: time: the file itself says its times; leave only zone and start")
+    if timed or mapping.time.rate is not None:
+        return None
+    called = [i for i, cell in enumerate(cells) if cell.name.lower() in TIME_NAMES]
+    if len(called) == 1:
+        return called[0]
+    found = f"{len(called)} are called so" if called else "none is called so"
+    found += f"; {hint}" if hint else ""
+    raise RecordError(
+        f"no series is known to be the time: {found}; name it in the mapping file ([time] column), or say the rate [Hz]"
+        " there ([time] rate)"
+    )
+
+
+def _check_together(chosen: Sequence[Series], *, apart: bool) -> None:
+    """Refuse series that are not sampled together; `apart`: the time does not come from them."""
+    first = chosen[0]
+    for other in chosen[1:]:
+        if other.samples == first.samples and (apart or _same_clock(first, other)):
+            continue
+        raise RecordError(
+            f"'{first.cell.name}' ({_sampling(first)}) and '{other.cell.name}' ({_sampling(other)}) are not sampled"
+            " together; list channels of one clock in a mapping file, with only_listed = true"
+        )
+
+
+def _same_clock(one: Series, other: Series) -> bool:
+    if one.clock != other.clock or (one.grid is None) != (other.grid is None):
+        return False
+    if one.grid is None or other.grid is None:
+        return True
+    apart = one.grid.first - other.grid.first
+    if (one.grid.start is None) != (other.grid.start is None):
+        return False
+    if one.grid.start is not None and other.grid.start is not None:
+        apart += (moment(one.grid.start) - moment(other.grid.start)).total_seconds()
+    return one.grid.step == other.grid.step and abs(apart) <= UNIFORM * one.grid.step
+
+
+def _sampling(series: Series) -> str:
+    rate = f" at {1.0 / series.grid.step:.6g} Hz" if series.grid is not None and series.grid.step > 0.0 else ""
+    begin = f" from {series.grid.first:.6g} s" if series.grid is not None and series.grid.first else ""
+    clock = f" of '{series.clock}'" if series.clock else ""
+    return f"{series.samples} samples{rate}{begin}{clock}"
+
+
+def _times(series: Sequence[Series], at: int | None, first: Series, mapping: Mapping) -> tuple[Array, str | None]:
+    """Times (T,) [s] and the moment of time 0 that the file says."""
+    if at is not None:
+        raw = series[at].numbers(0, series[at].samples)
+        cells = [repr(value) for value in raw[:20].tolist()]
+        clock = make_clock(cells, series[at].cell.unit, mapping.time, "sample {}".format, ".")
+        if clock.textual:
+            raise RecordError("the time is a number, but the mapping says that it is text; correct [time] format")
+        return clock.seconds(raw, "sample {}".format), clock.start
+    if mapping.time.rate is not None:
+        return np.arange(first.samples) / mapping.time.rate, None
+    if first.times is not None:
+        return first.times(), first.start
+    if first.grid is None or not 0.0 < first.grid.step < np.inf:
+        raise RecordError(
+            f"channel '{first.cell.name}' says no time step; give its rate [Hz] in a mapping file: [time] rate"
+        )
+    return np.asarray(first.grid.first + first.grid.step * np.arange(first.samples)), first.grid.start
