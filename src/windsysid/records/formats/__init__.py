@@ -14,7 +14,21 @@ from pathlib import Path
 
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.output.files import claim_file
-from windsysid.records.formats import csv, hdf5, matlab, netcdf, openfast, parquet
+from windsysid.records.formats import (
+    bladed,
+    csv,
+    dewesoft,
+    hawc2,
+    hdf5,
+    lvm,
+    matlab,
+    mdf,
+    netcdf,
+    openfast,
+    parquet,
+    tdms,
+    uff,
+)
 from windsysid.records.formats.files import check_input, named_after, read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping, load_mapping
@@ -26,7 +40,8 @@ __all__ = [
 ]  # fmt: skip
 
 FORMATS: tuple[Format, ...] = (
-    netcdf.FORMAT, parquet.FORMAT, openfast.FORMAT, matlab.FORMAT, hdf5.FORMAT, csv.FORMAT,
+    netcdf.FORMAT, parquet.FORMAT, openfast.FORMAT, matlab.FORMAT, hdf5.FORMAT, tdms.FORMAT, uff.FORMAT,
+    mdf.FORMAT, dewesoft.FORMAT, lvm.FORMAT, bladed.FORMAT, hawc2.FORMAT, csv.FORMAT,
 )  # fmt: skip
 """All formats; of several that share an ending, the one whose content is not known by its first bytes comes last."""
 

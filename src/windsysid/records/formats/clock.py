@@ -24,7 +24,7 @@ from windsysid.records.moments import SINCE, has_zone, tidy
 from windsysid.records.record import Array
 from windsysid.units import si_unit, to_si
 
-__all__ = ["Clock", "exact_seconds", "is_stamp", "make_clock", "moments_clock", "split_since", "start_of"]
+__all__ = ["Clock", "Moments", "exact_seconds", "is_stamp", "make_clock", "moments_clock", "split_since", "start_of"]
 
 Moments = npt.NDArray[np.int64]
 
@@ -112,6 +112,8 @@ class Clock:
     def _moments(self, raw: Any, place: Callable[[int], str]) -> Moments:
         if self.textual:
             moments = _parsed(list(raw), self.pattern, self.zoned, place)
+        elif self.count == 1 and np.asarray(raw).dtype.kind == "i":
+            moments = np.asarray(raw, dtype=np.int64) + self.epoch  # float64 would round to 256 ns
         else:
             number = np.asarray(raw, dtype=np.float64)
             whole, zero = np.floor(number), self.epoch // self.count

@@ -1,13 +1,14 @@
 """What every format needs from a file: that it is there and can be read."""
 
 import contextlib
+import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
 from windsysid.errors import RecordError
 
-__all__ = ["check_input", "named_after", "read_start"]
+__all__ = ["check_input", "named_after", "quiet", "read_start"]
 
 
 # os.path answers where Path would raise: a folder that may not be entered, a name that cannot be one.
@@ -58,3 +59,17 @@ def read_start(path: Path, size: int) -> bytes:
             return file.read(size)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
+
+
+@contextlib.contextmanager
+def quiet(package: str) -> Iterator[None]:
+    """Keep a package from writing its own log to the terminal: what is wrong with a file is one line of ours."""
+    names = [name for name in logging.root.manager.loggerDict if name == package or name.startswith(f"{package}.")]
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)

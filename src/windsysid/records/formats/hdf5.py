@@ -38,6 +38,8 @@ def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Sour
         texts = {str(key): str(value) for key, value in file.attrs.items() if isinstance(value, str)}
     except Exception as error:
         raise damaged(error) from error
+    if texts.get("type", "").startswith("General time series data format"):
+        raise RecordError("is GTSDF of HAWC2, whose numbers are packed in blocks; let HAWC2 write .sel and .dat")
     return source_of_arrays(path.name, arrays, mapping, texts)
 
 

@@ -6,6 +6,7 @@ is told by its length, so that both versions give the same record. A scalar call
 message that asks for the rate names it. Cells, characters and objects (``timetable``, ``datetime``) are left out.
 """
 
+import struct
 from collections.abc import Callable, Iterator
 from functools import cache, partial
 from pathlib import Path
@@ -25,6 +26,8 @@ from windsysid.records.record import Array
 __all__ = ["FORMAT"]
 
 _OLD, _NEW = b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"
+_HEADER = 128  # bytes
+_ELEMENTS = (14, 15)  # a variable, plain or compressed
 _NO_NUMBERS = ("char", "cell", "function_handle", "struct", "object", "unknown", "opaque", "function")
 _RATES = ("fs", "f_s", "rate", "sampling_rate", "samplingrate", "sample_rate", "samplerate", "fsample", "freq")
 
@@ -35,6 +38,8 @@ def open_matlab(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     if not start.startswith((_OLD, _NEW)):
         raise RecordError("is no MATLAB file of version 5 to 7.3; save it in MATLAB with -v7.3, or as what it is")
     try:
+        if start.startswith(_OLD):
+            _follow(path, ">" if start[126:128] == b"MI" else "<")
         arrays = list(_new(path) if start.startswith(_NEW) else _old(path))
         scalars = [one for one in arrays if not one.shape and one.numeric and one.name.lower() in _RATES]
         hint = "".join(f"the file says {one.path} = {float(one.read(())):g}" for one in scalars[:1])
@@ -42,6 +47,21 @@ def open_matlab(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         raise damaged(error) from error
     about = start[:116].decode("latin-1").strip()
     return source_of_arrays(path.name, arrays, mapping, {"source": about}, hint)
+
+
+def _follow(path: Path, order: str) -> None:
+    """Refuse a file whose chain of variables does not end where the file does: scipy would leave out the rest."""
+    size, at = path.stat().st_size, _HEADER
+    with path.open("rb") as file:
+        while at < size:
+            file.seek(at)
+            tag = file.read(8)
+            kind, length = struct.unpack(f"{order}II", tag) if len(tag) == 8 else (0, 0)
+            if kind not in _ELEMENTS or at + 8 + length > size:
+                raise RecordError(
+                    f"is damaged or cut off: no whole variable begins at byte {at}; copy or save it again"
+                )
+            at += 8 + length
 
 
 def _new(path: Path) -> Iterator[Stored]:

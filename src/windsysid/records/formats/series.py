@@ -8,6 +8,7 @@ The clock is, in this order: the column that the mapping names; its ``rate``, fo
 that the series themselves say; a series called ``time``.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -15,14 +16,14 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.checks import UNIFORM
-from windsysid.records.formats.clock import make_clock, moments_clock, start_of
+from windsysid.records.formats.clock import Moments, exact_seconds, make_clock, moments_clock, start_of
 from windsysid.records.formats.columns import TIME_NAMES, Cell, Column, find_time, name_and_unit, plan_columns
 from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.formats.source import Source, indexed_source
 from windsysid.records.moments import moment, split_start
 from windsysid.records.record import Array
 
-__all__ = ["Grid", "Series", "cell_of", "source_of_series", "utc"]
+__all__ = ["Grid", "Series", "cell_of", "short_names", "source_of_series", "tidy_step", "utc"]
 
 _SOME = 10_000  # values that show in which units they are plausible
 _VALUES = 1 << 20  # read at once
@@ -56,6 +57,8 @@ class Series:
         Name of its times: series with the same one are sampled together. Empty where `grid` says it all.
     start : str or None
         The moment of time 0 of `times`.
+    moments : callable or None
+        ``moments()`` reads moments (samples,) [ns since 1970, UTC] where the series holds those and no numbers.
     """
 
     cell: Cell
@@ -65,6 +68,7 @@ class Series:
     times: Callable[[], Array] | None = None
     clock: str = ""
     start: str | None = None
+    moments: Callable[[], Moments] | None = None
 
 
 def cell_of(written: str, name: str, unit: str | None) -> Cell:
@@ -88,6 +92,7 @@ def source_of_series(
     *,
     how: str,
     hint: str = "",
+    together: Callable[[Sequence[int], int, int], Sequence[Array]] | None = None,
 ) -> Source:
     """The source of a file whose series are these.
 
@@ -104,6 +109,8 @@ def source_of_series(
         How a user writes a unit in this format, as for `plan_columns`.
     hint : str
         What to add where the file says no time.
+    together : callable, optional
+        ``together(indices, low, high)`` reads several series at once, where that is cheaper than one by one.
 
     Raises
     ------
@@ -121,7 +128,11 @@ def source_of_series(
     noted, attributes = split_start(attributes, float(time[0]) if time.size else 0.0)
 
     def rows(low: int, high: int) -> Array:
-        return np.column_stack([_values(column, series[column.index], low, high) for column in columns])
+        if together is not None:
+            raw = together([column.index for column in columns], low, high)
+        else:
+            raw = [one.numbers(low, high) for one in chosen]
+        return np.column_stack([_values(*pair, low, high) for pair in zip(columns, raw, strict=True)])
 
     return indexed_source(
         name,
@@ -135,8 +146,7 @@ def source_of_series(
     )
 
 
-def _values(column: Column, series: Series, low: int, high: int) -> Array:
-    raw = series.numbers(low, high)
+def _values(column: Column, raw: Array, low: int, high: int) -> Array:
     if raw.shape != (high - low,):
         raise RecordError(
             f"channel '{column.name}' gives {raw.size} of the samples {low} to {high}; it is cut off or damaged; copy"
@@ -209,6 +219,11 @@ def _sampling(series: Series) -> str:
 
 def _times(series: Sequence[Series], at: int | None, first: Series, mapping: Mapping) -> tuple[Array, str | None]:
     """Times (T,) [s] and the moment of time 0 that the file says."""
+    moments = None if at is None else series[at].moments
+    if moments is not None:
+        instants = moments()
+        clock = moments_clock(int(instants[0]), "UTC", mapping.time)
+        return exact_seconds(clock, instants, "sample {}".format), clock.start
     if at is not None:
         raw = series[at].numbers(0, series[at].samples)
         cells = [repr(value) for value in raw[:20].tolist()]
@@ -225,3 +240,23 @@ def _times(series: Sequence[Series], at: int | None, first: Series, mapping: Map
             f"channel '{first.cell.name}' says no time step; give its rate [Hz] in a mapping file: [time] rate"
         )
     return np.asarray(first.grid.first + first.grid.step * np.arange(first.samples)), first.grid.start
+
+
+def short_names(paths: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """For each (group, name): ``group/name``, and the name alone, or ``group_name`` where another is called so too."""
+    counts = Counter(name for _, name in paths)
+    return [
+        (f"{group}/{name}" if group else name, f"{group}_{name}" if group and counts[name] > 1 else name)
+        for group, name in paths
+    ]
+
+
+def tidy_step(step: float, doubt: float) -> float:
+    """Of the steps [s] within `doubt` [s] of one that was rounded for the file, that whose rate has fewest decimals."""
+    if not 0.0 < step < np.inf:
+        return step
+    for decimals in range(7):
+        rate = round(1.0 / step, decimals)
+        if rate > 0.0 and abs(1.0 / rate - step) <= doubt:
+            return 1.0 / rate
+    return step

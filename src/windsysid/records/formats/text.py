@@ -13,9 +13,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from windsysid.errors import RecordError
+import numpy as np
 
-__all__ = ["LineBlock", "encoding_of", "last_line", "line_blocks"]
+from windsysid.errors import RecordError
+from windsysid.records.record import Array
+
+__all__ = ["LineBlock", "encoding_of", "last_line", "line_blocks", "plain_numbers"]
 
 _BLOCK = 1 << 22  # bytes read at once
 _MAX_LINE_BYTES = 1 << 26  # bytes of one line: beyond this the file is no table
@@ -119,6 +122,37 @@ def line_blocks(path: Path, encoding: str, *, size: int = _BLOCK, keep_last: boo
                 break
     if rest and keep_last:
         yield _block(rest + "\n", number, 1.0)
+
+
+def plain_numbers(text: bytes) -> Array:
+    """All numbers of a text (n,), between blanks and line ends.
+
+    Raises
+    ------
+    RecordError
+        If one of them is no number, or nothing ends the last line, which may be cut in the middle of a number.
+    """
+    if not text.endswith((b"\n", b"\r", b"\x1a")):
+        raise RecordError("ends in the middle of a line; it is cut off; run the simulation or copy it again")
+    cells = text.split()
+    try:
+        if b"_" in text or not text.isascii():  # Python reads 1_000 and the digits of every script as numbers
+            raise ValueError
+        return np.array(cells, dtype="S").astype(np.float64)
+    except ValueError:
+        bad = next((cell for cell in cells if not _is_plain(cell)), b"")
+        shown = bad[:20].decode("ascii", errors="replace")
+        raise RecordError(
+            f"holds '{shown}' among the numbers; it is damaged; run the simulation or copy it again"
+        ) from None
+
+
+def _is_plain(cell: bytes) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return cell.isascii() and b"_" not in cell
 
 
 def last_line(path: Path, encoding: str) -> str | None:

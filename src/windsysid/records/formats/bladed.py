@@ -1,0 +1,184 @@
+"""Bladed results: a header ``NAME.%nn`` in text, and its numbers in ``NAME.$nn``, text or binary.
+
+The header says how many variables, stations and times there are (``DIMENS``), in this order, the variable running
+fastest; and names and units in powers of force, length, time, angle … (``FL`` is N·m), which are SI. A variable at
+several stations is one channel for each, ``Blade 1 Mx at 12.5``. The numbers must be as many as the header says. Names,
+axes and signs are Bladed's own; a mapping turns them into windsysid's.
+
+Source: Bladed user manual (DNV), appendix on output files.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from windsysid.errors import RecordError
+from windsysid.records.formats.columns import Cell
+from windsysid.records.formats.format import Format
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.series import Grid, Series, source_of_series, tidy_step
+from windsysid.records.formats.source import Source
+from windsysid.records.formats.text import plain_numbers
+from windsysid.records.record import AS_WRITTEN, Array
+
+__all__ = ["FORMAT"]
+
+_UNITS = {
+    "N": "-", "T": "s", "L": "m", "A": "rad", "F": "N", "M": "kg", "P": "W", "FL": "N*m", "V": "V", "I": "A",
+    "L/T": "m/s", "L/TT": "m/s^2", "A/T": "rad/s", "A/TT": "rad/s^2", "F/L": "N/m", "F/LL": "Pa", "ML": "kg*m",
+    "MLL": "kg*m^2", "1/T": "Hz", "A/L": "rad/m",
+}  # fmt: skip
+_KINDS = {"R*4": "<f4", "R*8": "<f8", "I*4": "<i4", "I*2": "<i2"}
+_SINGLE = 1.2e-7  # of the step: it was written from single precision
+_MOST_HEADER = 1 << 22  # bytes
+
+
+@dataclass(frozen=True)
+class _Header:
+    """The header of a result: its lines by keyword, in order, and the file with the numbers."""
+
+    lines: tuple[tuple[str, str], ...]
+    data: Path
+
+    def all(self, key: str) -> list[str]:
+        return [text for found, text in self.lines if found == key]
+
+    def one(self, key: str) -> str:
+        found = self.all(key)
+        if not found:
+            raise RecordError(f"has no line {key} in its header; run the simulation or copy it again")
+        return found[0]
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of variables, stations, where there are any, and times."""
+        sizes = tuple(int(text) for text in self.one("DIMENS").split() if text.isdigit())
+        if len(sizes) not in (2, 3) or str(len(sizes)) != self.one("NDIMENS").strip() or 0 in sizes:
+            raise RecordError(f"has DIMENS '{self.one('DIMENS')[:40]}', expected variables, stations and times")
+        return sizes
+
+    @property
+    def width(self) -> int:
+        """Numbers at one time."""
+        return math.prod(self.shape[:-1])
+
+    @property
+    def kind(self) -> str | None:
+        """Of binary numbers, as NumPy spells it; None for text."""
+        access, form = self.one("ACCESS").strip().upper(), self.one("FORMAT").strip().upper()
+        if access == "S":
+            return None
+        if access != "D" or form not in _KINDS:
+            raise RecordError(f"has ACCESS {access} and FORMAT {form}, expected S, or D with {', '.join(_KINDS)}")
+        return _KINDS[form]
+
+
+def open_bladed(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+    """Open a pair of files by either; binary numbers are read as far as they are needed."""
+    header = _read_header(path)
+    samples, width, kind = header.shape[-1], header.width, header.kind
+    size, table = header.data.stat().st_size, None
+    if kind is None:
+        numbers = plain_numbers(header.data.read_bytes())
+        got, needed = numbers.size, samples * width
+    else:
+        got, needed = size, samples * width * np.dtype(kind).itemsize
+    if got != needed:
+        what = "numbers" if kind is None else "bytes"
+        raise RecordError(
+            f"is cut off or damaged: {samples} times of {width} numbers are {needed} {what}, {header.data.name} has"
+            f" {got}; run the simulation or copy it again"
+        )
+    if kind is None:
+        table = numbers.reshape(samples, width)
+
+    def rows(low: int, high: int) -> Array:
+        if table is not None:
+            return table[low:high]
+        with header.data.open("rb") as file:
+            file.seek(low * width * np.dtype(kind).itemsize)
+            return np.fromfile(file, kind, (high - low) * width).reshape(high - low, width).astype(np.float64)
+
+    def together(indices: Sequence[int], low: int, high: int) -> list[Array]:
+        found = rows(low, high)
+        return [np.ascontiguousarray(found[:, i]) for i in indices]
+
+    grid = _grid(header)
+    series = [
+        Series(cell, samples, lambda low, high, k=k: together([k], low, high)[0], grid)  # type: ignore[misc]
+        for k, cell in enumerate(_cells(header))
+    ]
+    attributes = {"source": "Bladed", "description": header.one("GENLAB").strip(" '")}
+    how = "let Bladed write its unit"
+    return source_of_series(header.data.name, series, mapping, attributes, how=how, together=together)
+
+
+def _read_header(path: Path) -> _Header:
+    listing, data = (path.with_name(f"{path.stem}.{mark}{path.suffix[2:]}") for mark in "%$")
+    for other in (listing, data):
+        if not other.is_file():
+            raise RecordError(f"has no {other.name} beside it, where the rest of a Bladed result is; copy it there too")
+    text = listing.read_bytes()[:_MOST_HEADER].decode("latin-1")
+    lines = [tuple(line.split(None, 1)) for line in text.splitlines() if line.strip()]
+    found = tuple((line[0].upper(), line[1] if len(line) > 1 else "") for line in lines)
+    if not found or found[0][0] != "FILE":
+        raise RecordError(f"{listing.name} is not the header of a Bladed result; run the simulation or copy it again")
+    return _Header(found, data)
+
+
+def _cells(header: _Header) -> list[Cell]:
+    names, units = _quoted(header.one("VARIAB")), header.one("VARUNIT").split()
+    if len(names) != header.shape[0] or len(units) != header.shape[0]:
+        raise RecordError(
+            f"names {len(names)} variables with {len(units)} units, expected {header.shape[0]}; it is damaged"
+        )
+    stations = _stations(header)
+    return [
+        Cell(f"{name}{station}", f"{name}{station}", _UNITS.get(unit, AS_WRITTEN + unit))
+        for station in stations
+        for name, unit in zip(names, units, strict=True)
+    ]
+
+
+def _stations(header: _Header) -> list[str]:
+    """What to add to the names of variables, for each station."""
+    if len(header.shape) == 2:
+        return [""]
+    ticks = [text for key in ("AXITICK", "AXIVAL") for text in header.all(key)]
+    found = [] if not ticks else _quoted(ticks[0]) if "'" in ticks[0] else ticks[0].split()
+    if len(found) != header.shape[1]:
+        raise RecordError(f"names {len(found)} stations, expected {header.shape[1]} after DIMENS; it is damaged")
+    return [
+        f" at {float(text):g}" if re.fullmatch(r"[-+]?\d+\.?\d*([eE][-+]?\d+)?", text) else f" at {text}"
+        for text in found
+    ]
+
+
+def _quoted(text: str) -> list[str]:
+    return [name.strip() for name in re.findall(r"'([^']*)'", text)] or text.split()
+
+
+def _grid(header: _Header) -> Grid:
+    try:
+        first, step = float(header.all("MIN")[-1]), float(header.all("STEP")[-1])
+    except (IndexError, ValueError):
+        raise RecordError("has no lines MIN and STEP of the time in its header; it is damaged; copy it again") from None
+    labels = header.all("AXISLAB")
+    if not labels or labels[-1].strip(" '").lower() != "time":
+        raise RecordError("holds no results over time; expected a last axis 'Time'; choose another result")
+    tidy = tidy_step(step, _SINGLE * step)
+    return Grid(first if first == 0.0 or tidy <= 0.0 else _near(first, tidy), tidy)
+
+
+def _near(first: float, step: float) -> float:
+    """The first time, on a multiple of the step where single precision cannot tell it from one."""
+    whole = step * round(first / step)
+    return whole if abs(whole - first) <= _SINGLE * abs(first) else first
+
+
+FORMAT = Format("Bladed results", (".%#", ".$#"), open_bladed)

@@ -1,0 +1,156 @@
+"""MDF 4 of the ASAM, as automotive loggers write it, read by asammdf.
+
+A file holds groups of channels, each with its own time; a record holds the channels of one group. Where a file has
+several groups, the mapping lists channels of one. Values come with their conversions; samples that the logger marked as
+invalid are missing. Times are seconds after the start in the header.
+"""
+
+import weakref
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from windsysid.errors import RecordError
+from windsysid.records.formats.files import quiet, read_start
+from windsysid.records.formats.format import Format, package
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.series import Series, cell_of, short_names, source_of_series, utc
+from windsysid.records.formats.source import Source
+from windsysid.records.moments import tidy
+from windsysid.records.record import Array
+
+__all__ = ["FORMAT"]
+
+_MASTERS, _TIME = (2, 3), 1  # kinds of channels that are an axis, and the kind of axis that is the time
+_MOST_PACKED = 1100  # zlib packs 1032 bytes into one at most
+
+
+def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+    """Open a file; its channels are read as far as they are needed."""
+    start = read_start(path, 16)
+    if start.startswith(b"UnFinMF"):
+        raise RecordError("was not closed by its logger; finalise it with the logger's own software")
+    if not start.startswith(b"MDF "):
+        raise RecordError("is not MDF; give the file the ending of what it is, or export it again")
+    if start[8:9] != b"4":
+        raise RecordError(f"is MDF {start[8:16].decode('latin-1').strip()}, expected version 4; convert it")
+    file = _opened(path)
+    try:
+        paths, found = _channels(file, path.stat().st_size)
+        names = short_names(paths)
+        began = _start(file)
+        series = [_series(file, group, index, *name, began) for (group, index), name in zip(found, names, strict=True)]
+    except Exception as error:
+        _refuse(error)
+    if not series:
+        raise RecordError("holds no channel with samples; expected at least one; record it again")
+
+    def together(indices: Sequence[int], low: int, high: int) -> list[Array]:
+        return _read(file, [found[i] for i in indices], low, high)
+
+    how = "let the logger write its unit"
+    return source_of_series(path.name, series, mapping, {"source": "MDF"}, how=how, together=together)
+
+
+def _opened(path: Path) -> Any:
+    asammdf = package("asammdf", "MDF files", "formats")
+    stream = path.open("rb")  # of a name it makes a copy where the file is not finalised
+    try:
+        with quiet("asammdf"):
+            file = asammdf.MDF(stream)
+        weakref.finalize(file, stream.close)
+        return file
+    except Exception as error:
+        stream.close()
+        _silence(error)
+        _refuse(error)
+
+
+def _silence(error: BaseException) -> None:
+    """Keep a reader that failed half-way from failing again, with a traceback, where it is thrown away."""
+    trace = error.__traceback__
+    while trace is not None:
+        half = trace.tb_frame.f_locals.get("self")
+        if half is not None and hasattr(half, "_closed") and hasattr(half, "_tempfile"):
+            half._closed = True
+            half._tempfile.close()
+        trace = trace.tb_next
+
+
+def _channels(file: Any, size: int) -> tuple[list[tuple[str, str]], list[tuple[int, int]]]:
+    """Group and name, and number of group and channel, of every channel that is no axis."""
+    paths, found = [], []
+    for number, group in enumerate(file.groups):
+        about = group.channel_group
+        needed = about.cycles_nr * max(1, about.samples_byte_nr)
+        if needed > _MOST_PACKED * size:
+            raise RecordError(f"is damaged: group {number} says {about.cycles_nr} samples, more than the file can hold")
+        name = about.acq_name or f"group_{number}"
+        for index, channel in enumerate(group.channels):
+            if channel.channel_type not in _MASTERS and about.cycles_nr:
+                paths.append((name, channel.name))
+                found.append((number, index))
+    return paths, found
+
+
+def _start(file: Any) -> str | None:
+    began = file.header.start_time
+    if began.timestamp() == 0.0:
+        return None
+    if began.tzinfo is None:
+        return tidy(began.isoformat())  # the logger's local time
+    return utc(1000 * round(1e6 * began.timestamp()))
+
+
+def _series(file: Any, group: int, index: int, written: str, name: str, start: str | None) -> Series:
+    channel = file.groups[group].channels[index]
+    unit = channel.unit or (channel.conversion.unit if channel.conversion is not None else "")
+    samples = int(file.groups[group].channel_group.cycles_nr)
+
+    def times() -> Array:
+        try:
+            with quiet("asammdf"):
+                return np.asarray(file.get_master(group), dtype=np.float64)
+        except Exception as error:
+            _refuse(error)
+
+    master = file.masters_db.get(group)
+    timed = master is not None and file.groups[group].channels[master].sync_type == _TIME
+    return Series(
+        cell_of(written, name, unit),
+        samples,
+        lambda low, high: _read(file, [(group, index)], low, high)[0],
+        times=times if timed else None,
+        clock=f"group {group}",
+        start=start,
+    )
+
+
+def _read(file: Any, channels: list[tuple[int, int]], low: int, high: int) -> list[Array]:
+    try:
+        wanted = [(None, group, index) for group, index in channels]
+        with quiet("asammdf"):
+            signals = file.select(wanted, record_offset=low, record_count=high - low, copy_master=False)
+    except Exception as error:
+        _refuse(error)
+    return [_numbers(signal) for signal in signals]
+
+
+def _numbers(signal: Any) -> Array:
+    if signal.samples.dtype.kind not in "fiub" or signal.samples.ndim != 1:
+        raise RecordError(f"channel '{signal.name}' holds text or arrays, expected numbers; leave it out")
+    values = np.asarray(signal.samples, dtype=np.float64)
+    invalid = signal.invalidation_bits
+    return values if invalid is None else np.where(np.asarray(invalid, dtype=bool), np.nan, values)
+
+
+def _refuse(error: Exception) -> NoReturn:
+    if isinstance(error, RecordError | OSError | MemoryError):
+        raise error
+    reason = " ".join(str(error).split())[:120] or type(error).__name__
+    raise RecordError(f"is damaged or cut off ({reason}); copy or export it again") from error
+
+
+FORMAT = Format("MDF", (".mf4", ".mdf"), open_mdf, begins=(b"MDF     ", b"UnFinMF "))

@@ -1,0 +1,157 @@
+"""NI TDMS, as LabVIEW and FlexLogger write it, read by nptdms.
+
+A file is a chain of segments; each says how long it is. nptdms reads what is left of a file that was cut, with channels
+of unequal length, and only warns. So the chain is followed here first: it must end where the file does, and hold as
+many bytes of numbers as the channels need. An index file beside the data (``.tdms_index``) is not used: it may be
+older than the data.
+
+The clock is the waveform's: ``wf_increment``, ``wf_start_offset`` and ``wf_start_time`` (UTC). Without them a channel
+of timestamps, or one called ``time``, is the time.
+"""
+
+import struct
+import weakref
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from windsysid.errors import RecordError
+from windsysid.records.formats.clock import Moments
+from windsysid.records.formats.columns import Cell
+from windsysid.records.formats.files import quiet
+from windsysid.records.formats.format import Format, package
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.series import Grid, Series, cell_of, short_names, source_of_series, utc
+from windsysid.records.formats.source import Source
+from windsysid.records.record import Array
+
+__all__ = ["FORMAT"]
+
+_LEAD = 28  # bytes
+_BIG_ENDIAN, _DAQMX = 1 << 6, 1 << 7  # flags of a segment
+_VERSIONS, _FLAGS = (4712, 4713), 0b1111_1110
+_OPEN_END = 0xFFFFFFFFFFFFFFFF  # the length of a segment that LabVIEW had not finished
+
+
+def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+    """Open a file; its channels are read as far as they are needed."""
+    numbers, plain = _follow(path)
+    nptdms = package("nptdms", "NI TDMS files", "formats")
+    stream = path.open("rb")  # a file without a name has no index file
+    try:
+        with quiet("nptdms"):
+            file = nptdms.TdmsFile.open(stream)
+        channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
+        attributes = {str(key): str(value) for key, value in file.properties.items()}
+        if plain and all(channel.data_type.size for channel in channels):
+            needed = sum(len(channel) * channel.data_type.size for channel in channels)
+            if needed != numbers:
+                raise RecordError(
+                    f"is damaged: its channels need {needed} bytes of numbers, its segments have {numbers}; copy it"
+                    " again"
+                )
+        names = short_names([(channel.group_name, channel.name) for channel in channels])
+        series = [_series(channel, *name) for channel, name in zip(channels, names, strict=True)]
+    except Exception as error:
+        stream.close()
+        _refuse(error)
+    if not series:
+        raise RecordError("holds no channel with samples; expected at least one; record it again")
+    try:
+        how = "set the channel's property unit_string"
+        source = source_of_series(path.name, series, mapping, attributes, how=how)
+    except BaseException:
+        stream.close()
+        raise
+    weakref.finalize(source, stream.close)
+    return source
+
+
+def _follow(path: Path) -> tuple[int, bool]:
+    """Bytes of numbers in all segments, and whether none of them is of DAQmx's own kind.
+
+    Raises
+    ------
+    RecordError
+        If the chain of segments does not end with the file.
+    """
+    size, at, numbers, plain = path.stat().st_size, 0, 0, True
+    with path.open("rb") as file:
+        while at < size:
+            file.seek(at)
+            lead = file.read(_LEAD)
+            if not lead.startswith(b"TDSm"):
+                if at == 0:
+                    raise RecordError("is not NI TDMS; give the file the ending of what it is, or export it again")
+                raise RecordError(f"is damaged: no segment begins at byte {at}; copy it again")
+            if len(lead) < _LEAD:
+                raise RecordError(f"is cut off: the segment at byte {at} has no length; copy it again")
+            (flags,) = struct.unpack_from("<I", lead, 4)
+            version, length, before = struct.unpack_from(">IQQ" if flags & _BIG_ENDIAN else "<IQQ", lead, 8)
+            if length == _OPEN_END or at + _LEAD + length > size:
+                raise RecordError(
+                    f"is cut off: the last segment, at byte {at}, is not whole, its channels end at different times;"
+                    " copy it again, or let LabVIEW defragment it"
+                )
+            if before > length or version not in _VERSIONS or flags & ~_FLAGS:
+                raise RecordError(f"is damaged: the segment at byte {at} has a wrong header; copy it again")
+            numbers, plain = numbers + length - before, plain and not flags & _DAQMX
+            at += _LEAD + length
+    return numbers, plain
+
+
+def _series(channel: Any, written: str, name: str) -> Series:
+    properties = channel.properties
+    unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
+    cell = cell_of(written, name, None if unit is None else str(unit))
+    if channel.dtype.kind == "M":
+        return Series(Cell(written, name), len(channel), _no_numbers(name), moments=lambda: _moments(channel))
+
+    def numbers(low: int, high: int) -> Array:
+        try:
+            values = channel[low:high]
+        except Exception as error:
+            _refuse(error)
+        if values.dtype.kind not in "fiub":
+            raise RecordError(f"channel '{name}' holds text, expected numbers; leave it out of the mapping file")
+        return np.asarray(values, dtype=np.float64)
+
+    return Series(cell, len(channel), numbers, _grid(properties))
+
+
+def _no_numbers(name: str) -> Any:
+    def numbers(low: int, high: int) -> Array:
+        raise RecordError(
+            f"channel '{name}' holds moments; name it as the time in the mapping file ([time] column), or leave it out"
+        )
+
+    return numbers
+
+
+def _moments(channel: Any) -> Moments:
+    try:
+        return np.asarray(channel[:], dtype="datetime64[ns]").astype(np.int64)
+    except Exception as error:
+        _refuse(error)
+
+
+def _grid(properties: Any) -> Grid | None:
+    step = float(properties.get("wf_increment", 0.0))
+    if not 0.0 < step < np.inf:
+        return None
+    began = properties.get("wf_start_time")
+    start = None
+    if began is not None and np.datetime64(began) > np.datetime64("1904-01-02"):  # LabVIEW's zero means not known
+        start = utc(1000 * round(int(np.datetime64(began, "ns").astype(np.int64)) / 1000))  # fractions of 2^-64 s
+    return Grid(float(properties.get("wf_start_offset", 0.0)), step, start)
+
+
+def _refuse(error: Exception) -> NoReturn:
+    if isinstance(error, RecordError | OSError | MemoryError):
+        raise error
+    reason = " ".join(str(error).split())[:120] or type(error).__name__
+    raise RecordError(f"is damaged ({reason}); copy or export it again") from error
+
+
+FORMAT = Format("NI TDMS", (".tdms",), open_tdms, begins=(b"TDSm",))
