@@ -193,6 +193,7 @@ def rows_of(data, delimiter, decimal, encoding, width, stamps):
     A row is a line as wide as the table whose cells are numbers or missing; times that are text count as 0.
     """
     text = data.decode(encoding, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    text = text.replace("\ufeff", "").replace("ï»¿", "")  # a byte-order mark is no part of it
     rows, strangers = [], 0
     lines = text.split("\n")
     for i, line in enumerate(lines):

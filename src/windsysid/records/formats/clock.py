@@ -7,7 +7,8 @@ kept as ISO text: with the zone as it was given, or without one where nobody sai
 An elapsed time may say its zero in its unit, as in the CF conventions: ``s since 2021-07-07T12:00:00Z``.
 
 A number could be seconds or days. Its unit says; if it has none, days are taken only where seconds are out of the
-question (a step below 20 µs), and refused where both could be meant.
+question (a step below 20 µs), and refused where both could be meant. A number that is a moment of the years 2000 to
+2036 in milliseconds, microseconds or nanoseconds since 1970, and 30 000 years or more in seconds, is that moment.
 """
 
 import re
@@ -38,6 +39,7 @@ _EPOCHS = {  # name: (ns per count, the count's zero in days since 1970)
 }
 _EXCEL = (36_526.0, 49_700.0)  # 2000 to 2036; above, it could as well be a modified Julian day
 _MATLAB = (730_486.0, 743_700.0)  # the same years
+_RECENT = (946_684_800, 2_082_758_400)  # s since 1970: the same years
 _DAY_NUMBERS = ((30_000.0, 80_000.0), (693_960.0, 760_000.0))
 _TOO_FAST = 2e-5  # s: nobody records a turbine at more than 50 kHz
 _USUAL = np.array([1, 2, 5, 10, 15, 20, 30, 60, 120, 300, 600, 900, 1200, 1800, 3600]) / 86_400.0  # steps in days
@@ -169,7 +171,10 @@ def make_clock(
     if not stamps:
         cell = cells[0][:40]
         if re.fullmatch(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?", cell):
-            raise RecordError(f"the time '{cell}' at {place(0)} has no date; write date and time into one column")
+            raise RecordError(
+                f"the time '{cell}' at {place(0)} has no date; write date and time into one column, or name both in the"
+                ' mapping file: [time] column = ["Date", "Time"]'
+            )
         raise RecordError(
             f"the time '{cell}' at {place(0)} is neither a number nor ISO (2021-07-07T12:00:00Z); give its format in"
             ' the mapping file: [time] format = "%d.%m.%Y %H:%M:%S"'
@@ -240,6 +245,9 @@ def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
         return _absolute(Clock(count=count, epoch=days * _DAY, zoned=True) if zoned else clock, numbers[:1], str)
     unit, since = split_since(unit)
     unit = rule.unit if rule.unit is not None else unit
+    count = _since_1970(float(numbers[0]), unit) if since is None else 0
+    if count:
+        return _absolute(Clock(count=count, zoned=True), numbers[:1], str)
     first, steps = float(numbers[0]), np.diff(numbers)
     if unit is None:
         unit = _unit_of(first, float(np.median(steps)) if steps.size else np.nan)
@@ -258,6 +266,15 @@ def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
         if low <= first < high:
             return _absolute(Clock(count=_DAY, epoch=_EPOCHS[name][1] * _DAY, zone=rule.zone or ""), numbers[:1], str)
     return Clock(factor=factor, zero=first)
+
+
+def _since_1970(first: float, unit: str | None) -> int:
+    """Nanoseconds per count of a time that counts from 1970 in less than seconds; 0 where it does not."""
+    for count, names in ((1_000_000, ("ms", "milliseconds")), (1000, ("µs", "us")), (1, ("ns",))):
+        low, high = (moment * _SECOND / count for moment in _RECENT)
+        if low <= first < high and (unit is None or unit in names):
+            return count
+    return 0
 
 
 def _unit_of(first: float, step: float) -> str:

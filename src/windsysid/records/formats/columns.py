@@ -10,7 +10,7 @@ before.
 import difflib
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.checks import Array, check_channels
@@ -19,7 +19,18 @@ from windsysid.records.quantities import implied_unit, missing_units
 from windsysid.records.record import AS_WRITTEN
 from windsysid.units import is_same_quantity, si_unit, to_si
 
-__all__ = ["SUFFIXES", "TIME_NAMES", "Cell", "Column", "find_time", "name_and_unit", "plan_columns", "split_unit"]
+__all__ = [
+    "DATE_NAMES",
+    "SUFFIXES",
+    "TIME_NAMES",
+    "Cell",
+    "Column",
+    "find_time",
+    "find_times",
+    "name_and_unit",
+    "plan_columns",
+    "split_unit",
+]
 
 SUFFIXES = {
     "_mV_per_V": "mV/V", "_V_per_V": "V/V", "_microstrain": "microstrain",
@@ -35,7 +46,10 @@ A single letter may mean something else (``tower_acceleration_W`` stands in the 
 contradict the quantity that the name says; ``_N`` and ``_m`` count only where they are of that quantity.
 """
 
-TIME_NAMES = ("time", "t", "timestamp", "datetime", "date time", "date/time", "zeit", "tid")
+DATE_NAMES = ("date", "datum", "dato", "fecha", "data", "day")
+"""Names of a column with the date, in any case, where the next one is called as a time is."""
+
+TIME_NAMES = ("time", "t", "timestamp", "datetime", "date time", "date/time", "zeit", "tid", "uhrzeit", "hora")
 """Names of a time column, in any case."""
 
 
@@ -90,6 +104,25 @@ def _is_meant(name: str, suffix: str, unit: str) -> bool:
     return suffix not in ("_N", "_m") if quantity is None else is_same_quantity(unit, quantity)
 
 
+def find_times(cells: Sequence[Cell], mapping: Mapping) -> tuple[int, ...]:
+    """The columns of the time: none where the mapping says the rate; two where date and time of day stand apart.
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        As `find_time`.
+    """
+    if mapping.time.rate is not None:
+        return ()
+    wanted = mapping.time.column
+    if isinstance(wanted, tuple):
+        return tuple(find_time(cells, replace(mapping, time=replace(mapping.time, column=name))) for name in wanted)
+    names = [cell.name.lower() for cell in cells[:2]]
+    if wanted is None and len(names) == 2 and names[0] in DATE_NAMES and names[1] in TIME_NAMES:
+        return 0, 1
+    return (find_time(cells, mapping),)
+
+
 def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
     """The column of the time: the one the mapping names, otherwise the first, if it is called so.
 
@@ -121,15 +154,19 @@ def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
 
 
 def plan_columns(
-    cells: Sequence[Cell], time: int | None, mapping: Mapping, some: Callable[[int], Array], how: str
+    cells: Sequence[Cell],
+    time: int | tuple[int, ...] | None,
+    mapping: Mapping,
+    some: Callable[[int], Array],
+    how: str,
 ) -> tuple[Column, ...]:
     """Which columns become which channels.
 
     Parameters
     ----------
     cells : sequence of Cell
-    time : int or None
-        Index of the time column, None if it is not among them.
+    time : int, tuple of int or None
+        Index of the time column, or of several, None if it is not among them.
     mapping : Mapping
     some : callable
         Some values (n,) of a column, by its index; asked for only where a unit is missing.
@@ -143,15 +180,16 @@ def plan_columns(
     RecordError
         If a unit is missing or unknown, a name is none or occurs twice, or nothing is left.
     """
+    times = time if isinstance(time, tuple) else (time,)
     for key in mapping.channels:
-        if not any(matches(key, cell.written, cell.name) for i, cell in enumerate(cells) if i != time):
+        if not any(matches(key, cell.written, cell.name) for i, cell in enumerate(cells) if i not in times):
             raise ConfigurationError(
                 f'{mapping.place}: channels."{key}": the record has no such column: {_hint(key, cells)}'
             )
     columns, unsaid = [], []
     for index, cell in enumerate(cells):
         rule = mapping.rule_of(cell.written, cell.name)
-        if index == time or (rule is None and mapping.only_listed):
+        if index in times or (rule is None and mapping.only_listed):
             continue
         column = _column(index, cell, rule or ChannelRule())
         columns.append(column)

@@ -13,13 +13,12 @@ Written files use ``name [unit]`` and the shortest digits that give back the sam
 ``time [s since 2021-07-07T12:00:00Z]``, where that is known.
 """
 
-import codecs
 import csv
 import io
 import itertools
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
@@ -28,7 +27,7 @@ import numpy.typing as npt
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.clock import Clock, make_clock, start_of
-from windsysid.records.formats.columns import Column, find_time, plan_columns
+from windsysid.records.formats.columns import Column, find_times, plan_columns
 from windsysid.records.formats.dialect import Layout, find_layout, is_number, split
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
@@ -51,28 +50,39 @@ def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     head = list(_head(path, encoding))
     if not head:
         raise RecordError("holds only blank lines; expected a header line and rows of numbers")
-    layout = find_layout(head, mapping.csv)
-    time = find_time(layout.cells, mapping)
+    rate = mapping.time.rate
+    layout = find_layout(head, mapping.csv, timed=rate is None)
+    times = find_times(layout.cells, mapping)
     rows = [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
-    columns = plan_columns(layout.cells, time, mapping, lambda i: _numbers(rows, i, layout), "write '{}' in the header")
+    columns = plan_columns(
+        layout.cells, times, mapping, lambda i: _numbers(rows, i, layout), "write '{}' in the header"
+    )
     attributes = dict(layout.attributes)
     keep = last is None or not last.strip() or _is_complete(last, rows, layout.delimiter)
     if not keep:
         attributes["cut_off"] = "the last line has no end and may be cut off; it is left out"
     width = max(1, len(layout.cells))
-    first = [(number, cells[time]) for number, cells in rows[:20] if len(cells) >= width]
+    first = [(number, " ".join(cells[i] for i in times)) for number, cells in rows[:20] if len(cells) >= width]
     if not first:
         raise RecordError(
             f"line {rows[0][0] if rows else layout.first_row} has {len(rows[0][1]) if rows else 0} cells, expected"
             f" {width} as in the header; complete or remove that line"
         )
-    unit = layout.cells[time].unit
-    clock = make_clock([cell for _, cell in first], unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
-    if not layout.headed and mapping.time.column is None:
+    if rate is not None:
+        clock = Clock()
+    else:
+        unit, cells = layout.cells[times[0]].unit, [cell for _, cell in first]
+        clock = make_clock(cells, unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
+    if len(times) == 2 and not clock.textual:
+        raise RecordError(
+            f"the date '{first[0][1][:40]}' in two columns is a number; name the columns of date and time in the"
+            ' mapping file: [time] column = ["Date", "Time"]'
+        )
+    if not layout.headed and times and mapping.time.column is None:
         _check_headless_time(first, layout.decimal)
-    reader = _Reader(path, encoding, layout, time, columns, clock, keep)
+    reader = _Reader(path, encoding, layout, times, columns, clock, keep, rate or 1.0)
     names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
-    start = reader.first_time(first[0][1])
+    start = reader.first_time(first[0][1]) if times else 0.0
     return Source(path.name, names, units, reader.blocks, attributes, start, start_of(mapping.time, clock.start))
 
 
@@ -139,27 +149,30 @@ class _Reader:
         path: Path,
         encoding: str,
         layout: Layout,
-        time: int,
+        times: tuple[int, ...],
         columns: tuple[Column, ...],
         clock: Clock,
         keep: bool,
+        rate: float,
     ) -> None:
-        self.path, self.encoding, self.layout, self.time = path, encoding, layout, time
-        self.columns, self.clock, self.keep = columns, clock, keep
-        self.wanted = [time, *(column.index for column in columns)]
+        self.path, self.encoding, self.layout, self.times = path, encoding, layout, times
+        self.columns, self.clock, self.keep, self.rate = columns, clock, keep, rate
+        self.wanted = [*times, *(column.index for column in columns)]
         self.width = len(layout.cells)
 
     def blocks(self, start: float, end: float) -> Iterator[Block]:
         waiting = None  # a block before `start`, only read if it turns out to be the last one
+        row = 0
         for block in line_blocks(self.path, self.encoding, keep_last=self.keep):
             text, numbers = self._rows(block)
             if not numbers.size:
                 continue
-            if start > -np.inf and self._last_time(text, numbers) < start:
-                waiting = (text, numbers, block.done)
+            row += numbers.size
+            if start > -np.inf and self._last_time(text, row) < start:
+                waiting = (text, numbers, block.done, row)
                 continue
             waiting = None
-            rows = self._parsed(text, numbers, block.done)
+            rows = self._parsed(text, numbers, block.done, row)
             yield rows
             if rows.time[-1] >= end:
                 return
@@ -174,9 +187,13 @@ class _Reader:
         except ValueError:
             return np.nan
 
-    def _last_time(self, text: bytes, numbers: Numbers) -> float:
+    def _last_time(self, text: bytes, rows: int) -> float:
+        """Time [s] of the last row of a block, after which `rows` rows of the file are read."""
+        if not self.times:
+            return (rows - 1) / self.rate
         line = text[text.rfind(b"\n", 0, -1) + 1 : -1].decode()
-        return self.first_time(line.split(self.layout.delimiter)[self.time])
+        cells = line.split(self.layout.delimiter)
+        return self.first_time(" ".join(cells[i] for i in self.times))
 
     def _rows(self, block: LineBlock) -> tuple[bytes, Numbers]:
         """The rows of a block, all as wide as the header, without blanks, quotes and blank lines; and their lines."""
@@ -244,16 +261,16 @@ class _Reader:
             lines[i] = mark.join(re.sub(rf'["{mark}]', "_", cell) for cell in cells)
         return "\n".join(lines).encode()
 
-    def _parsed(self, text: bytes, numbers: Numbers, done: float) -> Block:
+    def _parsed(self, text: bytes, numbers: Numbers, done: float, read: int) -> Block:
         import pandas as pd
 
         def place(row: int) -> str:
             return f"line {numbers[row]}"
 
-        if text.startswith(codecs.BOM_UTF8) or any(word in text for word in _TRUTHS):
-            self._refuse_bad_cells(text, numbers)  # pandas leaves out the one and makes numbers of the others
-        textual = self.clock.textual
-        kinds: dict[int, Any] = {i: np.float64 for i in self.wanted if not (textual and i == self.time)}
+        if any(word in text for word in _TRUTHS):
+            self._refuse_bad_cells(text, numbers)  # pandas makes numbers of them
+        texts = self.times if self.clock.textual else ()
+        kinds: dict[int, Any] = {i: np.float64 for i in self.wanted if i not in texts}
         missing: Any = {index: list(self.layout.missing) for index in kinds}
         try:
             with warnings.catch_warnings():
@@ -264,7 +281,7 @@ class _Reader:
                     header=None,
                     sep=self.layout.delimiter,
                     usecols=self.wanted,
-                    dtype={**kinds, **({self.time: object} if textual else {})},
+                    dtype={**kinds, **dict.fromkeys(texts, object)},
                     float_precision="round_trip",
                     quoting=csv.QUOTE_NONE,
                     decimal=self.layout.decimal,
@@ -280,22 +297,29 @@ class _Reader:
             ) from None
         if len(frame) != numbers.size:
             raise RecordError(f"lines {numbers[0]} to {numbers[-1]} hold {len(frame)} rows; the file is damaged")
-        raw = frame[self.time].to_list() if textual else frame[self.time].to_numpy()
-        time = self.clock.seconds(raw, place)
-        if len(self.columns) == self.width - 1 and not textual:
+        time = self._seconds(frame, place, read)
+        if len(self.columns) == self.width - len(self.times) and not texts:
             table = frame.to_numpy()
-            values = np.delete(table, self.time, axis=1) if self.time else table[:, 1:]
+            values = table[:, 1:] if self.times == (0,) else np.delete(table, self.times, axis=1)
             if any(column.factor != 1.0 for column in self.columns):
                 values = np.column_stack([column.values(values[:, i]) for i, column in enumerate(self.columns)])
         else:
             values = np.column_stack([column.values(frame[column.index].to_numpy()) for column in self.columns])
         return Block(time, np.ascontiguousarray(values), place, done)
 
+    def _seconds(self, frame: Any, place: Callable[[int], str], read: int) -> Array:
+        if not self.times:  # counted, and not added up, so that they are the same in pieces
+            return np.asarray(np.arange(read - len(frame), read) / self.rate)
+        if not self.clock.textual:
+            return self.clock.seconds(frame[self.times[0]].to_numpy(), place)
+        texts = [frame[i].to_list() for i in self.times]
+        return self.clock.seconds([" ".join(row) for row in zip(*texts, strict=True)], place)
+
     def _refuse_bad_cells(self, text: bytes, numbers: Numbers) -> None:
         mark = self.layout.decimal
         for line, number in zip(text.decode().split("\n"), numbers, strict=False):
             for index, cell in enumerate(line.split(self.layout.delimiter)):
-                wanted = index in self.wanted and not (index == self.time and self.clock.textual)
+                wanted = index in self.wanted and not (index in self.times and self.clock.textual)
                 if wanted and cell not in self.layout.missing and not is_number(cell, mark):
                     self._refuse(index, int(number), cell)
 

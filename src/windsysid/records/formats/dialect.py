@@ -3,8 +3,9 @@
 The delimiter is the one that splits the most cells into values: of the cells that it makes, the greatest part are
 numbers, times or missing. Decimal commas are believed where some cell cannot be a number in thousands (``0,125``,
 ``3,1``); ``1,234`` alone could be either and is refused. Above the numbers stand, in this order and each optional:
-comments (``#`` or ``%``), one line of names, one of units; or the four lines of a Campbell TOA5 file; or nothing, and
-then the columns are called ``column_1`` … and the first is the time if it increases.
+``sep=;`` as spreadsheets write it, comments (``#`` or ``%``), lines of text that are not as wide as the table, one line
+of names, one of units; or the four lines of a Campbell TOA5 file; or nothing, and then the columns are called
+``column_1`` … and the first is the time if it increases.
 """
 
 import csv
@@ -30,6 +31,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:inf
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?:[.,']\d{3})+(?:[.,]\d+)?")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 _NAMES = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
+_SEPARATOR = re.compile(r'"?sep=([,;\t])"?', re.IGNORECASE)
 _LOOK = 100  # lines
 
 Line = tuple[int, str]
@@ -67,7 +69,7 @@ class Layout:
     closed: bool = False
 
 
-def find_layout(lines: Sequence[Line], rule: CsvRule) -> Layout:
+def find_layout(lines: Sequence[Line], rule: CsvRule, *, timed: bool = True) -> Layout:
     """The layout of a file, from its first lines.
 
     Parameters
@@ -76,12 +78,18 @@ def find_layout(lines: Sequence[Line], rule: CsvRule) -> Layout:
         Number and text of the first lines that are not blank.
     rule : CsvRule
         What the mapping says; it goes before.
+    timed : bool
+        Whether one of the columns is the time.
 
     Raises
     ------
     RecordError
         If the lines are no table, or could be read in two ways.
     """
+    said = _SEPARATOR.fullmatch(lines[0][1].strip("\r\n ")) if lines else None
+    if said:
+        lines = lines[1:]
+    commented: list[str] = []
     if rule.header_row:
         preamble = [text for number, text in lines if number < rule.header_row]
         lines = [line for line in lines if line[0] >= rule.header_row]
@@ -90,18 +98,21 @@ def find_layout(lines: Sequence[Line], rule: CsvRule) -> Layout:
     else:
         count = next((i for i, (_, text) in enumerate(lines) if text.lstrip()[0] not in "#%"), len(lines))
         preamble, lines = [text.strip() for _, text in lines[:count]], lines[count:]
+    commented = list(preamble)
     if not lines:
         raise RecordError("holds no table, only comments; expected a header line and rows of numbers")
-    attributes = {"comments": "\n".join(preamble)} if preamble else {}
-    delimiter = rule.delimiter or _delimiter([text for _, text in lines[:_LOOK]])
+    delimiter = rule.delimiter or (said and said[1]) or _delimiter([text for _, text in lines[:_LOOK]])
     rows = [split(text, delimiter) for _, text in lines[:_LOOK]]
+    above = _preamble(rows) if rule.header_row is None else 0
+    preamble, lines, rows = [*preamble, *(text.strip() for _, text in lines[:above])], lines[above:], rows[above:]
+    attributes = {"comments": "\n".join(preamble)} if preamble else {}
     if rows[0][0] == "TOA5":
         return _toa5(lines, rows, delimiter, rule, attributes)
     if rule.header_row == 0 or (rule.header_row is None and _is_headless(rows[0])):
-        names = _commented_names(preamble, delimiter, len(rows[0]))
+        names = _commented_names(commented, delimiter, len(rows[0]))
         cells = tuple(Cell(f"column_{i}", f"column_{i}", AS_WRITTEN + "unknown") for i in range(1, len(rows[0]) + 1))
         first, headed = lines[0][0], names is not None
-        cells = names or (Cell("column_1", "time", None), *cells[1:])
+        cells = names or ((Cell("column_1", "time", None), *cells[1:]) if timed else cells)
         decimal = rule.decimal or _decimal(rows, delimiter)
         return Layout(delimiter, decimal, cells, first, headed, MISSING + rule.missing, attributes)
     header, closed = rows[0], False
@@ -118,6 +129,19 @@ def find_layout(lines: Sequence[Line], rule: CsvRule) -> Layout:
         raise RecordError("has 0 rows under the header, expected at least 2; export it again")
     decimal = rule.decimal or _decimal(rows[below:], delimiter)
     return Layout(delimiter, decimal, cells, lines[below][0], True, MISSING + rule.missing, attributes, closed)
+
+
+def _preamble(rows: list[list[str]]) -> int:
+    """How many lines of text stand above the names: none of them as wide as the table, and none of numbers."""
+    sizes = Counter(len(row) for row in rows if len(row) > 1)
+    width = max(sizes, key=lambda n: (sizes[n], n), default=0)
+    first = next((i for i, row in enumerate(rows) if len(row) == width), 0)
+    below = rows[first + 1 : first + 3]
+    named = not any(map(_is_value, rows[first])) and not all(re.fullmatch(r"\[.*\]|\(.*\)", c) for c in rows[first])
+    if not first or not named or len(below) < 2 or any(len(row) != width for row in rows[first:]):
+        return 0
+    numbers = any(len(row) > 1 and _is_headless(row) for row in rows[:first])
+    return 0 if numbers or not _is_headless(below[1]) else first
 
 
 def split(line: str, delimiter: str) -> list[str]:

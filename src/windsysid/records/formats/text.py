@@ -29,6 +29,10 @@ _MARKS = (
 )
 
 
+_MARK = "\ufeff"  # a byte-order mark is no part of a text, wherever somebody joined two files
+_MISREAD, _MISREAD_MARK = ("cp1252", "latin-1"), codecs.BOM_UTF8.decode("cp1252")
+
+
 class LineBlock(NamedTuple):
     r"""Whole lines of a file.
 
@@ -105,12 +109,15 @@ def line_blocks(path: Path, encoding: str, *, size: int = _BLOCK, keep_last: boo
             data = file.read(size)
             read += len(data)
             try:
-                text = rest + lines.decode(decoder.decode(data) if data else _flushed(decoder), final=not data)
+                text = lines.decode(decoder.decode(data) if data else _flushed(decoder), final=not data)
+                text = rest + text.replace(_MARK, "")
             except UnicodeError:
                 raise RecordError(
                     f"is not {encoding.upper()} text near line {number + rest.count(chr(10))}; save it as UTF-8, "
                     "or name its encoding in the mapping file: [csv] encoding"
                 ) from None
+            if encoding in _MISREAD:
+                text = text.replace(_MISREAD_MARK, "")
             cut = text.rfind("\n") + 1
             whole, rest = text[:cut], text[cut:]
             if len(rest) > _MAX_LINE_BYTES:
@@ -166,6 +173,7 @@ def last_line(path: Path, encoding: str) -> str | None:
         tail = file.read()
     name = "utf-16-be" if wide and _is_big_endian(path, encoding) else "utf-16-le" if wide else encoding
     text = tail.decode(name.removesuffix("-sig"), errors="replace")
+    text = text.replace(_MARK, "").replace(_MISREAD_MARK, "")
     if text.endswith(("\n", "\r")):
         return None
     return text.replace("\r", "\n").rsplit("\n", 1)[-1]
