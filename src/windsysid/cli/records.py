@@ -88,16 +88,23 @@ def simulate(
 @app.command(name="inspect")
 def inspect_command(
     context: typer.Context,
-    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
+    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, MATLAB, TDMS, OpenFAST … (docs/records.md).")],
     turbine: Annotated[
         str | None, typer.Option(help="Mark the modes of this turbine: a packaged name or a TOML file.")
     ] = None,
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, figures and inspection.json.")] = None,
     mapping: Mapping = None,
     section_length: Annotated[float, typer.Option(help="Length of the sections to propose \\[s].")] = 100.0,
+    write_mapping: Annotated[
+        Path | None,
+        typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file."),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Look at a record: its health, its spectra, and the sections worth using."""
+    if write_mapping is not None:
+        _write_mapping(record, mapping, write_mapping, overwrite=overwrite)
+        return
     from windsysid.inspection import inspect_record
     from windsysid.records.formats import read_record
     from windsysid.turbine.file import load_turbine
@@ -111,6 +118,20 @@ def inspect_command(
         progress(f"{data.samples} samples")
         found = inspect_record(data, machine, section_length=section_length)
     print_and_save(found, output, write)
+
+
+def _write_mapping(record: Path, mapping: Path | None, target: Path, *, overwrite: bool) -> None:
+    """Propose a mapping for a record and write it."""
+    from windsysid.inspection.proposal import propose_mapping
+    from windsysid.output.files import claim_file
+
+    with claim_file(target, overwrite=overwrite) as write:
+        with show_progress("inspect") as progress:
+            progress(f"reading {record}")
+            found = propose_mapping(record, mapping)
+        print(found)
+        write(lambda file: file.write(found.to_toml().encode()))
+    print(f"mapping: {target}; correct it, then: windsysid inspect {record} --mapping {target}")
 
 
 @app.command()

@@ -12,7 +12,7 @@ from windsysid.records.record import Record
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Rotor", "implausible", "rotor_of"]
+__all__ = ["GRAVITY", "Rotor", "implausible", "once_per_turn", "rotor_of"]
 
 
 GRAVITY = 9.80665
@@ -117,7 +117,7 @@ def _acceleration(record: Record, channel: str, values: Array, x: Array, rotor: 
             )
         ]
     if channel.startswith("blade") and "kinematic" not in channel and rotor is not None and rotor.turns:
-        amplitude = _once_per_turn(record, values, rotor)
+        amplitude = once_per_turn(record, values, rotor)
         for factor, mistake in _GRAVITIES:
             if abs(amplitude / (GRAVITY * factor) - 1.0) < 0.05 and amplitude > 1.2 * rms:
                 text = f"swings by {amplitude:.3g} m/s² once per turn where gravity would give 9.81: {mistake}?"
@@ -125,7 +125,7 @@ def _acceleration(record: Record, channel: str, values: Array, x: Array, rotor: 
     return []
 
 
-def _once_per_turn(record: Record, values: Array, rotor: Rotor) -> float:
+def once_per_turn(record: Record, values: Array, rotor: Rotor) -> float:
     """Amplitude of a channel at 1P, from the angle that the rotor turned."""
     ok = np.isfinite(values)
     psi = np.concatenate([[0.0], np.cumsum(0.5 * (rotor.speed[1:] + rotor.speed[:-1]) * np.diff(record.time))])

@@ -1,0 +1,270 @@
+"""A mapping file for a record that nobody has described yet, proposed from what is in it, with its doubts.
+
+Names are told by tags and words (`tags`); units by what the file says, else by the values: gravity in the mean of an
+upright accelerometer, or in the swing of one that turns with the rotor (1P), and the range in which a quantity can be.
+Where more than one unit is left, the line stays a comment, so that the record is refused until somebody decides. What
+cannot be told is listed as a comment too. Nothing here is believed by a reader: the file is for its owner to correct.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+from windsysid.inspection.plausibility import GRAVITY, Rotor, once_per_turn
+from windsysid.inspection.tags import Meaning, meaning_of
+from windsysid.output.console import render
+from windsysid.output.table import Table
+from windsysid.records.formats import read_record
+from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, load_mapping
+from windsysid.records.moments import has_zone
+from windsysid.records.quantities import implied_unit, plausible_units
+from windsysid.records.record import AS_WRITTEN, Record
+from windsysid.units import RPM, canonical, si_unit, to_si
+
+__all__ = ["Guess", "MappingProposal", "propose_mapping"]
+
+_UPRIGHT = 0.03  # of g: so near to it is the mean of an upright accelerometer, or its swing in a turning rotor
+_UNITS_OF_ACCELERATION = ("m/s^2", "g", "mg", "mm/s^2")
+_MOST_SAMPLES = 1 << 18  # that show a spectrum
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What one channel of a file may be.
+
+    Attributes
+    ----------
+    written : str
+        Its name in the file.
+    name, unit : str or None
+        Proposed; None where it cannot be told.
+    evidence, doubts : tuple of str
+        What speaks for it, and what is to be checked.
+    """
+
+    written: str
+    name: str | None
+    unit: str | None
+    evidence: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class MappingProposal:
+    """A proposed mapping; `to_toml` is the file.
+
+    Attributes
+    ----------
+    record : str
+        Name of the record.
+    guesses : tuple of Guess
+    given : Mapping
+        What was known before: how time and text are written.
+    remarks : tuple of str
+        On the whole record.
+    """
+
+    record: str
+    guesses: tuple[Guess, ...]
+    given: Mapping
+    remarks: tuple[str, ...]
+
+    def to_toml(self) -> str:
+        """The mapping file; lines that somebody must decide are comments beginning with ``# ?``."""
+        lines = [f"# Proposed by windsysid for {self.record}. Check each line; what is marked with ? is in doubt."]
+        lines += [f"# {text}" for text in self.remarks]
+        lines += ["", "only_listed = true", *_tables(self.given)]
+        for guess in self.guesses:
+            lines += ["", *_channel(guess)]
+        return "\n".join(lines) + "\n"
+
+    def __str__(self) -> str:
+        rows = [(one.written, one.name or "?", one.unit or "?", "; ".join(one.doubts) or "–") for one in self.guesses]
+        table = Table(("in the file", "name", "unit", "in doubt"), rows, "Proposed mapping", words=(0, 3))
+        return render(table, *self.remarks)
+
+
+def propose_mapping(path: str | Path, mapping: str | Path | Mapping | None = None) -> MappingProposal:
+    """Propose a mapping for a file.
+
+    Parameters
+    ----------
+    path : str or Path
+    mapping : str, Path or Mapping, optional
+        What is known already: how its time and its text are written, and channels to leave out (`only_listed`).
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If the file cannot be read even without the units of its channels; or it is OpenFAST's and needs no mapping.
+    """
+    given = mapping if isinstance(mapping, Mapping) else Mapping() if mapping is None else load_mapping(mapping)
+    raw = ChannelRule(unit=AS_IT_IS)
+    channels = dict.fromkeys(given.channels, raw) if given.only_listed else {"*": raw}
+    record = read_record(path, mapping=replace(given, channels=channels))
+    if record.attributes.get("source") == "OpenFAST":
+        raise ConfigurationError(f"{path}: OpenFAST's channels are known; it needs no mapping")
+    known = {name: meaning_of(name) for name in record.channels}
+    rotor, remark = _rotor(record, known)
+    guesses = [_guess(record, name, known[name], rotor) for name in record.channels]
+    return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*_about(record), remark))
+
+
+def _about(record: Record) -> list[str]:
+    remarks = [f"{record.samples} samples at {record.rate:.6g} Hz, {record.duration:.6g} s."]
+    if record.start is None:
+        remarks.append('When it begins is not known: [time] start = "2021-07-07T12:00:00Z" says it.')
+    elif not has_zone(record.start):
+        remarks.append(f'It begins at {record.start}, in a zone that is not said: [time] zone = "Europe/Stockholm".')
+    return remarks
+
+
+def _rotor(record: Record, known: dict[str, Meaning | None]) -> tuple[Rotor | None, str]:
+    """How the rotor turned, where a channel says it in a unit that can be told."""
+    for name, meaning in known.items():
+        if meaning is None or meaning.name != "rotor_speed":
+            continue
+        units = _units(record, name, "rotor_speed")[0]
+        values = record[name]
+        ok = np.isfinite(values)
+        if len(units) == 1 and ok.sum() > 10:
+            speed = np.interp(record.time, record.time[ok], values[ok]) * to_si(1.0, units[0])
+            rotor = Rotor(speed, name)
+            return rotor, f"The rotor turns at {rotor.mean * RPM:.4g} rpm (1P {rotor.mean / (2.0 * np.pi):.4g} Hz)."
+    return None, "No rotor speed is known: gravity in turning sensors (1P) was not looked for."
+
+
+def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], str]:
+    """Units that a channel may be in, and what says so; `quantity` is its name in windsysid, which says one."""
+    said = record.unit(name).removeprefix(AS_WRITTEN)
+    if said not in ("unknown", ""):
+        try:
+            return (canonical(said),), "the file says its unit"
+        except ConfigurationError:
+            return (), f"the file says '{said}', which windsysid does not know"
+    if implied_unit(quantity) is None:
+        return (), "no unit is said"
+    units = plausible_units(quantity, record[name])
+    return units, "told by the range of its values" if units else "its values fit no unit of what its name says"
+
+
+def _guess(record: Record, name: str, meaning: Meaning | None, rotor: Rotor | None) -> Guess:
+    ours = meaning.name if meaning is not None else None
+    evidence = [meaning.source] if meaning is not None else []
+    doubts = list(meaning.doubts) if meaning is not None else []
+    units, why = _units(record, name, ours or name)
+    values = record[name]
+    if not np.isfinite(values).any():
+        return Guess(name, ours, None, tuple(evidence), (*doubts, "it holds no value"))
+    evidence.append(f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}, mean {np.nanmean(values):.4g}")
+    gravity, shown = _gravity(record, name, values, rotor)
+    if gravity is not None and implied_unit(ours or name) in ("m/s^2", None):
+        evidence.append(shown)
+        if why == "the file says its unit" and units and units[0] != gravity:
+            doubts.append(f"the file says {units[0]}, gravity says {gravity}")
+        elif implied_unit(ours or name) == "m/s^2":
+            units, why = (gravity,), "gravity"
+        else:
+            doubts.append(f"is it an accelerometer in {gravity}?")
+    if len(units) == 1:
+        if why == "the file says its unit":
+            evidence.append(why)
+        if why.startswith("told by"):
+            doubts.append(f"the unit is told by the values only ({units[0]})")
+    else:
+        doubts.append(f"in {' or '.join(units)}? Its values allow each" if units else why)
+    evidence += _peak(record, values, rotor)
+    unit = units[0] if len(units) == 1 else None
+    if unit is not None and ours is not None and _contradicts(ours, unit):
+        doubts.append(f"the name says a quantity that is not measured in {unit}")
+    return Guess(name, ours, unit, tuple(evidence), tuple(doubts))
+
+
+def _contradicts(name: str, unit: str) -> bool:
+    implied = implied_unit(name)
+    return implied is not None and si_unit(unit) not in (implied, {"rad": "1", "1": "rad"}.get(implied))
+
+
+def _gravity(record: Record, name: str, values: Array, rotor: Rotor | None) -> tuple[str | None, str]:
+    """The unit in which gravity shows in a channel, and how; None where it does not."""
+    mean, rms = float(np.nanmean(values)), float(np.nanstd(values))
+    for unit in _UNITS_OF_ACCELERATION:
+        g = GRAVITY / to_si(1.0, unit)
+        if abs(abs(mean) / g - 1.0) < _UPRIGHT and 0.0 < rms < 0.3 * g:
+            return unit, f"its mean is gravity in {unit}: it stands upright"
+    if rotor is not None and rotor.turns:
+        swing = once_per_turn(record, values, rotor)
+        for unit in _UNITS_OF_ACCELERATION:
+            g = GRAVITY / to_si(1.0, unit)
+            if abs(swing / g - 1.0) < _UPRIGHT and swing > 1.2 * rms:
+                return unit, f"it swings by gravity in {unit} once per turn: it turns with the rotor"
+    return None, ""
+
+
+def _peak(record: Record, values: Array, rotor: Rotor | None) -> list[str]:
+    """The strongest frequency of a channel, where there is one."""
+    from scipy.signal import welch
+
+    some = values[:_MOST_SAMPLES]
+    ok = np.isfinite(some)
+    if ok.sum() < 256 or not np.nanstd(some) > 0.0:
+        return []
+    filled = np.interp(np.arange(some.size), np.flatnonzero(ok), some[ok])
+    frequency, power = welch(filled - filled.mean(), fs=record.rate, nperseg=min(filled.size, 4096))
+    k = 1 + int(np.argmax(power[1:]))
+    if power[k] < 20.0 * np.median(power[1:]):
+        return []
+    turns = ""
+    if rotor is not None and rotor.turns:
+        order = frequency[k] * 2.0 * np.pi / abs(rotor.mean)
+        near = round(float(order))
+        turns = f", {near}P" if near >= 1 and abs(order - near) < 0.05 else ""
+    return [f"vibrates most at {frequency[k]:.3g} Hz{turns}"]
+
+
+def _told_apart(guesses: list[Guess]) -> list[Guess]:
+    """The guesses with each proposed name once; the others keep their own."""
+    names = [guess.name for guess in guesses]
+    return [
+        replace(guess, name=None, doubts=(*guess.doubts, f"several channels look like {guess.name}: which is it?"))
+        if guess.name is not None and names.count(guess.name) > 1
+        else guess
+        for guess in guesses
+    ]
+
+
+def _channel(guess: Guess) -> list[str]:
+    lines = [f"# {_one_line('; '.join(guess.evidence))}"] if guess.evidence else []
+    lines += [f"# ? {_one_line(doubt)}" for doubt in guess.doubts]
+    # a channel of which neither name nor unit is known is no use: its lines wait as comments
+    mark = "# " if guess.name is None and guess.unit is None else ""
+    lines.append(f"{mark}[channels.{_quoted(guess.written)}]")
+    lines.append(f"{mark}name = {_quoted(guess.name)}" if guess.name else "# ? name = ")
+    lines.append(f"{mark}unit = {_quoted(guess.unit)}" if guess.unit else "# ? unit = ")
+    return lines
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _quoted(text: str) -> str:
+    import tomli_w
+
+    return tomli_w.dumps({"x": text}).removeprefix("x = ").strip()
+
+
+def _tables(given: Mapping) -> list[str]:
+    """The tables ``[time]`` and ``[csv]`` of what was known before."""
+    import tomli_w
+
+    lines: list[str] = []
+    for key, rule in (("time", given.time), ("csv", given.csv)):
+        said: dict[str, Any] = {name: value for name, value in vars(rule).items() if value not in (None, ())}
+        if said:
+            lines += ["", f"[{key}]", *tomli_w.dumps(said).strip().splitlines()]
+    return lines

@@ -1,0 +1,137 @@
+"""What the name of a foreign channel says: the tags of IEC 61400-25, and the words that loggers use.
+
+IEC 61400-25-2 names data by logical node and attribute, ``WROT`` and ``BlPthAngVal``; SCADA systems write
+``WROT_BlPthAngVal1``, ``WTG07.WROT1.RotSpd.mag.f`` or ``WMET_HorWdSpd_Avg``. The standard leaves the unit to the
+system, so that a tag gives a name and a quantity, and the unit is told by the values.
+"""
+
+import re
+from dataclasses import dataclass
+
+__all__ = ["Meaning", "meaning_of", "words_of"]
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a name says.
+
+    Attributes
+    ----------
+    name : str or None
+        The channel's name in windsysid; None where too little is said.
+    source : str
+        What says it, for a reader.
+    doubts : tuple of str
+        What is not said.
+    """
+
+    name: str | None
+    source: str
+    doubts: tuple[str, ...] = ()
+
+
+_TAGS: dict[tuple[str, str], str] = {
+    # logical node and data name, IEC 61400-25-2: ours; # stands for the blade
+    ("WTUR", "W"): "power", ("WGEN", "W"): "power", ("WTUR", "TurSt"): "turbine_state",
+    ("WROT", "RotSpd"): "rotor_speed", ("WTRM", "RotSpd"): "rotor_speed", ("WROT", "RotPos"): "rotor_azimuth",
+    ("WROT", "BlPthAngVal"): "blade_#_pitch", ("WROT", "BlPthAng"): "blade_#_pitch",
+    ("WGEN", "Spd"): "generator_speed", ("WGEN", "GnSpd"): "generator_speed", ("WGEN", "Trq"): "generator_torque",
+    ("WTRM", "TrmTrq"): "shaft_torque", ("WMET", "HorWdSpd"): "wind_speed", ("WMET", "HorWdDir"): "wind_direction",
+    ("WMET", "VerWdSpd"): "wind_vertical_speed", ("WMET", "EnvTmp"): "air_temperature",
+    ("WMET", "EnvHum"): "air_humidity", ("WMET", "EnvPres"): "air_pressure", ("WMET", "AirDens"): "air_density",
+    ("WNAC", "WdSpd"): "wind_speed", ("WNAC", "WdDir"): "wind_direction", ("WNAC", "Dir"): "nacelle_yaw",
+    ("WNAC", "ExTmp"): "air_temperature", ("WYAW", "YwAng"): "nacelle_yaw", ("WYAW", "YwSpd"): "nacelle_yaw_rate",
+    ("WNAC", "DispXdir"): "nacelle_z_displacement", ("WNAC", "DispYdir"): "nacelle_x_displacement",
+    ("WTOW", "DispXdir"): "tower_z_displacement", ("WTOW", "DispYdir"): "tower_x_displacement",
+}  # fmt: skip
+_TAG = re.compile(r"(?:^|[._/\- ])(W[A-Z]{3})\d*[._/\- ]([A-Za-z]+?)_?(\d*)(?=$|[._/\- ])(.*)")
+_STATISTICS = {
+    "avg": "", "av": "", "mean": "", "min": "_min", "max": "_max", "sdv": "_std", "std": "_std", "stddev": "_std",
+}  # fmt: skip
+_DOWNWIND = "in IEC 61400-25 X may be fore-aft; in windsysid z is fore-aft and x to the side"
+
+_PLACES = ("tower", "nacelle", "hub", "foundation", "mast")
+_AXES = (
+    (("side", "sideside", "lateral", "transverse", "ss"), "x", ()),
+    (("foreaft", "fore", "aft", "longitudinal", "fa"), "z", ()),
+    (("vertical", "vert"), "y", ()),
+    (("x",), "x", ("is X to the side? In windsysid x is to the side, z fore-aft (name … = tower_z_acceleration)",)),
+    (("y",), "x", ("is Y to the side, as where X is downwind? In windsysid x is to the side, y up",)),
+    (("z",), "y", ("is Z up? In windsysid y is up, z fore-aft",)),
+)
+_WORDS: tuple[tuple[tuple[str, ...], str], ...] = (
+    # all of these words: ours
+    (("wind", "direction"), "wind_direction"), (("wind", "dir"), "wind_direction"), (("wind", "speed"), "wind_speed"),
+    (("windspeed",), "wind_speed"), (("winddirection",), "wind_direction"), (("wind", "vel"), "wind_speed"),
+    (("anemometer",), "wind_speed"), (("rotor", "azimuth"), "rotor_azimuth"), (("azimuth",), "rotor_azimuth"),
+    (("rotor", "position"), "rotor_azimuth"), (("rotor", "speed"), "rotor_speed"), (("rotorspeed",), "rotor_speed"),
+    (("rot", "speed"), "rotor_speed"), (("rot", "spd"), "rotor_speed"), (("rotor", "rpm"), "rotor_speed"),
+    (("generator", "speed"), "generator_speed"), (("gen", "speed"), "generator_speed"),
+    (("gen", "spd"), "generator_speed"), (("generator", "rpm"), "generator_speed"), (("power",), "power"),
+    (("pitch",), "blade_#_pitch"), (("nacelle", "direction"), "nacelle_yaw"), (("nacelle", "position"), "nacelle_yaw"),
+    (("yaw",), "nacelle_yaw"), (("temperature",), "air_temperature"),
+)  # fmt: skip
+_ACCELERATION = ("acceleration", "accelerometer", "accel", "acc", "accelerations")
+
+
+def words_of(name: str) -> list[str]:
+    """The words of a name in small letters: ``NacAccX_2`` is nac, acc, x, 2."""
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-zäöü]+|[a-z]+|\d+", name)]
+
+
+def meaning_of(name: str) -> Meaning | None:
+    """What a channel's name says, None where it says nothing that windsysid knows."""
+    return _tag(name) or _words(name)
+
+
+def _tag(name: str) -> Meaning | None:
+    found = _TAG.search(name)
+    if found is None:
+        return None
+    node, data, number, rest = found.groups()
+    ours = _TAGS.get((node, data))
+    if ours is None:
+        return Meaning(None, f"{node}.{data} of IEC 61400-25, which windsysid does not use")
+    doubts: list[str] = []
+    if "#" in ours:
+        ours = ours.replace("#", number or "1")
+        if not number:
+            doubts.append("of which blade? the tag has no number")
+    if "displacement" in ours:
+        doubts.append(_DOWNWIND)
+    ending = next((_STATISTICS[word] for word in words_of(rest) if word in _STATISTICS), "")
+    return Meaning(ours + ending, f"{node}.{data} of IEC 61400-25", tuple(doubts))
+
+
+def _words(name: str) -> Meaning | None:
+    words = words_of(name)
+    joined = " ".join(words)
+    if any(word in words for word in _ACCELERATION):
+        return _acceleration(words)
+    for wanted, ours in _WORDS:
+        if all(word in words for word in wanted):
+            number = next((word for word in words if word.isdigit()), "")
+            doubts = () if "#" not in ours or number else ("of which blade? the name has no number",)
+            return Meaning(ours.replace("#", number or "1"), f"the words '{joined}'", doubts)
+    return None
+
+
+def _acceleration(words: list[str]) -> Meaning:
+    doubts: list[str] = []
+    place = next((word for word in _PLACES if any(part.startswith(word[:3]) for part in words)), None)
+    blade = "blade" in words
+    if blade:
+        number = next((word for word in words if word.isdigit()), "1")
+        axis = next((word for word in ("lag", "edge", "flap") if any(part.startswith(word) for part in words)), "")
+        name = f"blade_{number}_tip_{'flap' if axis == 'flap' else 'lag'}_acceleration"
+        if not axis:
+            doubts.append("along the rotor's plane (lag) or across it (flap)?")
+        return Meaning(name, f"the words '{' '.join(words)}'", (*doubts, "at the tip? If not, name its place"))
+    for listed, axis, notes in _AXES:
+        if any(word in words for word in listed):
+            doubts += notes
+            return Meaning(
+                f"{place or 'tower'}_{axis}_acceleration", f"the words '{' '.join(words)}'",
+                (*doubts, *(() if place else ("where does it sit? The name does not say",))),
+            )  # fmt: skip
+    return Meaning(None, f"the words '{' '.join(words)}'", ("along which axis, and where does it sit?",))

@@ -1,0 +1,152 @@
+"""A mapping is proposed from tags, words, gravity and ranges; what is not known stays a question."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.records.formats.helpers import write
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.inspection.proposal import propose_mapping
+from windsysid.inspection.tags import meaning_of
+from windsysid.records.formats import load_mapping, read_record
+from windsysid.records.formats.mapping import Mapping, TimeRule
+
+G = 9.80665
+TIME = 0.02 * np.arange(3000)
+SPEED = 1.267
+
+
+def mast(folder, seed=0, **more):
+    rng = np.random.default_rng(seed)
+    noise = rng.standard_normal
+    columns = {
+        "time [s]": TIME,
+        "WROT_RotSpd": SPEED * 30.0 / np.pi + 0.05 * np.sin(0.1 * TIME),
+        "WROT_BlPthAngVal2": 3.0 + 0.5 * np.sin(0.02 * TIME),
+        "Acc_X_nacelle": 30.0 * np.sin(2.0 * np.pi * 0.32 * TIME) + noise(TIME.size),
+        "TowerTop_AccZ": 1000.0 + 2.0 * noise(TIME.size),
+        "Blade2 edge acc": np.cos(SPEED * TIME) + 0.05 * noise(TIME.size),
+        "column_3": 1.001 + 0.01 * noise(TIME.size),
+        "strain_A [microstrain]": 200.0 + noise(TIME.size),
+        "status": np.ones(TIME.size),
+        **more,
+    }
+    path = folder / "mast.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    return path
+
+
+def said(name):
+    meaning = meaning_of(name)
+    assert meaning is not None
+    return meaning
+
+
+def guesses(path, **options):
+    return {guess.written: guess for guess in propose_mapping(path, **options).guesses}
+
+
+@pytest.mark.parametrize(
+    ("tag", "name"),
+    [
+        ("WTUR_W", "power"), ("WTUR1.W", "power"), ("WMET_HorWdSpd", "wind_speed"),
+        ("WTG07.WMET1.HorWdSpd.mag.f", "wind_speed"), ("WMET_HorWdSpd_Avg", "wind_speed"),
+        ("WMET_HorWdSpd_Sdv", "wind_speed_std"), ("WROT_BlPthAngVal", "blade_1_pitch"),
+        ("WROT_BlPthAngVal3", "blade_3_pitch"), ("WROT_BlPthAngVal_2_Max", "blade_2_pitch_max"),
+        ("WROT.RotSpd", "rotor_speed"), ("WROT/RotPos", "rotor_azimuth"), ("WNAC_Dir", "nacelle_yaw"),
+        ("Rotor Speed", "rotor_speed"), ("RotorSpeed", "rotor_speed"), ("WindSpeed_Mast80", "wind_speed"),
+        ("NacAccFA", "nacelle_z_acceleration"), ("tower top side-side acceleration", "tower_x_acceleration"),
+    ],
+)  # fmt: skip
+def test_tags_of_iec_61400_25_and_usual_words_are_known(tag, name):
+    assert said(tag).name == name
+
+
+@pytest.mark.parametrize("name", ["channel 7", "WROTTEN", "temp", "gain", "foreign"])
+def test_other_names_say_nothing(name):
+    assert meaning_of(name) is None
+
+
+def test_a_tag_that_is_not_used_says_so_and_a_missing_number_is_a_doubt():
+    assert said("WNAC_Foo").name is None
+    assert "of which blade" in said("WROT_BlPthAngVal").doubts[0]
+
+
+def test_gravity_tells_the_unit_of_upright_and_of_turning_accelerometers(tmp_path):
+    found = guesses(mast(tmp_path))
+    assert found["TowerTop_AccZ"].unit == "mg"
+    assert found["Blade2 edge acc"].unit == "g"
+    assert found["Blade2 edge acc"].name == "blade_2_tip_lag_acceleration"
+    assert any("1P" in text for text in found["Blade2 edge acc"].evidence)
+    assert any("0.317 Hz" in text or "0.32" in text for text in found["Acc_X_nacelle"].evidence)
+
+
+def test_what_cannot_be_told_is_a_question_and_no_line(tmp_path):
+    found = guesses(mast(tmp_path))
+    assert found["WROT_BlPthAngVal2"].unit is None  # 3.5 may be rad or deg
+    assert found["Acc_X_nacelle"].unit is None
+    assert found["column_3"].name is None
+    assert "is it an accelerometer in g?" in found["column_3"].doubts
+    assert not any("accelerometer" in doubt for doubt in found["status"].doubts)
+    text = propose_mapping(mast(tmp_path)).to_toml()
+    assert '# [channels."column_3"]' in text
+    assert text.count("# ? unit = ") == 4
+
+
+def test_the_proposal_is_a_mapping_that_refuses_what_nobody_decided(tmp_path):
+    path, target = mast(tmp_path), tmp_path / "m.toml"
+    target.write_text(propose_mapping(path).to_toml())
+    with pytest.raises(RecordError, match="'blade_2_pitch' has no unit"):
+        read_record(path, mapping=target)
+    text = target.read_text()
+    for name, unit in (("blade_2_pitch", "deg"), ("nacelle_x_acceleration", "mg")):
+        text = text.replace(f'name = "{name}"\n# ? unit = ', f'name = "{name}"\nunit = "{unit}"')
+    target.write_text(text)
+    record = read_record(path, mapping=target)
+    assert record.channels == (
+        "rotor_speed", "blade_2_pitch", "nacelle_x_acceleration", "tower_y_acceleration",
+        "blade_2_tip_lag_acceleration", "strain_A",
+    )  # fmt: skip
+    assert np.mean(record["tower_y_acceleration"]) == pytest.approx(G, rel=1e-3)
+    assert np.mean(record["rotor_speed"]) == pytest.approx(SPEED, rel=1e-2)
+
+
+def test_a_unit_that_gravity_contradicts_is_a_doubt(tmp_path):
+    more = {"hub vertical acc [m/s^2]": 1.0 + 0.01 * np.sin(TIME)}
+    found = guesses(mast(tmp_path, **more))["hub vertical acc"]
+    assert "the file says m/s^2, gravity says g" in found.doubts
+
+
+def test_two_channels_that_look_alike_keep_their_own_names(tmp_path):
+    found = guesses(mast(tmp_path, WTRM_RotSpd=12.1 + 0.01 * np.sin(TIME)))
+    assert found["WROT_RotSpd"].name is None
+    assert any("several channels look like rotor_speed" in doubt for doubt in found["WTRM_RotSpd"].doubts)
+
+
+def test_what_was_known_of_time_and_text_is_kept(tmp_path):
+    path = write(tmp_path, "".join(f"{k % 7},{k % 3}\n" for k in range(300)))
+    given = Mapping(time=TimeRule(rate=50.0, start="2021-07-07T12:00:00"))
+    target = tmp_path / "m.toml"
+    target.write_text(propose_mapping(path, given).to_toml())
+    assert load_mapping(target).time == given.time
+
+
+def test_openfast_output_needs_no_mapping(tmp_path):
+    pytest.importorskip("openfast_io", reason="openfast_io is not installed")
+    from validation.format_samples import SAMPLES, truth
+
+    path = tmp_path / "x.outb"
+    SAMPLES["OpenFAST .outb"].write(path, *truth(SAMPLES["OpenFAST .outb"]))
+    with pytest.raises(ConfigurationError, match="it needs no mapping"):
+        propose_mapping(path)
+
+
+def test_the_command_writes_the_mapping_and_replaces_none(tmp_path, run):
+    path, target = mast(tmp_path), tmp_path / "new" / "m.toml"
+    ended = run("inspect", path, "--write-mapping", target)
+    assert ended.code == 0
+    assert "rotor_speed" in ended.out
+    assert load_mapping(target).only_listed
+    again = run("inspect", path, "--write-mapping", target)
+    assert again.code == 2
+    assert "m.toml" in again.err[0]
