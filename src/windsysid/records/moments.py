@@ -7,9 +7,15 @@ has none: it can be compared with other local times, and not with the two above.
 import re
 from collections.abc import Mapping
 from datetime import datetime, timedelta
+from typing import Any
 
-__all__ = ["SINCE", "has_zone", "in_words", "moment", "shift_moment", "split_start", "tidy"]
+import numpy as np
 
+__all__ = [
+    "SINCE", "has_zone", "in_words", "moment", "moment_text", "shift_moment", "split_start", "tidy", "zone_offset",
+]  # fmt: skip
+
+_SECOND = 1_000_000_000  # ns
 _MOMENT = re.compile(r"\d{4}-\d{2}-\d{2}[ T]\d{2}:\d{2}(:\d{2}([.,]\d{1,9})?)? ?(Z|[+-]\d{2}(:?\d{2})?)?")
 
 SINCE = re.compile(r"(\S+)\s+since\s+(\S.*)", re.IGNORECASE)
@@ -52,6 +58,25 @@ def in_words(text: str | None) -> str:
     if text is None:
         return "not known"
     return text if has_zone(text) else f"{text}, local time, zone not given"
+
+
+def moment_text(origin: int, offset: int | None) -> str:
+    """A moment [ns since 1970, UTC] at `offset` [s] from UTC; of a local clock where that is None."""
+    local = origin + (offset or 0) * _SECOND
+    unit = next(unit for unit, ns in (("s", _SECOND), ("ms", 1_000_000), ("us", 1000), ("ns", 1)) if local % ns == 0)
+    text = str(np.datetime_as_string(np.datetime64(local, "ns"), unit=unit))  # type: ignore[call-overload]
+    if not offset:
+        return text if offset is None else text + "Z"
+    minutes = abs(offset) // 60
+    return f"{text}{'-' if offset < 0 else '+'}{minutes // 60:02d}:{minutes % 60:02d}"
+
+
+def zone_offset(origin: int, zone: Any) -> int:
+    """How far a zone is ahead of UTC [s] at a moment [ns since 1970]."""
+    import pandas as pd
+
+    ahead = pd.Timestamp(origin, unit="ns", tz="UTC").tz_convert(zone).utcoffset()
+    return 0 if ahead is None else int(ahead.total_seconds())
 
 
 def split_start(attributes: Mapping[str, str], first: float) -> tuple[str | None, dict[str, str]]:

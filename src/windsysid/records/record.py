@@ -20,11 +20,13 @@ import numpy.typing as npt
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows, refuse_outside
-from windsysid.records.moments import split_start, tidy
+from windsysid.records.labelled import Labelled, of_dataset, of_frame
+from windsysid.records.moments import tidy
 from windsysid.records.quantities import implied_unit, missing_units
 from windsysid.units import UNITS, canonical, si_unit, to_si
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 __all__ = ["AS_WRITTEN", "LOW_PASS", "Array", "Record"]
@@ -304,7 +306,7 @@ class Record:
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Record:
-        """A record from a dataset whose variables are (time,), with time [s] as numbers.
+        """A record from a dataset whose variables are (time,), with time [s] as numbers or dates.
 
         Units other than SI are converted. A variable without ``units`` is refused where its name says a quantity, and
         kept ``as written: unknown`` where it says none.
@@ -315,36 +317,41 @@ class Record:
             If there is no such time, a variable has other dimensions or is not a number, or a unit is
             missing or unknown.
         """
-        if "time" not in dataset.variables or dataset["time"].dims != ("time",):
-            raise RecordError(
-                "not a record: expected a coordinate 'time' (T,) in seconds, got the variables "
-                f"{_listed([str(name) for name in dataset.variables])}"
-            )
-        try:
-            order = [str(name) for name in json.loads(dataset.attrs.get("windsysid_channels", "[]"))]
-        except (TypeError, ValueError):
-            order = []
-        if sorted(order) != sorted(map(str, dataset.data_vars)):
-            order = [str(name) for name in dataset.data_vars]
-        time, unit = convert(_column(dataset["time"], "time"), str(dataset["time"].attrs.get("units", "s")), "time")
-        if unit != "s":
-            raise RecordError(f"time is in '{dataset['time'].attrs['units']}', expected seconds; convert it first")
-        given = {name: str(dataset[name].attrs.get("units", "")) or f"{AS_WRITTEN}unknown" for name in order}
-        unsaid = [name for name in order if given[name] == f"{AS_WRITTEN}unknown" and implied_unit(name)]
+        return cls.from_labelled(of_dataset(dataset), "give the variable its attribute units")
+
+    @classmethod
+    def from_dataframe(cls, frame: pd.DataFrame) -> Record:
+        """A record from a pandas frame whose columns are called ``name [unit]``.
+
+        Units may also stand in ``frame.attrs["units"]``, by column. The time is a column ``time``, otherwise the index,
+        in seconds or as dates; dates give the start too, with the zone that they have. Units are treated as in
+        `from_xarray`.
+
+        Raises
+        ------
+        RecordError
+            If a column is there twice or is not a number, a unit is missing or unknown, or the time is neither seconds
+            nor dates.
+        """
+        return cls.from_labelled(of_frame(frame), "call the column '{}'")
+
+    @classmethod
+    def from_labelled(cls, table: Labelled, how: str) -> Record:
+        """A record from a labelled table that was taken apart; `how` a user writes a unit there."""
+        given = {name: unit or f"{AS_WRITTEN}unknown" for name, (_, unit) in table.columns.items()}
+        values = {name: _numbers(column, name) for name, (column, _) in table.columns.items()}
+        unsaid = [name for name in given if given[name] == f"{AS_WRITTEN}unknown" and implied_unit(name)]
         if unsaid:
-            table = [(name, _column(dataset[name], name)) for name in unsaid]
-            raise RecordError(missing_units(table, "give the variable its attribute units"))
-        columns = [convert(_column(dataset[name], name), given[name], f"'{name}'") for name in order]
-        texts = {str(k): str(v) for k, v in dataset.attrs.items() if not str(k).startswith("windsysid_")}
-        start, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
+            raise RecordError(missing_units([(name, values[name]) for name in unsaid], how))
+        columns = [convert(values[name], given[name], f"'{name}'") for name in given]
         return cls(
-            time,
-            _table([values for values, _ in columns], time.size),
-            tuple(order),
+            table.time,
+            _table([values for values, _ in columns], table.time.size),
+            tuple(given),
             tuple(unit for _, unit in columns),
-            name=str(dataset.attrs.get("windsysid_name", "record")),
-            attributes=attributes,
-            start=start,
+            name=table.name,
+            attributes=table.attributes,
+            start=table.start,
         )
 
     def _column(self, channel: str) -> int:
@@ -394,13 +401,11 @@ def _table(columns: list[Array], samples: int) -> Array:
     return np.column_stack(columns) if columns else np.empty((samples, 0))
 
 
-def _column(variable: xr.DataArray, name: str) -> Array:
-    if variable.dims != ("time",) or variable.dtype.kind not in "fiu":
-        raise RecordError(
-            f"'{name}' is {variable.dtype} with dimensions ({', '.join(map(str, variable.dims))}): "
-            "expected numbers with dimension (time); leave it out or convert it"
-        )
-    return np.asarray(variable.to_numpy(), dtype=np.float64)
+def _numbers(column: npt.ArrayLike, name: str) -> Array:
+    values = np.asarray(column)
+    if values.dtype.kind not in "fiu":
+        raise RecordError(f"'{name}': expected numbers, got {values.dtype}; leave it out or convert it")
+    return np.asarray(values, dtype=np.float64)
 
 
 def _listed(names: Iterable[str], most: int = 12) -> str:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.mapping import TimeRule
-from windsysid.records.moments import SINCE, has_zone, tidy
+from windsysid.records.moments import SINCE, has_zone, moment_text, tidy, zone_offset
 from windsysid.records.record import Array
 from windsysid.units import si_unit, to_si
 
@@ -225,7 +225,7 @@ def start_of(rule: TimeRule, given: str | None) -> str | None:
         return given
     local = int(np.datetime64(given, "ns").astype(np.int64))
     origin = int(_to_utc(np.array([local]), rule.zone, "time 0 (row {})".format)[0])
-    return _text(origin, _offset(origin, rule.zone))
+    return moment_text(origin, zone_offset(origin, rule.zone))
 
 
 def exact_seconds(clock: Clock, moments: Moments, place: Callable[[int], str]) -> Array:
@@ -296,31 +296,12 @@ def _absolute(clock: Clock, first: Any, place: Callable[[int], str], zone: str =
     origin = int(clock._moments(first, place)[0])
     offset: int | None = None
     if clock.zone or zone:
-        offset = _offset(origin, clock.zone or zone)
+        offset = zone_offset(origin, clock.zone or zone)
     elif clock.zoned and clock.textual:
         offset = _written_offset(first[0])
     elif clock.zoned or "%z" in clock.pattern:
         offset = 0
-    return replace(clock, origin=origin, start=_text(origin, offset))
-
-
-def _text(origin: int, offset: int | None) -> str:
-    """A moment [ns since 1970, UTC] at `offset` [s] from UTC; of a local clock where that is None."""
-    local = origin + (offset or 0) * _SECOND
-    unit = next(unit for unit, ns in (("s", _SECOND), ("ms", 1_000_000), ("us", 1000), ("ns", 1)) if local % ns == 0)
-    text = str(np.datetime_as_string(np.datetime64(local, "ns"), unit=unit))  # type: ignore[call-overload]
-    if not offset:
-        return text if offset is None else text + "Z"
-    minutes = abs(offset) // 60
-    return f"{text}{'-' if offset < 0 else '+'}{minutes // 60:02d}:{minutes % 60:02d}"
-
-
-def _offset(origin: int, zone: str) -> int:
-    """How far a zone is ahead of UTC [s] at a moment [ns since 1970]."""
-    import pandas as pd
-
-    ahead = pd.Timestamp(origin, unit="ns", tz="UTC").tz_convert(zone).utcoffset()
-    return 0 if ahead is None else int(ahead.total_seconds())
+    return replace(clock, origin=origin, start=moment_text(origin, offset))
 
 
 def _written_offset(cell: str) -> int:
