@@ -16,7 +16,7 @@ import numpy as np
 from windsysid.records.formats.mapping import ChannelRule, Mapping, TimeRule
 from windsysid.records.record import Array
 
-__all__ = ["SAMPLES", "START", "Sample", "truth"]
+__all__ = ["SAMPLES", "START", "Sample", "files_of", "truth"]
 
 START = "2021-07-07T12:00:00.250Z"
 _MOMENT = datetime(2021, 7, 7, 12, 0, 0, 250_000, tzinfo=UTC)
@@ -45,8 +45,8 @@ class Sample:
         ``kept(values)`` is what the file keeps of values (T, 2): every bit, or so many digits.
     names, units : tuple of str
         What the channels are called, and the units of their values in the file.
-    data : str
-        Ending of the file with the numbers, where that is another.
+    files : tuple of str
+        Endings of the files that are written, where there are two; the one with the numbers first.
     begin : float
         Time of the first sample [s].
     scaled : bool
@@ -64,10 +64,15 @@ class Sample:
     kept: Callable[[Array], Array] = field(default=lambda values: values)
     names: tuple[str, str] = NAMES
     units: tuple[str, str] = UNITS
-    data: str = ""
+    files: tuple[str, ...] = ()
     begin: float = 0.0
     scaled: bool = False
     counted: bool = True
+
+
+def files_of(sample: Sample, path: Path) -> list[Path]:
+    """The files that hold a record, the one with the numbers first."""
+    return [path.with_suffix(ending) for ending in sample.files] or [path]
 
 
 def truth(sample: Sample, seed: int = 0) -> tuple[Array, Array]:
@@ -263,7 +268,7 @@ _DAQ = Mapping(
     channels={"daq/raw_1": ChannelRule(name=NAMES[0]), "daq/raw_2": ChannelRule(name=NAMES[1], unit="rpm")},
 )
 _BLADED: dict[str, Any] = {
-    "names": ("Nacelle fore-aft acceleration", "Rotor speed"), "units": ("m/s^2", "rad/s"), "data": ".$04"
+    "names": ("Nacelle fore-aft acceleration", "Rotor speed"), "units": ("m/s^2", "rad/s"), "files": (".$04", ".%04")
 }  # fmt: skip
 
 SAMPLES: dict[str, Sample] = {
@@ -278,9 +283,14 @@ SAMPLES: dict[str, Sample] = {
     "UFF 58b": Sample(".uff", _uff, "pyuff", "pyuff"),
     "MDF 4": Sample(".mf4", _mdf, "asammdf", "asammdf", Mapping(channels=_LISTED, only_listed=True), START),
     "LabVIEW .lvm": Sample(".lvm", _lvm, "by hand", start=START[:-1], kept=_decimals(6)),
-    "HAWC2 text": Sample(".sel", _hawc2, "by hand", kept=_digits(6), data=".dat", begin=1.0 / RATE),
+    "HAWC2 text": Sample(".sel", _hawc2, "by hand", kept=_digits(6), files=(".dat", ".sel"), begin=1.0 / RATE),
     "HAWC2 binary": Sample(
-        ".sel", lambda p, t, v: _hawc2(p, t, v, binary=True), "by hand", kept=_packed, data=".dat", begin=1.0 / RATE
+        ".sel",
+        lambda p, t, v: _hawc2(p, t, v, binary=True),
+        "by hand",
+        kept=_packed,
+        files=(".dat", ".sel"),
+        begin=1.0 / RATE,
     ),
     "Bladed text": Sample(
         ".$04", lambda p, t, v: _bladed(p, t, v, binary=False), "by hand", kept=_digits(8), **_BLADED

@@ -98,6 +98,7 @@ def layout(path):
         file["packed"].attrs.update({"units": "m", "scale_factor": 0.5, "add_offset": 1.0, "_FillValue": np.int16(7)})
         file.attrs["start_time"] = "2021-07-07T12:00:00Z"
         file["here"] = h5py.SoftLink("/raw/clock")
+        file["raw/again"] = file["raw"]  # a group that holds itself
         file["elsewhere"] = h5py.ExternalLink("other.h5", "/a")
     return path
 

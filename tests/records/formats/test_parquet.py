@@ -7,6 +7,7 @@ import pytest
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import OutputError
 from windsysid.records.formats import read_record, write_record
+from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.record import Record
 
 pa = pytest.importorskip("pyarrow", reason="the extra windsysid[parquet] is not installed")
@@ -75,3 +76,14 @@ def test_without_pyarrow_the_line_says_how_to_get_it(tmp_path, record, monkeypat
     refused(tmp_path / "x.parquet", r'pip install "windsysid\[parquet\]"')
     with pytest.raises(OutputError, match=r'pip install "windsysid\[parquet\]"'):
         write_record(record, tmp_path / "z.parquet")
+
+
+def test_parquet_without_a_time_is_counted_by_its_rate(tmp_path):
+    values = np.random.default_rng(1).standard_normal((70_000, 2))
+    pd.DataFrame(values, columns=["a [m]", "b [m]"]).to_parquet(tmp_path / "x.parquet", index=False)
+    mapping = Mapping(time=TimeRule(rate=100.0))
+    record = read_record(tmp_path / "x.parquet", mapping=mapping)
+    assert record.time.tobytes() == (np.arange(70_000) / 100.0).tobytes()
+    assert record.values.tobytes() == values.tobytes()
+    part = read_record(tmp_path / "x.parquet", mapping=mapping, section=(690.0, 691.0))
+    np.testing.assert_array_equal(part.values, values[69_000:69_100])

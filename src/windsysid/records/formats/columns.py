@@ -12,6 +12,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.checks import Array, check_channels
 from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, matches
@@ -73,7 +75,10 @@ class Column:
 
     def values(self, raw: Array) -> Array:
         """The values in SI, bit for bit the file's own where nothing is to be converted."""
-        return raw if self.factor == 1.0 else -raw if self.factor == -1.0 else raw * self.factor
+        if self.factor in (1.0, -1.0):
+            return raw if self.factor == 1.0 else -raw
+        with np.errstate(all="ignore"):  # a damaged number; infinity is named by whoever checks the rows
+            return raw * self.factor
 
 
 def split_unit(written: str) -> Cell:

@@ -61,10 +61,11 @@ def damaged(error: Exception) -> Exception:
     return RecordError(f"is damaged or cut off ({reason}); copy or export it again")
 
 
-def datasets(group: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def datasets(group: Any, path: str = "", above: tuple[Any, ...] = ()) -> Iterator[tuple[str, Any]]:
     """All datasets of a group and those below, with their paths; links to other files are not followed."""
     import h5py  # type: ignore[import-untyped,unused-ignore]
 
+    above = (*above, group)
     for name in group:
         if name.startswith("#"):  # what MATLAB keeps for itself
             continue
@@ -74,8 +75,8 @@ def datasets(group: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         item = group[name]
         if isinstance(item, h5py.Dataset):
             yield path + name, item
-        elif isinstance(item, h5py.Group) and path.count("/") < 20:  # a damaged group may hold itself
-            yield from datasets(item, f"{path}{name}/")
+        elif isinstance(item, h5py.Group) and item not in above:  # a damaged group may hold itself
+            yield from datasets(item, f"{path}{name}/", above)
 
 
 def stored(path: str, dataset: Any, *, unit: str | None = None) -> list[Stored]:

@@ -114,6 +114,8 @@ def _parsed(path: Path) -> tuple[dict[str, list[str]], list[_Segment]]:
             segments.append(_Segment(header, cells))
             header = None
         elif header is not None:
+            if not cells[0] or cells[0] == "Channels" or is_number(cells[0], decimal):
+                raise RecordError(f"line {number} is no header line, expected X_Value before it; export it again")
             header[cells[0]] = cells[1:]
         elif not segments:
             raise RecordError(f"line {number} should begin a segment with 'Channels'; it is damaged; export it again")

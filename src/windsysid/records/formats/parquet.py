@@ -39,35 +39,39 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
         notes = {key.decode(): text.decode() for key, text in (schema.metadata or {}).items()}
         cells = [_cell(schema.field(i)) for i in range(len(schema))]
         index = _pandas_index(notes, [cell.written for cell in cells])
-        time = index if index is not None and mapping.time.column is None else find_time(cells, mapping)
+        rate = mapping.time.rate
+        times: tuple[int, ...] = ()
+        if rate is None:
+            times = (index if index is not None and mapping.time.column is None else find_time(cells, mapping),)
 
         def some(index: int) -> Array:
             _check_type(schema.field(index), dates=False)
             batch = next(file.iter_batches(_SOME, columns=[schema.field(index).name]), None)
             return np.empty(0) if batch is None else _numbers(batch.column(0))
 
-        columns = plan_columns(cells, time, mapping, some, "name the column '{}'")
-        for i in [time, *(column.index for column in columns)]:
-            _check_type(schema.field(i), dates=i == time)
+        columns = plan_columns(cells, times, mapping, some, "name the column '{}'")
+        for i in [*times, *(column.index for column in columns)]:
+            _check_type(schema.field(i), dates=i in times)
         attributes = {str(k): str(v) for k, v in json.loads(notes.get("windsysid_attributes", "{}")).items()}
-        first = next(file.iter_batches(20, columns=[schema.field(time).name]), None)
+        first = next(file.iter_batches(20, columns=[schema.field(times[0] if times else 0).name]), None)
         if first is None or not first.num_rows:
             raise RecordError("expected at least 2 samples, got 0; give a longer record")
-        clock = _clock(first.column(0), cells[time].unit, mapping)
-        start = float(_seconds(clock, first.column(0))[0])
+        clock = _clock(first.column(0), cells[times[0]].unit, mapping) if times else Clock()
+        start = float(_seconds(clock, first.column(0))[0]) if times else 0.0
         said, attributes = split_start(attributes, start)
     except RecordError:
         raise
     except (ValueError, OSError, AttributeError, KeyError, TypeError) as error:
         raise _damaged(error) from error
-    wanted = [schema.field(i).name for i in (time, *(column.index for column in columns))]
+    wanted = [schema.field(i).name for i in (*times, *(column.index for column in columns))]
 
     def blocks(start: float, end: float) -> Iterator[Block]:
         done, total, waiting = 0, max(file.metadata.num_rows, 1), None
         for rows in _batches(file, wanted):
-            seconds = _seconds(clock, rows[0])
+            counted = np.arange(done, done + len(rows[0])) / (rate or 1.0)
+            seconds = _seconds(clock, rows[0]) if times else counted
             done += seconds.size
-            values = [column.values(_numbers(rows[i])) for i, column in enumerate(columns, 1)]
+            values = [column.values(_numbers(rows[i])) for i, column in enumerate(columns, len(times))]
             first = done - seconds.size
             block = Block(seconds, np.column_stack(values), shifted("sample {}".format, first), done / total)
             waiting = block if seconds.size and seconds[-1] < start else None
