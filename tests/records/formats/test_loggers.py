@@ -1,5 +1,6 @@
 """What is particular to NI TDMS, universal files, MDF 4, LabVIEW and Dewesoft."""
 
+import struct
 import sys
 import types
 from datetime import UTC, datetime
@@ -76,6 +77,16 @@ def test_tdms_channels_of_one_name_are_called_after_their_groups(tmp_path):
     assert record["low"].tobytes() == (VALUES[:, 1] * -9.80665).tobytes()
 
 
+def test_tdms_channels_that_need_other_bytes_than_the_segments_hold_are_refused(tmp_path):
+    path = tdms(tmp_path / "x.tdms", ("g", "a", VALUES[:, 0], WAVE), ("g", "b", VALUES[:, 1], WAVE))
+    count = struct.pack("<IIQ", 10, 1, T)  # float64, one dimension, so many values
+    whole = path.read_bytes()
+    assert whole.count(count) == 2
+    for other in (T - 1, T + 1, 1 << 40):  # with the first channel one shorter, the second would begin one earlier
+        path.write_bytes(whole.replace(count, struct.pack("<IIQ", 10, 1, other), 1))
+        refused(path, "is damaged")
+
+
 # universal files
 
 
@@ -105,6 +116,15 @@ def test_spectra_in_a_universal_file_are_left_out_and_said(tmp_path):
     assert record.channels == ("top",)
     assert record.attributes["left_out"] == "data sets 58b"
     refused(uff(tmp_path / "y.uff", spectrum), "holds no function over time")
+
+
+def test_a_data_set_that_holds_other_numbers_than_it_says_is_refused(tmp_path):
+    for binary in (0, 1):
+        path = uff(tmp_path / f"{binary}.uff", {"data": VALUES[:, 0], "id1": "top", "binary": binary})
+        whole = path.read_bytes()
+        assert whole.count(b"       200         1") == 1
+        path.write_bytes(whole.replace(b"       200         1", b"       199         1"))
+        refused(path, "says 199 samples, expected 199 numbers, got 200")
 
 
 def test_a_universal_file_of_seven_bytes_is_refused(tmp_path):

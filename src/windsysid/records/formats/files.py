@@ -6,9 +6,9 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from windsysid.errors import RecordError
+from windsysid.errors import ConfigurationError, RecordError
 
-__all__ = ["check_input", "named_after", "quiet", "read_start"]
+__all__ = ["check_input", "damaged", "named_after", "quiet", "read_start"]
 
 
 # os.path answers where Path would raise: a folder that may not be entered, a name that cannot be one.
@@ -73,3 +73,11 @@ def quiet(package: str) -> Iterator[None]:
     finally:
         for name, level in levels.items():
             logging.getLogger(name).setLevel(level)
+
+
+def damaged(error: Exception) -> Exception:
+    """The error to raise where a library raised `error` while it read a file: libraries raise nearly anything then."""
+    if isinstance(error, RecordError | ConfigurationError | MemoryError):
+        return error
+    reason = " ".join(str(error).split())[:120] or type(error).__name__
+    return RecordError(f"is damaged or cut off ({reason}); copy or export it again")

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from windsysid.errors import ConfigurationError, RecordError
+from windsysid.errors import RecordError
 from windsysid.records.formats.arrays import Stored, source_of_arrays
-from windsysid.records.formats.files import read_start
+from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.netcdf import check_seal, unpacked
 from windsysid.records.formats.source import Source
 from windsysid.records.record import Array
 
-__all__ = ["FORMAT", "damaged", "opened", "stored"]
+__all__ = ["FORMAT", "datasets", "opened", "stored"]
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 _UNITS = ("units", "unit", "Units", "Unit")
@@ -51,14 +51,6 @@ def opened(path: Path) -> Any:
         return h5py.File(path, "r")
     except Exception as error:  # damaged HDF5 raises nearly anything
         raise damaged(error) from error
-
-
-def damaged(error: Exception) -> Exception:
-    """The error to raise where the library raised `error`."""
-    if isinstance(error, RecordError | ConfigurationError):
-        return error
-    reason = " ".join(str(error).split())[:120]
-    return RecordError(f"is damaged or cut off ({reason}); copy or export it again")
 
 
 def datasets(group: Any, path: str = "", above: tuple[Any, ...] = ()) -> Iterator[tuple[str, Any]]:

@@ -16,9 +16,9 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.arrays import Stored, source_of_arrays
-from windsysid.records.formats.files import read_start
+from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
-from windsysid.records.formats.hdf5 import damaged, datasets, opened, stored
+from windsysid.records.formats.hdf5 import datasets, opened, stored
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.source import Source
 from windsysid.records.record import Array

@@ -8,12 +8,12 @@ invalid are missing. Times are seconds after the start in the header.
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.files import quiet, read_start
+from windsysid.records.formats.files import damaged, quiet, read_start
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Series, cell_of, short_names, source_of_series, utc
@@ -43,7 +43,7 @@ def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         began = _start(file)
         series = [_series(file, group, index, *name, began) for (group, index), name in zip(found, names, strict=True)]
     except Exception as error:
-        _refuse(error)
+        raise damaged(error) from error
     if not series:
         raise RecordError("holds no channel with samples; expected at least one; record it again")
 
@@ -65,7 +65,7 @@ def _opened(path: Path) -> Any:
     except Exception as error:
         stream.close()
         _silence(error)
-        _refuse(error)
+        raise damaged(error) from error
 
 
 def _silence(error: BaseException) -> None:
@@ -114,7 +114,7 @@ def _series(file: Any, group: int, index: int, written: str, name: str, start: s
             with quiet("asammdf"):
                 return np.asarray(file.get_master(group), dtype=np.float64)
         except Exception as error:
-            _refuse(error)
+            raise damaged(error) from error
 
     master = file.masters_db.get(group)
     timed = master is not None and file.groups[group].channels[master].sync_type == _TIME
@@ -134,7 +134,7 @@ def _read(file: Any, channels: list[tuple[int, int]], low: int, high: int) -> li
         with quiet("asammdf"):
             signals = file.select(wanted, record_offset=low, record_count=high - low, copy_master=False)
     except Exception as error:
-        _refuse(error)
+        raise damaged(error) from error
     return [_numbers(signal) for signal in signals]
 
 
@@ -144,13 +144,6 @@ def _numbers(signal: Any) -> Array:
     values = np.asarray(signal.samples, dtype=np.float64)
     invalid = signal.invalidation_bits
     return values if invalid is None else np.where(np.asarray(invalid, dtype=bool), np.nan, values)
-
-
-def _refuse(error: Exception) -> NoReturn:
-    if isinstance(error, RecordError | OSError | MemoryError):
-        raise error
-    reason = " ".join(str(error).split())[:120] or type(error).__name__
-    raise RecordError(f"is damaged or cut off ({reason}); copy or export it again") from error
 
 
 FORMAT = Format("MDF", (".mf4", ".mdf"), open_mdf, begins=(b"MDF     ", b"UnFinMF "))

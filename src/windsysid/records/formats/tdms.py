@@ -12,14 +12,14 @@ of timestamps, or one called ``time``, is the time.
 import struct
 import weakref
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.clock import Moments
 from windsysid.records.formats.columns import Cell
-from windsysid.records.formats.files import quiet
+from windsysid.records.formats.files import damaged, quiet
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Grid, Series, cell_of, short_names, source_of_series, utc
@@ -55,7 +55,7 @@ def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         series = [_series(channel, *name) for channel, name in zip(channels, names, strict=True)]
     except Exception as error:
         stream.close()
-        _refuse(error)
+        raise damaged(error) from error
     if not series:
         raise RecordError("holds no channel with samples; expected at least one; record it again")
     try:
@@ -112,7 +112,7 @@ def _series(channel: Any, written: str, name: str) -> Series:
         try:
             values = channel[low:high]
         except Exception as error:
-            _refuse(error)
+            raise damaged(error) from error
         if values.dtype.kind not in "fiub":
             raise RecordError(f"channel '{name}' holds text, expected numbers; leave it out of the mapping file")
         return np.asarray(values, dtype=np.float64)
@@ -133,7 +133,7 @@ def _moments(channel: Any) -> Moments:
     try:
         return np.asarray(channel[:], dtype="datetime64[ns]").astype(np.int64)
     except Exception as error:
-        _refuse(error)
+        raise damaged(error) from error
 
 
 def _grid(properties: Any) -> Grid | None:
@@ -145,13 +145,6 @@ def _grid(properties: Any) -> Grid | None:
     if began is not None and np.datetime64(began) > np.datetime64("1904-01-02"):  # LabVIEW's zero means not known
         start = utc(1000 * round(int(np.datetime64(began, "ns").astype(np.int64)) / 1000))  # fractions of 2^-64 s
     return Grid(float(properties.get("wf_start_offset", 0.0)), step, start)
-
-
-def _refuse(error: Exception) -> NoReturn:
-    if isinstance(error, RecordError | OSError | MemoryError):
-        raise error
-    reason = " ".join(str(error).split())[:120] or type(error).__name__
-    raise RecordError(f"is damaged ({reason}); copy or export it again") from error
 
 
 FORMAT = Format("NI TDMS", (".tdms",), open_tdms, begins=(b"TDSm",))
