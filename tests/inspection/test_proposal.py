@@ -95,13 +95,13 @@ def test_what_cannot_be_told_is_a_question_and_no_line(tmp_path):
 
 def test_the_proposal_is_a_mapping_that_refuses_what_nobody_decided(tmp_path):
     path, target = mast(tmp_path), tmp_path / "m.toml"
-    target.write_text(propose_mapping(path).to_toml())
+    target.write_text(propose_mapping(path).to_toml(), encoding="utf-8")
     with pytest.raises(RecordError, match="'blade_2_pitch' has no unit"):
         read_record(path, mapping=target)
-    text = target.read_text()
+    text = target.read_text(encoding="utf-8")
     for name, unit in (("blade_2_pitch", "deg"), ("nacelle_x_acceleration", "mg")):
         text = text.replace(f'name = "{name}"\n# ? unit = ', f'name = "{name}"\nunit = "{unit}"')
-    target.write_text(text)
+    target.write_text(text, encoding="utf-8")
     record = read_record(path, mapping=target)
     assert record.channels == (
         "rotor_speed", "blade_2_pitch", "nacelle_x_acceleration", "tower_y_acceleration",
@@ -127,7 +127,7 @@ def test_what_was_known_of_time_and_text_is_kept(tmp_path):
     path = write(tmp_path, "".join(f"{k % 7},{k % 3}\n" for k in range(300)))
     given = Mapping(time=TimeRule(rate=50.0, start="2021-07-07T12:00:00"))
     target = tmp_path / "m.toml"
-    target.write_text(propose_mapping(path, given).to_toml())
+    target.write_text(propose_mapping(path, given).to_toml(), encoding="utf-8")
     assert load_mapping(target).time == given.time
 
 
