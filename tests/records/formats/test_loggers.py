@@ -12,7 +12,7 @@ import pytest
 
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import ConfigurationError
-from windsysid.records.formats import read_record
+from windsysid.records.formats import iterate_record, read_record
 from windsysid.records.formats.mapping import ChannelRule, Mapping, TimeRule
 
 T = 200
@@ -36,13 +36,36 @@ def tdms(path, *channels):
 WAVE = {"wf_increment": 0.01, "unit_string": "g"}
 
 
-def test_tdms_channels_of_unequal_length_are_refused_unless_those_of_one_clock_are_listed(tmp_path):
+def test_a_slower_channel_stands_in_the_rows_that_it_was_sampled_at(tmp_path):
     slow = {"wf_increment": 0.1, "unit_string": "rpm"}
     path = tdms(tmp_path / "x.tdms", ("g", "a", VALUES[:, 0], WAVE), ("g", "speed", VALUES[:20, 1], slow))
-    refused(path, r"'a' \(200 samples at 100 Hz\) and 'speed' \(20 samples at 10 Hz\) are not sampled together")
-    record = read_record(path, mapping=listed(speed=None))
-    assert record.samples == 20
-    assert record.rate == pytest.approx(10.0, rel=1e-12)
+    record = read_record(path)
+    assert record["a"].tobytes() == (VALUES[:, 0] * 9.80665).tobytes()
+    speed = record["speed"]
+    np.testing.assert_array_equal(np.flatnonzero(np.isfinite(speed)), np.arange(0, 200, 10))
+    assert speed[::10].tobytes() == (VALUES[:20, 1] * (2.0 * np.pi / 60.0)).tobytes()
+    pieces = list(iterate_record(path, 0.25))
+    np.testing.assert_array_equal(np.concatenate([piece.values for piece in pieces]), record.values)
+    part = read_record(path, section=(0.55, 0.65))
+    np.testing.assert_array_equal(part.values, record.section(0.55, 0.65).values)
+    assert read_record(path, mapping=listed(speed=None)).rate == pytest.approx(10.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("count", "wave"),
+    [
+        (20, {"wf_increment": 0.1001}),  # not at the times of the faster one
+        (18, {"wf_increment": 0.1}),  # cut
+        (20, {"wf_increment": 0.1, "wf_start_offset": 0.004}),  # between them
+        (180, {"wf_increment": 0.01}),  # of the same rate, cut
+        (200, {"wf_increment": 0.02}),  # twice as long
+        (20, {"wf_increment": 0.1, "wf_start_time": np.datetime64("2021-07-07T12:00:00")}),  # who knows when
+    ],
+)
+def test_channels_that_do_not_fit_each_other_are_refused_and_never_cut(tmp_path, count, wave):
+    other = {"unit_string": "rpm", **wave}
+    path = tdms(tmp_path / "x.tdms", ("g", "a", VALUES[:, 0], WAVE), ("g", "speed", VALUES[:count, 1], other))
+    refused(path, r"'a' \(200 samples at 100 Hz\) and 'speed' \(.*\) are not sampled together")
 
 
 def test_a_tdms_index_file_that_is_older_than_the_data_changes_nothing(tmp_path):

@@ -1,8 +1,9 @@
 """Formats that hold each channel as a series of its own: from their series to one `Source`.
 
-MATLAB, HDF5, TDMS, UFF, MDF and others keep channels apart, each with its name, unit and clock. A record is one table:
-all its channels are sampled together. So the series that the mapping chooses must have the same clock, and the same
-length; anything else is refused, naming two of them, and nothing is cut to fit. Only chosen series are read.
+MATLAB, HDF5, TDMS, UFF, MDF and others keep channels apart, each with its name, unit and clock. A record is one table,
+with the times of the fastest of the series that the mapping chooses. A slower series may join where each of its samples
+coincides with a row and it lasts as long (`placing`); between its samples it is missing. Anything else is refused,
+naming two series, and nothing is cut to fit. Only chosen series are read.
 
 The clock is, in this order: the column that the mapping names; its ``rate``, for a file that says no time; the clock
 that the series themselves say; a series called ``time``.
@@ -19,8 +20,9 @@ from windsysid.records.checks import UNIFORM
 from windsysid.records.formats.clock import Moments, exact_seconds, make_clock, moments_clock, start_of
 from windsysid.records.formats.columns import TIME_NAMES, Cell, Column, find_time, name_and_unit, plan_columns
 from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.placing import Rows, coinciding
 from windsysid.records.formats.source import Source, indexed_source
-from windsysid.records.moments import moment, split_start
+from windsysid.records.moments import has_zone, moment, split_start
 from windsysid.records.record import Array
 
 __all__ = ["Grid", "Series", "cell_of", "short_names", "source_of_series", "tidy_step", "utc"]
@@ -123,16 +125,27 @@ def source_of_series(
     at = _time_index(series, mapping, hint)
     columns = plan_columns(cells, at, mapping, lambda i: series[i].numbers(0, min(_SOME, series[i].samples)), how)
     chosen = [series[column.index] for column in columns]
-    _check_together([series[at], *chosen] if at is not None else chosen, apart=at is not None or _has_rate(mapping))
-    time, said = _times(series, at, chosen[0], mapping)
+    if at is not None or mapping.time.rate is not None:
+        _check_lengths(chosen if at is None else [series[at], *chosen])
+        time, said = _times(series, at, chosen[0], mapping)
+        places: list[Rows | None] = [None] * len(chosen)
+    else:
+        fastest = max(chosen, key=lambda one: one.samples)
+        time, said = _own_times(fastest)
+        places = [_place(one, fastest, time) for one in chosen]
+    whole = [k for k, place in enumerate(places) if place is None]
     noted, attributes = split_start(attributes, float(time[0]) if time.size else 0.0)
 
     def rows(low: int, high: int) -> Array:
         if together is not None:
-            raw = together([column.index for column in columns], low, high)
+            raw = together([columns[k].index for k in whole], low, high)
         else:
-            raw = [one.numbers(low, high) for one in chosen]
-        return np.column_stack([_values(*pair, low, high) for pair in zip(columns, raw, strict=True)])
+            raw = [chosen[k].numbers(low, high) for k in whole]
+        found = {k: _values(columns[k], values, low, high) for k, values in zip(whole, raw, strict=True)}
+        for k, place in enumerate(places):
+            if place is not None:
+                found[k] = _placed(columns[k], chosen[k], place, low, high)
+        return np.column_stack([found[k] for k in range(len(columns))])
 
     return indexed_source(
         name,
@@ -155,8 +168,13 @@ def _values(column: Column, raw: Array, low: int, high: int) -> Array:
     return column.values(raw)
 
 
-def _has_rate(mapping: Mapping) -> bool:
-    return mapping.time.rate is not None
+def _placed(column: Column, series: Series, rows: Rows, low: int, high: int) -> Array:
+    """Rows low … high − 1 of a slower series, whose samples stand in `rows`; NaN between them."""
+    first, last = (int(k) for k in np.searchsorted(rows, (low, high)))
+    values = np.full(high - low, np.nan)
+    if last > first:
+        values[rows[first:last] - low] = _values(column, series.numbers(first, last), first, last)
+    return values
 
 
 def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | None:
@@ -185,16 +203,42 @@ def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | 
     )
 
 
-def _check_together(chosen: Sequence[Series], *, apart: bool) -> None:
-    """Refuse series that are not sampled together; `apart`: the time does not come from them."""
-    first = chosen[0]
+def _check_lengths(chosen: Sequence[Series]) -> None:
+    """Refuse series of unequal length, where the time does not come from them."""
     for other in chosen[1:]:
-        if other.samples == first.samples and (apart or _same_clock(first, other)):
-            continue
-        raise RecordError(
-            f"'{first.cell.name}' ({_sampling(first)}) and '{other.cell.name}' ({_sampling(other)}) are not sampled"
-            " together; list channels of one clock in a mapping file, with only_listed = true"
-        )
+        if other.samples != chosen[0].samples:
+            raise _apart(chosen[0], other)
+
+
+def _place(one: Series, fastest: Series, time: Array) -> Rows | None:
+    """The rows where the samples of a slower series stand; None for a series that is sampled with the fastest."""
+    if one.samples == fastest.samples and _same_clock(fastest, one):
+        return None
+    if one.grid is None and one.times is None:
+        raise _apart(fastest, one)
+    own, start = _own_times(one)
+    rows = coinciding(time, own + _between(_start_of(fastest), start))
+    if rows is None:
+        raise _apart(fastest, one)
+    return rows
+
+
+def _apart(one: Series, other: Series) -> RecordError:
+    return RecordError(
+        f"'{one.cell.name}' ({_sampling(one)}) and '{other.cell.name}' ({_sampling(other)}) are not sampled"
+        " together; list channels of one clock in a mapping file, with only_listed = true"
+    )
+
+
+def _start_of(series: Series) -> str | None:
+    return series.grid.start if series.grid is not None else series.start
+
+
+def _between(start: str | None, other: str | None) -> float:
+    """Time from one start to another [s]; NaN where only one of them is known."""
+    if start is None or other is None or has_zone(start) != has_zone(other):
+        return 0.0 if start == other else np.nan
+    return (moment(other) - moment(start)).total_seconds()
 
 
 def _same_clock(one: Series, other: Series) -> bool:
@@ -202,11 +246,7 @@ def _same_clock(one: Series, other: Series) -> bool:
         return False
     if one.grid is None or other.grid is None:
         return True
-    apart = one.grid.first - other.grid.first
-    if (one.grid.start is None) != (other.grid.start is None):
-        return False
-    if one.grid.start is not None and other.grid.start is not None:
-        apart += (moment(one.grid.start) - moment(other.grid.start)).total_seconds()
+    apart = other.grid.first - one.grid.first + _between(one.grid.start, other.grid.start)
     return one.grid.step == other.grid.step and abs(apart) <= UNIFORM * one.grid.step
 
 
@@ -218,7 +258,7 @@ def _sampling(series: Series) -> str:
 
 
 def _times(series: Sequence[Series], at: int | None, first: Series, mapping: Mapping) -> tuple[Array, str | None]:
-    """Times (T,) [s] and the moment of time 0 that the file says."""
+    """Times (T,) [s] from the series `at`, or from the mapping's rate, and the moment of time 0."""
     moments = None if at is None else series[at].moments
     if moments is not None:
         instants = moments()
@@ -231,8 +271,11 @@ def _times(series: Sequence[Series], at: int | None, first: Series, mapping: Map
         if clock.textual:
             raise RecordError("the time is a number, but the mapping says that it is text; correct [time] format")
         return clock.seconds(raw, "sample {}".format), clock.start
-    if mapping.time.rate is not None:
-        return np.arange(first.samples) / mapping.time.rate, None
+    return np.arange(first.samples) / (mapping.time.rate or 1.0), None
+
+
+def _own_times(first: Series) -> tuple[Array, str | None]:
+    """Times (T,) [s] that a series says, and the moment of time 0."""
     if first.times is not None:
         return first.times(), first.start
     if first.grid is None or not 0.0 < first.grid.step < np.inf:
