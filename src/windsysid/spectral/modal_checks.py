@@ -19,6 +19,9 @@ MAX_MISFIT = 5.0
 MAX_HALVES = 3.5
 """Standard deviations by which the halves of a record may differ."""
 
+LEAST_BINS = 8
+"""Of half a record in a band: with fewer the halves are not compared."""
+
 MAX_ALONE = 2.0
 """Standard deviations by which all channels together may differ from what is along the shape."""
 
@@ -72,13 +75,14 @@ def misfit(found: BandFit) -> tuple[float, float]:
 
 
 def half_fits(found: BandFit, halves: Sequence[tuple[Array, Complex]], samples: int, rate: float) -> list[Fit]:
-    """The modes of a band from each half of the record, starting from those of the whole."""
+    """The modes of a band from each half of the record, starting from those of the whole; none where a half has too few
+    bins in the band."""
     back = np.linalg.pinv(found.directions)
     low, high = found.bins[[0, -1]] * rate / samples
     fits = []
     for frequency, values in halves:
         bins = np.flatnonzero((frequency >= low) & (frequency <= high))
-        if len(bins) < 8:
+        if len(bins) < LEAST_BINS:
             return []
         band = band_data(values[bins] @ back.T, bins, samples // 2, rate)
         fits.append(score(found.fit.modes, band, max_steps=15, converged=0.01))
@@ -121,6 +125,8 @@ def mode_doubts(found: BandFit, j: int, response: Complex, halves: Sequence[Fit]
             apart = abs(logs[0] - logs[1]) / np.hypot(halves[0].std(j)[i], halves[1].std(j)[i])
             if apart > MAX_HALVES:
                 doubts.append(f"the halves of the record differ in {name} by {apart:.1f} σ")
+    else:
+        doubts.append("its band is too narrow to compare the halves of the record: record longer, or widen --band")
     return doubts
 
 
