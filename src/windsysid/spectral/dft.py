@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 
-__all__ = ["TAPERED", "Band", "band_data", "taper", "taper_factor", "transform", "window_matrix"]
+__all__ = ["TAPERED", "Band", "band_data", "plain_band", "taper", "taper_factor", "transform", "window_weights"]
 
 TAPERED = 0.1
 """Share of the record over which the taper rises and falls."""
@@ -43,9 +43,9 @@ class Band(NamedTuple):
         (K, m, m): mean of Y Yᴴ over the bins of each row.
     fine
         (F,) [Hz]: where the model's spectrum is evaluated.
-    window
-        (K, F): weights that turn the spectrum at `fine` into its expectation in each row; None where bins are so many
-        that it is that spectrum.
+    first, window
+        (K,), (K, W): the weights that turn the spectrum at `fine` into its expectation in each row, the first of them
+        for the frequency `first`; one each where bins are so many that it is that spectrum.
     factor
         c_h: the likelihood's exponent is divided by it.
     """
@@ -54,8 +54,20 @@ class Band(NamedTuple):
     counts: Array
     power: Complex
     fine: Array
-    window: Array | None
+    first: NDArray[np.int64]
+    window: Array
     factor: float
+
+    def expected(self, values: Complex) -> Complex:
+        """What is at `fine` (F, …) as its expectation in the rows (K, …)."""
+        near = values[self.first[:, None] + np.arange(self.window.shape[1])]
+        return np.asarray(np.einsum("kw,kw...->k...", self.window, near))
+
+
+def plain_band(frequency: Array, counts: Array, power: Complex, factor: float) -> Band:
+    """A band whose spectrum is compared as it is, without a window."""
+    rows = len(counts)
+    return Band(frequency, counts, power, frequency, np.arange(rows), np.ones((rows, 1)), factor)
 
 
 def taper(samples: int) -> Array:
@@ -84,20 +96,15 @@ def transform(values: NDArray[np.float64] | Complex, rate: float) -> tuple[Array
     return np.arange(len(found)) * rate / samples, np.asarray(scale * found, dtype=np.complex128)
 
 
-def window_matrix(samples: int, rate: float, bins: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Frequencies (F,) [Hz] at half bins around `bins` (K,), and the taper's window (K, F) over them, rows summing to
-    1."""
-    first, last = 2 * (int(bins[0]) - WINDOW_REACH), 2 * (int(bins[-1]) + WINDOW_REACH)
-    steps = np.arange(first, last + 1)
-    kernel = _window(samples)
-    offset = steps[None, :] - 2 * bins[:, None]
-    inside = np.abs(offset) <= 2 * WINDOW_REACH
-    weight = np.where(inside, kernel[np.abs(np.where(inside, offset, 0))], 0.0)
-    frequency = 0.5 * steps * rate / samples
-    weight[:, frequency <= 0.0] = 0.0
+def window_weights(samples: int, rate: float, bins: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64], Array]:
+    """Frequencies (F,) [Hz] at half bins around `bins` (K,), and for each bin the taper's window over the (W,) from its
+    `first` (K,) on, rows summing to 1."""
+    steps = np.arange(2 * (int(bins[0]) - WINDOW_REACH), 2 * (int(bins[-1]) + WINDOW_REACH) + 1)
+    first = np.asarray(2 * (bins - bins[0]), dtype=np.int64)
+    reach = np.arange(4 * WINDOW_REACH + 1)
+    weight = _window(samples)[np.abs(reach - 2 * WINDOW_REACH)] * (steps[first[:, None] + reach] > 0)
     weight /= weight.sum(axis=1, keepdims=True)
-    used = frequency > 0.0
-    return frequency[used], weight[:, used]
+    return 0.5 * np.maximum(steps, 1) * rate / samples, first, weight
 
 
 def band_data(values: Complex, bins: NDArray[np.int64], samples: int, rate: float) -> Band:
@@ -118,8 +125,10 @@ def band_data(values: Complex, bins: NDArray[np.int64], samples: int, rate: floa
     products = values[:, :, None] * values[:, None, :].conj()
     power = np.asarray(np.add.reduceat(products, starts, axis=0) / count[:, None, None], dtype=np.complex128)
     frequency = np.add.reduceat(bins * rate / samples, starts) / count
-    fine, window = window_matrix(samples, rate, bins) if size == 1 else (frequency, None)
-    return Band(frequency, count, power, fine, window, taper_factor(samples))
+    factor = taper_factor(samples)
+    if size > 1:
+        return plain_band(frequency, count, power, factor)
+    return Band(frequency, count, power, *window_weights(samples, rate, bins), factor)
 
 
 def _window(samples: int) -> Array:

@@ -14,6 +14,7 @@ and Im of C below its diagonal, a (where there is a mode), X, b. X is Hermitian,
 which is the same whatever the units of the channels are.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +24,22 @@ from windsysid._types import Array, Complex
 from windsysid.spectral.dft import Band
 from windsysid.spectral.modal_kernel import whitened_slopes
 
-__all__ = ["Modes", "Scores", "advance", "coordinates", "responses", "scores", "spectrum", "with_real_elements"]
+__all__ = [
+    "SLOPE_SPREAD",
+    "Modes",
+    "Scores",
+    "advance",
+    "coordinates",
+    "responses",
+    "scores",
+    "spectrum",
+    "tilt_of",
+    "with_real_elements",
+]
 
+
+SLOPE_SPREAD = 8.0
+"""Spread of the slope b of what else is in a band."""
 
 FLOOR = 1e-10
 """Least power of what else is in a band, each channel being scaled to a power of about 1."""
@@ -94,8 +109,8 @@ def with_real_elements(modes: Modes) -> Modes:
 
 def coordinates(modes: Modes) -> Array:
     """The unknowns of which a prior speaks: ln ζ (r), C (r (r − 1)), a and b, in the order of a step."""
-    below = np.tril_indices(len(modes.load), -1)
-    c = modes.load[below]
+    _, rows, columns, *_ = _parts(*modes.shape.shape)
+    c = modes.load[rows, columns]
     slope = [modes.load_slope] if len(modes.frequency) else []
     return np.concatenate([np.log(modes.damping), c.real, c.imag, slope, [modes.rest_slope]])
 
@@ -103,17 +118,16 @@ def coordinates(modes: Modes) -> Array:
 def advance(modes: Modes, step: Array) -> Modes:
     """The modes after a step δ."""
     m, r = modes.shape.shape
-    low, below = r * (r - 1) // 2, m * (m - 1) // 2
-    sizes = [r, r, m * r, m * r - r, low, low, int(r > 0), m, below, below, 1]
-    f, z, re, im, cr, ci, a, d, xr, xi, b = np.split(step, np.cumsum(sizes)[:-1])
+    ends, *at = _parts(m, r)
+    f, z, re, im, cr, ci, a, d, xr, xi, b = np.split(step, ends)
     turned = np.ones((m, r), dtype=bool)
     turned[modes.real, range(r)] = False
     imaginary = np.zeros((r, m))
     imaginary[turned.T] = im
     load = modes.load.copy()
-    load[np.tril_indices(r, -1)] += cr + 1j * ci
+    load[at[0], at[1]] += cr + 1j * ci
     x = np.diag(d).astype(np.complex128)
-    x[np.tril_indices(m, -1)] = xr + 1j * xi
+    x[at[2], at[3]] = xr + 1j * xi
     sizes_x, directions = np.linalg.eigh(x)  # of its lower triangle
     grown = modes.rest @ directions * np.exp(0.5 * np.clip(sizes_x, -2.0, 2.0))
     rest = np.linalg.cholesky(grown @ grown.conj().T + FLOOR * np.eye(m))
@@ -130,39 +144,30 @@ def advance(modes: Modes, step: Array) -> Modes:
 
 def spectrum(modes: Modes, band: Band) -> Complex:
     """S̄ (K, m, m) in the rows of the band."""
-    h = responses(modes, band.fine)[0]
-    return _spectrum(
-        modes, _convolved(h[:, None] * h.conj()[None] * _tilt(band.fine, band, modes.load_slope), band), band
-    )
+    h = responses(modes, band.fine)
+    d = band.expected((h[:, None] * h.conj()[None] * tilt_of(band.fine, band, modes.load_slope)).transpose(2, 0, 1))
+    modal = modes.shape @ (d * (modes.load @ modes.load.conj().T)) @ modes.shape.conj().T
+    rest = modes.rest @ modes.rest.conj().T
+    return np.asarray(modal + tilt_of(band.frequency, band, modes.rest_slope)[:, None, None] * rest)
 
 
 def scores(modes: Modes, band: Band) -> Scores:
     """The likelihood of a band's data with its slopes."""
-    m, _r = modes.shape.shape
-    h, h_f, h_z = responses(modes, band.fine)
-    turned = h.conj()[None] * _tilt(band.fine, band, modes.load_slope)
-    whole = h[:, None] * turned
-    bend = np.log(band.fine / _centre(band))
-    d, d_f, d_z, d_a = (
-        _convolved(each, band) for each in (whole, h_f[:, None] * turned, h_z[:, None] * turned, whole * bend)
-    )
-    k = len(band.frequency)
-    tilt = _tilt(band.frequency, band, modes.rest_slope)
-    bent = tilt * np.log(band.frequency / _centre(band))
+    k, m, _ = band.power.shape
     slopes, misfit = np.zeros((modes.size, k, m * m)), np.empty((k, m * m))
     cost = whitened_slopes()(
         band.power,
-        d,
-        d_f,
-        d_z,
-        d_a,
-        _spectrum(modes, d, band),
         band.counts,
-        tilt,
-        bent,
+        band.frequency,
+        band.fine,
+        band.first,
+        band.window,
+        modes.frequency,
+        modes.damping,
         np.ascontiguousarray(modes.shape),
-        modes.load,
+        np.ascontiguousarray(modes.load),
         np.ascontiguousarray(modes.rest),
+        np.array([_centre(band), modes.load_slope, modes.rest_slope]),
         modes.real,
         slopes,
         misfit,
@@ -171,38 +176,25 @@ def scores(modes: Modes, band: Band) -> Scores:
     return Scores(cost, flat @ misfit.ravel(), flat @ flat.T)
 
 
-def responses(modes: Modes, frequency: Array) -> tuple[Complex, Complex, Complex]:
-    """h (r, F) and its derivatives to ln f and ln ζ."""
+def responses(modes: Modes, frequency: Array) -> Complex:
+    """h (r, F)."""
     ratio = frequency[None] / modes.frequency[:, None]
-    zeta = modes.damping[:, None]
     x = ratio**2
-    q: Complex = 1.0 - x + 2j * zeta * ratio
-    h: Complex = -x / q
-    by_ratio = -2.0 * ratio / q + x * (-2.0 * ratio + 2j * zeta) / q**2
-    return h, -ratio * by_ratio, zeta * x * 2j * ratio / q**2
+    return np.asarray(-x / (1.0 - x + 2j * modes.damping[:, None] * ratio))
 
 
-def _spectrum(modes: Modes, d: Complex, band: Band) -> Complex:
-    """S̄ (K, m, m) from D convolved (K, r, r)."""
-    modal = modes.shape @ (d * (modes.load @ modes.load.conj().T)) @ modes.shape.conj().T
-    rest = modes.rest @ modes.rest.conj().T
-    return np.ascontiguousarray(modal + _tilt(band.frequency, band, modes.rest_slope)[:, None, None] * rest)
-
-
-def _convolved(values: Complex, band: Band) -> Complex:
-    """Functions (r, r, F) at `fine` as their expectations (K, r, r) in the rows of the band."""
-    columns = np.ascontiguousarray(values.transpose(2, 0, 1))
-    if band.window is None:
-        return columns
-    if not columns.size:
-        return np.empty((len(band.frequency), 0, 0), dtype=np.complex128)
-    parts = columns.reshape(len(columns), -1).view(np.float64)  # real times real: the window is real
-    return (band.window @ parts).view(np.complex128).reshape(-1, *columns.shape[1:])
+def tilt_of(frequency: Array, band: Band, slope: float) -> Array:
+    """(f/f_c)^slope (F,)."""
+    return np.asarray((frequency / _centre(band)) ** slope)
 
 
 def _centre(band: Band) -> float:
     return float(np.sqrt(band.frequency[0] * band.frequency[-1]))
 
 
-def _tilt(frequency: Array, band: Band, slope: float) -> Array:
-    return np.asarray((frequency / _centre(band)) ** slope)
+@lru_cache(maxsize=64)
+def _parts(m: int, r: int) -> tuple[NDArray[np.int64], ...]:
+    """Where the parts of a step end, and the places below the diagonals of C and of X."""
+    low, below = r * (r - 1) // 2, m * (m - 1) // 2
+    sizes = [r, r, m * r, m * r - r, low, low, int(r > 0), m, below, below, 1]
+    return (np.cumsum(sizes)[:-1], *np.tril_indices(r, -1), *np.tril_indices(m, -1))

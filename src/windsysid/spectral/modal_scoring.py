@@ -13,7 +13,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.spectral.dft import Band
-from windsysid.spectral.modal_model import Modes, Scores, advance, coordinates, scores, with_real_elements
+from windsysid.spectral.modal_model import SLOPE_SPREAD, Modes, Scores, advance, coordinates, scores, with_real_elements
 
 __all__ = ["Fit", "score"]
 
@@ -27,10 +27,13 @@ CONVERGED = 0.01
 ENDED = 0.1
 """Decrease of J that may be left where a search has ended."""
 
+HOPELESS = 40.0
+"""How many steps like the last a search may be from where it must come."""
+
 DAMPING_PRIOR = (np.log(0.015), 1.5)
 """Centre and spread of ln ζ: 0.075 … 30 % are within two of it."""
 
-SLOPE_PRIORS = (1.0, 8.0)
+SLOPE_PRIORS = (1.0, SLOPE_SPREAD)
 """Spread of the slopes a of loads and b of what else is in the band, both about 0."""
 
 COHERENCE_PRIOR = 1.0
@@ -55,28 +58,40 @@ class Fit(NamedTuple):
         return float(np.sqrt(self.cov[j, j])), float(np.sqrt(self.cov[r + j, r + j]))
 
 
-def score(start: Modes, band: Band, *, max_steps: int = MAX_STEPS, converged: float = CONVERGED) -> Fit:
-    """The mode of the posterior from a start."""
+def score(
+    start: Modes, band: Band, *, max_steps: int = MAX_STEPS, converged: float = CONVERGED, target: float = np.inf
+) -> Fit:
+    """The mode of the posterior from a start.
+
+    A search whose −2 ln likelihood is so far above `target` that steps like the last would not bring it there is given
+    up.
+    """
     modes = with_real_elements(start)
     prior = _Prior(modes)
     here, cost = _posterior(modes, band, prior)
-    mu, ended = 1e-2, False
+    mu, grow, ended, small = 1e-2, 2.0, False, 0
     for _ in range(max_steps):
         scale = np.diag(np.diagonal(here.fisher))
         for _ in range(MAX_TRIALS):
-            step = np.asarray(-np.linalg.solve(here.fisher + mu * scale, here.gradient), dtype=np.float64)
-            promised = -0.5 * float(here.gradient @ step)
-            trial = advance(modes, _limited(step, modes))
+            step = _limited(np.asarray(-np.linalg.solve(here.fisher + mu * scale, here.gradient)), modes)
+            promised = -float(here.gradient @ step + 0.5 * step @ here.fisher @ step)
+            trial = advance(modes, step)
             there, new = _posterior(trial, band, prior)
             if new < cost or promised < converged:
                 break
-            mu = max(6.0 * mu, 1e-3)
+            mu, grow = max(grow * mu, 1e-3), 2.0 * grow
         ended = promised < max(converged, ENDED)
         if not new < cost:
             break
+        gained = cost - new
         modes, here, cost = trial, there, new
-        mu = max(0.15 * mu, 1e-9)
-        if promised < converged:
+        # Nielsen's rule: what a step brings, over what it promised, says how far the model of second order reaches
+        mu, grow = max(mu * max(0.2, 1.0 - (2.0 * gained / promised - 1.0) ** 3), 1e-9), 2.0
+        small = small + 1 if gained < converged else 0
+        if promised < converged or small == 2:
+            ended = True
+            break
+        if 2.0 * (cost - prior.cost(modes)) - target > HOPELESS * gained:
             break
     deviance = 2.0 * (cost - prior.cost(modes))
     return Fit(modes, np.asarray(np.linalg.inv(here.fisher), dtype=np.float64), deviance, ended)

@@ -1,21 +1,23 @@
 """Where scoring starts: one mode more than the last fit has, where it explains most.
 
-For frequencies over the band a mode is added, and shapes, loads and what else is in the band follow by a few steps of
-expectation and maximisation (Dempster, Laird & Rubin 1977), the modal responses being what is not seen. The start with
-the greatest likelihood is taken.
+Where the data exceed the last fit most a mode is added, and shapes, loads and what else is in the band follow by a few
+steps of expectation and maximisation (Dempster, Laird & Rubin 1977), the modal responses being what is not seen. The
+start with the greatest likelihood is taken.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.spectral.dft import Band
-from windsysid.spectral.modal_model import Modes, responses, spectrum
+from windsysid.spectral.dft import Band, plain_band
+from windsysid.spectral.modal_model import SLOPE_SPREAD, Modes, responses, spectrum
 
-__all__ = ["add_mode", "expect", "quiet_start", "without_modes"]
+__all__ = ["add_mode", "deviance", "expect", "modes_at", "quiet_start", "without_modes"]
 
-PLACES = 9
-"""Frequencies over a band at which a mode is tried."""
+PLACES, TRIED = 19, 3
+"""Frequencies over a band at which a mode may be, and how many of them are tried."""
 
 WIDTH = 0.04
 """ζ f of a mode that is tried, over the width of the band."""
@@ -23,22 +25,40 @@ WIDTH = 0.04
 COARSE_ROWS = 100
 """Of the data that starts are compared on."""
 
+STEEPEST = 40.0
+"""Slope b of a band without modes at most."""
+
 PASSES = 8
 """Of expectation and maximisation."""
 
 
 def without_modes(band: Band) -> Modes:
-    """A band without modes."""
-    none = np.empty(0)
-    return Modes(
-        none,
-        none,
-        np.empty((band.power.shape[1], 0), dtype=np.complex128),
-        np.empty((0, 0), dtype=np.complex128),
-        0.0,
-        quiet_start(band),
-        0.0,
-    )
+    """What is in a band without modes: the most probable slope b, and for it the mean of what is left, which has the
+    greatest likelihood."""
+    from scipy.optimize import minimize_scalar
+
+    x = np.log(band.frequency / np.sqrt(band.frequency[0] * band.frequency[-1]))
+    total, channels = float(band.counts.sum()), band.power.shape[1]
+
+    def level(b: float) -> Complex:
+        return np.asarray(np.tensordot(band.counts * np.exp(-b * x), band.power, 1) / total)
+
+    def cost(b: float) -> float:
+        ratio = float(np.linalg.slogdet(level(b))[1]) * total + b * channels * float(band.counts @ x)
+        return float(ratio / band.factor + 0.5 * (b / SLOPE_SPREAD) ** 2)
+
+    best = minimize_scalar(cost, bounds=(-STEEPEST, STEEPEST), method="bounded", options={"xatol": 1e-3})
+    found = level(float(best.x))
+    found = found + 1e-9 * np.diag(np.einsum("kii->i", band.power).real / len(band.power))
+    none, no = np.empty(0), np.empty((channels, 0), dtype=np.complex128)
+    return Modes(none, none, no, np.empty((0, 0), dtype=np.complex128), 0.0, _root(found), float(best.x))
+
+
+def modes_at(known: Sequence[tuple[float, float]], band: Band) -> Modes:
+    """A start with modes at known frequencies [Hz] and damping ratios."""
+    band = _coarse(band)
+    frequency, damping = (np.array(column) for column in zip(*known, strict=True))
+    return expect(_begin(frequency, damping, band, quiet_start(band)), band)
 
 
 def add_mode(modes: Modes, band: Band) -> Modes:
@@ -46,15 +66,27 @@ def add_mode(modes: Modes, band: Band) -> Modes:
     low, high = band.frequency[0], band.frequency[-1]
     band = _coarse(band)
     quiet = quiet_start(band)
+    places = low + (high - low) * (np.arange(PLACES) + 1.0) / (PLACES + 1.0)
+    width = WIDTH * (high - low)
     best, least = modes, np.inf
-    for f in low + (high - low) * (np.arange(PLACES) + 1.0) / (PLACES + 1.0):
-        frequency = np.append(modes.frequency, f)
-        damping = np.append(modes.damping, WIDTH * (high - low) / f)
+    for i in np.argsort(-_unexplained(modes, band, places, width))[:TRIED]:
+        frequency, damping = np.append(modes.frequency, places[i]), np.append(modes.damping, width / places[i])
         trial = expect(_begin(frequency, damping, band, quiet), band)
         cost = deviance(trial, band)
         if cost < least:
             best, least = trial, cost
     return best
+
+
+def _unexplained(modes: Modes, band: Band, places: Array, width: float) -> Array:
+    """How far the data exceed the modes' spectrum around each place, along the direction that exceeds it most, in
+    standard deviations."""
+    root = np.linalg.inv(np.linalg.cholesky(spectrum(modes, band)))
+    white = root @ band.power @ root.conj().transpose(0, 2, 1)
+    weight = 1.0 / (1.0 + ((band.frequency[None] - places[:, None]) / width) ** 2)
+    scale = np.sqrt(weight**2 @ band.counts)
+    over = np.einsum("pk,kij->pij", weight * band.counts, white - np.eye(white.shape[1])) / scale[:, None, None]
+    return np.asarray(np.linalg.eigvalsh(over)[:, -1])
 
 
 def _coarse(band: Band) -> Band:
@@ -66,7 +98,7 @@ def _coarse(band: Band) -> Band:
     count = np.add.reduceat(band.counts, starts)
     frequency = np.add.reduceat(band.frequency * band.counts, starts) / count
     power = np.add.reduceat(band.power * band.counts[:, None, None], starts, axis=0) / count[:, None, None]
-    return Band(frequency, count, np.asarray(power, dtype=np.complex128), frequency, None, band.factor)
+    return plain_band(frequency, count, np.asarray(power, dtype=np.complex128), band.factor)
 
 
 def deviance(modes: Modes, band: Band) -> float:
@@ -94,7 +126,7 @@ def _begin(frequency: Array, damping: Array, band: Band, rest: Complex) -> Modes
 def expect(modes: Modes, band: Band, passes: int = PASSES) -> Modes:
     """Shapes, loads and rest by a few steps of expectation and maximisation, frequencies and damping ratios as they
     are."""
-    h = responses(modes, band.frequency)[0].T  # (K, r)
+    h = responses(modes, band.frequency).T  # (K, r)
     phi, b = modes.shape, modes.load @ modes.load.conj().T
     rest = modes.rest @ modes.rest.conj().T
     n, total = band.counts, float(band.counts.sum())

@@ -114,7 +114,7 @@ def analyse_vibration(
     empty = [
         (low, high)
         for (low, high, _), one in zip(wanted, found, strict=False)
-        if bands is not None and not _seen(one, 1.0 / step)
+        if bands is not None and not _modes_inside(one, 1.0 / step)
     ]
     say("checks")
     middle = readings.samples // 2
@@ -138,7 +138,7 @@ def analyse_vibration(
         empty=tuple(empty),
         frequency=frequency,
         level=level,
-        bands=tuple(_drawn(one) for one in found if _seen(one, readings.samples / readings.rate)),
+        bands=tuple(_drawn(one) for one in found if _modes_inside(one, readings.samples / readings.rate)),
         rotor_hz=readings.rotor_hz,
         doubts=readings.doubts,
         notes=readings.notes,
@@ -163,23 +163,30 @@ def _checked_band(band: tuple[float, float], readings: Readings, step: float) ->
 
 
 def fit_between(
-    frequency: Array, values: Complex, readings: Readings, low: float, high: float, count: int, most: int
+    frequency: Array,
+    values: Complex,
+    readings: Readings,
+    low: float,
+    high: float,
+    count: int,
+    most: int,
+    known: Sequence[tuple[float, float]] = (),
 ) -> BandFit:
-    """The modes of one band, its lines left out."""
+    """The modes of one band, its lines left out; `known` are modes to begin with, as `fit_band` has them."""
     inside = (frequency >= low) & (frequency <= high)
     for line in readings.lines:
         off = np.abs(frequency - line.frequency)
         if off[inside].size and off[inside].min() < line.half_width and inside.sum() > 16:
             inside &= off > line.half_width
     bins = np.flatnonzero(inside)
-    return fit_band(values[bins], bins, readings.samples, readings.rate, count, most)
+    return fit_band(values[bins], bins, readings.samples, readings.rate, count, most, known)
 
 
 def _modes_of(found: BandFit) -> int:
     return len(found.fit.modes.frequency) if found.against_none > LEAST_EVIDENCE else 0
 
 
-def _seen(found: BandFit, length: float) -> int:
+def _modes_inside(found: BandFit, length: float) -> int:
     """How many modes of a band are inside it."""
     return sum(not is_flank(found, j, length) for j in range(_modes_of(found)))
 
@@ -189,12 +196,12 @@ def search_again(
     frequency: Array,
     values: Complex,
     readings: Readings,
-    seen: Sequence[Peak],
+    peaked: Sequence[Peak],
     *,
     keep: bool,
 ) -> list[BandFit]:
-    """Bands around the modes that were found, and around peaks `seen` where none was; bands that are where they should
-    be stay where `keep` says so.
+    """Bands around the modes that were found, and around `peaked` frequencies where none was; bands that are where they
+    should be stay where `keep` says so.
 
     A band with one peak of its own may hold the flank of a louder mode: the first search then finds that one.
     """
@@ -206,9 +213,10 @@ def search_again(
                 if not is_flank(one, j, 1.0 / step):
                     peak = Peak(float(f), float(max(z * f, 0.5 * step)), one.against_none)
                     peaks.append(peak._replace(alone=_is_hump(peak, readings)))
+    modes = {peak.frequency for peak in peaks}
     peaks += [
         peak
-        for peak in seen
+        for peak in peaked
         if all(abs(peak.frequency - p.frequency) > 2.0 * max(peak.half_width, p.half_width) for p in peaks)
     ]
     single: list[Peak] = []
@@ -220,7 +228,12 @@ def search_again(
     again = []
     for low, high, count in group_peaks(single, step, readings.low, readings.high):
         same = keep and [one for one in found if _is_same(one, low, high, count, 1.0 / step)]
-        again.append(same[0] if same else fit_between(frequency, values, readings, low, high, count, MOST_MODES))
+        known = [
+            (peak.frequency, peak.half_width / peak.frequency)
+            for peak in single
+            if peak.frequency in modes and low < peak.frequency < high
+        ]
+        again.append(same[0] if same else fit_between(frequency, values, readings, low, high, count, MOST_MODES, known))
     return again
 
 
@@ -233,7 +246,7 @@ def _is_hump(peak: Peak, readings: Readings) -> bool:
 
 def _is_same(found: BandFit, low: float, high: float, count: int, length: float) -> bool:
     first, last = found.band.frequency[[0, -1]]
-    return _seen(found, length) == count and max(abs(first - low), abs(last - high)) < MOVED * (high - low)
+    return _modes_inside(found, length) == count and max(abs(first - low), abs(last - high)) < MOVED * (high - low)
 
 
 def _described(found: BandFit, halves: Sequence[tuple[Array, Complex]], readings: Readings) -> list[OperationalMode]:

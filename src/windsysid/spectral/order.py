@@ -6,6 +6,7 @@ https://doi.org/10.1214/aos/1176344136). What the other directions tell of the s
 modal responses.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from windsysid._types import Array, Complex
 from windsysid.spectral.dft import Band, band_data
 from windsysid.spectral.modal_model import Modes, responses
 from windsysid.spectral.modal_scoring import Fit, score
-from windsysid.spectral.modal_start import add_mode, without_modes
+from windsysid.spectral.modal_start import add_mode, deviance, modes_at, without_modes
 
 __all__ = ["BandFit", "Shapes", "fit_band", "full_shapes"]
 
@@ -83,7 +84,15 @@ class Shapes(NamedTuple):
     responses: Complex
 
 
-def fit_band(values: Complex, bins: NDArray[np.int64], samples: int, rate: float, peaks: int, most: int) -> BandFit:
+def fit_band(
+    values: Complex,
+    bins: NDArray[np.int64],
+    samples: int,
+    rate: float,
+    peaks: int,
+    most: int,
+    known: Sequence[tuple[float, float]] = (),
+) -> BandFit:
     """The modes of a band by evidence, at most `most`; roughly where these are no more than there are peaks.
 
     Parameters
@@ -92,22 +101,36 @@ def fit_band(values: Complex, bins: NDArray[np.int64], samples: int, rate: float
         Transforms (k, n) at `bins`.
     peaks
         How many peaks were seen: so many are tried before the search may end.
+    known
+        Frequencies [Hz] and damping ratios of modes that were found before: the search begins with them.
     """
     directions, back = _principal(values, min(values.shape[1], peaks + 2))
     band = band_data(values @ back.T, bins, samples, rate)
-    best = score(without_modes(band), band, converged=ROUGH)
-    none = least = _evidence(best, len(bins))
-    last = best
-    for r in range(1, most + 1):
-        last = score(add_mode(last.modes, band), band, converged=ROUGH)
-        now = _evidence(last, len(bins))
+    empty = without_modes(band)
+    none = Fit(empty, np.empty((0, 0)), deviance(empty, band), True)
+    best = _most_evident(band, len(bins), none, peaks, most, known[:most])
+    if known and not len(best.modes.frequency):  # what was known is not here: from the beginning
+        best = _most_evident(band, len(bins), none, peaks, most, ())
+    if len(best.modes.frequency) and most > peaks:
+        best = score(best.modes, band, max_steps=POLISH_STEPS)
+    return BandFit(best, band, values, bins, directions, _evidence(none, len(bins)) - _evidence(best, len(bins)))
+
+
+def _most_evident(band: Band, bins: int, none: Fit, peaks: int, most: int, known: Sequence[tuple[float, float]]) -> Fit:
+    """As many modes as the evidence asks for, added one by one to those that are known."""
+    best, least = none, _evidence(none, bins)
+    last = none
+    first = max(1, len(known))
+    for r in range(first, most + 1):
+        more = modes_at(known, band) if known and r == first else add_mode(last.modes, band)
+        target = np.inf if r <= peaks else least - CLEARLY - more.size * float(np.log(bins))
+        last = score(more, band, converged=ROUGH, target=target)
+        now = _evidence(last, bins)
         if now < least - CLEARLY and last.modes.damping.max() < MOST_DAMPED:
             best, least = last, now
         elif r >= peaks:
             break
-    if len(best.modes.frequency) and most > peaks:
-        best = score(best.modes, band, max_steps=POLISH_STEPS)
-    return BandFit(best, band, values, bins, directions, none - least)
+    return best
 
 
 def full_shapes(found: BandFit) -> Shapes:
@@ -144,7 +167,7 @@ def full_shapes(found: BandFit) -> Shapes:
 def _modal_responses(modes: Modes, band: Band, values: Complex) -> tuple[Complex, Complex]:
     """Posterior means (k, r) of the modal responses at the bins, and the sum of their covariances (r, r)."""
     rows = np.repeat(np.arange(len(band.counts)), band.counts.astype(np.int64))
-    h = responses(modes, band.frequency)[0].T
+    h = responses(modes, band.frequency).T
     d = h[:, :, None] * (modes.load @ modes.load.conj().T) * h.conj()[:, None, :]
     ahead = d @ modes.shape.conj().T
     gain = ahead @ np.linalg.inv(modes.shape @ ahead + modes.rest @ modes.rest.conj().T)
