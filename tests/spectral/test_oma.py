@@ -156,7 +156,7 @@ def test_clipped_channels_are_said_and_not_trusted():
 
 def test_a_short_record_is_not_trusted_or_refused():
     y = two_modes(15)
-    found = ws.oma(record_of(y[:300], RATE))
+    found = ws.oma(record_of(y[:300], RATE), bands=[(0.7, 1.6)])  # 33 cycles of the first mode
     assert not found.trusted
     with pytest.raises(ws.RecordError, match="200 samples are too few"):
         ws.oma(record_of(y[:200], RATE))

@@ -12,7 +12,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 
-__all__ = ["Peak", "find_peaks", "group_peaks", "merge_peaks"]
+__all__ = ["Peak", "find_peaks", "group_peaks", "merge_peaks", "widened"]
 
 WIDTHS = ((10, 0.004), (40, 0.03))
 """Least bins, and share of the frequency, over which spectra are averaged: for narrow and for wide peaks."""
@@ -26,6 +26,9 @@ LEAST_VALLEY = 3.5
 BACKGROUND = 0.25
 """Half-width of what is around a frequency, relative."""
 
+SPARSE = 4
+"""The level around is taken at every so many-th frequency, and straight lines between."""
+
 SECOND = 3
 """Singular values in which peaks are sought."""
 
@@ -35,8 +38,14 @@ FAINT = 1e-7
 REACH = 10.0
 """Half-width of a mode's band, in ζ f."""
 
-LEAST_BINS = 12
-"""Half-width of a band in bins at least."""
+LEAST_BINS = 30
+"""Half-width of a band in bins at least: fewer tell a mode's damping from what else is there too badly."""
+
+NEAR_BINS = 12
+"""Peaks nearer to each other than that many bins share a band."""
+
+CORE = 3.0
+"""Half-width of a mode's core, which no other mode's band should reach, in ζ f."""
 
 LARGEST_GROUP = 4
 """Peaks in one band."""
@@ -66,8 +75,10 @@ def find_peaks(frequency: Array, values: Complex, low: float, high: float) -> li
             for i in _maxima(level):
                 around = np.abs(np.log(centre / centre[i])) < max(BACKGROUND, 4.0 * bins * frequency[1] / centre[i])
                 rise = (level[i] - np.median(level[around])) / scatter[i]
+                if rise < LEAST_RISE:
+                    continue
                 valley = level[i] - max(_valley(level, i, -1), _valley(level, i, 1))
-                if rise > LEAST_RISE and valley > LEAST_VALLEY * scatter[i]:
+                if valley > LEAST_VALLEY * scatter[i]:
                     own.append(Peak(float(centre[i]), _half_width(centre, level, i), float(rise)))
         found += merge_peaks(own, found)
     return sorted(found)
@@ -95,7 +106,7 @@ def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list
         if groups and len(groups[-1]) < LARGEST_GROUP and not (peak.alone or groups[-1][-1].alone):
             last = groups[-1][-1]
             near = 3.0 * (last.half_width + peak.half_width)
-            if peak.frequency - last.frequency < max(near, LEAST_BINS * step):
+            if peak.frequency - last.frequency < max(near, NEAR_BINS * step):
                 groups[-1].append(peak)
                 continue
         groups.append([peak])
@@ -112,8 +123,21 @@ def group_peaks(peaks: list[Peak], step: float, low: float, high: float) -> list
     return bands
 
 
+def widened(inside: list[Peak], others: list[Peak], low: float, high: float, step: float) -> tuple[float, float]:
+    """A band around peaks as wide as they ask for, as far as it leaves out the cores of the others."""
+    reach = [max(REACH * peak.half_width, LEAST_BINS * step) for peak in inside]
+    first = min(peak.frequency - wide for peak, wide in zip(inside, reach, strict=True))
+    last = max(peak.frequency + wide for peak, wide in zip(inside, reach, strict=True))
+    below = [peak.frequency + CORE * peak.half_width for peak in others if peak.frequency < low]
+    above = [peak.frequency - CORE * peak.half_width for peak in others if peak.frequency > high]
+    return min(low, max([first, *below])), max(high, min([last, *above]))
+
+
 def _border(below: Peak, above: Peak) -> float:
-    share = 0.5 if below.alone or above.alone else below.half_width / (below.half_width + above.half_width)
+    if below.alone != above.alone:  # a mode needs its flanks, what the rotor makes does not
+        share = 0.25 if below.alone else 0.75
+    else:
+        share = below.half_width / (below.half_width + above.half_width)
     return below.frequency + min(max(share, 0.25), 0.75) * (above.frequency - below.frequency)
 
 
@@ -137,10 +161,12 @@ def _averages(
     power = (halves[:-1] + halves[1:]) / total[:, None, None]
     centre = 0.5 * (frequency[marks[:-2]] + frequency[marks[2:] - 1])
     powers = np.einsum("gii->gi", power).real
-    scale = np.empty_like(powers)
-    for i, f in enumerate(centre):
+    few = np.arange(0, len(centre), SPARSE)
+    levels = np.empty((len(few), powers.shape[1]))
+    for i, f in enumerate(centre[few]):
         around = np.abs(np.log(centre / f)) < max(BACKGROUND, 4.0 * bins * step / f)
-        scale[i] = np.median(powers[around], axis=0)
+        levels[i] = np.median(powers[around], axis=0)
+    scale = np.column_stack([np.interp(centre, centre[few], column) for column in levels.T])
     root = 1.0 / np.sqrt(np.maximum(scale, 1e-300))
     faint = np.all(powers < FAINT * powers.max(axis=0), axis=1)
     scaled = power * root[:, :, None] * root[:, None, :]

@@ -11,13 +11,16 @@ from windsysid.spectral.modal_scoring import Fit, score
 from windsysid.spectral.oma_data import Line, Readings
 from windsysid.spectral.order import BandFit
 
-__all__ = ["half_fits", "is_flank", "misfit", "mode_doubts"]
+__all__ = ["AT_BORDER", "half_fits", "is_flank", "misfit", "mode_doubts"]
 
 MAX_MISFIT = 5.0
 """Standard deviations by which the spectrum may leave the model in an eighth of a band."""
 
 MAX_HALVES = 3.5
 """Standard deviations by which the halves of a record may differ."""
+
+BESIDE_LINE, BESIDE_HARMONIC = 0.3, 1.0
+"""In ζ f: a line nearer than that stands on a mode; round the rotor's harmonics the sampled wind makes humps."""
 
 LEAST_BINS = 8
 """Of half a record in a band: with fewer the halves are not compared."""
@@ -144,7 +147,8 @@ def _along_shape(found: BandFit, j: int) -> Fit:
 def _line_doubts(f: float, z: float, length: float, lines: Sequence[Line]) -> list[str]:
     found = []
     for line in lines:
-        if abs(line.frequency - f) < line.half_width + 0.3 * z * f:
+        reach = BESIDE_LINE if line.name == "line" else BESIDE_HARMONIC
+        if abs(line.frequency - f) < line.half_width + reach * z * f:
             found.append(
                 f"{'a steady line' if line.name == 'line' else line.name} at {line.frequency:.4g} Hz stands on it"
             )

@@ -18,8 +18,8 @@ from windsysid.errors import ConfigurationError
 from windsysid.inspection.spectra import expected_modes
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.coercion import RecordLike, as_record
-from windsysid.spectral.bands import Peak, find_peaks, group_peaks
-from windsysid.spectral.modal_checks import half_fits, is_flank, mode_doubts
+from windsysid.spectral.bands import Peak, find_peaks, group_peaks, widened
+from windsysid.spectral.modal_checks import AT_BORDER, half_fits, is_flank, mode_doubts
 from windsysid.spectral.modal_model import spectrum
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.spectral.oma_data import Readings, prepare_readings, transforms
@@ -40,7 +40,11 @@ MOVED = 0.15
 """Of a band's width: a band whose borders should have been farther away than that is fitted again."""
 
 HUMP = 0.01
-"""A peak this near to a harmonic of the rotor, relative, is one of the wind that blades sample."""
+"""A peak this near to a harmonic of the rotor, relative, or nearer than one and a half of its half-widths, is of the
+wind that blades sample."""
+
+FLANK = 2.0
+"""In ζ f: so far a mode reaches into the next band."""
 
 NEAR_REFERENCE = 0.08
 """A mode this near to one that the turbine file gives may be that mode."""
@@ -119,8 +123,8 @@ def analyse_vibration(
     say("checks")
     middle = readings.samples // 2
     halves = [transforms(readings, part) for part in (slice(0, middle), slice(readings.samples - middle, None))]
-    modes = [mode for one in found if _modes_of(one) for mode in _described(one, halves, readings)]
-    modes.sort(key=lambda mode: mode.frequency)
+    described = _without_flanks([_described(one, halves, readings) for one in found if _modes_of(one)])
+    modes = sorted((mode for band in described for mode in _with_neighbours(band)), key=lambda mode: mode.frequency)
     named = _with_references(_named(modes, readings), machine, readings)
     level = _level(values)
     return OperationalModes(
@@ -233,7 +237,12 @@ def search_again(
             for peak in single
             if peak.frequency in modes and low < peak.frequency < high
         ]
-        again.append(same[0] if same else fit_between(frequency, values, readings, low, high, count, MOST_MODES, known))
+        one = same[0] if same else fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
+        if known and not _modes_inside(one, 1.0 / step):  # too narrow to tell: neighbours' flanks are let in
+            inside = [peak for peak in single if low < peak.frequency < high]
+            low, high = widened(inside, [peak for peak in single if peak not in inside], low, high, step)
+            one = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
+        again.append(one)
     return again
 
 
@@ -241,7 +250,7 @@ def _is_hump(peak: Peak, readings: Readings) -> bool:
     """Whether a peak stands on a harmonic of the rotor: the wind that blades sample, which shares no band with a
     mode."""
     n = round(peak.frequency / readings.rotor_hz) if readings.rotor_hz else 0
-    return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < max(HUMP * peak.frequency, 0.3 * peak.half_width)
+    return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < max(HUMP * peak.frequency, 1.5 * peak.half_width)
 
 
 def _is_same(found: BandFit, low: float, high: float, count: int, length: float) -> bool:
@@ -275,7 +284,27 @@ def _described(found: BandFit, halves: Sequence[tuple[Array, Complex]], readings
                 doubts=tuple(mode_doubts(found, j, shapes.responses[:, j], both, readings)),
             )
         )
-    return _with_neighbours(described)
+    return described
+
+
+def _without_flanks(bands: list[list[OperationalMode]]) -> list[list[OperationalMode]]:
+    """Modes band by band; one at the border of its band that another band's mode reaches is that one's flank."""
+
+    def reach(mode: OperationalMode) -> float:
+        return FLANK * mode.damping * mode.frequency
+
+    kept = []
+    for band in bands:
+        others = [mode for other in bands if other is not band for mode in other if AT_BORDER not in mode.doubts]
+        kept.append(
+            [
+                mode
+                for mode in band
+                if AT_BORDER not in mode.doubts
+                or all(abs(mode.frequency - other.frequency) > reach(mode) + reach(other) for other in others)
+            ]
+        )
+    return kept
 
 
 def _with_neighbours(modes: list[OperationalMode]) -> list[OperationalMode]:
