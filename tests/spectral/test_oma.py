@@ -5,8 +5,8 @@ import pytest
 
 import windsysid as ws
 from windsysid.spectral.bands import Peak
+from windsysid.spectral.mode_search import fit_between, search_again
 from windsysid.spectral.multiblade import multiblade
-from windsysid.spectral.oma import fit_between, search_again
 from windsysid.spectral.oma_data import prepare_readings, transforms
 from windsysid.spectral.tonal import find_lines
 
@@ -236,3 +236,41 @@ def test_the_summary_has_modes_as_identify_has_them_and_shapes(tmp_path):
     assert summary["trusted"] is True
     assert b"mode 1" in (tmp_path / "out" / "report.html").read_bytes()
     assert "floor_1_displacement" in str(found)
+
+
+def setup_of(seed, columns, frequencies=(1.1, 2.7), level=1.0):
+    """A record of two modes in some of six places."""
+    rng = np.random.default_rng(seed)
+    q, _ = modal_responses(list(frequencies), [0.012, 0.008], RATE, 6000, rng)
+    y = level * (q / q.std(axis=0)) @ PLACES[columns].T + 0.05 * rng.normal(size=(6000, len(columns)))
+    names = tuple(f"place_{c}_displacement" for c in columns)
+    return ws.Record(np.arange(6000) / RATE, 0.1 * y, names, ("m",) * len(columns), name=f"record {seed}")
+
+
+PLACES = np.array([[0.3, 0.8], [0.5, 1.0], [0.7, 0.6], [0.85, -0.1], [0.95, -0.6], [1.0, -0.9]])
+
+
+def test_setups_that_share_sensors_give_one_shape_and_one_frequency():
+    setups = [setup_of(31, [0, 1, 2, 3]), setup_of(32, [0, 1, 4, 5], level=3.0)]
+    found = ws.oma(setups)
+    assert found.trusted, found.reasons
+    assert [round(mode.frequency, 1) for mode in found.modes] == [1.1, 2.7]
+    assert len(found.channels) == 6
+    for k, (mode, f, shape) in enumerate(zip(found.modes, (1.1, 2.7), PLACES.T, strict=True)):
+        assert abs(mode.frequency - f) < 3.0 * mode.frequency_std
+        true = shape / shape[np.argmax(np.abs(mode.shape))]
+        assert np.all(np.abs(mode.shape.real - true) < 4.0 * mode.shape_std + 1e-9)
+        alone = [one.frequency_std for part in found.parts if (one := part.modes[k]) is not None]
+        assert mode.frequency_std == pytest.approx(1.0 / np.sqrt(np.sum(np.array(alone) ** -2.0)), rel=0.2)
+
+
+def test_records_of_two_states_are_not_trusted_together():
+    found = ws.oma([setup_of(33, [0, 1, 2]), setup_of(34, [0, 1, 2], frequencies=(1.15, 2.7))])
+    first, second = found.modes
+    assert any("the records disagree in frequency" in doubt for doubt in first.doubts)
+    assert second.trusted
+
+
+def test_records_without_a_common_sensor_are_refused():
+    with pytest.raises(ws.ConfigurationError, match="no sensor in common"):
+        ws.oma([setup_of(35, [0, 1, 2]), setup_of(36, [3, 4, 5])])

@@ -28,14 +28,21 @@ class _WithBands(TyperCommand):
 @app.command(cls=_WithBands)
 def oma(
     context: typer.Context,
-    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
+    records: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RECORD...",
+            help="CSV, Parquet, netCDF, or OpenFAST .out / .outb; several of one structure in one state, with sensors "
+            "in common, are analysed together.",
+        ),
+    ],
     output: Annotated[Path, typer.Option(help="Folder for report.html, modes.png and summary.json.")],
     sensors: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             help=(
-                "TOML list of channels with positions and directions (docs/oma.md); the record's accelerometers by "
-                "default."
+                "TOML list of channels with positions and directions (docs/oma.md), one for all records or one for "
+                "each; the record's accelerometers by default."
             )
         ),
     ] = None,
@@ -59,20 +66,31 @@ def oma(
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html and no figures.")] = False,
 ) -> None:
     """Modes of any structure from its ambient vibration: frequencies, damping, shapes, no model needed."""
+    from windsysid.records.coercion import RecordLike
     from windsysid.records.formats import load_mapping, read_record
     from windsysid.spectral.modal_sensors import read_modal_sensors
     from windsysid.spectral.oma import analyse_vibration
 
-    write = claim_output(context, output, record, overwrite=overwrite)
+    write = claim_output(context, output, *records, *(sensors or []), overwrite=overwrite)
     rules = load_mapping(mapping) if mapping is not None else None
-    listed = read_modal_sensors(sensors) if sensors is not None else None
+    lists = [read_modal_sensors(path) for path in sensors or []]
+    if lists and len(lists) not in (1, len(records)):
+        raise ConfigurationError(
+            f"--sensors: expected one list for all records, or {len(records)}, one for each, got {len(lists)}"
+        )
     bands = [_band(text) for text in band] if band else None
     with show_progress("oma") as progress:
-        data = read_record(
-            record, mapping=rules, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
-        )
+        data: list[RecordLike] = []
+        for record in records:
+            progress(f"reading {record}")
+            data.append(read_record(record, mapping=rules))
         found = analyse_vibration(
-            data, sensors=listed, turbine=turbine, bands=bands, section=section, progress=progress
+            data,
+            sensors=None if not lists else lists if len(lists) > 1 else lists[0],
+            turbine=turbine,
+            bands=bands,
+            section=section,
+            progress=progress,
         )
     print(found.to_json().rstrip() if json else found)
     with show_progress("oma") as progress:

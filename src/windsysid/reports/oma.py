@@ -123,6 +123,10 @@ def files(found: OperationalModes) -> dict[str, bytes]:
         ),
         Section("Spectra", figures=[(drawn, caption)]),
     ]
+    if found.parts:
+        text = "Each record by itself. Where they scatter more than their bands say, the mode is not trusted."
+        table = Table(found.agreement_headings, found.agreement, "", tuple(range(1 + len(found.parts))))
+        sections.append(Section("Record by record", text=[text], tables=[table]))
     shapes = _shapes(found)
     if shapes is not None:
         text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."
@@ -133,10 +137,8 @@ def files(found: OperationalModes) -> dict[str, bytes]:
         sections.append(Section("Why some are not to be trusted", tables=[why]))
     if found.notes:
         sections.append(Section("How this was computed", text=list(found.notes)))
-    subtitle = (
-        f"{found.record} · {found.section[0]:.6g}–{found.section[1]:.6g} s · {len(found.channels)} channels · "
-        f"{found.rate:.4g} Hz"
-    )
+    section = "" if found.parts else f" · {found.section[0]:.6g}–{found.section[1]:.6g} s"
+    subtitle = f"{found.record}{section} · {len(found.channels)} channels · {found.rate:.4g} Hz"
     return {
         "report.html": report_page("Modes from ambient vibration", subtitle, sections),
         "modes.png": drawn,

@@ -9,9 +9,10 @@ from windsysid.spectral.dft import band_data
 from windsysid.spectral.modal_model import spectrum
 from windsysid.spectral.modal_scoring import Fit, score
 from windsysid.spectral.oma_data import Line, Readings
-from windsysid.spectral.order import BandFit
+from windsysid.spectral.operational import Doubt
+from windsysid.spectral.order import BandFit, Shapes
 
-__all__ = ["AT_BORDER", "half_fits", "is_flank", "misfit", "mode_doubts"]
+__all__ = ["fit_doubts", "half_fits", "is_flank", "misfit", "mode_doubts", "shape_doubts"]
 
 MAX_MISFIT = 5.0
 """Standard deviations by which the spectrum may leave the model in an eighth of a band."""
@@ -40,7 +41,7 @@ STEADY_ENVELOPE = 0.35
 """Variance of a mode's squared amplitude over the square of its mean: 1 under a random load, 0 for a steady sine; below
 this it is a line."""
 
-LEAST_LIVES = 12.0
+LEAST_LIVES = 25.0
 """ζ ω T from which the envelope of a mode tells that."""
 
 MAX_FADE = 4.5
@@ -50,7 +51,8 @@ FADED = 2.6
 """… where it also has that many times the mean."""
 
 
-AT_BORDER = "it sits at the border of its band"
+MAX_SHAPE_STD = 0.15
+"""Root mean square of a shape's standard deviations, beyond which it is hardly seen."""
 
 
 def is_flank(found: BandFit, j: int, length: float) -> bool:
@@ -92,44 +94,66 @@ def half_fits(found: BandFit, halves: Sequence[tuple[Array, Complex]], samples: 
     return fits
 
 
-def mode_doubts(found: BandFit, j: int, response: Complex, halves: Sequence[Fit], readings: Readings) -> list[str]:
-    """Why mode j of a band is not to be trusted, in sentences; `response` (k,) is its transform at the bins."""
+def mode_doubts(found: BandFit, j: int, shapes: Shapes, halves: Sequence[Fit], readings: Readings) -> list[Doubt]:
+    """Why mode j of a band is not to be trusted."""
+    fit = found.fit
+    f, z = float(fit.modes.frequency[j]), float(fit.modes.damping[j])
+    length = readings.samples / readings.rate
+    doubts = fit_doubts(found, j, shapes, readings)
+    if not found.bins[0] < (f - z * f) * length or not (f + z * f) * length < found.bins[-1]:
+        doubts.append(Doubt("border", "it sits at the border of its band"))
+    alone = _along_shape(found, j)
+    apart = abs(np.log(float(alone.modes.frequency[j]) / f)) / alone.std(j)[0]
+    if apart > MAX_ALONE:
+        there = f"{float(alone.modes.frequency[j]):.4g} Hz, {apart:.1f} σ away"
+        text = f"the channels disagree: along its shape alone its frequency is {there}"
+        doubts.append(Doubt("channels", text))
+    return doubts + _half_doubts(j, halves) + shape_doubts(shapes.std[:, j])
+
+
+def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> list[Doubt]:
+    """What the fit of a band, lines and the mode's history say against mode j."""
     fit = found.fit
     f, z = float(fit.modes.frequency[j]), float(fit.modes.damping[j])
     std_z = fit.std(j)[1]
     length = readings.samples / readings.rate
     doubts = []
     if not fit.converged:
-        doubts.append("the search for its posterior did not end")
+        doubts.append(Doubt("search", "the search for its posterior did not end"))
     if std_z > SURE_OF_DAMPING or f * length < LEAST_CYCLES:
-        doubts.append(
-            f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of "
-            f"{np.exp(2.0 * min(std_z, 3.0)):.2g}"
-        )
-    if not found.bins[0] < (f - z * f) * length or not (f + z * f) * length < found.bins[-1]:
-        doubts.append(AT_BORDER)
+        factor = np.exp(2.0 * min(std_z, 3.0))
+        text = f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {factor:.2g}"
+        doubts.append(Doubt("short", text))
     off, at = misfit(found)
     if abs(off) > MAX_MISFIT:
-        doubts.append(
+        text = (
             f"the spectrum does not follow the modes: {off:+.1f} σ around {at:.4g} Hz; give the band by hand (--band)"
         )
-    doubts += _line_doubts(f, z, length, readings.lines)
-    doubts += _history_doubts(found, f, z, response, length)
-    alone = _along_shape(found, j)
-    apart = abs(np.log(float(alone.modes.frequency[j]) / f)) / alone.std(j)[0]
-    if apart > MAX_ALONE:
-        doubts.append(
-            f"the channels disagree: along its shape alone its frequency is {float(alone.modes.frequency[j]):.4g} "
-            f"Hz, {apart:.1f} σ away"
-        )
-    if len(halves) == 2:
-        for i, name in enumerate(("frequency", "damping")):
-            logs = [np.log((half.modes.frequency, half.modes.damping)[i][j]) for half in halves]
-            apart = abs(logs[0] - logs[1]) / np.hypot(halves[0].std(j)[i], halves[1].std(j)[i])
-            if apart > MAX_HALVES:
-                doubts.append(f"the halves of the record differ in {name} by {apart:.1f} σ")
-    else:
-        doubts.append("its band is too narrow to compare the halves of the record: record longer, or widen --band")
+        doubts.append(Doubt("misfit", text))
+    doubts += [Doubt("line", text) for text in _line_doubts(f, z, length, readings.lines)]
+    doubts += [Doubt("history", text) for text in _history_doubts(found, f, z, shapes.responses[:, j], length)]
+    return doubts
+
+
+def shape_doubts(std: Array) -> list[Doubt]:
+    """A doubt where a shape with these standard deviations (n,) is hardly seen."""
+    size = float(np.sqrt(np.mean(std**2)))
+    if size < MAX_SHAPE_STD:
+        return []
+    text = f"its shape is hardly seen (±{size:.2g}): it may stand for the flanks of its neighbours"
+    return [Doubt("shape", text)]
+
+
+def _half_doubts(j: int, halves: Sequence[Fit]) -> list[Doubt]:
+    if not halves:
+        text = "its band is too narrow to compare the halves of the record: record longer, or widen --band"
+        return [Doubt("halves", text)]
+    doubts = []
+    for i, name in enumerate(("frequency", "damping")):
+        logs = [np.log((half.modes.frequency, half.modes.damping)[i][j]) for half in halves]
+        apart = abs(logs[0] - logs[1]) / np.hypot(halves[0].std(j)[i], halves[1].std(j)[i])
+        if apart > MAX_HALVES:
+            doubts.append(Doubt("halves", f"the halves of the record differ in {name} by {apart:.1f} σ"))
     return doubts
 
 

@@ -7,6 +7,7 @@
 at the end.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from windsysid._types import Array
 from windsysid.spectral.dft import Band
 from windsysid.spectral.modal_model import SLOPE_SPREAD, Modes, Scores, advance, coordinates, scores, with_real_elements
 
-__all__ = ["Fit", "score"]
+__all__ = ["Fit", "score", "score_together"]
 
 MAX_STEPS = 40
 MAX_TRIALS = 12
@@ -66,17 +67,36 @@ def score(
     A search whose −2 ln likelihood is so far above `target` that steps like the last would not bring it there is given
     up.
     """
-    modes = with_real_elements(start)
-    prior = _Prior(modes)
-    here, cost = _posterior(modes, band, prior)
+    return score_together([start], [band], max_steps=max_steps, converged=converged, target=target)[0]
+
+
+def score_together(
+    starts: Sequence[Modes],
+    bands: Sequence[Band],
+    *,
+    max_steps: int = MAX_STEPS,
+    converged: float = CONVERGED,
+    target: float = np.inf,
+) -> list[Fit]:
+    """The mode of the posterior of several records' modes, which have their frequencies and damping ratios in common.
+
+    Likelihoods add. Shapes, loads and what else is in the band are each record's own, and its part of the joint
+    covariance is in its fit. The records' unknowns are eliminated one record after the other (Schur's complement), so
+    that the cost grows with their number only.
+    """
+    shared = starts[0].frequency, starts[0].damping
+    modes = [with_real_elements(start._replace(frequency=shared[0], damping=shared[1])) for start in starts]
+    priors = [_Prior(one, 1.0 / len(modes)) for one in modes]
+    here, cost = _joint(modes, bands, priors)
     mu, grow, ended, small = 1e-2, 2.0, False, 0
     for _ in range(max_steps):
-        scale = np.diag(np.diagonal(here.fisher))
         for _ in range(MAX_TRIALS):
-            step = _limited(np.asarray(-np.linalg.solve(here.fisher + mu * scale, here.gradient)), modes)
-            promised = -float(here.gradient @ step + 0.5 * step @ here.fisher @ step)
-            trial = advance(modes, step)
-            there, new = _posterior(trial, band, prior)
+            steps = _limited(_solved(here, len(shared[0]), mu), modes)
+            promised = -sum(
+                float(s.gradient @ step + 0.5 * step @ s.fisher @ step) for s, step in zip(here, steps, strict=True)
+            )
+            trial = [advance(one, step) for one, step in zip(modes, steps, strict=True)]
+            there, new = _joint(trial, bands, priors)
             if new < cost or promised < converged:
                 break
             mu, grow = max(grow * mu, 1e-3), 2.0 * grow
@@ -91,22 +111,62 @@ def score(
         if promised < converged or small == 2:
             ended = True
             break
-        if 2.0 * (cost - prior.cost(modes)) - target > HOPELESS * gained:
+        if np.isfinite(target) and 2.0 * (cost - priors[0].cost(modes[0])) - target > HOPELESS * gained:
             break
-    deviance = 2.0 * (cost - prior.cost(modes))
-    return Fit(modes, np.asarray(np.linalg.inv(here.fisher), dtype=np.float64), deviance, ended)
+    covs = _covariances(here, len(shared[0]))
+    return [
+        Fit(one, cov, 2.0 * found.cost / band.factor, ended)
+        for one, cov, found, band in zip(modes, covs, here, bands, strict=True)
+    ]
+
+
+def _joint(modes: Sequence[Modes], bands: Sequence[Band], priors: Sequence["_Prior"]) -> tuple[list[Scores], float]:
+    """Slopes of J for each record, and J of all."""
+    found = [_posterior(*each) for each in zip(modes, bands, priors, strict=True)]
+    return [scores for scores, _ in found], sum(cost for _, cost in found)
+
+
+def _solved(here: Sequence[Scores], r: int, mu: float) -> list[Array]:
+    """Levenberg's step of each record, the first 2 r unknowns being all records'."""
+    shared, vector, own = np.zeros((2 * r, 2 * r)), np.zeros(2 * r), []
+    for found in here:
+        damped = found.fisher + mu * np.diag(np.diagonal(found.fisher))
+        across = damped[: 2 * r, 2 * r :]
+        solved = np.linalg.solve(damped[2 * r :, 2 * r :], np.column_stack([across.T, found.gradient[2 * r :]]))
+        shared += damped[: 2 * r, : 2 * r] - across @ solved[:, :-1]
+        vector += found.gradient[: 2 * r] - across @ solved[:, -1]
+        own.append(solved)
+    common = -np.linalg.solve(shared, vector) if r else vector
+    return [np.concatenate([common, -solved[:, -1] - solved[:, :-1] @ common]) for solved in own]
+
+
+def _covariances(here: Sequence[Scores], r: int) -> list[Array]:
+    """Covariance (p, p) of each record's unknowns under all records."""
+    if len(here) == 1:
+        return [np.asarray(np.linalg.inv(here[0].fisher), dtype=np.float64)]
+    shared, own = np.zeros((2 * r, 2 * r)), []
+    for found in here:
+        across, inner = found.fisher[: 2 * r, 2 * r :], np.linalg.inv(found.fisher[2 * r :, 2 * r :])
+        shared += found.fisher[: 2 * r, : 2 * r] - across @ inner @ across.T
+        own.append((inner @ across.T, inner))
+    common = np.linalg.inv(shared)
+    return [
+        np.block([[common, -common @ follow.T], [-follow @ common, inner + follow @ common @ follow.T]])
+        for follow, inner in own
+    ]
 
 
 class _Prior:
-    """Gaussian in the unknowns that `coordinates` gives."""
+    """Gaussian in the unknowns that `coordinates` gives; `share` of that of damping."""
 
-    def __init__(self, modes: Modes) -> None:
+    def __init__(self, modes: Modes, share: float) -> None:
         m, r = modes.shape.shape
         loads = r * (r - 1)
         some = int(r > 0)
         self.centre = np.concatenate([np.full(r, DAMPING_PRIOR[0]), np.zeros(loads + some + 1)])
         spread = [DAMPING_PRIOR[1]] * r + [COHERENCE_PRIOR] * loads + [SLOPE_PRIORS[0]] * some + [SLOPE_PRIORS[1]]
         self.weight = np.array(spread) ** -2
+        self.weight[:r] *= share
         first = 2 * r + 2 * m * r - r
         self.at = np.array([*range(r, 2 * r), *range(first, first + loads + some), modes.size - 1])
 
@@ -124,9 +184,11 @@ def _posterior(modes: Modes, band: Band, prior: _Prior) -> tuple[Scores, float]:
     return Scores(found.cost, gradient, fisher), cost if np.isfinite(cost) else np.inf
 
 
-def _limited(step: Array, modes: Modes) -> Array:
-    """A step that moves no mode too far."""
-    r = len(modes.frequency)
-    moves = [float(np.max(np.abs(part), initial=0.0)) for part in (step[:r], step[r : 2 * r], step[-1:])]
-    share = max(1.0, *(move / most for move, most in zip(moves, MAX_MOVES, strict=True)))
-    return np.asarray(step / share)
+def _limited(steps: Sequence[Array], modes: Sequence[Modes]) -> list[Array]:
+    """Steps that move no mode too far."""
+    r = len(modes[0].frequency)
+    share = 1.0
+    for step in steps:
+        moves = [float(np.max(np.abs(part), initial=0.0)) for part in (step[:r], step[r : 2 * r], step[-1:])]
+        share = max(share, *(move / most for move, most in zip(moves, MAX_MOVES, strict=True)))
+    return [np.asarray(step / share) for step in steps]

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,19 @@ from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.units import unit_text
 
-__all__ = ["BandSpectrum", "OperationalMode", "OperationalModes"]
+__all__ = ["BandSpectrum", "Doubt", "DoubtKind", "OperationalMode", "OperationalModes", "Part"]
+
+
+DoubtKind = Literal[
+    "search", "short", "line", "border", "misfit", "history", "channels", "halves", "shape", "neighbour", "records"
+]
+
+
+class Doubt(NamedTuple):
+    """What speaks against a mode: of which kind, and in a sentence."""
+
+    kind: DoubtKind
+    text: str
 
 
 @dataclass(frozen=True)
@@ -37,10 +49,12 @@ class OperationalMode:
         deviation of its logarithm.
     band
         Lowest and highest frequency that were used [Hz].
-    doubts
-        Why it is not to be trusted, in sentences.
+    grounds
+        Why it is not to be trusted.
     reference
         Frequency [Hz] and damping ratio that the turbine file gives; None where nothing is near.
+    shape_cov
+        Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None where it was not kept.
     """
 
     name: str
@@ -53,13 +67,23 @@ class OperationalMode:
     load: float
     ln_load_std: float
     band: tuple[float, float]
-    doubts: tuple[str, ...]
+    grounds: tuple[Doubt, ...]
     reference: tuple[float, float] | None = None
+    shape_cov: Array | None = None
 
     @property
     def trusted(self) -> bool:
         """Whether nothing speaks against it."""
-        return not self.doubts
+        return not self.grounds
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why it is not to be trusted, in sentences."""
+        return tuple(doubt.text for doubt in self.grounds)
+
+    def doubted_for(self, *kinds: DoubtKind) -> bool:
+        """Whether a doubt of one of these kinds speaks against it."""
+        return any(doubt.kind in kinds for doubt in self.grounds)
 
     @property
     def mode(self) -> Mode:
@@ -101,6 +125,35 @@ class OperationalMode:
 
 
 @dataclass(frozen=True)
+class Part:
+    """One of several records that were analysed together.
+
+    Attributes
+    ----------
+    record, start, section, rate, samples
+        As in `OperationalModes`.
+    modes
+        Each mode as this record alone has it; None where it does not show it.
+    notes
+        What a reader must know of this record.
+    """
+
+    record: str
+    start: str | None
+    section: tuple[float, float]
+    rate: float
+    samples: int
+    modes: tuple[OperationalMode | None, ...]
+    notes: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """As plain values."""
+        alone = [None if mode is None else mode.mode.summary() for mode in self.modes]
+        own = {"record": self.record, "start": self.start, "section": list(self.section)}
+        return {**own, "rate_hz": self.rate, "samples": self.samples, "modes": alone, "notes": list(self.notes)}
+
+
+@dataclass(frozen=True)
 class BandSpectrum:
     """What is drawn of a band: frequencies (K,), the sum of its channels' spectra, scaled, as measured and as fitted
     (K,)."""
@@ -138,6 +191,9 @@ class OperationalModes(Answer):
         Seconds.
     start
         The moment of the record's time 0.
+    parts
+        The records, where several were analysed together; the rest is then of all of them, `frequency`, `level` and
+        `bands` of the first.
     """
 
     record: str
@@ -158,6 +214,7 @@ class OperationalModes(Answer):
     notes: tuple[str, ...]
     elapsed: float
     start: str | None = None
+    parts: tuple[Part, ...] = ()
 
     @property
     def trusted(self) -> bool:
@@ -192,6 +249,7 @@ class OperationalModes(Answer):
             "trusted": self.trusted,
             "reasons": list(self.reasons),
             "notes": list(self.notes),
+            **({"parts": [part.summary() for part in self.parts]} if self.parts else {}),
         }
 
     def to_json(self) -> str:
@@ -214,6 +272,21 @@ class OperationalModes(Answer):
             rows.append((*mode.mode.cells(), *known, largest, "yes" if mode.trusted and not self.doubts else "no"))
         return rows
 
+    @property
+    def agreement(self) -> list[tuple[str, ...]]:
+        """Each mode's frequency and damping ratio record by record, under `agreement_headings`."""
+        rows = []
+        for i, mode in enumerate(self.modes):
+            alone = [part.modes[i] for part in self.parts]
+            told = ("not seen" if one is None else f"{one.frequency:.4f}, {100 * one.damping:.2f}" for one in alone)
+            rows.append((mode.name, *told))
+        return rows
+
+    @property
+    def agreement_headings(self) -> tuple[str, ...]:
+        """The records."""
+        return ("f [Hz], ζ [%]", *(part.record for part in self.parts))
+
     def __repr__(self) -> str:
         trusted = "trusted" if self.trusted else "not trusted"
         return f"<OperationalModes of {self.record}: {len(self.modes)} modes, {trusted}; print it for the table>"
@@ -224,14 +297,20 @@ class OperationalModes(Answer):
 
         from windsysid.output.console import render
 
-        table = Table(title=f"modes of {section_name(self.record, *self.section)}", title_justify="left")
+        of = self.record if self.parts else section_name(self.record, *self.section)
+        table = Table(title=f"modes of {of}", title_justify="left")
         last = len(self.headings) - 2
         for i, heading in enumerate(self.headings):
             table.add_column(heading, justify="left" if i == 0 or i >= last else "right")
         for row in self.rows:
             table.add_row(*row)
+        tables = [table]
+        if self.parts:
+            tables.append(Table(*self.agreement_headings, title="record by record", title_justify="left"))
+            for row in self.agreement:
+                tables[1].add_row(*row)
         verdict = "trusted" if self.trusted else "not to be trusted:"
-        return render(table, verdict, *(f"  {reason}" for reason in self.reasons), *self.notes)
+        return render(*tables, verdict, *(f"  {reason}" for reason in self.reasons), *self.notes)
 
     def unit(self, channel: str) -> str:
         """The unit of a channel, as text."""

@@ -18,7 +18,7 @@ from windsysid.spectral.modal_model import Modes, responses
 from windsysid.spectral.modal_scoring import Fit, score
 from windsysid.spectral.modal_start import add_mode, deviance, modes_at, without_modes
 
-__all__ = ["BandFit", "Shapes", "fit_band", "full_shapes"]
+__all__ = ["BandFit", "Shapes", "fit_band", "full_shapes", "principal_directions"]
 
 ROUGH = 0.05
 """Of J: how far the fits are taken that are only compared."""
@@ -67,8 +67,9 @@ class Shapes(NamedTuple):
 
     Attributes
     ----------
-    shape, std
-        (n, r), 1 in the channel `largest` (r,); standard deviations of real and imaginary parts (n, r).
+    shape, std, cov
+        (n, r), 1 in the channel `largest` (r,); standard deviations of real and imaginary parts (n, r); covariance of
+        the real parts and then the imaginary ones (r, 2 n, 2 n).
     load, load_std
         (r,) spectrum of the load that drives the mode, per modal mass where the shape is 1 [unit²/Hz], and the standard
         deviation of its logarithm.
@@ -78,6 +79,7 @@ class Shapes(NamedTuple):
 
     shape: Complex
     std: Array
+    cov: Array
     largest: NDArray[np.int64]
     load: Array
     load_std: Array
@@ -104,7 +106,7 @@ def fit_band(
     known
         Frequencies [Hz] and damping ratios of modes that were found before: the search begins with them.
     """
-    directions, back = _principal(values, min(values.shape[1], peaks + 2))
+    directions, back = principal_directions(values, min(values.shape[1], peaks + 2))
     band = band_data(values @ back.T, bins, samples, rate)
     empty = without_modes(band)
     none = Fit(empty, np.empty((0, 0)), deviance(empty, band), True)
@@ -150,18 +152,22 @@ def full_shapes(found: BandFit) -> Shapes:
     largest = np.argmax(np.abs(shape), axis=0)
     size = shape[largest, range(r)]
     ratio = shape / size
-    std, level_std = np.empty(shape.shape), np.empty(r)
+    n = len(shape)
+    spread, level_std = np.empty((r, 2 * n, 2 * n)), np.empty(r)
     for j in range(r):
         weight = found.directions @ _unknowns(modes, j)  # (n, p) complex: how a shape follows the unknowns
         relative = (weight - ratio[:, j : j + 1] * weight[largest[j]]) / size[j]
-        spread = np.einsum("cp,pq,cq->c", relative, cov, relative.conj()).real
-        rest = (level + np.abs(ratio[:, j]) ** 2 * level[largest[j]]) * inverse[j, j].real / np.abs(size[j]) ** 2
-        rest[largest[j]] = 0.0
-        std[:, j] = np.sqrt(0.5 * np.maximum(spread + rest, 0.0))
+        parts = np.concatenate([relative.real, relative.imag])
+        rest = (np.diag(level) + level[largest[j]] * np.outer(ratio[:, j], ratio[:, j].conj())) * inverse[j, j].real
+        rest[largest[j]] = rest[:, largest[j]] = 0.0
+        rest /= 2.0 * np.abs(size[j]) ** 2
+        spread[j] = parts @ cov @ parts.T + np.block([[rest.real, -rest.imag], [rest.imag, rest.real]])
         along = (weight[largest[j]] / size[j]).real
         level_std[j] = 2.0 * np.sqrt(along @ cov @ along)
+    own = np.maximum(np.einsum("jcc->cj", spread), 0.0)
+    std = np.sqrt(0.5 * (own[:n] + own[n:]))
     load = np.abs(size) ** 2 * np.diagonal(modes.load @ modes.load.conj().T).real
-    return Shapes(ratio, std, largest, load, level_std, seen)
+    return Shapes(ratio, std, spread, largest, load, level_std, seen)
 
 
 def _modal_responses(modes: Modes, band: Band, values: Complex) -> tuple[Complex, Complex]:
@@ -191,7 +197,7 @@ def _unknowns(modes: Modes, j: int) -> Complex:
     return weight
 
 
-def _principal(values: Complex, most: int) -> tuple[Complex, Complex]:
+def principal_directions(values: Complex, most: int) -> tuple[Complex, Complex]:
     """Directions (n, m) and the way back (m, n): channels are scaled by their quiet level, directions have a mean power
     of about 1."""
     power = np.abs(values) ** 2

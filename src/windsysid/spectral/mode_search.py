@@ -1,0 +1,194 @@
+"""The search for modes in a record's spectra: bands, the modes of each, and bands placed anew around them."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array, Complex
+from windsysid.errors import ConfigurationError
+from windsysid.spectral.bands import Peak, find_peaks, group_peaks, widened
+from windsysid.spectral.modal_checks import is_flank
+from windsysid.spectral.oma_data import Readings, transforms
+from windsysid.spectral.order import BandFit, fit_band
+
+__all__ = ["Found", "band_bins", "fit_between", "is_hump", "modes_inside", "modes_of", "search_again", "search_modes"]
+
+MOST_MODES = 5
+"""In one band."""
+
+AGAIN = 2
+"""Times that bands are placed anew."""
+
+MOVED = 0.15
+"""Of a band's width: a band whose borders should have been farther away than that is fitted again."""
+
+HUMP = 0.01
+"""A peak this near to a harmonic of the rotor, relative, or nearer than one and a half of its half-widths, is of the
+wind that blades sample."""
+
+LEAST_EVIDENCE = 10.0
+"""2 ln of the evidence for a mode against none."""
+
+
+class Found(NamedTuple):
+    """What was found in a record.
+
+    Attributes
+    ----------
+    frequency, values
+        Transforms (F, n) and their frequencies (F,) [Hz].
+    bands
+        The modes of each band.
+    empty
+        Bands that were asked for and hold no mode.
+    """
+
+    frequency: Array
+    values: Complex
+    bands: tuple[BandFit, ...]
+    empty: tuple[tuple[float, float], ...]
+
+
+def search_modes(readings: Readings, bands: Sequence[tuple[float, float]] | None, say: Callable[[str], None]) -> Found:
+    """The modes in bands that are given, or in those that spectra show."""
+    frequency, values = transforms(readings)
+    step = float(frequency[1])
+    if bands is None:
+        say("spectral peaks")
+        seen = [
+            peak._replace(alone=is_hump(peak, readings))
+            for peak in find_peaks(frequency, values, readings.low, readings.high)
+        ]
+        wanted = group_peaks(seen, step, readings.low, readings.high)
+    else:
+        seen = []
+        wanted = [_checked_band(band, readings, step) for band in bands]
+    found: list[BandFit] = []
+    for low, high, count in wanted:
+        say(f"{low:.4g} … {high:.4g} Hz")
+        most = count if bands is None else MOST_MODES
+        found.append(fit_between(frequency, values, readings, low, high, count, most))
+    for again in range(AGAIN if bands is None else 0):
+        say("bands around what was found")
+        found = search_again(found, frequency, values, readings, [] if again else seen, keep=again > 0)
+    empty = [
+        (low, high)
+        for (low, high, _), one in zip(wanted, found, strict=False)
+        if bands is not None and not modes_inside(one, 1.0 / step)
+    ]
+    return Found(frequency, values, tuple(found), tuple(empty))
+
+
+def _checked_band(band: tuple[float, float], readings: Readings, step: float) -> tuple[float, float, int]:
+    low, high = band
+    if not (0.0 < low < high < 0.5 * readings.rate):
+        raise ConfigurationError(
+            f"band {low:g} {high:g} Hz: expected two rising frequencies between 0 and {0.5 * readings.rate:.4g} Hz, "
+            f"half the sampling rate"
+        )
+    if high - low < 16.0 * step:
+        raise ConfigurationError(
+            f"band {low:g} {high:g} Hz: expected {16 * step:.3g} Hz of width at least in a record of {1 / step:.4g} "
+            f"s; widen it"
+        )
+    return low, high, 1
+
+
+def fit_between(
+    frequency: Array,
+    values: Complex,
+    readings: Readings,
+    low: float,
+    high: float,
+    count: int,
+    most: int,
+    known: Sequence[tuple[float, float]] = (),
+) -> BandFit:
+    """The modes of one band, its lines left out; `known` are modes to begin with, as `fit_band` has them."""
+    bins = band_bins(frequency, readings, low, high)
+    return fit_band(values[bins], bins, readings.samples, readings.rate, count, most, known)
+
+
+def band_bins(frequency: Array, readings: Readings, low: float, high: float) -> NDArray[np.int64]:
+    """The bins of a band, those of lines left out."""
+    inside = (frequency >= low) & (frequency <= high)
+    for line in readings.lines:
+        off = np.abs(frequency - line.frequency)
+        if off[inside].size and off[inside].min() < line.half_width and inside.sum() > 16:
+            inside &= off > line.half_width
+    return np.flatnonzero(inside)
+
+
+def modes_of(found: BandFit) -> int:
+    """How many modes a band has, flanks among them."""
+    return len(found.fit.modes.frequency) if found.against_none > LEAST_EVIDENCE else 0
+
+
+def modes_inside(found: BandFit, length: float) -> int:
+    """How many modes of a band are inside it."""
+    return sum(not is_flank(found, j, length) for j in range(modes_of(found)))
+
+
+def search_again(
+    found: Sequence[BandFit],
+    frequency: Array,
+    values: Complex,
+    readings: Readings,
+    peaked: Sequence[Peak],
+    *,
+    keep: bool,
+) -> list[BandFit]:
+    """Bands around the modes that were found, and around `peaked` frequencies where none was; bands that are where they
+    should be stay where `keep` says so.
+
+    A band with one peak of its own may hold the flank of a louder mode: the first search then finds that one.
+    """
+    step = float(frequency[1])
+    peaks: list[Peak] = []
+    for one in found:
+        if modes_of(one):
+            for j, (f, z) in enumerate(zip(one.fit.modes.frequency, one.fit.modes.damping, strict=True)):
+                if not is_flank(one, j, 1.0 / step):
+                    peak = Peak(float(f), float(max(z * f, 0.5 * step)), one.against_none)
+                    peaks.append(peak._replace(alone=is_hump(peak, readings)))
+    modes = {peak.frequency for peak in peaks}
+    peaks += [
+        peak
+        for peak in peaked
+        if all(abs(peak.frequency - p.frequency) > 2.0 * max(peak.half_width, p.half_width) for p in peaks)
+    ]
+    single: list[Peak] = []
+    for peak in sorted(peaks):
+        if single and peak.frequency - single[-1].frequency < 0.3 * min(peak.half_width, single[-1].half_width):
+            single[-1] = max(peak, single[-1], key=lambda p: p.rise)
+        else:
+            single.append(peak)
+    again = []
+    for low, high, count in group_peaks(single, step, readings.low, readings.high):
+        same = keep and [one for one in found if _is_same(one, low, high, count, 1.0 / step)]
+        known = [
+            (peak.frequency, peak.half_width / peak.frequency)
+            for peak in single
+            if peak.frequency in modes and low < peak.frequency < high
+        ]
+        one = same[0] if same else fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
+        if known and not modes_inside(one, 1.0 / step):  # too narrow to tell: neighbours' flanks are let in
+            inside = [peak for peak in single if low < peak.frequency < high]
+            low, high = widened(inside, [peak for peak in single if peak not in inside], low, high, step)
+            one = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
+        again.append(one)
+    return again
+
+
+def is_hump(peak: Peak, readings: Readings) -> bool:
+    """Whether a peak stands on a harmonic of the rotor: the wind that blades sample, which shares no band with a
+    mode."""
+    n = round(peak.frequency / readings.rotor_hz) if readings.rotor_hz else 0
+    return n > 0 and abs(peak.frequency - n * readings.rotor_hz) < max(HUMP * peak.frequency, 1.5 * peak.half_width)
+
+
+def _is_same(found: BandFit, low: float, high: float, count: int, length: float) -> bool:
+    first, last = found.band.frequency[[0, -1]]
+    return modes_inside(found, length) == count and max(abs(first - low), abs(last - high)) < MOVED * (high - low)
