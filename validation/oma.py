@@ -5,6 +5,7 @@
 - One mode at several lengths, beside Au's laws, c_f² = ζ/(2π N_c B_f) and c_ζ² = 1/(2π ζ N_c B_ζ) with N_c cycles and
   the band f (1 ± 10 ζ).
 - Frames of N storeys, 600 s at 50 Hz, output only: white forces on every storey, 1 % noise on every geophone.
+- Several records of two modes, 250 s each, together: with the same sensors, and with sensors that move.
 - OpenFAST (`--openfast FOLDER`): c2 and d1, tower and edgewise modes.
 
 How often bands hold the truth is counted over the modes that were trusted; trusted modes that are none are counted too.
@@ -192,6 +193,39 @@ def frames(runs: int) -> Iterator[tuple[str, ...]]:
         yield row(f"frame of {storeys} storeys, 600 s at 50 Hz", total, runs)
 
 
+def several_records(runs: int) -> Iterator[tuple[str, ...]]:
+    """Short records of one structure, alone and together; the same sensors, and two of four moved (setups)."""
+    rate, length, modes = 8.0, 250.0, [(1.0, 0.01), (1.3, 0.015)]
+    samples = int(rate * length)
+    same, moved = ([0, 1, 2, 3],) * 4, ([0, 1, 2, 3], [0, 1, 4, 5], [0, 1, 6, 7])
+    for name, columns in (("same sensors", same), ("setups", moved)):
+        total, shapes, apart = Score(), [], 0
+        for seed in range(FRESH + 3000, FRESH + 3000 + runs):
+            rng = np.random.default_rng(seed)
+            whole = rng.normal(size=(8, 2))
+            records = []
+            for number, chosen in enumerate(columns):
+                q = responses(modes, np.eye(2), rate, samples, rng)
+                y = (0.5 + rng.random()) * (q / q.std(axis=0)) @ whole[chosen].T
+                y += 0.05 * rng.normal(size=y.shape)
+                names = tuple(f"point_{c}_velocity" for c in chosen)
+                time = np.arange(samples) / rate
+                records.append(Record(time, y, names, ("m/s",) * len(names), name=f"record {number}"))
+            found = analyse_vibration(records)
+            total = total.with_more(scored(found, modes))
+            apart += sum(mode.doubted_for("records") for mode in found.modes)
+            order = [int(channel.split("_")[1]) for channel in found.channels]
+            for mode in found.modes:
+                k = int(np.argmin([abs(mode.frequency - f) for f, _ in modes]))
+                true = whole[order, k] / whole[order[int(np.argmax(np.abs(mode.shape)))], k]
+                sure = mode.shape_std > 0.0
+                if mode.trusted:
+                    shapes += list((mode.shape.real - true)[sure] / mode.shape_std[sure])
+        held = 100.0 * float(np.mean(np.abs(shapes) < 2.0)) if shapes else float("nan")
+        title = f"{len(columns)} records of {length:g} s, {name}; shapes in ±2σ {held:.1f} %, {apart} said to disagree"
+        yield row(title, total, runs)
+
+
 def turbines(folder: Path) -> Iterator[tuple[str, ...]]:
     """c2 and d1 beside their true modes."""
     for name, file in FILES.items():
@@ -235,6 +269,7 @@ def main() -> None:
     if given.runs > 0:
         table("close modes", HEADINGS, close_modes(given.runs))
         table("one mode", HEADINGS, single_modes(given.runs))
+        table("several records together", HEADINGS, several_records(given.runs))
     print(f"{time.time() - began:.0f} s")
 
 
