@@ -65,7 +65,9 @@ def plan(
 @app.command()
 def compare(
     context: typer.Context,
-    before: Annotated[Path, typer.Argument(help="Folder that windsysid identify wrote: the record to compare with.")],
+    before: Annotated[
+        Path, typer.Argument(help="Folder that windsysid identify or oma wrote: the record to compare with.")
+    ],
     after: Annotated[list[Path], typer.Argument(help="One or more folders of later records.")],
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, changes.png and summary.json.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
@@ -75,13 +77,11 @@ def compare(
     from json import dumps
 
     from windsysid.monitoring.comparison import compare as compare_results
-    from windsysid.results.posterior import load_posterior
 
     if output is not None and len(after) > 1:
         raise ConfigurationError("--output goes with two folders: compare one later record at a time")
     write = claim_output(context, output, before, *after, overwrite=overwrite)
-    first = load_posterior(before)
-    comparisons = [compare_results(first, load_posterior(later)) for later in after]
+    comparisons = [compare_results(before, later) for later in after]
     if len(after) == 1:
         print_and_save(comparisons[0], output, write, json=json)
     elif json:
@@ -118,7 +118,7 @@ def monitor(
     results: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders that windsysid identify wrote; records that say when they began are put in order."
+            help="Folders that windsysid identify or oma wrote; records that say when they began are put in order."
         ),
     ],
     covariates: Annotated[

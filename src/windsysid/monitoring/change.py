@@ -41,7 +41,8 @@ class Change(NamedTuple):
     chance
         Probability of a difference this large, or larger, without a change.
     kind
-        Of a coefficient, ``stiffness``, ``damping`` …; empty for a mode or a statistic.
+        Of a coefficient, ``stiffness``, ``damping`` …; of a mode of `windsysid.oma`, ``frequency`` or ``damping``;
+        empty for a mode of a model or a statistic.
     """
 
     name: str
@@ -141,7 +142,7 @@ class Comparison(Answer):
     def _unseen(self) -> list[str]:
         """What could have moved and not been seen, in words: a change is found from about four σ on."""
         told, dark = [], []
-        for kind in ("stiffness", "damping"):
+        for kind in ("stiffness", "frequency", "damping"):
             steps = {c.name: 2.0 * _half_width(c) for c in self.coefficients if c.kind == kind}
             dark += [name for name, step in steps.items() if step > UNTOLD]
             greatest = max((step for step in steps.values() if step <= UNTOLD), default=None)

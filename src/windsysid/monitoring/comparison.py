@@ -23,6 +23,7 @@ https://doi.org/10.1111/j.2517-6161.1954.tb00159.x.
 
 import math
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import analyse, directions_of
 from windsysid.monitoring.change import UNTOLD, Change, Comparison
+from windsysid.monitoring.modal_comparison import compare_modes
 from windsysid.monitoring.own_information import (
     TYPICAL_CHANGE,
     Difference,
@@ -40,6 +42,7 @@ from windsysid.monitoring.own_information import (
 )
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
+from windsysid.spectral.known_modes import ModesLike, holds_modes
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["compare"]
@@ -48,17 +51,29 @@ VAGUE_PRIOR_FACTOR = 100.0
 """How many times wider the prior of a change is where its size is estimated."""
 
 
-def compare(before: PosteriorLike, after: PosteriorLike) -> Comparison:
+def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike) -> Comparison:
     """What moved from one record of a turbine to another; the other way round it is the same change backwards.
 
-    Both are posteriors, results, or the folders that results were saved in.
+    Both are posteriors, results, or the folders that results were saved in, of `windsysid.identify` or of
+    `windsysid.oma`.
 
     Raises
     ------
     ConfigurationError
-        If the two have no coefficient in common.
+        If the two have nothing in common.
     """
-    before, after = as_posterior(before), as_posterior(after)
+    of_modes = [holds_modes(one) for one in (before, after)]
+    if all(of_modes):
+        return compare_modes(cast("ModesLike", before), cast("ModesLike", after))
+    if any(of_modes):
+        raise ConfigurationError("expected two results of windsysid identify or two of windsysid oma, got one of each")
+    return _compare_coefficients(
+        as_posterior(cast("PosteriorLike", before)), as_posterior(cast("PosteriorLike", after))
+    )
+
+
+def _compare_coefficients(before: Posterior, after: Posterior) -> Comparison:
+    """What moved between two results of identify."""
     frame = common_frame(before, after)
     if not frame:
         raise ConfigurationError(

@@ -3,29 +3,27 @@
 A block is one record's estimates without their prior, the noise found in its sensors, and the covariates of its time.
 """
 
-import csv
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
+from windsysid.monitoring.covariates import lines_of, read_covariates
+from windsysid.monitoring.dates import MIN_BLOCKS, in_order, spans_of
+from windsysid.monitoring.modal_tracks import modal_tracks
 from windsysid.monitoring.own_information import without_prior
-from windsysid.records.moments import moment
 from windsysid.results.posterior import SIGMAS, Posterior, load_posterior
+from windsysid.spectral.known_modes import KnownModes, ModesLike, as_modes, holds_modes
 
-__all__ = ["DAY", "MIN_BLOCKS", "Blocks", "gather", "read_blocks"]
+__all__ = ["DAY", "MIN_BLOCKS", "Blocks", "gather", "gather_modes", "read_blocks"]
 
-
-MIN_BLOCKS = 12
-"""Blocks that a watch needs."""
 
 DAY = 86400.0
 
@@ -49,6 +47,9 @@ class Blocks:
         Of each series, the value at θ = 0 (logarithmic) or θ = 1.
     units
         SI unit of each series, ``1`` for noise; empty where nobody says them.
+    kinds
+        Of each series: ``k`` for a stiffness and anything else, ``c`` for a damping, ``f`` for a frequency, ``noise``;
+        empty where names say it, as those of coefficients do.
     covariates
         (T, m); a block without all of them is left out.
     covariate_names
@@ -76,6 +77,14 @@ class Blocks:
     begin: datetime | None = None
     notes: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
+
+    def kind(self, i: int) -> str:
+        """The kind of series i."""
+        if self.kinds:
+            return self.kinds[i]
+        said = self.names[i].partition("_")[0]
+        return said if said in ("c", "noise") else "k"
 
     def __post_init__(self) -> None:
         shape = (len(self.time), len(self.names))
@@ -139,27 +148,9 @@ def gather(
         If records are too few, times do not increase, two records began at the same time, some say their zone and some
         do not, or lengths disagree.
     """
-    count = len(posteriors)
-    if count < MIN_BLOCKS:
-        raise ConfigurationError(f"expected at least {MIN_BLOCKS} records to learn from, got {count}")
-    columns = {name: np.asarray(values, dtype=np.float64) for name, values in (covariates or {}).items()}
-    notes: list[str] = []
-    spans = _spans(posteriors) if time is None else None
-    if spans is not None:
-        order = sorted(range(count), key=[span.begin for span in spans].__getitem__)
-        posteriors, spans = [posteriors[i] for i in order], [spans[i] for i in order]
-        noise = [noise[i] for i in order] if noise else ()
-        columns = {name: values[order] for name, values in columns.items()}
-        notes += _overlaps(spans)
-        begin = first = spans[0].begin
-        time = np.array([(span.begin - first).total_seconds() for span in spans], dtype=np.float64)
-    elif time is None:
-        silent = sum(posterior.start is None for posterior in posteriors)
-        notes.append(
-            f"{silent} of {count} records do not say when they began: they were taken in the order given, 10 minutes"
-            " apart"
-        )
-        time = np.asarray(600.0 * np.arange(count), dtype=np.float64)
+    placed = in_order(posteriors, time, covariates, begin)
+    posteriors, count = [posteriors[i] for i in placed.order], len(posteriors)
+    noise = [noise[i] for i in placed.order] if noise else ()
     frame = posteriors[0]
     names = [q.name for q in frame.parameters]
     sensors = sorted({name for found in noise for name in found})
@@ -176,76 +167,23 @@ def gather(
             std[row, len(names) + sensors.index(name)] = relative
     return Blocks(
         names=(*names, *sensors),
-        time=np.asarray(time, dtype=np.float64),
+        time=placed.time,
         theta=theta,
         std=std,
         logarithmic=(*(q.logarithmic for q in frame.parameters), *(True for _ in sensors)),
         reference=(*(q.reference for q in frame.parameters), *(1.0 for _ in sensors)),
-        covariates=np.column_stack(list(columns.values())) if columns else np.empty((count, 0)),
-        covariate_names=tuple(columns),
+        covariates=placed.covariates,
+        covariate_names=tuple(covariates or ()),
         trusted=np.array([posterior.trusted for posterior in posteriors]),
         records=tuple(posterior.record for posterior in posteriors),
         units=(*(posteriors[0].turbine.model.coefficient(name).unit for name in names), *("1" for _ in sensors)),
-        begin=begin,
-        notes=tuple(notes),
+        begin=placed.begin,
+        notes=placed.notes,
     )
 
 
-class _Span(NamedTuple):
-    """When what was used of a record began and ended."""
-
-    begin: datetime
-    end: datetime
-    record: str
-
-
-def _spans(posteriors: Sequence[Posterior]) -> list[_Span] | None:
-    """Of each record; None if one does not say it; ConfigurationError if they cannot be compared."""
-    spans = []
-    for posterior in posteriors:
-        if posterior.start is None or posterior.section is None:
-            return None
-        begin, end = (moment(posterior.start) + timedelta(seconds=seconds) for seconds in posterior.section)
-        spans.append(_Span(begin, end, posterior.record))
-    with_zone = [span.record for span in spans if span.begin.tzinfo is not None]
-    without = [span.record for span in spans if span.begin.tzinfo is None]
-    if with_zone and without:
-        raise ConfigurationError(
-            f"records with a zone ('{with_zone[0]}') and without ('{without[0]}') cannot be put in order: give the zone"
-            " in the mapping file, [time] zone, and identify again"
-        )
-    return spans
-
-
-def _overlaps(spans: Sequence[_Span]) -> list[str]:
-    """Describe records, in order, that begin before the one before has ended.
-
-    Raises ConfigurationError if two begin together.
-    """
-    found: list[tuple[_Span, _Span]] = []
-    latest = spans[0]
-    for span in spans[1:]:
-        if span.begin == latest.begin:
-            raise ConfigurationError(
-                f"'{latest.record}' and '{span.record}' begin at the same time, {span.begin.isoformat()}: leave one of"
-                " them out"
-            )
-        if span.begin < latest.end:
-            found.append((latest, span))
-        latest = max(latest, span, key=lambda one: one.end)
-    if not found:
-        return []
-    (one, other), more = found[0], len(found) - 1
-    seconds = (min(one.end, other.end) - other.begin).total_seconds()
-    others = f", and {more} more" if more else ""
-    return [
-        f"'{one.record}' and '{other.record}' overlap by {seconds:.4g} s{others}: what both hold is counted twice,"
-        " which the alarms do not know"
-    ]
-
-
 def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = None) -> Blocks:
-    """Blocks from folders that ``windsysid identify`` wrote, and a CSV file of covariates with a line for each.
+    """Blocks from folders that ``windsysid identify`` or ``oma`` wrote, and a CSV file of covariates, a line for each.
 
     Records that say when they began are put in order of time. Folders of others are taken in the order given; where
     that is the alphabetical one, as a shell gives it, in natural order: ``res-2`` before ``res-10``.
@@ -260,8 +198,12 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
     ConfigurationError
         If a folder holds no result, records cannot be put in order, or the file does not fit.
     """
-    found = [(Path(folder), load_posterior(folder)) for folder in folders]
-    spans = _spans([posterior for _, posterior in found])
+    of_modes = [holds_modes(folder) for folder in folders]
+    if any(of_modes) and not all(of_modes):
+        raise ConfigurationError("expected results of windsysid identify or of windsysid oma, got some of each")
+    read: Callable[[str | Path], Posterior | KnownModes] = as_modes if any(of_modes) else load_posterior
+    found = [(Path(folder), read(folder)) for folder in folders]
+    spans = spans_of([result for _, result in found])
     notes: list[str] = []
     if spans is None:
         texts = [str(folder) for folder, _ in found]
@@ -269,27 +211,74 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
         if texts == sorted(texts) and natural != sorted(natural):
             found = [found[i] for i in natural]
             notes.append(f"folders were taken in natural order, {found[0][0].name} … {found[-1][0].name}")
-    silent = sum(posterior.record_hash is None for _, posterior in found)
-    if silent:
-        notes.append(
-            f"{silent} results of an older version do not hold the noise of their sensors, which is not watched in"
-            " them: identify again"
-        )
     columns: dict[str, Array] = {}
     time, begin = None, None
     if covariates is not None:
-        table = _read_table(Path(covariates), len(found))
-        rows = _lines_of(table, [folder for folder, _ in found], spans)
+        table = read_covariates(Path(covariates), len(found))
+        rows = lines_of(table, [folder for folder, _ in found], spans)
         if spans is None and table.time is not None:
             if table.folders:
                 order = np.argsort(table.time[rows])
                 found, rows = [found[i] for i in order], [rows[i] for i in order]
             time, begin = table.time[rows], table.dates[0] if table.dates else None
         columns = {name: values[rows] for name, values in table.columns.items()}
-    posteriors = [posterior for _, posterior in found]
+    modes = [result for _, result in found if isinstance(result, KnownModes)]
+    if modes:
+        blocks = gather_modes(modes, time=time, covariates=columns, begin=begin)
+        return replace(blocks, notes=(*notes, *blocks.notes))
+    posteriors = [result for _, result in found if isinstance(result, Posterior)]
+    silent = sum(posterior.record_hash is None for posterior in posteriors)
+    if silent:
+        notes.append(
+            f"{silent} results of an older version do not hold the noise of their sensors, which is not watched in"
+            " them: identify again"
+        )
     noise = [_noise(posterior) for posterior in posteriors]
     blocks = gather(posteriors, time=time, covariates=columns, noise=noise, begin=begin)
     return replace(blocks, notes=(*notes, *blocks.notes))
+
+
+def gather_modes(
+    results: Sequence[ModesLike],
+    *,
+    time: Array | None = None,
+    covariates: Mapping[str, Array] | None = None,
+    begin: datetime | None = None,
+) -> Blocks:
+    """Blocks from the modes of records, followed from one to the next by frequency and shape, as `gather` puts them in
+    order.
+
+    A mode counts where it is trusted. Modes that fewer than half of the records trust are not followed; a note lists
+    them.
+
+    Raises
+    ------
+    ConfigurationError
+        As `gather` does, or if there is no mode to follow.
+    """
+    known = [as_modes(result) for result in results]
+    placed = in_order(known, time, covariates, begin)
+    tracks, notes = modal_tracks([known[i] for i in placed.order])
+    width = 2 * len(tracks)
+    theta, std = np.full((len(known), width), np.nan), np.full((len(known), width), np.nan)
+    for k, track in enumerate(tracks):
+        theta[:, 2 * k : 2 * k + 2], std[:, 2 * k : 2 * k + 2] = track.values, track.std
+    return Blocks(
+        names=tuple(f"{what} of {track.name}" for track in tracks for what in ("frequency", "damping")),
+        time=placed.time,
+        theta=theta,
+        std=std,
+        logarithmic=(True,) * width,
+        reference=(1.0,) * width,
+        covariates=placed.covariates,
+        covariate_names=tuple(covariates or ()),
+        trusted=np.array([known[i].trusted for i in placed.order]),
+        records=tuple(known[i].record for i in placed.order),
+        units=("Hz", "1") * len(tracks),
+        kinds=("f", "c") * len(tracks),
+        begin=placed.begin,
+        notes=(*placed.notes, *notes),
+    )
 
 
 def _natural(text: str) -> list[tuple[int, str]]:
@@ -304,90 +293,3 @@ def _noise(posterior: Posterior) -> dict[str, tuple[float, float]]:
         for s in posterior.statistics
         if s.name.startswith("noise_") and s.estimate > 0.0 and math.inf > s.high > s.low > 0.0
     }
-
-
-class _Table(NamedTuple):
-    """A file of covariates: columns (T,), time [s] from the first line, the dates, and the folders if it names them."""
-
-    path: Path
-    columns: dict[str, Array]
-    time: Array | None
-    dates: list[datetime]
-    folders: list[str]
-
-
-def _read_table(path: Path, count: int) -> _Table:
-    """A CSV file with one line a record."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = list(csv.DictReader(file))
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"covariates {path}: cannot be read: {error}") from None
-    if len(lines) != count:
-        raise ConfigurationError(f"covariates {path}: expected {count} lines, one for each record, got {len(lines)}")
-    columns: dict[str, Array] = {}
-    time, dates, folders = None, list[datetime](), list[str]()
-    for name in lines[0]:
-        texts = [(line[name] or "").strip() for line in lines]
-        if name == "folder":
-            folders = texts
-            continue
-        if name == "time" and not _is_number(texts[0]):
-            try:
-                dates = [datetime.fromisoformat(text) for text in texts]
-                time = np.array([(date - dates[0]).total_seconds() for date in dates])
-            except (ValueError, TypeError):
-                raise ConfigurationError(
-                    f"covariates {path}: expected times in seconds or as 2026-03-31T12:00, got {texts[0]!r}"
-                ) from None
-            continue
-        bad = [text for text in texts if text and not _is_number(text)]
-        if bad:
-            raise ConfigurationError(
-                f"covariates {path}: expected numbers in column '{name}', got {bad[0]!r}: leave the column out"
-            )
-        columns[name] = np.array([float(text) if text else math.nan for text in texts])
-    return _Table(path, columns, columns.pop("time", time), dates, folders)
-
-
-def _lines_of(table: _Table, folders: Sequence[Path], spans: Sequence[_Span] | None) -> list[int]:
-    """The line of each folder; ConfigurationError where that is not sure."""
-    count = len(folders)
-    order = list(range(count)) if spans is None else sorted(range(count), key=lambda i: spans[i].begin)
-    hint = "add a column 'folder' with the names of the folders"
-    if table.folders:
-        lines: dict[str, list[int]] = {}
-        for line, name in enumerate(table.folders):
-            lines.setdefault(name, []).append(line)
-        for folder in folders:
-            if len(lines.get(folder.name, [])) != 1:
-                raise ConfigurationError(
-                    f"covariates {table.path}: expected one line of folder '{folder.name}', got"
-                    f" {len(lines.get(folder.name, []))}"
-                )
-        return [lines[folder.name][0] for folder in folders]
-    if spans is not None and table.dates and (table.dates[0].tzinfo is None) == (spans[0].begin.tzinfo is None):
-        rows = [0] * count
-        for i, line in zip(order, sorted(range(count), key=lambda k: table.dates[k]), strict=True):
-            if abs(table.dates[line] - spans[i].begin) > spans[i].end - spans[i].begin:
-                raise ConfigurationError(
-                    f"covariates {table.path}: no line has the time of '{folders[i].name}',"
-                    f" {spans[i].begin.isoformat()}: correct it, or {hint}"
-                )
-            rows[i] = line
-        return rows
-    if spans is not None:
-        rising = order == list(range(count)) if table.time is None else bool((np.diff(table.time[order]) > 0.0).all())
-        if not rising:
-            raise ConfigurationError(
-                f"covariates {table.path}: the order of its lines contradicts when the records began: {hint}"
-            )
-    return list(range(count))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -37,16 +37,17 @@ __all__ = ["TOLERATED_DRIFT", "YEAR", "watch"]
 MAX_LEARNING_BLOCKS = 1008
 """Blocks before the first alarm: a week of 10 minutes; half of the blocks where there are fewer than twice as many."""
 
-SLOPE_PRIOR = {"k": 0.05, "c": 0.5, "noise": 0.5}
-"""Relative prior standard deviation of a covariate's effect: on stiffness (and anything else), damping, noise.
+SLOPE_PRIOR = {"k": 0.05, "f": 0.025, "c": 0.5, "noise": 0.5}
+"""Relative prior standard deviation of a covariate's effect: on stiffness (and anything else), frequency, damping,
+noise.
 
 The effect is that of one standard deviation of the covariate.
 """
 
-JUMP_SLOPE_PRIOR = {"k": 0.3, "c": 1.0, "noise": 1.0}
+JUMP_SLOPE_PRIOR = {"k": 0.3, "f": 0.15, "c": 1.0, "noise": 1.0}
 """Prior standard deviation of what a jump does to the effects of covariates, relative, and a third of its own."""
 
-TOLERATED_DRIFT = {"k": 0.005, "c": 0.1, "noise": 0.1}
+TOLERATED_DRIFT = {"k": 0.005, "f": 0.0025, "c": 0.1, "noise": 0.1}
 """Jumps up to this size, relative, are no alarm however sure they are: they are drift."""
 
 OUTLIER_SIGMAS = 5.0
@@ -76,17 +77,19 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
     alarms_per_year
         False alarms that are accepted, all series together, in a year of blocks.
     tolerated
-        Of ``k``, ``c`` and ``noise``: relative jumps up to this size are no alarm, however sure.
+        Of ``k``, ``f``, ``c`` and ``noise``, as far as they are watched: relative jumps up to this size are no alarm,
+        however sure.
 
     Raises
     ------
     ConfigurationError
         If the rate is not between 1e-6 and 100 a year, or no series can be followed.
     """
-    missing = [kind for kind in TOLERATED_DRIFT if kind not in tolerated]
+    kinds = dict.fromkeys(blocks.kind(i) for i in range(len(blocks.names)))
+    missing = [kind for kind in kinds if kind not in tolerated]
     if missing:
         raise ConfigurationError(
-            f"tolerated: expected a size for {', '.join(TOLERATED_DRIFT)}, got none for {', '.join(missing)}"
+            f"tolerated: expected a size for {', '.join(kinds)}, got none for {', '.join(missing)}"
         )
     if not 1e-6 <= alarms_per_year <= 100.0:
         raise ConfigurationError(f"alarms per year: expected 1e-6 to 100, got {alarms_per_year:g}")
@@ -153,7 +156,7 @@ def _follow(
     usual = math.sqrt(float(np.median(r[np.isfinite(y)])))
     centre = float(np.median(known))
     scale = 1.0 if blocks.logarithmic[i] else max(abs(centre), usual)
-    kind = _kind(blocks.names[i])
+    kind = blocks.kind(i)
     slopes = np.full(x.shape[1], (SLOPE_PRIOR[kind] * scale) ** 2)
     prior = Belief(np.append(centre, np.zeros(len(slopes))), np.diag(np.append((10.0 * usual) ** 2, slopes)))
     jump, freed, jumps = JUMP_SLOPE_PRIOR[kind] * scale, np.zeros((count, 1 + len(slopes))), []
@@ -300,16 +303,18 @@ def _change(blocks: Blocks, i: int, jump: _Jump, jumps: Sequence[tuple[int, _Jum
     noisy = [
         blocks.names[j]
         for j, other in jumps
-        if blocks.names[j].startswith("noise_") and other.earliest <= jump.found and jump.earliest <= other.found
+        if blocks.kind(j) == "noise" and other.earliest <= jump.found and jump.earliest <= other.found
     ]
-    if name.startswith("noise_"):
+    if blocks.kind(i) == "noise":
         cause, why = NOISE, "a sensor, its cable, or what it hears"
     elif noisy:
         cause, why = SENSOR, f"{SENSOR}: {', '.join(noisy)} changed with it"
     elif _lost_trust(blocks, jump):
         cause, why = SENSOR, f"{SENSOR}: the model does not explain the records any more"
-    else:
+    elif any(blocks.kind(j) == "noise" for j in range(len(blocks.names))):
         cause, why = STRUCTURE, "the sensors are as they were"
+    else:
+        cause, why = STRUCTURE, "the noise of sensors is not watched here"
     verb = "rose" if percent > 0.0 else "fell"
     told = (
         f"{name} {verb} by {abs(percent):.3g} % ({low:+.3g} … {high:+.3g} %) on {blocks.between(earliest, latest)},"
@@ -354,8 +359,3 @@ def _percent(blocks: Blocks, i: int, part: float, std: float, of: float) -> tupl
     steps = part + std * np.array([0.0, -SIGMAS, SIGMAS])
     percent = 100.0 * (np.expm1(steps) if blocks.logarithmic[i] else steps / max(abs(of), 1e-300))
     return float(percent[0]), float(percent[1]), float(percent[2])
-
-
-def _kind(name: str) -> str:
-    kind = name.partition("_")[0]
-    return kind if kind in SLOPE_PRIOR else "k"

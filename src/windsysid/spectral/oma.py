@@ -10,6 +10,7 @@ bands (Laplace). What was found says where the bands should have been, so that t
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import cast
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensors import Sensor
@@ -31,7 +32,7 @@ Sensors = Sequence[Sensor | ModalSensor | str]
 
 
 def analyse_vibration(
-    record: "RecordLike | list[RecordLike] | tuple[RecordLike, ...]",
+    record: "RecordLike | Sequence[RecordLike]",
     *,
     sensors: "Sensors | Sequence[Sensors] | None" = None,
     turbine: "TurbineLike | None" = None,
@@ -65,7 +66,10 @@ def analyse_vibration(
     """
     begun = time.process_time()
     say = progress or (lambda _: None)
-    records = [as_record(each) for each in record] if isinstance(record, list | tuple) else [as_record(record)]
+    several = isinstance(record, list | tuple)
+    records = [
+        as_record(each) for each in (cast("list[RecordLike]", record) if several else [cast("RecordLike", record)])
+    ]
     if not records:
         raise ConfigurationError("records: expected one at least, got an empty list")
     machine = None if turbine is None else as_turbine(turbine)

@@ -6,6 +6,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.records.record import Record
+from windsysid.results.provenance import record_hash
 from windsysid.spectral.modal_model import spectrum
 from windsysid.spectral.mode_search import Found, modes_inside
 from windsysid.spectral.oma_data import Readings
@@ -48,6 +49,7 @@ def result_of(single: Single) -> OperationalModes:
         notes=readings.notes,
         elapsed=0.0,
         start=record.start,
+        record_hash=record_hash(record),
     )
 
 

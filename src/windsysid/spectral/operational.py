@@ -14,8 +14,11 @@ from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.units import unit_text
 
-__all__ = ["BandSpectrum", "Doubt", "DoubtKind", "OperationalMode", "OperationalModes", "Part"]
+__all__ = ["ANALYSIS", "BandSpectrum", "Doubt", "DoubtKind", "OperationalMode", "OperationalModes", "Part"]
 
+
+ANALYSIS = "operational modes"
+"""What ``summary.json`` is of."""
 
 DoubtKind = Literal[
     "search", "short", "line", "border", "misfit", "history", "channels", "halves", "shape", "neighbour", "records"
@@ -194,6 +197,8 @@ class OperationalModes(Answer):
     parts
         The records, where several were analysed together; the rest is then of all of them, `frequency`, `level` and
         `bands` of the first.
+    record_hash
+        Of the whole record, as `windsysid.results.provenance.record_hash` gives it; None of several.
     """
 
     record: str
@@ -215,6 +220,7 @@ class OperationalModes(Answer):
     elapsed: float
     start: str | None = None
     parts: tuple[Part, ...] = ()
+    record_hash: str | None = None
 
     @property
     def trusted(self) -> bool:
@@ -236,7 +242,9 @@ class OperationalModes(Answer):
     def summary(self) -> dict[str, Any]:
         """What ``summary.json`` holds."""
         return {
+            "analysis": ANALYSIS,
             "record": self.record,
+            "record_hash": self.record_hash,
             "start": self.start,
             "section": list(self.section),
             "rate_hz": self.rate,
@@ -247,6 +255,7 @@ class OperationalModes(Answer):
             "modes": [mode.summary(self.channels, self.units) for mode in self.modes],
             "lines": [{"name": name, "frequency_hz": f} for name, f in self.lines],
             "trusted": self.trusted,
+            "doubts": list(self.doubts),
             "reasons": list(self.reasons),
             "notes": list(self.notes),
             **({"parts": [part.summary() for part in self.parts]} if self.parts else {}),

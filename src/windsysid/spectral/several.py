@@ -183,6 +183,8 @@ def _described(
         own = fit_doubts(fit, j, shapes, single.readings) + [doubt for doubt in alone if doubt.kind in OF_A_RECORD]
         doubts += [Doubt(kind, f"{single.record.name}: {text}") for kind, text in own]
         each.append(mode_of(fit, j, shapes, ()))
+    if 2 * len(track) < len(singles):
+        doubts.append(Doubt("records", f"only {len(track)} of {len(singles)} records show it by themselves"))
     doubts += _disagreement(track, singles)
     ratios = [
         Ratios(place, mode.shape, _known(mode.shape_cov)) for place, mode in zip(sensors.places, each, strict=True)
@@ -291,4 +293,5 @@ def _result(
         doubts=tuple(f"{result.record}: {doubt}" for result in results for doubt in result.doubts),
         notes=tuple(notes),
         parts=parts,
+        record_hash=None,
     )

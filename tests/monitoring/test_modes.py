@@ -1,0 +1,89 @@
+"""Results of operational modal analysis, compared and watched."""
+
+import math
+
+import numpy as np
+import pytest
+
+import windsysid as ws
+from windsysid.monitoring.comparison import compare
+from windsysid.monitoring.series import gather_modes
+from windsysid.monitoring.watch import watch
+from windsysid.spectral.association import Seen, assurance, follow_modes
+from windsysid.spectral.known_modes import KnownMode, KnownModes
+
+SHAPES = ({"a": 1.0 + 0j, "b": 0.6 + 0j, "c": 0.2 + 0j}, {"a": 1.0 + 0j, "b": -0.7 + 0j, "c": -0.9 + 0j})
+
+
+def record_of(number, frequencies, *, std=0.002, damping=0.012, damping_std=0.2, trusted=(True, True), order=(0, 1)):
+    """Modes of a record as oma would tell them."""
+    modes = [
+        KnownMode(f"mode {k + 1}", math.log(f), std, math.log(damping), damping_std, SHAPES[which], trusted[k])
+        for k, (f, which) in enumerate(zip(frequencies, order, strict=True))
+    ]
+    return KnownModes(f"record {number}", None, (0.0, 600.0), None, tuple(modes), True)
+
+
+def test_a_frequency_that_fell_has_moved_and_damping_has_not():
+    found = compare(record_of(1, (1.1, 2.7)), record_of(2, (1.06, 2.7)))
+    assert [change.name for change in found.moved] == ["frequency of mode 1"]
+    percent = next(c for c in found.coefficients if c.name == "frequency of mode 1")
+    assert percent.low < 100.0 * (1.06 / 1.1 - 1.0) < percent.high
+    back = compare(record_of(2, (1.06, 2.7)), record_of(1, (1.1, 2.7)))
+    assert back.moved[0].log_odds == pytest.approx(found.moved[0].log_odds)
+
+
+def test_modes_that_change_places_are_told_by_their_shapes():
+    # at 1.00 and 1.03 Hz: one fell below the other
+    found = compare(record_of(1, (1.00, 1.03)), record_of(2, (0.99, 1.01), order=(1, 0)))
+    changes = {change.name: change.percent for change in found.coefficients if change.kind == "frequency"}
+    assert changes["frequency of mode 1"] == pytest.approx(1.0, abs=0.02)
+    assert changes["frequency of mode 2"] == pytest.approx(100.0 * (0.99 / 1.03 - 1.0), abs=0.02)
+
+
+def test_what_is_not_trusted_in_both_is_not_compared():
+    found = compare(record_of(1, (1.1, 2.7)), record_of(2, (1.1, 2.5), trusted=(True, False)))
+    assert {change.name for change in found.coefficients} == {"frequency of mode 1", "damping of mode 1"}
+    assert any("not trusted in both" in note for note in found.notes)
+    with pytest.raises(ws.ConfigurationError, match="a mode that both found and trust"):
+        compare(record_of(1, (1.1, 2.7), trusted=(False, False)), record_of(2, (1.1, 2.7)))
+
+
+def test_results_of_two_kinds_are_not_compared(verne555):
+    with pytest.raises(ws.ConfigurationError, match="one of each"):
+        compare(record_of(1, (1.1, 2.7)), "somewhere")
+
+
+def test_a_mode_that_falls_is_found_among_many_records():
+    rng = np.random.default_rng(3)
+    made = []
+    for i in range(200):
+        level = np.array([1.1 * (0.985 if i >= 150 else 1.0), 2.7])
+        made.append(record_of(i, level * np.exp(0.002 * rng.normal(size=2)), trusted=(True, i % 10 != 3)))
+    found = watch(gather_modes(made))
+    assert [change.name for change in found.changes] == ["frequency of mode 1"]
+    assert 148 <= found.changes[0].time / 600.0 <= 152
+    assert found.changes[0].low < -1.5 < found.changes[0].high
+    assert [series.unit for series in found.series] == ["Hz", "1", "Hz", "1"]
+
+
+def test_a_mode_that_few_records_trust_is_not_followed():
+    made = [record_of(i, (1.1, 2.7), trusted=(True, i < 3)) for i in range(20)]
+    blocks = gather_modes(made)
+    assert blocks.names == ("frequency of mode 1", "damping of mode 1")
+    assert any("2.7 Hz (3 of 20)" in note for note in blocks.notes)
+
+
+def test_the_assurance_of_a_turned_and_scaled_shape_is_one():
+    rng = np.random.default_rng(4)
+    shape = rng.normal(size=5) + 1j * rng.normal(size=5)
+    assert assurance(shape, 2.0 * np.exp(0.7j) * shape) == pytest.approx(1.0)
+    assert math.isnan(assurance(shape, np.where(np.arange(5) < 1, shape, np.nan)))
+
+
+def test_a_mode_that_is_missing_in_one_record_goes_on_in_the_next():
+    def seen(*frequencies):
+        return [Seen(f, np.array([1.0, 0.5 * k], dtype=complex)) for k, f in enumerate(frequencies)]
+
+    both, one = seen(1.0, 1.2), seen(1.01, 1.19)[1:]
+    assert follow_modes([both, one, both]) == [{0: 0, 2: 0}, {0: 1, 1: 0, 2: 1}]
