@@ -274,3 +274,27 @@ def test_records_of_two_states_are_not_trusted_together():
 def test_records_without_a_common_sensor_are_refused():
     with pytest.raises(ws.ConfigurationError, match="no sensor in common"):
         ws.oma([setup_of(35, [0, 1, 2]), setup_of(36, [3, 4, 5])])
+
+
+def test_a_few_spikes_are_bridged_and_cost_no_trust():
+    y = two_modes(37)
+    y[[700, 2600, 4400], 1] += 25.0
+    found = ws.oma(record_of(y, RATE))
+    assert found.trusted, found.reasons
+    assert any("samples of spikes among 6000 were bridged" in note for note in found.notes)
+
+
+def test_modes_are_sought_in_a_range_only():
+    found = ws.oma(record_of(two_modes(38), RATE), limits=(2.0, 4.0))
+    assert [round(mode.frequency, 1) for mode in found.modes] == [2.7]
+    with pytest.raises(ws.ConfigurationError, match="limits 6 4 Hz: expected two rising"):
+        ws.oma(record_of(two_modes(38), RATE), limits=(6.0, 4.0))
+
+
+def test_a_machines_line_that_wanders_is_no_mode_to_trust():
+    rng = np.random.default_rng(39)
+    y = two_modes(39)
+    phase = 2.0 * np.pi * 3.6 * np.arange(len(y)) / RATE + np.cumsum(rng.normal(size=len(y)) * 0.03)
+    found = ws.oma(record_of(y + 0.7 * np.sin(phase)[:, None], RATE))
+    narrow = [mode for mode in found.modes if abs(mode.frequency - 3.6) < 0.05]
+    assert not any(mode.trusted for mode in narrow)

@@ -57,6 +57,14 @@ def oma(
             help=r"A band to find modes in \[Hz]; may be given several times; found from the spectra by default.",
         ),
     ] = None,
+    limits: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--range",
+            metavar="LOW HIGH",
+            help=r"Between which frequencies to look \[Hz]; the lowest two dozen bands by default.",
+        ),
+    ] = None,
     section: Annotated[
         tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
     ] = None,
@@ -89,6 +97,7 @@ def oma(
             sensors=None if not lists else lists if len(lists) > 1 else lists[0],
             turbine=turbine,
             bands=bands,
+            limits=limits,
             section=section,
             progress=progress,
         )

@@ -20,6 +20,9 @@ MAX_MISFIT = 5.0
 MAX_HALVES = 3.5
 """Standard deviations by which the halves of a record may differ."""
 
+NARROWEST = 0.001
+"""Damping ratio of a structure: where the whole band is below, a machine is likelier."""
+
 BESIDE_LINE, BESIDE_HARMONIC = 0.3, 1.0
 """In ζ f: a line nearer than that stands on a mode; round the rotor's harmonics the sampled wind makes humps."""
 
@@ -130,7 +133,7 @@ def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> li
             f"the spectrum does not follow the modes: {off:+.1f} σ around {at:.4g} Hz; give the band by hand (--band)"
         )
         doubts.append(Doubt("misfit", text))
-    doubts += [Doubt("line", text) for text in _line_doubts(f, z, length, readings.lines)]
+    doubts += [Doubt("line", text) for text in _line_doubts(f, z, std_z, length, readings.lines)]
     doubts += [Doubt("history", text) for text in _history_doubts(found, f, z, shapes.responses[:, j], length)]
     return doubts
 
@@ -168,7 +171,7 @@ def _along_shape(found: BandFit, j: int) -> Fit:
     return score(start, band._replace(power=np.ascontiguousarray(power)), converged=0.01)
 
 
-def _line_doubts(f: float, z: float, length: float, lines: Sequence[Line]) -> list[str]:
+def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequence[Line]) -> list[str]:
     found = []
     for line in lines:
         reach = BESIDE_LINE if line.name == "line" else BESIDE_HARMONIC
@@ -176,6 +179,11 @@ def _line_doubts(f: float, z: float, length: float, lines: Sequence[Line]) -> li
             found.append(
                 f"{'a steady line' if line.name == 'line' else line.name} at {line.frequency:.4g} Hz stands on it"
             )
+    if np.exp(2.0 * std_z) * z < NARROWEST:
+        found.append(
+            f"it is as narrow as a machine's line that wanders: a damping ratio of {100 * z:.2g} %, which structures "
+            f"hardly have"
+        )
     if z * f * length < 0.4:
         found.append(
             f"it is as narrow as a line: a damping ratio of {100 * z:.2g} % cannot be told from none in {length:.4g} s"

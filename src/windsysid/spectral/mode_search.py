@@ -18,6 +18,9 @@ __all__ = ["Found", "band_bins", "fit_between", "is_hump", "modes_inside", "mode
 MOST_MODES = 5
 """In one band."""
 
+MOST_BANDS = 24
+"""Bands that are analysed where no limits are given."""
+
 AGAIN = 2
 """Times that bands are placed anew."""
 
@@ -43,18 +46,34 @@ class Found(NamedTuple):
         The modes of each band.
     empty
         Bands that were asked for and hold no mode.
+    reached
+        Up to where modes were sought [Hz], where peaks go on beyond; else None.
     """
 
     frequency: Array
     values: Complex
     bands: tuple[BandFit, ...]
     empty: tuple[tuple[float, float], ...]
+    reached: float | None = None
 
 
-def search_modes(readings: Readings, bands: Sequence[tuple[float, float]] | None, say: Callable[[str], None]) -> Found:
-    """The modes in bands that are given, or in those that spectra show."""
+def search_modes(
+    readings: Readings,
+    bands: Sequence[tuple[float, float]] | None,
+    limits: tuple[float, float] | None,
+    say: Callable[[str], None],
+) -> Found:
+    """The modes in bands that are given, or in those that spectra show between limits [Hz]; without any, in the lowest
+    `MOST_BANDS`."""
     frequency, values = transforms(readings)
-    step = float(frequency[1])
+    step, reached = float(frequency[1]), None
+    if limits is not None:
+        if not 0.0 <= limits[0] < min(limits[1], readings.high):
+            raise ConfigurationError(
+                f"limits {limits[0]:g} {limits[1]:g} Hz: expected two rising frequencies between 0 and "
+                f"{readings.high:.4g} Hz"
+            )
+        readings = readings._replace(low=max(readings.low, limits[0]), high=min(readings.high, limits[1]))
     if bands is None:
         say("spectral peaks")
         seen = [
@@ -62,6 +81,10 @@ def search_modes(readings: Readings, bands: Sequence[tuple[float, float]] | None
             for peak in find_peaks(frequency, values, readings.low, readings.high)
         ]
         wanted = group_peaks(seen, step, readings.low, readings.high)
+        if limits is None and len(wanted) > MOST_BANDS:
+            reached = 0.5 * (wanted[MOST_BANDS - 1][1] + wanted[MOST_BANDS][0])
+            readings, wanted = readings._replace(high=reached), wanted[:MOST_BANDS]
+            seen = [peak for peak in seen if peak.frequency < reached]
     else:
         seen = []
         wanted = [_checked_band(band, readings, step) for band in bands]
@@ -78,7 +101,7 @@ def search_modes(readings: Readings, bands: Sequence[tuple[float, float]] | None
         for (low, high, _), one in zip(wanted, found, strict=False)
         if bands is not None and not modes_inside(one, 1.0 / step)
     ]
-    return Found(frequency, values, tuple(found), tuple(empty))
+    return Found(frequency, values, tuple(found), tuple(empty), reached)
 
 
 def _checked_band(band: tuple[float, float], readings: Readings, step: float) -> tuple[float, float, int]:

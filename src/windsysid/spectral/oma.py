@@ -37,6 +37,7 @@ def analyse_vibration(
     sensors: "Sensors | Sequence[Sensors] | None" = None,
     turbine: "TurbineLike | None" = None,
     bands: Sequence[tuple[float, float]] | None = None,
+    limits: tuple[float, float] | None = None,
     section: tuple[float, float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> OperationalModes:
@@ -55,7 +56,11 @@ def analyse_vibration(
     turbine
         Its sensors are used, and its modes are named where one is near.
     bands
-        (lowest, highest) [Hz]; found from the spectra where none are given.
+        (lowest, highest) [Hz], one for each group of modes that are near each other; found from the spectra where none
+        are given.
+    limits
+        Between which frequencies bands are sought [Hz]; by default from the lowest on, up to a number of bands that a
+        note tells where there are more.
     section
         Start and end [s].
 
@@ -75,7 +80,8 @@ def analyse_vibration(
     machine = None if turbine is None else as_turbine(turbine)
     lists = _sensors_of_each(sensors, len(records))
     singles = [
-        _analysed(each, listed, machine, bands, section, say) for each, listed in zip(records, lists, strict=True)
+        _analysed(each, listed, machine, bands, limits, section, say)
+        for each, listed in zip(records, lists, strict=True)
     ]
     say("the result")
     found = result_of(singles[0]) if len(singles) == 1 else join(singles)
@@ -100,6 +106,7 @@ def _analysed(
     sensors: "Sensors | None",
     machine: Turbine | None,
     bands: Sequence[tuple[float, float]] | None,
+    limits: tuple[float, float] | None,
     section: tuple[float, float] | None,
     say: Callable[[str], None],
 ) -> Single:
@@ -109,7 +116,12 @@ def _analysed(
         sensors = [sensor for sensor in machine.sensors if sensor.channel in used] or None
     say("lines and multi-blade coordinates")
     readings = prepare_readings(used, sensors)
-    found = search_modes(readings, bands, say)
+    found = search_modes(readings, bands, limits, say)
+    if found.reached is not None:
+        further = (
+            f"modes were sought up to {found.reached:.4g} Hz: peaks go on beyond it, give --range LOW HIGH for them"
+        )
+        readings = readings._replace(high=found.reached, notes=(*readings.notes, further))
     say("checks")
     middle = readings.samples // 2
     halves = [transforms(readings, part) for part in (slice(0, middle), slice(readings.samples - middle, None))]

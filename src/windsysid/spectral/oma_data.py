@@ -25,6 +25,9 @@ LEAST_SAMPLES = 256
 MAX_BRIDGED = 0.02
 """Share of missing samples that are bridged; where more are missing, the longest stretch without gaps is used."""
 
+MAX_SPIKED = 0.002
+"""Share of a channel's samples in spikes that are bridged; where more are, the record is doubtful."""
+
 HIGHEST = 0.42
 """Of the sampling rate: up to there modes are sought."""
 
@@ -111,9 +114,11 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     helpers = [name for name in ("rotor_azimuth", "rotor_speed") if name in record and name not in channels]
     record = _without_gaps(record.select([*channels, *helpers]), channels, notes)
     findings = screen(record, None, channels, others=helpers)
-    notes += noted(findings)
+    few = [one for one in findings if one.kind == "spikes" and one.count <= MAX_SPIKED * record.samples]
+    findings = [one for one in findings if one not in few]
+    notes += noted(findings) + ((_bridged_spikes(few, record.samples),) if few else ())
     doubts = [_doubt_of(finding) for finding in findings if finding.kind in TELLING]
-    values = np.column_stack([_bridged(record[name]) for name in channels])
+    values = np.column_stack([_bridged(_without_spikes(record, name, few)) for name in channels])
     copies = without_copies(values, channels)
     if copies and sensors is not None:
         i, j = copies[0]
@@ -257,6 +262,26 @@ def _transient(values: Array) -> list[str]:
         f"the record is a transient: an eighth of it has {100 * most:.0f} % of the vibration; a free decay is for "
         f"windsysid identify"
     ]
+
+
+def _without_spikes(record: Record, channel: str, spikes: Sequence[Finding]) -> Array:
+    """A channel, NaN where it has spikes."""
+    values = record[channel].copy()
+    for finding in spikes:
+        if finding.channel == channel:
+            first, last = (
+                np.searchsorted(record.time, finding.spans[:, 0]),
+                np.searchsorted(record.time, finding.spans[:, 1]),
+            )
+            for a, b in zip(first, last, strict=True):
+                values[a : b + 1] = np.nan
+    return np.asarray(values)
+
+
+def _bridged_spikes(spikes: Sequence[Finding], samples: int) -> str:
+    count = sum(finding.count for finding in spikes)
+    where = ", ".join(finding.channel for finding in spikes[:4]) + (" …" if len(spikes) > 4 else "")
+    return f"{count} samples of spikes among {samples} were bridged by straight lines: {where}"
 
 
 def _bridged(values: Array) -> Array:
