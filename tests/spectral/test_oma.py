@@ -152,6 +152,8 @@ def test_clipped_channels_are_said_and_not_trusted():
     found = ws.oma(record_of(y, RATE))
     assert not found.trusted
     assert any("clipping" in reason for reason in found.reasons)
+    assert not any(mode.trusted for mode in found.modes)
+    assert not any(mode["trusted"] for mode in found.summary()["modes"])
 
 
 def test_a_short_record_is_not_trusted_or_refused():
@@ -170,30 +172,90 @@ def test_missing_samples_are_bridged_or_avoided():
     assert any("without gaps" in note for note in ws.oma(record_of(y, RATE)).notes)
 
 
-def test_whirls_are_named_and_signed():
-    # Blades carry a wave that turns with the rotor or against it, seen from the fixed frame at 1.3 and 0.9 Hz.
-    rng = np.random.default_rng(17)
-    rate, samples, once = RATE, 6000, 0.2
-    q, _ = modal_responses([1.3, 0.9], [0.01, 0.01], rate, samples, rng)
-    q /= q.std(axis=0)
+def whirling(seed, once=0.2, samples=6000):
+    """Readings on three blades of waves that turn with the rotor or against it, 1.3 and 0.9 Hz in the fixed frame, what
+    the tower feels of them, the azimuth, and both waves."""
     from scipy.signal import hilbert
 
-    psi = 2.0 * np.pi * once * np.arange(samples) / rate + 0.4
+    rng = np.random.default_rng(seed)
+    q, _ = modal_responses([1.3, 0.9], [0.01, 0.01], RATE, samples, rng)
+    q /= q.std(axis=0)
+    psi = 2.0 * np.pi * once * np.arange(samples) / RATE + 0.4
     forward, backward = hilbert(q[:, 0]), hilbert(q[:, 1]).conj()
-    blades = [
-        (0.5 * (forward + backward) * np.exp(-1j * (psi + 2 * np.pi * b / 3))).real for b in range(3)
-    ]  # z = 2/3 Σ y_b e^{iψ_b}
-    y = np.column_stack([*blades, np.mod(psi, 2 * np.pi)]) + 0.02 * rng.normal(size=(samples, 4)) * [1, 1, 1, 0]
-    names = (*(f"blade_{b}_tip_lag_acceleration" for b in (1, 2, 3)), "rotor_azimuth")
-    record = ws.Record(np.arange(samples) / rate, y, names, ("m/s^2",) * 3 + ("rad",))
-    found = ws.oma(record)
+    blades = np.column_stack(
+        [(0.5 * (forward + backward) * np.exp(-1j * (psi + 2 * np.pi * b / 3))).real for b in range(3)]
+    )  # z = 2/3 Σ y_b e^{iψ_b}
+    tower = q.sum(axis=1) + 0.05 * rng.normal(size=samples)
+    return blades + 0.02 * rng.normal(size=blades.shape), tower, psi, 0.5 * (forward + backward)
+
+
+LAG = tuple(f"blade_{b}_tip_lag_acceleration" for b in (1, 2, 3))
+
+
+def turning(columns):
+    """A record of named accelerations, and of the rotor's azimuth and speed."""
+    units = tuple({"rotor_azimuth": "rad", "rotor_speed": "rad/s"}.get(name, "m/s^2") for name in columns)
+    values = np.column_stack(list(columns.values()))
+    return ws.Record(np.arange(len(values)) / RATE, values, tuple(columns), units, name="rotor")
+
+
+def test_whirls_are_named_and_signed():
+    blades, _, psi, wave = whirling(17)
+    found = ws.oma(turning({**dict(zip(LAG, blades.T, strict=True)), "rotor_azimuth": np.mod(psi, 2 * np.pi)}))
     assert [(mode.name, round(mode.frequency, 1)) for mode in found.modes] == [
         ("lag backward", 0.9),
         ("lag forward", 1.3),
     ]
-    a0, z = multiblade(np.column_stack(blades), np.asarray(psi, dtype=np.float64))
+    clean = np.column_stack([(wave * np.exp(-1j * (psi + 2 * np.pi * b / 3))).real for b in range(3)])
+    a0, z = multiblade(clean, np.asarray(psi, dtype=np.float64))
     np.testing.assert_allclose(a0, 0.0, atol=1e-12)
-    np.testing.assert_allclose(z, 0.5 * (forward + backward), atol=1e-9)
+    np.testing.assert_allclose(z, wave, atol=1e-9)
+
+
+def test_blades_without_azimuth_or_without_one_of_them_are_left_out():
+    blades, tower, psi, _ = whirling(40)
+    of_blades = dict(zip(LAG, blades.T, strict=True))
+    azimuth, speed = np.mod(psi, 2 * np.pi), np.full(len(psi), 0.4 * np.pi)
+    for columns, why in (
+        ({**of_blades, "tower_x_acceleration": tower, "rotor_speed": speed}, "rotor_azimuth is missing"),
+        (
+            {name: of_blades[name] for name in LAG[:2]} | {"tower_x_acceleration": tower, "rotor_azimuth": azimuth},
+            "left out",
+        ),
+    ):
+        found = ws.oma(turning(columns))
+        assert found.channels == ("tower_x_acceleration",)
+        assert any(why in note for note in found.notes)
+        assert [round(mode.frequency, 1) for mode in found.modes] == [0.9, 1.3]
+        del columns["tower_x_acceleration"]
+        with pytest.raises(ws.RecordError, match="no channel is left"):
+            ws.oma(turning(columns))
+
+
+def test_a_harmonic_exactly_on_a_mode_is_never_trusted():
+    y = two_modes(41)
+    speed = np.full(len(y), 2.0 * np.pi * 0.9)
+    columns = {f"tower_{way}_acceleration": y[:, i] for i, way in enumerate("xyz")}
+    for rotor in ({"rotor_speed": speed}, {"rotor_azimuth": np.mod(speed[0] * np.arange(len(y)) / RATE, 2 * np.pi)}):
+        found = ws.oma(turning({**columns, **rotor}))
+        at = [mode for mode in found.modes if abs(mode.frequency - 2.7) < 0.05]
+        assert at
+        assert not any(mode.trusted for mode in at)
+        assert "3P at 2.7 Hz stands on it" in at[0].doubts
+
+
+def test_modes_near_those_of_the_turbine_file_have_their_names():
+    from windsysid.inspection.spectra import expected_modes
+
+    turbine = ws.load_turbine("nrel5mw")
+    name, f, _ = expected_modes(turbine, 0.0)[0]
+    rng = np.random.default_rng(45)
+    q, _ = modal_responses([1.02 * f], [0.01], RATE, 6000, rng)
+    tower = q[:, 0] / q.std() + 0.02 * rng.normal(size=6000)
+    found = ws.oma(turning({"tower_x_acceleration": tower}), turbine=turbine)
+    assert [mode.name for mode in found.modes] == [name]
+    assert found.modes[0].reference is not None
+    assert "reference [Hz]" in found.headings
 
 
 def test_an_azimuth_that_jumps_is_refused():

@@ -109,7 +109,7 @@ def _arrows(ax: Axes, found: OperationalModes, mode: OperationalMode, named: boo
 def files(found: OperationalModes) -> dict[str, bytes]:
     """``report.html``, ``modes.png`` and ``summary.json``, by name."""
     drawn = png(figure(found))
-    trusted = sum(mode.trusted for mode in found.modes) if not found.doubts else 0
+    trusted = sum(mode.trusted for mode in found.modes)
     verdict = f"{trusted} of {len(found.modes)} modes are to be trusted."
     caption = (
         "Grey: the readings, all channels of a band added after scaling; blue: modes and what else is in the "

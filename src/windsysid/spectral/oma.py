@@ -21,7 +21,7 @@ from windsysid.spectral.mode_description import described, named, with_neighbour
 from windsysid.spectral.mode_search import modes_of, search_modes
 from windsysid.spectral.oma_data import prepare_readings, transforms
 from windsysid.spectral.oma_result import Single, result_of
-from windsysid.spectral.operational import OperationalModes
+from windsysid.spectral.operational import Doubt, OperationalModes
 from windsysid.spectral.several import join
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
@@ -86,6 +86,9 @@ def analyse_vibration(
     say("the result")
     found = result_of(singles[0]) if len(singles) == 1 else join(singles)
     modes = with_references(named(found.modes, found.channels), machine, found.rotor_hz)
+    if found.doubts:
+        of_record = Doubt("record", f"the record is doubtful: {found.doubts[0]}")
+        modes = [replace(mode, grounds=(*mode.grounds, of_record)) for mode in modes]
     return replace(found, modes=tuple(modes), elapsed=time.process_time() - begun)
 
 

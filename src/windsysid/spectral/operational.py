@@ -21,7 +21,18 @@ ANALYSIS = "operational modes"
 """What ``summary.json`` is of."""
 
 DoubtKind = Literal[
-    "search", "short", "line", "border", "misfit", "history", "channels", "halves", "shape", "neighbour", "records"
+    "search",
+    "short",
+    "line",
+    "border",
+    "misfit",
+    "history",
+    "channels",
+    "halves",
+    "shape",
+    "neighbour",
+    "records",
+    "record",
 ]
 
 
@@ -230,7 +241,12 @@ class OperationalModes(Answer):
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why not."""
-        of_modes = (f"{mode.name}, {mode.frequency:.4g} Hz: {doubt}" for mode in self.modes for doubt in mode.doubts)
+        of_modes = (
+            f"{mode.name}, {mode.frequency:.4g} Hz: {doubt.text}"
+            for mode in self.modes
+            for doubt in mode.grounds
+            if doubt.kind != "record"
+        )
         return (*self.reasons_of_record, *of_modes)
 
     @property
@@ -278,7 +294,7 @@ class OperationalModes(Answer):
         for mode in self.modes:
             known = (mode.mode.reference_cells()[0],) if any(m.reference for m in self.modes) else ()
             largest = self.channels[int(np.argmax(np.abs(mode.shape)))]
-            rows.append((*mode.mode.cells(), *known, largest, "yes" if mode.trusted and not self.doubts else "no"))
+            rows.append((*mode.mode.cells(), *known, largest, "yes" if mode.trusted else "no"))
         return rows
 
     @property
