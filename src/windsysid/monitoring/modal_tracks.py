@@ -32,6 +32,7 @@ def modal_tracks(records: Sequence[KnownModes]) -> tuple[list[ModalTrack], list[
     ConfigurationError
         If there is none.
     """
+    records = [result._replace(modes=tuple(mode for mode in result.modes if mode.trusted)) for result in records]
     channels = list(dict.fromkeys(name for result in records for mode in result.modes for name in mode.shape))
     seen = [
         [Seen(math.exp(mode.ln_frequency), in_channels(mode, channels)) for mode in result.modes] for result in records
@@ -39,9 +40,8 @@ def modal_tracks(records: Sequence[KnownModes]) -> tuple[list[ModalTrack], list[
     tracks: list[ModalTrack] = []
     rare: list[str] = []
     for followed in follow_modes(seen):
-        modes = {t: records[t].modes[j] for t, j in followed.items()}
-        sure = {t: mode for t, mode in modes.items() if mode.trusted}
-        at = f"{math.exp(float(np.median([mode.ln_frequency for mode in modes.values()]))):.4g} Hz"
+        sure = {t: records[t].modes[j] for t, j in followed.items()}
+        at = f"{math.exp(float(np.median([mode.ln_frequency for mode in sure.values()]))):.4g} Hz"
         if 2 * len(sure) < len(records):
             rare.append(f"{at} ({len(sure)} of {len(records)})")
             continue
@@ -51,7 +51,7 @@ def modal_tracks(records: Sequence[KnownModes]) -> tuple[list[ModalTrack], list[
             values[t], std[t] = (mode.ln_frequency, damping), (mode.ln_frequency_std, spread)
         unknown = ~np.isfinite(std)
         values[unknown] = std[unknown] = np.nan
-        usual, _ = Counter(mode.name for mode in modes.values()).most_common(1)[0]
+        usual, _ = Counter(mode.name for mode in sure.values()).most_common(1)[0]
         name = usual if usual not in [track.name for track in tracks] else f"the mode at {at}"
         tracks.append(ModalTrack(name, values, std))
     if not tracks:

@@ -64,6 +64,10 @@ def join(singles: Sequence[Single]) -> OperationalModes:
         If the records are not connected by sensors in common, or read different things by them.
     """
     results = [result_of(single) for single in singles]
+    singles = [  # what may be no mode would take the place of one
+        single._replace(modes=tuple(mode for mode in single.modes if not mode.doubted_for("shape")))
+        for single in singles
+    ]
     sensors = _all_sensors(results)
     seen = [
         [Seen(mode.frequency, _spread(mode.shape, place, len(sensors.names))) for mode in single.modes]
