@@ -58,6 +58,7 @@ def test_white_noise_passes_at_the_stated_rate():
     assert stats.binomtest(inside, runs, 0.9545).pvalue > 1e-3
     assert sum((one.spectrum > one.spectrum_bound).any() for one in w) <= 3
     assert sum(max(c.colour for c in one.channels) > one.colour_bound for one in w) <= 3
+    assert sum(max(c.line for c in one.channels) > one.line_bound for one in w) <= 3
     held = np.mean([np.abs(one.autocorrelation[:10]) < one.autocorrelation_bound for one in w])
     assert held == pytest.approx(0.9545, abs=0.005)
 
@@ -91,6 +92,19 @@ def test_a_peak_is_found_named_and_condemned():
     assert re.search(r"does not explain channel_1 around 1\.(49|5|51) Hz = 3\.0P", reason)
     assert found.whiteness is not None
     assert found.whiteness.channels[1].peak_hz == pytest.approx(1.5, abs=0.05)
+
+
+def test_a_line_beside_a_natural_frequency_is_condemned_and_a_faint_or_far_one_is_not():
+    # An amplitude a stands (2/3) (a/2)² T above white noise of T samples under Hann's window: 24 and 3 times.
+    t = np.arange(5000) / RATE
+    for frequency, amplitude, expected in ((1.08, 0.17, False), (1.08, 0.06, True), (1.5, 0.17, True)):
+        z = white(seed=1)
+        z[:, 1] += amplitude * np.sin(2.0 * np.pi * frequency * t)
+        found = diagnosed(z)
+        assert found.trusted == expected
+        if not expected:
+            (reason,) = found.reasons
+            assert reason.startswith("channel_1 has a line at 1.08 Hz = 2.2P, beside a natural frequency")
 
 
 def test_a_peak_that_nothing_answers_to_is_a_remark():

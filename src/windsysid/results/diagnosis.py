@@ -7,6 +7,7 @@ show:
     normalised innovation squared   Σ z² over N readings is χ² with N degrees of freedom
     autocorrelation                 N Σ r_k² over L lags is χ² with L degrees of freedom (Box & Pierce 1970)
     spectrum                        by Welch's method, 1 everywhere for white noise
+    line                            a point of the whole record's periodogram over the mean of its surroundings
 
 A long record makes any test reject, so a departure counts only if it is significant and large, and large is measured in
 what a reader relies on. The score of the likelihood is a sum of innovations weighted by what they say of a coefficient,
@@ -181,7 +182,10 @@ def diagnose(
     if white and whiteness is None:
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
     if whiteness is not None:
-        for verdict in (_judge_size(whiteness), _judge_spectrum(whiteness, rotor_hz), _judge_outliers(whiteness)):
+        for verdict in (
+            _judge_size(whiteness), _judge_spectrum(whiteness, rotor_hz),
+            _judge_lines(whiteness, rotor_hz), _judge_outliers(whiteness),
+        ):  # fmt: skip
             reasons += verdict.reasons
             remarks += verdict.remarks
     for check in checks:
@@ -306,6 +310,19 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
             f"the innovations of {worst.name} are not white (squared autocorrelations add up to {worst.colour:.2f})"
         )
     return verdict
+
+
+def _judge_lines(w: Whiteness, rotor_hz: float) -> _Verdict:
+    worst = max(w.channels, key=lambda c: c.line)
+    if worst.line <= w.line_bound:
+        return _Verdict([], [])
+    return _Verdict(
+        [
+            f"{worst.name} has a line at {_name_frequency(worst.line_hz, rotor_hz)}, beside a natural frequency, that"
+            " no load of the model makes: a machine or waves; choose a section without it"
+        ],
+        [],
+    )
 
 
 def _judge_outliers(w: Whiteness) -> _Verdict:

@@ -37,6 +37,16 @@ MIN_SEGMENT_SAMPLES = 16
 
 MOST_LAGS = 200
 
+LINE_REACH = 1.15
+"""Factor about a natural frequency within which a line bends what is found of the mode."""
+
+LINE_SURROUNDINGS, LINE_WIDTH = 40, 2
+"""Frequencies of the periodogram to either side of one that tell the level around it, and how many of them next to it a
+line's own power reaches by Hann's window."""
+
+HANN_VARIANCE = 1.94
+"""Variance of the mean of neighbouring frequencies under Hann's window over that of independent ones."""
+
 
 class Sums(NamedTuple):
     """Sums over innovations of m channels that are read at the same times, which add up over stretches of a record.
@@ -60,6 +70,9 @@ class Sums(NamedTuple):
         Pairs of readings at each lag, and the sums of their products (L, m).
     length, segments, power
         Samples of a segment of the spectrum, how many segments, and the sums of their squared amplitudes (F, m).
+    line, line_hz, tested
+        How far one frequency of a stretch's periodogram stands out of its surroundings at most, near a natural
+        frequency, where [Hz] (m,), and how many frequencies were looked at.
     """
 
     rate: float
@@ -78,6 +91,9 @@ class Sums(NamedTuple):
     length: int
     segments: int
     power: Array
+    line: Array
+    line_hz: Array
+    tested: int
 
 
 class Stretch(NamedTuple):
@@ -157,6 +173,7 @@ def _add_up(
     pairs, products = _lagged(scaled, used, most if like is None else len(like.pairs))
     length = samples // SEGMENTS_PER_RECORD if like is None else like.length
     segments, power = _power(scaled, length)
+    line, line_hz, tested = _strongest_line(scaled, rate, frequencies)
     return Sums(
         rate=rate,
         samples=samples,
@@ -174,6 +191,9 @@ def _add_up(
         length=length,
         segments=segments,
         power=power,
+        line=line,
+        line_hz=line_hz,
+        tested=tested,
     )
 
 
@@ -181,7 +201,8 @@ def _join(before: Sums, more: Sums) -> Sums:
     """The sums of two stretches."""
     added = Sums(*map(operator.add, before, more))
     highest = np.minimum(before.highest, more.highest)
-    return added._replace(rate=before.rate, length=before.length, highest=highest)
+    line, line_hz = np.where(more.line > before.line, [more.line, more.line_hz], [before.line, before.line_hz])
+    return added._replace(rate=before.rate, length=before.length, highest=highest, line=line, line_hz=line_hz)
 
 
 def _highest(seen: NDArray[np.bool_], rate: float) -> float:
@@ -213,6 +234,33 @@ def _power(z: Array, length: int) -> tuple[int, Array]:
     for start in starts:
         total += np.abs(np.fft.rfft(window[:, None] * z[start : start + length], axis=0)) ** 2
     return len(starts), total
+
+
+def _strongest_line(z: Array, rate: float, frequencies: Sequence[float]) -> tuple[Array, Array, int]:
+    """Of the periodogram of z (T, m) near the natural frequencies, how far its highest point stands out of the mean of
+    its surroundings and where [Hz] (m,), and how many points there are.
+
+    Every frequency is near where none is known to be natural.
+    """
+    samples, m = z.shape
+    power = np.abs(np.fft.rfft(np.hanning(samples)[:, None] * z, axis=0)) ** 2
+    frequency = np.arange(len(power)) * (rate / samples)
+    near = np.zeros(len(power), dtype=np.bool_)
+    for natural in frequencies or [0.0]:
+        near |= (frequency > natural / LINE_REACH) & (frequency < (natural * LINE_REACH or math.inf))
+    near[: LINE_SURROUNDINGS + 1] = near[-LINE_SURROUNDINGS - 1 :] = False
+    if not near.any():
+        return np.zeros(m), np.full(m, math.nan), 0
+    sums = np.vstack([np.zeros(m), np.cumsum(power, axis=0)])
+    at = np.flatnonzero(near)
+
+    def around(width: int) -> Array:
+        return np.asarray(sums[at + width + 1] - sums[at - width])
+
+    level = (around(LINE_SURROUNDINGS) - around(LINE_WIDTH)) / (2 * (LINE_SURROUNDINGS - LINE_WIDTH))
+    ratio = power[at] / np.maximum(level, 1e-300)
+    highest = np.argmax(ratio, axis=0)
+    return ratio[highest, range(m)], frequency[at[highest]], m * len(at)
 
 
 def spectral_window(length: int) -> Array:

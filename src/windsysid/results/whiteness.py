@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.results.stretches import Stretch, Sums, band_of_interest, measure_stretch, spectral_window
+from windsysid.results.stretches import (
+    HANN_VARIANCE,
+    LINE_SURROUNDINGS,
+    LINE_WIDTH,
+    Stretch,
+    Sums,
+    band_of_interest,
+    measure_stretch,
+    spectral_window,
+)
 
 __all__ = [
     "ChannelCheck",
@@ -59,6 +68,9 @@ class ChannelCheck(NamedTuple):
         The same out of reach.
     near_hz, near
         The natural frequency [Hz] around which the spectrum is highest on average, and that average.
+    line_hz, line
+        Frequency [Hz] beside a natural one that stands out most of its surroundings in the periodogram of the whole
+        record, and how far, as a ratio of powers.
     """
 
     name: str
@@ -79,6 +91,8 @@ class ChannelCheck(NamedTuple):
     far: float
     near_hz: float
     near: float
+    line_hz: float
+    line: float
 
 
 class Whiteness(NamedTuple):
@@ -98,6 +112,8 @@ class Whiteness(NamedTuple):
         one record in 1000.
     colour_bound
         What the colour of white noise stays below, but for one record in 1000.
+    line_bound
+        The same for the ratio of a line.
     """
 
     used: int
@@ -112,6 +128,7 @@ class Whiteness(NamedTuple):
     spectrum: Array
     spectrum_bound: float
     colour_bound: float
+    line_bound: float
 
 
 def examine(
@@ -179,6 +196,7 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
         spectrum=spectrum,
         spectrum_bound=max(w.spectrum_bound for w in parts.values()),
         colour_bound=max(w.colour_bound for w in parts.values()),
+        line_bound=max(w.line_bound for w in parts.values()),
     )
 
 
@@ -213,6 +231,8 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
                 **dict(zip(("peak_hz", "peak"), _peak(frequency, spectrum[:, c], reached & own), strict=True)),
                 **dict(zip(("far_hz", "far"), _peak(frequency, spectrum[:, c], ~reached & own), strict=True)),
                 **dict(zip(("near_hz", "near"), _near(frequency[own], spectrum[own, c], frequencies), strict=True)),
+                line_hz=float(sums.line_hz[c]),
+                line=float(sums.line[c]),
             )
         )
     total = int(number.sum())
@@ -231,7 +251,17 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
         spectrum=spectrum,
         spectrum_bound=chance_limit(FALSE_ALARM_CHANCE / max(spectrum.size, 1), freedom) / freedom,
         colour_bound=(chance_limit(FALSE_ALARM_CHANCE / m, lags) - lags) / fewest,
+        line_bound=_line_bound(sums.tested),
     )
+
+
+def _line_bound(tested: int) -> float:
+    """What the greatest of so many ratios stays below, but for one record in 1000.
+
+    One point of white noise's periodogram over the mean of n others is x or more with probability (1 + x/n)^−n.
+    """
+    n = 2 * (LINE_SURROUNDINGS - LINE_WIDTH) / HANN_VARIANCE
+    return float(n * ((FALSE_ALARM_CHANCE / max(tested, 1)) ** (-1.0 / n) - 1.0))
 
 
 def _spectrum(sums: Sums) -> tuple[Array, Array, float]:
