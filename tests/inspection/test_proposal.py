@@ -67,6 +67,15 @@ def test_other_names_say_nothing(name):
     assert meaning_of(name) is None
 
 
+@pytest.mark.parametrize(
+    "name", ["tower_x_acceleration", "tower_z_acceleration", "blade_1_lag_acceleration", "nacelle_z_displacement"]
+)
+def test_a_name_as_windsysid_has_them_stays(name):
+    meaning = meaning_of(name)
+    assert meaning is not None
+    assert (meaning.name, meaning.doubts) == (name, ())
+
+
 def test_a_tag_that_is_not_used_says_so_and_a_missing_number_is_a_doubt():
     assert said("WNAC_Foo").name is None
     assert "of which blade" in said("WROT_BlPthAngVal").doubts[0]

@@ -71,6 +71,7 @@ _WORDS: tuple[tuple[tuple[str, ...], str], ...] = (
     (("pitch",), "blade_#_pitch"), (("nacelle", "direction"), "nacelle_yaw"), (("nacelle", "position"), "nacelle_yaw"),
     (("yaw",), "nacelle_yaw"), (("temperature",), "air_temperature"),
 )  # fmt: skip
+_OURS = re.compile(rf"({'|'.join(_PLACES)}|blade_\d+)_([a-z]+_)*(acceleration|velocity|displacement)")
 _ACCELERATION = ("acceleration", "accelerometer", "accel", "acc", "accelerations")
 
 
@@ -81,6 +82,8 @@ def words_of(name: str) -> list[str]:
 
 def meaning_of(name: str) -> Meaning | None:
     """What a channel's name says, None where it says nothing that windsysid knows."""
+    if _OURS.fullmatch(name):
+        return Meaning(name, "a name as windsysid has them")
     return _tag(name) or _words(name)
 
 
