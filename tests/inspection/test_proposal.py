@@ -140,6 +140,16 @@ def test_what_was_known_of_time_and_text_is_kept(tmp_path):
     assert load_mapping(target).time == given.time
 
 
+def test_columns_of_text_are_left_out_and_said(tmp_path):
+    path = mast(tmp_path, **{"turbine name": ["T 07"] * TIME.size, "remark": ["run"] * (TIME.size - 1) + ["stop"]})
+    found = propose_mapping(path)
+    assert {"turbine name", "remark"}.isdisjoint(guess.written for guess in found.guesses)
+    assert "Left out, because they hold text: turbine name, remark." in found.remarks
+    target = tmp_path / "m.toml"
+    target.write_text(found.to_toml(), encoding="utf-8")
+    assert load_mapping(target).only_listed
+
+
 def test_openfast_output_needs_no_mapping(tmp_path):
     pytest.importorskip("openfast_io", reason="openfast_io is not installed")
     from validation.format_samples import SAMPLES, truth

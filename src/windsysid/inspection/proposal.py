@@ -18,7 +18,8 @@ from windsysid.inspection.plausibility import GRAVITY, Rotor, once_per_turn
 from windsysid.inspection.tags import Meaning, meaning_of
 from windsysid.output.console import render
 from windsysid.output.table import Table
-from windsysid.records.formats import read_record
+from windsysid.records.formats import csv, format_of, read_record
+from windsysid.records.formats.files import named_after
 from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, load_mapping
 from windsysid.records.moments import has_zone
 from windsysid.records.quantities import implied_unit, plausible_units
@@ -103,15 +104,28 @@ def propose_mapping(path: str | Path, mapping: str | Path | Mapping | None = Non
         If the file cannot be read even without the units of its channels; or it is OpenFAST's and needs no mapping.
     """
     given = mapping if isinstance(mapping, Mapping) else Mapping() if mapping is None else load_mapping(mapping)
-    raw = ChannelRule(unit=AS_IT_IS)
-    channels = dict.fromkeys(given.channels, raw) if given.only_listed else {"*": raw}
-    record = read_record(path, mapping=replace(given, channels=channels))
+    whole, texts = _as_it_is(Path(path), given)
+    record = read_record(path, mapping=whole)
     if record.attributes.get("source") == "OpenFAST":
         raise ConfigurationError(f"{path}: OpenFAST's channels are known; it needs no mapping")
     known = {name: meaning_of(name) for name in record.channels}
     rotor, remark = _rotor(record, known)
     guesses = [_guess(record, name, known[name], rotor) for name in record.channels]
-    return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*_about(record), remark))
+    left = (f"Left out, because they hold text: {', '.join(texts)}.",) if texts else ()
+    return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*_about(record), remark, *left))
+
+
+def _as_it_is(path: Path, given: Mapping) -> tuple[Mapping, tuple[str, ...]]:
+    """A mapping that reads all numbers of a file as they are written, and the columns of text that it leaves out."""
+    raw = ChannelRule(unit=AS_IT_IS)
+    if given.only_listed:
+        return replace(given, channels=dict.fromkeys(given.channels, raw)), ()
+    if format_of(path) is csv.FORMAT:
+        with named_after(path):
+            numbers, texts = csv.columns_of_text(path, given)
+        if texts and numbers:
+            return replace(given, channels=dict.fromkeys(numbers, raw), only_listed=True), texts
+    return replace(given, channels={"*": raw}), ()
 
 
 def _about(record: Record) -> list[str]:

@@ -36,7 +36,7 @@ from windsysid.records.formats.source import Progress, gather, gather_section, p
 from windsysid.records.record import Record
 
 __all__ = [
-    "FORMATS", "iterate_record", "load_mapping", "read_record", "write_record",
+    "FORMATS", "format_of", "iterate_record", "load_mapping", "read_record", "write_record",
 ]  # fmt: skip
 
 FORMATS: tuple[Format, ...] = (

@@ -35,7 +35,7 @@ from windsysid.records.formats.source import Block, Source
 from windsysid.records.formats.text import LineBlock, encoding_of, last_line, line_blocks
 from windsysid.records.record import Array, Record
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "columns_of_text"]
 
 Numbers = npt.NDArray[np.int64]
 
@@ -84,6 +84,22 @@ def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
     start = reader.first_time(first[0][1]) if times else 0.0
     return Source(path.name, names, units, reader.blocks, attributes, start, start_of(mapping.time, clock.start))
+
+
+def columns_of_text(path: Path, mapping: Mapping) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the columns that hold numbers in the first lines, and of those that hold text; the time is neither."""
+    head = list(_head(path, encoding_of(path, mapping.csv.encoding)))
+    layout = find_layout(head, mapping.csv, timed=mapping.time.rate is None)
+    times = find_times(layout.cells, mapping)
+    rows = [split(text, layout.delimiter) for number, text in head if number >= layout.first_row]
+    numbers: list[str] = []
+    texts: list[str] = []
+    for index, cell in enumerate(layout.cells):
+        cells = [row[index] for row in rows if index < len(row) and row[index] not in layout.missing]
+        if index not in times:
+            found = sum(is_number(text, layout.decimal) for text in cells)
+            (texts if 2 * found < len(cells) else numbers).append(cell.written)
+    return tuple(numbers), tuple(texts)
 
 
 def write_csv(record: Record, file: BinaryIO) -> None:
