@@ -12,8 +12,11 @@ or crash, which the last column counts and no reader of Python can help.
 
 import argparse
 import multiprocessing
+import resource
+import signal
 import sys
 import tempfile
+import time
 import warnings
 from collections import Counter
 from multiprocessing.connection import Connection
@@ -32,7 +35,8 @@ from windsysid.units import si_unit, to_si
 
 __all__ = ["check_format", "damaged"]
 
-_SECONDS = 8  # for one file: longer, and it hangs
+_SECONDS = 8  # of processor time for one file: more, and it hangs
+_LONGEST = 600.0  # s that a file may take on a busy machine
 _RESOLUTION = 1e-12  # s
 
 
@@ -144,12 +148,13 @@ class _Reader:
         """The record, or what became of the file."""
         try:
             self.pipe.send(path)
-            if self.pipe.poll(_SECONDS):
+            if self.pipe.poll(_LONGEST):
                 answer: Record | str = self.pipe.recv()
                 return answer
             what = "hangs"
         except EOFError:
-            what = "crashes"
+            self.process.join()
+            what = "hangs" if self.process.exitcode == -signal.SIGXCPU else "crashes"
         self.process.kill()
         self._start()
         return what
@@ -163,6 +168,8 @@ def _serve(pipe: Connection, name: str) -> None:
     warnings.simplefilter("error")
     while True:
         path = pipe.recv()
+        limit = int(time.process_time()) + _SECONDS + 1
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.getrlimit(resource.RLIMIT_CPU)[1]))
         try:
             pipe.send(read_record(path, mapping=mapping))
         except WindsysidError as error:
