@@ -1,5 +1,6 @@
 """What is particular to NI TDMS, universal files, MDF 4, LabVIEW and Dewesoft."""
 
+import locale
 import struct
 import sys
 import types
@@ -259,3 +260,10 @@ def test_dewesoft_channels_of_one_rate_are_a_record(tmp_path, monkeypatch):
 def test_a_file_that_dewesofts_library_does_not_read_is_refused_in_one_line(tmp_path):
     pytest.importorskip("dwdatareader", reason="dwdatareader is not installed")
     refused(write(tmp_path, b"hello" * 100, "x.dxd"), "cannot be read by Dewesoft's library")
+
+
+def test_dewesofts_library_leaves_the_language_of_the_program_alone(tmp_path):
+    pytest.importorskip("dwdatareader")
+    before = locale.setlocale(locale.LC_ALL)
+    refused(write(tmp_path, b"hello" * 100, "x.dxd"), "cannot be read by Dewesoft's library")
+    assert locale.setlocale(locale.LC_ALL) == before

@@ -5,6 +5,7 @@ against files that are none, not against a recording. Times are those that the l
 after the start of storing; channels of one rate are sampled together.
 """
 
+import locale
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,14 +23,17 @@ __all__ = ["FORMAT"]
 
 def open_dewesoft(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     """Open a file; its channels are read as far as they are needed."""
+    library = package("dwdatareader", "Dewesoft files", "formats")
+    languages = locale.setlocale(locale.LC_ALL)
     try:
-        library = package("dwdatareader", "Dewesoft files", "formats")
         file = library.DWFile(str(path))
         channels = [(name, channel) for name, channel in file.items() if channel.array_size == 1]
         start = utc(1000 * round(1e6 * file.info.start_store_time.timestamp()))
         series = [_series(file, name, channel, start) for name, channel in channels if channel.number_of_samples]
     except Exception as error:
         _refuse(error)
+    finally:  # Dewesoft's library sets its own, and Python would read and write ASCII from then on
+        locale.setlocale(locale.LC_ALL, languages)
     if not series:
         raise RecordError("holds no channel with samples; expected at least one; record it again")
     return source_of_series(path.name, series, mapping, {"source": "Dewesoft"}, how="let Dewesoft write its unit")
