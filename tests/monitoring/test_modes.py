@@ -87,3 +87,21 @@ def test_a_mode_that_is_missing_in_one_record_goes_on_in_the_next():
 
     both, one = seen(1.0, 1.2), seen(1.01, 1.19)[1:]
     assert follow_modes([both, one, both]) == [{0: 0, 2: 0}, {0: 1, 1: 0, 2: 1}]
+
+
+def test_measured_modes_stand_beside_the_nearest_curve(nrel5mw_diagram, tmp_path):
+    usual = float(nrel5mw_diagram.speeds[nrel5mw_diagram.usual])
+    curve = nrel5mw_diagram.curves[0]
+    f = float(curve.frequency[nrel5mw_diagram.usual])
+    known = record_of(1, (1.01 * f, 0.6 * f), trusted=(True, False))._replace(rotor_speed=usual)
+    found = nrel5mw_diagram.with_measured(known.measured())
+    assert [mode.curve for mode in found.measured] == [curve.name, None]
+    assert found.measured[0].expected == pytest.approx(f, rel=1e-6)
+    assert "+1.00 %" in str(found)
+    found.save(tmp_path / "diagram")
+    assert b"What was measured" in (tmp_path / "diagram" / "report.html").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def nrel5mw_diagram():
+    return ws.modes("nrel5mw", speeds=(1.0, 1.4))

@@ -163,6 +163,12 @@ def modes(
         tuple[str, str] | None,
         typer.Option(metavar="FROM TO", help="Operating range, with its unit; 10 % around the usual speed by default."),
     ] = None,
+    measured: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Folder that windsysid oma wrote: its modes are drawn as points; may be given several times."
+        ),
+    ] = None,
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, campbell.png and summary.json.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
     overwrite: Overwrite = False,
@@ -170,9 +176,11 @@ def modes(
     """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
     from windsysid.modal.sweep import find_modes
     from windsysid.results.posterior import load_posterior
+    from windsysid.spectral.known_modes import as_modes
     from windsysid.turbine.file import load_turbine, packaged_turbines
 
-    write = claim_output(context, output, source, overwrite=overwrite)
+    write = claim_output(context, output, source, *(measured or []), overwrite=overwrite)
+    points = [mode for folder in measured or [] for mode in as_modes(folder).measured()]
     if source in packaged_turbines() or source.endswith(".toml"):
         machine: Turbine | Posterior = load_turbine(source)
     elif Path(source).is_dir():
@@ -185,4 +193,5 @@ def modes(
     diagram, working = rotor_speeds("--speeds", speeds), rotor_speeds("--operating", operating)
     with show_progress("modes") as progress:
         found = find_modes(machine, speeds=diagram, operating=working, progress=progress)
+    found = found.with_measured(points)
     print_and_save(found, output, write, json=json)

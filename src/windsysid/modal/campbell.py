@@ -2,7 +2,8 @@
 
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,9 +19,14 @@ from windsysid.results.identification import finite
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM
 
-__all__ = ["Campbell", "Margin"]
+__all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode"]
 
 Triple = tuple[float, float, float]
+
+NEAR = 0.08
+"""A measured mode this near to a curve, relative, is beside it."""
+
+MEASURED_HEADINGS = ("record", "rpm", "mode", "f [Hz], ±2σ", "ζ [%], ±2σ", "beside", "off by", "trusted")
 
 
 class Margin(NamedTuple):
@@ -56,6 +62,34 @@ class Margin(NamedTuple):
         return f"{_band(self.distance, 100.0, 1.0, '+')} %"
 
 
+class MeasuredMode(NamedTuple):
+    """A mode that was measured, to stand beside the diagram.
+
+    Attributes
+    ----------
+    record, name, speed
+        Where it comes from, what it was called there, and the rotor speed [rad/s].
+    frequency, frequency_std
+        [Hz].
+    damping
+        (ratio, low, high).
+    trusted
+        Whether nothing spoke against it.
+    curve, expected
+        The curve nearest to it at that speed, within `NEAR`, and its frequency there [Hz]; None where there is none.
+    """
+
+    record: str
+    name: str
+    speed: float
+    frequency: float
+    frequency_std: float
+    damping: Triple
+    trusted: bool
+    curve: str | None = None
+    expected: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Campbell(Answer):
     """Modes of a turbine against rotor speed, and what follows.
@@ -82,6 +116,8 @@ class Campbell(Answer):
         ``Coleman``, ``Floquet`` or ``constant``.
     notes
         What a reader must know.
+    measured
+        Modes that were measured, to stand beside the curves.
     """
 
     turbine: str
@@ -96,6 +132,35 @@ class Campbell(Answer):
     ground_resonance: tuple[GroundResonance, ...]
     method: str
     notes: tuple[str, ...]
+    measured: tuple[MeasuredMode, ...] = ()
+
+    def with_measured(self, modes: Sequence[MeasuredMode]) -> "Campbell":
+        """The same with measured modes, each beside the nearest curve within `NEAR`."""
+        placed = []
+        for mode in modes:
+            there = {curve.name: float(np.interp(mode.speed, self.speeds, curve.frequency)) for curve in self.curves}
+            near = {name: abs(mode.frequency / f - 1.0) for name, f in there.items() if np.isfinite(f)}
+            name = min(near, key=near.__getitem__, default=None)
+            if name is not None and near[name] < NEAR and self.speeds[0] <= mode.speed <= self.speeds[-1]:
+                mode = mode._replace(curve=name, expected=there[name])
+            placed.append(mode)
+        return replace(self, measured=tuple(placed))
+
+    @property
+    def measured_rows(self) -> list[tuple[str, ...]]:
+        """The measured modes as a table under `MEASURED_HEADINGS`."""
+        rows: list[tuple[str, ...]] = []
+        for mode in self.measured:
+            off = "" if mode.expected is None else f"{100.0 * (mode.frequency / mode.expected - 1.0):+.2f} %"
+            z, low, high = (100.0 * value for value in mode.damping)
+            rows.append(
+                (
+                    mode.record, f"{mode.speed * RPM:.2f}", mode.name,
+                    f"{mode.frequency:.4f} ± {SIGMAS * mode.frequency_std:.4f}", f"{z:.2f} ({low:.2f} … {high:.2f})",
+                    mode.curve or "", off, "yes" if mode.trusted else "no",
+                )
+            )  # fmt: skip
+        return rows
 
     @cached_property
     def margins(self) -> tuple[Margin, ...]:
@@ -258,6 +323,7 @@ class Campbell(Answer):
                 for g in self.ground_resonance
             ],
             "notes": list(self.notes),
+            **({"measured": [mode._asdict() for mode in self.measured]} if self.measured else {}),
         }
 
     def to_json(self) -> str:
@@ -271,7 +337,8 @@ class Campbell(Answer):
         )
 
     def __str__(self) -> str:
-        return render(self.table(), *self.sentences, *self.notes)
+        beside = [Table(MEASURED_HEADINGS, self.measured_rows, "measured", (0, 2, 5, 7))] if self.measured else []
+        return render(self.table(), *beside, *self.sentences, *self.notes)
 
 
 def _margin(name: str, order: int, frequency: Array, std: Array, speed: Array) -> Margin:

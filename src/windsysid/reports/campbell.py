@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.modal.campbell import Campbell
+from windsysid.modal.campbell import MEASURED_HEADINGS, Campbell
 from windsysid.output.table import Table
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
@@ -40,6 +40,15 @@ def figure(found: Campbell) -> Figure:
                     curve.name, (rpm[seen[-1]], value[seen[-1]]), (5, 0), textcoords="offset points", fontsize=8.5,
                     color=colour, va="bottom",
                 )  # fmt: skip
+    for mode in found.measured:
+        fill = REFERENCE if mode.trusted else "white"
+        z, z_low, z_high = (100.0 * value for value in mode.damping)
+        for ax, at, reach in (
+            (above, mode.frequency, [[SIGMAS * mode.frequency_std]] * 2), (below, z, [[z - z_low], [z_high - z]]),
+        ):  # fmt: skip
+            ax.errorbar(
+                mode.speed * RPM, at, yerr=reach, fmt="o", ms=5, color=REFERENCE, mfc=fill, elinewidth=0.9, zorder=4
+            )
     for order in found.orders:
         above.plot(rpm, order * rpm / 60.0, color=MEASURED, ls="--", lw=0.9, zorder=1)
         near = min(0.95 * (rpm[-1] - rpm[0]) + rpm[0], 60.0 * 0.94 * top / order)
@@ -102,6 +111,7 @@ def files(found: Campbell) -> dict[str, bytes]:
     caption = (
         f"Frequencies and damping ratios in the fixed frame. Blue: tower, green: blades{bands}. Dashed: harmonics of"
         f" the rotor, dotted: {'the record' if found.record else 'the usual speed'}."
+        + (" Points: measured, ±2σ; hollow where they are not to be trusted." if found.measured else "")
     )
     low, high = (value * RPM for value in found.operating)
     where = f"Distance f / nP − 1 where it is least from {low:.3g} to {high:.3g} rpm" if found.orders else "Parked"
@@ -111,6 +121,9 @@ def files(found: Campbell) -> dict[str, bytes]:
         Section("Campbell diagram", figures=[(drawn, caption)]),
         Section("How this was computed", text=found.notes),
     ]
+    if found.measured:
+        beside = Table(MEASURED_HEADINGS, found.measured_rows, "", words=(0, 2, 5, 7))
+        sections.insert(2, Section("What was measured", tables=[beside]))
     subtitle = f"{found.title} · {found.speeds[0] * RPM:.3g} … {found.speeds[-1] * RPM:.3g} rpm"
     return {
         "report.html": report_page("Modes against rotor speed", subtitle, sections),

@@ -9,6 +9,7 @@ import numpy as np
 
 from windsysid._types import Complex
 from windsysid.errors import ConfigurationError
+from windsysid.modal.campbell import MeasuredMode
 from windsysid.output.folders import result_file
 from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_scoring import DAMPING_PRIOR
@@ -43,6 +44,8 @@ class KnownModes(NamedTuple):
         By rising frequency.
     trusted
         Whether nothing spoke against the record as a whole.
+    rotor_speed
+        [rad/s]; 0 where none turned.
     """
 
     record: str
@@ -51,6 +54,17 @@ class KnownModes(NamedTuple):
     record_hash: str | None
     modes: tuple[KnownMode, ...]
     trusted: bool
+    rotor_speed: float = 0.0
+
+    def measured(self) -> list[MeasuredMode]:
+        """The modes, to stand beside a Campbell diagram."""
+        found = []
+        for mode in self.modes:
+            f, z, half = math.exp(mode.ln_frequency), math.exp(mode.ln_damping), SIGMAS * mode.ln_damping_std
+            band = (z, z * math.exp(-half), z * math.exp(half))
+            std = f * mode.ln_frequency_std
+            found.append(MeasuredMode(self.record, mode.name, self.rotor_speed, f, std, band, mode.trusted))
+        return found
 
 
 ModesLike: TypeAlias = OperationalModes | KnownModes | str | Path
@@ -117,6 +131,7 @@ def _read(summary: dict[str, Any]) -> KnownModes:
         summary["record_hash"],
         tuple(modes),
         not summary["doubts"],
+        float(summary["rotor_speed_rad_s"]),
     )
 
 
