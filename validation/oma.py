@@ -35,7 +35,7 @@ from windsysid.spectral.operational import OperationalModes
 
 Array = np.ndarray
 
-FRESH = 50_000
+FRESH = 70_000
 CLOSE = ((0.98, 0.008), (1.00, 0.010), (1.02, 0.012))
 LENGTHS = (200.0, 500.0, 1500.0)
 STOREYS = (5, 10, 20)
