@@ -96,10 +96,10 @@ def test_transfer_of_one_degree_of_freedom_is_the_textbooks() -> None:
         assert T[:, i, i] == pytest.approx(expected, rel=1e-9)
 
 
-def _posed(kind: str) -> Posed:
+def _posed(kind: str, duration: float = 40.0) -> Posed:
     """A small problem of each kind; its data are those of a short record."""
     turbine = load_turbine("tower" if kind == "tower" else "verne555")
-    rate, duration = (20.0, 300.0) if kind == "tower" else (100.0, 40.0)
+    rate, duration = (20.0, 300.0) if kind == "tower" else (100.0, duration)
     record = simulate_record(turbine, duration=duration, rate=rate, seed=5)
     parameters = Prior(stiffness=1.1, damping=1.3).parameters(turbine, list(turbine.coefficients), linear=False)
     if kind == "rotor-wind":
@@ -151,6 +151,23 @@ def test_information_is_fishers(kind: str) -> None:
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs(model.likelihood(at).information - expected).max() < 1e-4 * scale.max()
     assert (np.abs(model.likelihood(at).information - expected) < 1e-3 * scale).all()
+
+
+def test_every_bin_counts_once_where_neighbours_share_a_spectrum() -> None:
+    """54 bins in 14 pools of three and four: the likelihood is that of the bins one by one, none dropped or added."""
+    posed = _posed("broadband", 97.0)
+    model = posed.model
+    assert set(model.counts) == {3.0, 4.0}
+    turns = int(97.0 * load_turbine("verne555").rotor_speed / (2.0 * np.pi))
+    assert model.counts.sum() == (turns - 1) // 2 - 1
+    at = _near(model)
+    value = 0.0
+    for S, Y, count in zip(model.spectrum(at).spectrum, model.data, model.counts, strict=True):
+        for y in Y.T[: int(count)]:
+            value += np.linalg.slogdet(S)[1] + (y.conj() @ np.linalg.solve(S, y)).real
+        assert not Y[:, int(count) :].any()
+    assert model.likelihood(at).value == pytest.approx(value / model.overlap, rel=1e-9)
+    assert np.isfinite(model.powers(at)[0]).sum() == model.counts.sum() * model.data.shape[1]
 
 
 def _near(model: LiftedModel) -> np.ndarray:

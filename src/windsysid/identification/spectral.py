@@ -208,7 +208,7 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
         if len(poses) == 1:
             ((name, posed),) = poses.items()
             return _Found(name, fit(posed.model, posed.start, smoothed=posed.smoothed), "")
-        tried = {name: fit(posed.model, posed.start, COARSE) for name, posed in poses.items()}
+        tried = {name: fit(posed.model, posed.start, COARSE, rough=True) for name, posed in poses.items()}
         name = max(tried, key=lambda which: tried[which].log_evidence)
         others = ", ".join(
             f"{other} by {tried[name].log_evidence - found.log_evidence:.0f}"

@@ -11,11 +11,15 @@ from windsysid.spectral.scoring import find_mode
 
 __all__ = ["COARSE", "WHOLE", "Fit", "fit"]
 
-COARSE = ((0.03, 8), (0.2, 8), (1.0, 4))
+COARSE = ((0.03, 4), (0.2, 4), (1.0, 2))
 """Weight of the likelihood, and every how many-th bin is used, from the first stage of a search to the last but one."""
 
 WHOLE = ((1.0, 1),)
 """The last stage."""
+
+
+SMOOTHINGS = 2
+"""How often what the window adds is taken."""
 
 
 class Fit(NamedTuple):
@@ -43,12 +47,13 @@ class Fit(NamedTuple):
 
 def fit(
     model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = (*COARSE, *WHOLE),
-    smoothed: LiftedModel | None = None,
+    smoothed: LiftedModel | None = None, *, rough: bool = False,
 ) -> Fit:  # fmt: skip
     """The mode of the posterior from a start (n,).
 
     What the taper's window adds to the spectra is the difference of those of `smoothed` and of `model`. It hardly
-    changes with the unknowns, so it is taken at the mode without it, and the mode is found anew.
+    changes with the unknowns, so it is taken where the stages before the last one end, and once more at the mode that
+    is found with it. A `rough` search is for comparing models.
 
     Raises
     ------
@@ -58,10 +63,13 @@ def fit(
     mean, spread = model.prior
     if model.window is not None:  # all bins at once
         stages = [(weight, 1) for weight, _ in stages]
-    mode = find_mode(_evaluator(model), start, mean, spread, stages)
-    if smoothed is not None:
-        smear = smoothed.spectrum(mode.unknowns).spectrum - model.spectrum(mode.unknowns).spectrum
-        mode = find_mode(_evaluator(model._replace(smear=smear)), mode.unknowns, mean, spread, WHOLE)
+    if smoothed is None:
+        mode = find_mode(_evaluator(model), start, mean, spread, stages, rough=rough)
+    else:
+        mode = find_mode(_evaluator(model), start, mean, spread, stages[:-1], rough=True)
+        for _ in range(SMOOTHINGS):
+            smear = smoothed.spectrum(mode.unknowns).spectrum - model.spectrum(mode.unknowns).spectrum
+            mode = find_mode(_evaluator(model._replace(smear=smear)), mode.unknowns, mean, spread, stages[-1:])
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
     evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])

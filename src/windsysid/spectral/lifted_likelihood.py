@@ -75,12 +75,11 @@ class ModelSpectrum(NamedTuple):
 
 
 class Likelihood(NamedTuple):
-    """J of some bins, its gradient g (n,), Fisher's information F (n, n), and the whitened entries y (B, e, g)."""
+    """J of some bins, its gradient g (n,), and Fisher's information F (n, n)."""
 
     value: float
     gradient: Array
     information: Array
-    whitened: Complex
 
 
 def spectrum_of_bins(
@@ -141,8 +140,9 @@ def spectrum_of_bins(
     return ModelSpectrum(S, A, L_inv)
 
 
-def whittle(data: Complex, model: ModelSpectrum) -> Likelihood:
-    """J, g and F of the entries (B, e, g) for c_h = 1.
+def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
+    """J, g and F for c_h = 1 of the entries (B, e, g), of which the first `counts` (B,) columns are bins and the others
+    are 0.
 
     Raises
     ------
@@ -151,14 +151,15 @@ def whittle(data: Complex, model: ModelSpectrum) -> Likelihood:
     """
     L_inv = _whitener(model.spectrum) if model.whitener is None else model.whitener
     y = L_inv @ data
-    alike = data.shape[2]
-    value = float(-2.0 * alike * np.sum(np.log(np.einsum("bii->bi", L_inv).real)) + np.sum(np.abs(y) ** 2))
+    logarithms = np.log(np.einsum("bii->bi", L_inv).real).sum(axis=1)
+    value = float(-2.0 * counts @ logarithms + np.sum(np.abs(y) ** 2))
     A = model.slopes if model.whitener is not None else L_inv @ model.slopes @ _h(L_inv)
     if not len(A):
-        return Likelihood(value, np.empty(0), np.empty((0, 0)), y)
-    shown = np.ascontiguousarray(np.eye(data.shape[1]) * alike - y @ _h(y)).view(np.float64).ravel()
+        return Likelihood(value, np.empty(0), np.empty((0, 0)))
+    shown = counts[:, None, None] * np.eye(data.shape[1]) - y @ _h(y)
     flat = np.ascontiguousarray(A).reshape(len(A), -1).view(np.float64)  # tr AB = Σ A_ij conj(B_ij) for Hermitian B
-    return Likelihood(value, flat @ shown, alike * (flat @ flat.T), y)
+    weighted = (flat.reshape(len(A), len(counts), -1) * counts[:, None]).reshape(len(A), -1)
+    return Likelihood(value, flat @ np.ascontiguousarray(shown).view(np.float64).ravel(), weighted @ flat.T)
 
 
 def times_sources(matrix: Complex, sources: SourceSpectra) -> Complex:

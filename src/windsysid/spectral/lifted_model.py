@@ -40,7 +40,7 @@ class LiftedModel(NamedTuple):
     Attributes
     ----------
     data
-        Active entries Y (B, e, g): g neighbouring bins share a spectrum.
+        Active entries Y (B, e, g): up to g neighbouring bins share a spectrum; columns beyond are 0.
     place
         Where spectra are taken: at the bins, or, where they are smoothed, on a finer grid.
     window
@@ -69,6 +69,8 @@ class LiftedModel(NamedTuple):
         Statistics of the sensors' noise.
     noise_given
         The spectral density of each, as given, on every entry (n, F, e) [unit²/Hz]; they add up.
+    shared
+        How many bins share each spectrum (B,); None where all g do.
     """
 
     data: Complex
@@ -87,6 +89,12 @@ class LiftedModel(NamedTuple):
     sources: Sources
     noise: tuple[Statistic, ...]
     noise_given: Array
+    shared: Array | None = None
+
+    @property
+    def counts(self) -> Array:
+        """How many bins share each spectrum (B,)."""
+        return np.full(len(self.data), float(self.data.shape[2])) if self.shared is None else self.shared
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
@@ -109,18 +117,21 @@ class LiftedModel(NamedTuple):
         LinAlgError
             Where a spectrum is not positive definite.
         """
+        counts = self.counts
         if self.window is not None:
-            return _shared(whittle(self.data, self.spectrum(unknowns, slopes=slopes)), 1.0 / self.overlap)
+            whole = whittle(self.data, counts, self.spectrum(unknowns, slopes=slopes))
+            return _scaled(whole, 1.0 / self.overlap)
+        bins = np.arange(every // 2, len(self.place.base), every)
         parts = [
-            whittle(self.data[at], model) for at, model in self._spectra(unknowns, every, slopes=slopes, whiten=slopes)
+            whittle(self.data[at], counts[at], model)
+            for at, model in self._spectra(unknowns, every, slopes=slopes, whiten=slopes)
         ]
         whole = Likelihood(
             sum(part.value for part in parts),
             np.sum([part.gradient for part in parts], axis=0),
             np.sum([part.information for part in parts], axis=0),
-            np.concatenate([part.whitened for part in parts]),
         )
-        return _shared(whole, len(self.place.base) / len(whole.whitened) / self.overlap)
+        return _scaled(whole, float(counts.sum() / counts[bins].sum()) / self.overlap)
 
     def spectrum(self, unknowns: Array, *, slopes: bool = False) -> ModelSpectrum:
         """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
@@ -150,7 +161,8 @@ class LiftedModel(NamedTuple):
     def powers(self, unknowns: Array) -> tuple[Array, Array, Array]:
         """|Y|² of every entry (B g, e), NaN where nothing is said of it, S, and its unsigned frequency [Hz]."""
         S = np.einsum("bii->bi", self.spectrum(unknowns).spectrum).real
-        found = np.where(self.left_out[:, :, None], np.nan, np.abs(self.data) ** 2)
+        beyond = np.arange(self.data.shape[2]) >= self.counts[:, None]
+        found = np.where(self.left_out[:, :, None] | beyond[:, None, :], np.nan, np.abs(self.data) ** 2)
         order = self.place.orders[self.place.entries // self.combine.shape[0]]
         frequency = np.abs(self.base[:, None] + self.place.rotor_hz * order)
         alike = self.data.shape[2]
@@ -255,6 +267,6 @@ def taper_window(taper: Array, bins: NDArray[np.intp]) -> Array:
     return out
 
 
-def _shared(found: Likelihood, share: float) -> Likelihood:
+def _scaled(found: Likelihood, share: float) -> Likelihood:
     """The likelihood of bins that count as `share` each."""
-    return Likelihood(share * found.value, share * found.gradient, share * found.information, found.whitened)
+    return Likelihood(share * found.value, share * found.gradient, share * found.information)

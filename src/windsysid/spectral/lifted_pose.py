@@ -13,7 +13,7 @@ from windsysid.loads.statistics import Statistic, noise_groups
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
-from windsysid.spectral.lifted import Lifted, lift
+from windsysid.spectral.lifted import Complex, Lifted, lift
 from windsysid.spectral.lifted_likelihood import Place
 from windsysid.spectral.lifted_loads import BandLoads, BroadbandLoads, Sources, WindLoads
 from windsysid.spectral.lifted_mechanics import HIGHEST, coupled, matrix_harmonics
@@ -33,8 +33,9 @@ SEARCHED = 3.0
 NARROW = 4.0
 """Bins in half the half-power width of a mode below which spectra are smoothed by the taper's window."""
 
-ALIKE = 3.0
-"""Bins in half the half-power width of a mode for each bin that shares its spectrum with others."""
+ALIKE, ALIKE_TURNING = 3.0, 1.4
+"""Bins in half the half-power width of a mode for each bin that shares its spectrum with others: where the spectrum in
+their middle is taken, and where their mean is, at a turning rotor."""
 
 LINE_BINS, LINE_SHARE = 2.5, 0.006
 """Half-width of a harmonic of the rotor: in bins, and as a share of its frequency, since no speed is quite constant."""
@@ -153,21 +154,21 @@ def _pose_turning(question: Question, loads: str) -> Posed:
         )
     lifted = lift(question.readings, question.inputs[:, 0], rate, K)
     width = _narrowest(question) * lifted.duration
-    alike = max(1, int(width / ALIKE))
-    groups = len(lifted.base) // alike
-    if groups < LEAST_BINS // 4:
+    bins, alike = len(lifted.base), max(1, int(width / ALIKE_TURNING))
+    if bins < LEAST_BINS // 4 * alike:
         turns = LEAST_BINS * 2
         raise RecordError(
             f"expected {turns} turns of the rotor or more, got {lifted.duration * rotor_hz:.3g}: choose a longer record"
         )
-    base = lifted.base[: groups * alike].reshape(groups, alike).mean(axis=1)
+    pools = np.array_split(np.arange(bins), -(-bins // alike))
+    base = np.array([lifted.base[pool].mean() for pool in pools])
     m = len(question.sensors)
     entries = np.flatnonzero(np.repeat(np.abs(lifted.harmonics) < K, m))  # motion beyond K is missing in those of K
-    data = lifted.data.reshape(len(lifted.base), -1)[: groups * alike, entries].reshape(groups, alike, -1)
-    data = np.ascontiguousarray(np.swapaxes(data, 1, 2))
-    number = np.round(lifted.base * lifted.duration).astype(np.intp)[: groups * alike]
+    data = _pooled(lifted.data.reshape(bins, -1)[:, entries], pools)
+    number = np.round(lifted.base * lifted.duration).astype(np.intp)
     fine = finer_bins(int(number[0]), int(number[-1])) / lifted.duration
-    window = taper_window(lifted.taper, number).reshape(len(fine), groups, alike).mean(axis=2)
+    window = taper_window(lifted.taper, number)
+    window = np.column_stack([window[:, pool].mean(axis=1) for pool in pools])
 
     def model_at(where: Array, weights: Array | None) -> LiftedModel:
         place = Place(
@@ -192,11 +193,20 @@ def _pose_turning(question: Question, loads: str) -> Posed:
             sources,
             noise,
             given,
+            np.array([float(len(pool)) for pool in pools]),
         )
 
     model, bands = model_at(base, None), ((float(base[0]), (K - 0.5) * lifted.rotor_hz),)
     text = "wind on the turning rotor" if loads == "rotor-wind" else "first-order Gauss–Markov"
     return Posed(model, model_at(fine, window), model.prior[0], bands, text, 2.0 * math.pi * width / lifted.overlap)
+
+
+def _pooled(entries: Complex, pools: Sequence[NDArray[np.intp]]) -> Complex:
+    """Entries (B, e) of the bins in every pool, (pools, e, g), 0 beyond the last."""
+    data = np.zeros((len(pools), entries.shape[1], max(len(pool) for pool in pools)), dtype=np.complex128)
+    for where, pool in zip(data, pools, strict=True):
+        where[:, : len(pool)] = entries[pool].T
+    return data
 
 
 def _turning_loads(question: Question, loads: str, base: Array, lifted: Lifted, fastest: float) -> Sources:

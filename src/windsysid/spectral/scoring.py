@@ -47,7 +47,7 @@ class Mode(NamedTuple):
 
 def find_mode(
     evaluate: Callable[[Array, int], tuple[float, Array, Array]], start: Array, prior_mean: Array, prior_std: Array,
-    stages: Sequence[tuple[float, int]],
+    stages: Sequence[tuple[float, int]], *, rough: bool = False,
 ) -> Mode:  # fmt: skip
     """Minimise weight · J(u) + ½ Σ ((u − m)/s)² in stages of (weight, every n-th bin).
 
@@ -57,13 +57,15 @@ def find_mode(
         (u, every n-th bin) → J, g, F.
     start, prior_mean, prior_std
         (n,) each.
+    rough
+        Whether the last stage, too, ends with a step that is short only beside the bands.
     """
     precision, longest = prior_std**-2.0, np.minimum(prior_std, LONGEST)
     u, total, settled = start.copy(), 0, False
     value, information = np.inf, np.diag(precision)
     for stage, (weight, every) in enumerate(stages):
         J, g, F = _posterior(evaluate(u, every), u, weight, prior_mean, precision)
-        last = stage == len(stages) - 1
+        last = stage == len(stages) - 1 and not rough
         damping, enough = 1e-3, SETTLED if last else ROUGH
         for _ in range(STEPS if last else ROUGH_STEPS):
             step = np.clip(-np.linalg.solve(F + damping * np.diag(np.diag(F)), g), -longest, longest)
