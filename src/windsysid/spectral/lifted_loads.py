@@ -8,12 +8,14 @@ moment that one eddy exerts on a blade).
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.kernels.jit import compiled
 from windsysid.loads.statistics import Statistic, load_groups, moved_loads
 from windsysid.mechanics.model import MechanicalModel
 from windsysid.spectral.lifted import Complex
@@ -103,8 +105,10 @@ class WindLoads:
         S_n^{ab}(f) = 2σ²T_c (1 + 6|f|T_c)^{−5/3} Σ_rs w^a_r w^b_s ⟨e^{−κ d_rs(θ)} cos nθ⟩,    κ = a √(f² +
         (0.12/T_c)²),
 
-    with weights w^F ∝ r^p (r − d) and w^G ∝ r^p along the blade. Small eddies that one blade meets alone push with
-    ε²/f_e (1 + (f/f_e)²)^{−5/3}. The forces push the hub by −Σ_i G_i sin θ_i sideways and Σ_i G_i cos θ_i up.
+    with weights w^F ∝ r^p (r − d) and w^G ∝ r^p along the blade. In a wind V a gust changes the force in the rotor's
+    plane by ½ρc (C_lα V + C_l Ωr) per m/s, so that p lies between 0 and 1 where the chord c is the same all along.
+    Small eddies that one blade meets alone push with ε²/f_e (1 + (f/f_e)²)^{−5/3}, at a lever of their own. The forces
+    push the hub by −Σ_i G_i sin θ_i sideways and Σ_i G_i cos θ_i up.
     """
 
     def __init__(
@@ -132,10 +136,11 @@ class WindLoads:
             Statistic("load_rms_wind", "N*m", moment, spread=1.5),
             Statistic("load_wind_time", "s", length / speed, spread=0.7),
             Statistic("load_decay", "s/m", 12.0 / speed, spread=0.5),
-            Statistic("load_power", "1", 1.0, spread=0.4),
+            Statistic("load_power", "1", 0.4, spread=0.8),
             Statistic("load_lever", "m", lever, spread=0.3),
-            Statistic("load_rms_eddies", "N*m", 0.1 * moment, spread=1.5),
-            Statistic("load_eddies_frequency", "Hz", fastest, spread=0.7),
+            Statistic("load_rms_eddies", "N*m", 0.1 * moment, spread=3.0),
+            Statistic("load_eddies_frequency", "Hz", fastest, spread=1.5),
+            Statistic("load_eddies_lever", "1", 1.0, spread=0.3),
         )
         self.placement = _wind_placement(names, blades, orders, self._orders)
         self._parts = lru_cache(maxsize=16)(self._turbulence)
@@ -150,7 +155,7 @@ class WindLoads:
         f = self._base[every // 2 :: every, None] + self._rotor_hz * self._orders
         own = values["load_rms_eddies"] ** 2 / corner * (1.0 + (f / corner) ** 2) ** (-5.0 / 3.0) / self._blades
         own = np.tile(own, self._blades)
-        outer = per_force / EDDY_MOMENT
+        outer = per_force / values["load_eddies_lever"] / EDDY_MOMENT
         G = size * per_force**2 * force + EDDY_MOMENT * outer**2 * own
         GF = size * per_force * both + outer * own
         return SourceSpectra(np.concatenate([G, size * moment + own], axis=1), GF)
@@ -162,23 +167,39 @@ class WindLoads:
         outer = along * (r - self._hinge)
         weights = np.stack([along / along.sum(), outer / outer.sum()])
         grid, table = _coherence_table(tuple(r.tolist()))
-        contracted = np.einsum("ar,bs,grsn->gnab", weights, weights, table, optimize=True)
+        pairs = np.einsum("cr,cs->crs", weights[[0, 0, 1]], weights[[0, 1, 1]])
+        contracted = np.einsum("crs,grsn->gcn", pairs, table, optimize=True)
         f = np.abs(self._shifted[every // 2 :: every])
         kappa = decay * np.hypot(f, 0.12 / time)
         place = np.clip((np.log(kappa) - grid[0]) / (grid[1] - grid[0]), 0.0, len(grid) - 1.001)
-        below = place.astype(np.int64)
-        part = (place - below)[..., None]
-        level = (2.0 * time * (1.0 + 6.0 * f * time) ** (-5.0 / 3.0))[..., None]
-        out = []
-        for a, b in ((0, 0), (0, 1), (1, 1)):
-            terms = np.ascontiguousarray(contracted[:, :, a, b])
-            S = level * (terms[below] + part * (terms[below + 1] - terms[below]))  # (B, shifts, n)
-            whole = np.zeros((len(f), self._blades, len(self._orders)))
-            for n in range(-SERIES, SERIES + 1):
-                first = SERIES - n  # of the shifts k − n, k = −K−1 …
-                whole[:, n % self._blades] += S[:, first : first + len(self._orders), abs(n)]
-            out.append(whole.reshape(len(f), -1))
-        return out[0], out[1], out[2]
+        level = 2.0 * time * (1.0 + 6.0 * f * time) ** (-5.0 / 3.0)
+        out = np.zeros((3, len(f), self._blades, len(self._orders)))
+        _classes()(level, place, np.ascontiguousarray(contracted), out)
+        force, both, moment = out.reshape(3, len(f), -1)
+        return force, both, moment
+
+
+@lru_cache(maxsize=1)
+def _classes() -> Any:
+    """The compiled loops of `WindLoads`."""
+    matrix, cube = types.float64[:, ::1], types.float64[:, :, ::1]
+    return compiled(_sum_classes, types.void(matrix, matrix, cube, types.float64[:, :, :, ::1]))
+
+
+def _sum_classes(level: Any, place: Any, terms: Any, out: Any) -> None:
+    """Spectra GG, GF and FF (3, B, N, slots) of the classes n mod N, summed over n; `terms` (g, 3, |n|) are taken at
+    `place` of their grid for every frequency f_k − nΩ."""
+    bins, blades, slots = out.shape[1], out.shape[2], out.shape[3]
+    highest = terms.shape[2] - 1
+    for b in range(bins):
+        for n in range(-highest, highest + 1):
+            for k in range(slots):
+                at = k + highest - n
+                below = int(place[b, at])
+                part, size = place[b, at] - below, level[b, at]
+                for i in range(3):
+                    low = terms[below, i, abs(n)]
+                    out[i, b, n % blades, k] += size * (low + part * (terms[below + 1, i, abs(n)] - low))
 
 
 @lru_cache(maxsize=8)
