@@ -20,6 +20,7 @@ from windsysid.filters import Info
 from windsysid.identification.outcome import Outcome, known_inputs, known_loads
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import seen_by
+from windsysid.kernels.threads import one_thread
 from windsysid.loads.family import hypothesis
 from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
@@ -51,6 +52,7 @@ GAPS = 0.01
 """Share of a channel that may be missing: so little is bridged by straight lines."""
 
 
+@one_thread()
 def identify_by_spectrum(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
     loads: str = "auto",

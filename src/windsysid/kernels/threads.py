@@ -1,0 +1,72 @@
+"""One thread for many small products of matrices.
+
+NumPy's OpenBLAS hands every product of more than a few dozen rows to all processors, which wait for each other longer
+than they multiply: a search among spectra took ten times its processor time. The number of threads is set in the
+library itself, as threadpoolctl does, since the environment is read once, when NumPy is loaded.
+"""
+
+import ctypes
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["one_thread"]
+
+_PREFIXES = ("scipy_openblas", "openblas")
+_SUFFIXES = ("64_", "", "_64_", "64")
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """NumPy's products of matrices in one thread, here; elsewhere too while this lasts.
+
+    Where NumPy was built with another library than OpenBLAS, nothing changes.
+    """
+    before = [read() for read, _ in _controls()]
+    try:
+        for _, write in _controls():
+            write(1)
+        yield
+    finally:
+        for (_, write), number in zip(_controls(), before, strict=True):
+            write(number)
+
+
+@lru_cache(maxsize=1)
+def _controls() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
+    """How to read and to set the number of threads of every OpenBLAS that NumPy brought along."""
+    found = []
+    for path in _libraries():
+        try:
+            library = ctypes.CDLL(str(path))
+        except OSError:
+            continue
+        functions = _functions(library)
+        if functions is not None:
+            found.append(functions)
+    return found
+
+
+def _libraries() -> list[Path]:
+    """Where wheels keep the library: beside the package, or inside on a Mac."""
+    package = Path(np.__file__).parent
+    folders = (package.parent / "numpy.libs", package / ".dylibs")
+    names = {"win32": "*openblas*.dll", "darwin": "*openblas*.dylib"}
+    return sorted(path for folder in folders for path in folder.glob(names.get(sys.platform, "*openblas*.so*")))
+
+
+def _functions(library: Any) -> tuple[Callable[[], int], Callable[[int], None]] | None:
+    """Its two functions, under one of their names."""
+    for prefix in _PREFIXES:
+        for suffix in _SUFFIXES:
+            names = [f"{prefix}_{verb}_num_threads{suffix}" for verb in ("get", "set")]
+            if all(hasattr(library, name) for name in names):
+                read, write = (getattr(library, name) for name in names)
+                read.restype, write.argtypes, write.restype = ctypes.c_int, [ctypes.c_int], None
+                return read, write
+    return None
