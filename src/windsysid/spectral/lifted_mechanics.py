@@ -32,8 +32,8 @@ from windsysid.spectral.lifted import Complex
 
 __all__ = ["MatrixHarmonics", "coupled", "equal_lag", "matrix_harmonics"]
 
-POINTS = 16
-"""Azimuths at which the matrices are taken: harmonics up to `HIGHEST` are exact."""
+POINTS = 8
+"""Azimuths at which the matrices are taken: harmonics up to `HIGHEST` are exact where there are none above 4."""
 
 HIGHEST = 3
 """Highest harmonic |h| of a matrix that is kept; those of a rotor's equations and readings end at 2 and 3."""
