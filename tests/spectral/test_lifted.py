@@ -170,6 +170,26 @@ def test_every_bin_counts_once_where_neighbours_share_a_spectrum() -> None:
     assert np.isfinite(model.powers(at)[0]).sum() == model.counts.sum() * model.data.shape[1]
 
 
+def test_loads_that_grow_and_fall_make_bins_alike() -> None:
+    """Noise whose power follows P(t): c_h is T ∫P² / (∫P)², and that of the taper where P stays as it is."""
+    model = _posed("broadband", 97.0).model
+    rng = np.random.default_rng(2)
+    bins, entries, samples = int(model.counts.sum()), model.data.shape[1], 4096
+    unit = np.broadcast_to(np.eye(entries, dtype=np.complex128), (len(model.data), entries, entries))
+    for depth in (0.0, 0.6):
+        power = (1.0 + depth * np.sin(2.0 * np.pi * 3.0 * np.arange(samples) / samples)) ** 2
+        noise = np.sqrt(0.5 * power / power.mean()) * rng.standard_normal((2, entries, samples))
+        whole = np.fft.fft(noise[0] + 1j * noise[1])[:, :bins].T / np.sqrt(samples)
+        data = np.zeros_like(model.data)
+        first = 0
+        for row, count in zip(data, model.counts.astype(int), strict=True):
+            row[:, :count] = whole[first : first + count].T
+            first += count
+        expected = max(model.overlap, float(np.mean(power**2) / np.mean(power) ** 2))
+        # |M_d|² are known to 1/(bins entries), of which c_h holds 26
+        assert model._replace(data=data).likeness(unit) == pytest.approx(expected, abs=0.05)
+
+
 def _near(model: LiftedModel) -> np.ndarray:
     """Unknowns off their priors' centres."""
     rng = np.random.default_rng(3)

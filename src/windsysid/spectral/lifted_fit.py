@@ -53,7 +53,7 @@ def fit(
 
     What the taper's window adds to the spectra is the difference of those of `smoothed` and of `model`. It hardly
     changes with the unknowns, so it is taken where the stages before the last one end, and once more at the mode that
-    is found with it. A `rough` search is for comparing models.
+    is found with it; and so is how alike neighbouring bins are. A `rough` search is for comparing models.
 
     Raises
     ------
@@ -68,8 +68,10 @@ def fit(
     else:
         mode = find_mode(_evaluator(model), start, mean, spread, stages[:-1], rough=True)
         for _ in range(SMOOTHINGS):
-            smear = smoothed.spectrum(mode.unknowns).spectrum - model.spectrum(mode.unknowns).spectrum
-            mode = find_mode(_evaluator(model._replace(smear=smear)), mode.unknowns, mean, spread, stages[-1:])
+            full = smoothed.spectrum(mode.unknowns).spectrum
+            smear = full - model.spectrum(mode.unknowns).spectrum
+            whole = model._replace(smear=smear, overlap=model.likeness(full))
+            mode = find_mode(_evaluator(whole), mode.unknowns, mean, spread, stages[-1:])
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
     evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])

@@ -34,6 +34,10 @@ REACH = 8
 """Bins on either side over which the window of the taper is summed; 2 % of a Tukey window's power lies beyond."""
 
 
+LIKENESS = 0.25
+"""Share of the bins over which neighbours are compared."""
+
+
 class LiftedModel(NamedTuple):
     """A record in the frequency domain, and what it is a function of.
 
@@ -168,6 +172,21 @@ class LiftedModel(NamedTuple):
         alike = self.data.shape[2]
         power = np.swapaxes(found, 1, 2).reshape(-1, found.shape[1])
         return power, np.repeat(S, alike, axis=0), np.repeat(frequency, alike, axis=0)
+
+    def likeness(self, spectrum: Complex) -> float:
+        """c_h as the record has it, under S (B, e, e): that of the taper, or more.
+
+        Loads that grow and fall with the gusts make neighbouring bins alike, as a taper does: with the power P(t) of
+        what whitens to y, the mean M_d of y_b* y_{b+d} is the d-th Fourier coefficient of P over its mean, and c_h = T
+        ∫P² / (∫P)² = 1 + 2 Σ |M_d|². Chance adds 1/(number of products) to each.
+        """
+        y = np.linalg.solve(np.linalg.cholesky(spectrum), self.data)
+        columns = np.arange(self.data.shape[2]) < self.counts[:, None]
+        bins = np.swapaxes(y, 1, 2)[columns]
+        reach = int(LIKENESS * len(bins))
+        products = [bins[:-d].conj() * bins[d:] for d in range(1, reach + 1)]
+        shared = sum(abs(p.mean()) ** 2 - 1.0 / p.size for p in products)
+        return max(self.overlap, 1.0 + 2.0 * float(shared))
 
     @property
     def base(self) -> Array:
