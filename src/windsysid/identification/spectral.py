@@ -44,6 +44,9 @@ WIND_DOUBT = (
 """Why a result under `rotor-wind` is not to be trusted yet; ``python -m validation.spectral`` prints how often ±2σ
 holds."""
 
+CLEAR = 50.0
+"""Log evidence by which a load model is out of the race after the first stages, which weigh the record with a fifth."""
+
 LEAST_RESONANCE = 20.0
 """As how many independent values the narrowest resonance of a turning rotor has to count: below, its bands were never
 proven."""
@@ -210,23 +213,32 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
         if len(poses) == 1:
             ((name, posed),) = poses.items()
             return _Found(name, fit(posed.model, posed.start, smoothed=posed.smoothed), "")
-        tried = {name: fit(posed.model, posed.start, COARSE, rough=True) for name, posed in poses.items()}
-        name = max(tried, key=lambda which: tried[which].log_evidence)
-        others = ", ".join(
-            f"{other} by {tried[name].log_evidence - found.log_evidence:.0f}"
-            for other, found in tried.items()
-            if other != name
-        )
-        return _Found(
-            name,
-            fit(poses[name].model, tried[name].unknowns, WHOLE, poses[name].smoothed),
-            f" (log evidence over {others})",
-        )
+        tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
+        rivals = _rivals(tried)
+        later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
+        why = f" (log evidence over {_margins(tried)}, of a fifth of the record)"
+        if len(rivals) > 1:
+            tried = {name: fit(poses[name].model, tried[name].unknowns, COARSE[-1:], rough=True) for name in rivals}
+            later, why = WHOLE, f" (log evidence over {_margins(tried)})"
+        name = _rivals(tried)[0]
+        return _Found(name, fit(poses[name].model, tried[name].unknowns, later, poses[name].smoothed), why)
     except np.linalg.LinAlgError:
         raise WindsysidError(
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
             "check units and the turbine file"
         ) from None
+
+
+def _rivals(tried: dict[str, Fit]) -> list[str]:
+    """The load models that may still win, the best first."""
+    order = sorted(tried, key=lambda name: -tried[name].log_evidence)
+    return [name for name in order if tried[order[0]].log_evidence - tried[name].log_evidence < CLEAR]
+
+
+def _margins(tried: dict[str, Fit]) -> str:
+    """By how much the best load model explains the record better than each of the others."""
+    best, *others = sorted(tried, key=lambda name: -tried[name].log_evidence)
+    return ", ".join(f"{name} by {tried[best].log_evidence - tried[name].log_evidence:.0f}" for name in others)
 
 
 def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[str]:

@@ -18,10 +18,6 @@ WHOLE = ((1.0, 1),)
 """The last stage."""
 
 
-SMOOTHINGS = 2
-"""How often what the window adds is taken."""
-
-
 class Fit(NamedTuple):
     """What a record says of the unknowns.
 
@@ -67,11 +63,11 @@ def fit(
         mode = find_mode(_evaluator(model), start, mean, spread, stages, rough=rough)
     else:
         mode = find_mode(_evaluator(model), start, mean, spread, stages[:-1], rough=True)
-        for _ in range(SMOOTHINGS):
+        for last in (False, True):
             full = smoothed.spectrum(mode.unknowns).spectrum
             smear = full - model.spectrum(mode.unknowns).spectrum
             whole = model._replace(smear=smear, overlap=model.likeness(full))
-            mode = find_mode(_evaluator(whole), mode.unknowns, mean, spread, stages[-1:])
+            mode = find_mode(_evaluator(whole), mode.unknowns, mean, spread, stages[-1:], rough=not last)
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
     evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])
