@@ -46,6 +46,14 @@ def test_rotor_under_random_loads_is_found() -> None:
     assert np.abs(z).max() < 4.0
 
 
+@pytest.mark.parametrize(("duration", "trusted"), [(100.0, True), (180.0, False)])
+def test_rotor_under_wind_is_trusted_for_as_long_as_its_bands_were_proven(duration: float, trusted: bool) -> None:
+    record = simulate_record("verne555", duration=duration, rate=100.0, seed=8002, loads="wind")
+    found = ws.identify(record, "verne555", formulation="spectral", prior=DrawnPrior(seed=8002), loads="rotor-wind")
+    assert found.diagnosis.trusted == trusted
+    assert trusted or any("bands under wind were proven for" in reason for reason in found.diagnosis.reasons)
+
+
 def test_decay_is_not_trusted(tower_record: Record) -> None:
     """What rings down is not stationary: the halves of the record differ."""
     t = tower_record.time

@@ -37,12 +37,9 @@ STEADY, VARYING = 0.005, 0.02
 """Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
 spectra are not those of a constant speed."""
 
-WIND_DOUBT = (
-    "under wind, spectra find the hub's damping 5 % too high, and few records have tried it; compare with "
-    "--formulation joint (docs/spectral.md)"
-)
-"""Why a result under `rotor-wind` is not to be trusted yet; ``python -m validation.spectral`` prints how often ±2σ
-holds."""
+MOST_RESONANCE = 50.0
+"""As how many independent values the narrowest resonance of a rotor under wind may count at most: bands grow narrower
+with the record, what the load model does not know stays. ``python -m validation.spectral`` shows them for 36."""
 
 CLEAR = 50.0
 """Log evidence by which a load model is out of the race after the first stages, which weigh the record with a fifth."""
@@ -102,8 +99,6 @@ def identify_by_spectrum(
     if lag:
         angle, std = 1e3 * best.unknowns[n], 1e3 * math.sqrt(best.cov[n, n])
         notes.append(f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad")
-    if name == "rotor-wind":
-        doubts.append(WIND_DOUBT)
     where = ", ".join(f"{low:.3g} … {high:.3g} Hz" for low, high in posed.bands)
     notes += [
         f"loads: {posed.text}, learned from the record with the noise{found.why}; damping is total: structure and "
@@ -255,6 +250,12 @@ def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[st
             f"the narrowest resonance counts as {posed.resonance:.2g} independent values only, and bands were not "
             f"proven below {LEAST_RESONANCE:g}: "
             "choose a longer record"
+        )
+    if loads == "rotor-wind" and posed.resonance > MOST_RESONANCE:
+        proven = len(question.readings) / question.rate * MOST_RESONANCE / posed.resonance
+        doubts.append(
+            f"bands under wind were proven for {proven:.3g} s at most: in a longer record they are narrower than what "
+            f"the load model does not know"
         )
     doubts += unexplained(_parts(posed, posed, found.unknowns, question))[:3]
     half = len(question.readings) // 2
