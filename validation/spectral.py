@@ -6,7 +6,8 @@ spectra. Nobody tells the statistics of loads and noise. In simulated wind (`win
 the air damps the motion, and the truth is the total coefficient (`validation.mismatch.total_coefficients`).
 
 Under random loads, which the model knows but for their statistics, the errors stand beside the least that is possible
-(`validation.calibration.bound`).
+(`validation.calibration.bound`). That bound knows the weight that drives the blades at 1P and the mean lag angle, which
+tell k_β and c_x. Spectra leave both open, since wind shear comes at 1P too and mean wind turns the blades.
 
 ``python -m validation.spectral [--runs N] [--first SEED] [--loads wind wind-feedback random]`` prints the table.
 """
