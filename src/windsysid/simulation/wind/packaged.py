@@ -58,6 +58,15 @@ NREL5MW = BladeAerodynamics(
     assumed=("lift_slope", "zero_lift_deg", "drag", "drag_factor", "induction"),
 )
 
+_NREL5MW_WIND = WindConditions(
+    speed=12.0,
+    hub_height=90.0,
+    turbulence_intensity=0.167,
+    shear_exponent=0.2,
+    tower_radius=2.2,
+    tower_distance=5.0,
+)
+
 _PACKAGED = {
     "verne555": (
         WindConditions(
@@ -70,15 +79,6 @@ _PACKAGED = {
         ),
         VERNE555,
     ),
-    "nrel5mw": (
-        WindConditions(
-            speed=12.0,
-            hub_height=90.0,
-            turbulence_intensity=0.167,
-            shear_exponent=0.2,
-            tower_radius=2.2,
-            tower_distance=5.0,
-        ),
-        NREL5MW,
-    ),
+    "nrel5mw": (_NREL5MW_WIND, NREL5MW),
+    "nrel5mw_full": (_NREL5MW_WIND, NREL5MW),
 }
