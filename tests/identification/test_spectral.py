@@ -117,10 +117,3 @@ def test_measured_loads_are_refused(tower_record: Record) -> None:
 def test_short_record_is_refused(tower_record: Record) -> None:
     with pytest.raises(RecordError, match="choose a longer record"):
         ws.identify(replace(tower_record).section(0.0, 40.0), "tower", formulation="spectral")
-
-
-def test_slow_rotor_is_refused() -> None:
-    """The 5 MW turbine's roll reaches 2.6 Hz at 0.2 Hz of the rotor."""
-    record = simulate_record("nrel5mw_full", duration=60.0, rate=25.0, seed=1)
-    with pytest.raises(RecordError, match="use --formulation joint"):
-        ws.identify(record, "nrel5mw_full", formulation="spectral")

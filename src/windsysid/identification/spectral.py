@@ -21,10 +21,12 @@ from windsysid.identification.outcome import Outcome, known_inputs, known_loads
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import seen_by
 from windsysid.kernels.threads import one_thread
+from windsysid.identification.spectral_bands import read_in_bands
 from windsysid.loads.family import hypothesis
 from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.spectral.band_pose import belongs_in_bands
 from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.lifted_fit import COARSE, WHOLE, Fit, fit
 from windsysid.spectral.lifted_pose import Posed, Question, pose_lifted, turns_couple
@@ -80,6 +82,8 @@ def identify_by_spectrum(
     coupled = turns_couple(questions["broadband"])
     doubts = _speed(inputs[:, 1]) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
+    if coupled and belongs_in_bands(questions["broadband"]):
+        return _in_bands(questions["broadband"], loads, doubts, notes)
     if "rotor-wind" in names:
         questions["rotor-wind"] = _ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind")
     warming = time.perf_counter()
@@ -127,6 +131,36 @@ def identify_by_spectrum(
         statistics=learned_statistics(model.statistics, eta, joint_cov[n:, n:]),
         doubts=tuple(doubts),
         joint_cov=joint_cov,
+    )
+
+
+def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome:
+    """The result of a rotor that is read in bands."""
+    started = time.perf_counter()
+    found = read_in_bands(question, loads)
+    n = len(question.parameters)
+    keep = np.r_[0:n, n + 1 : len(found.unknowns)]
+    return Outcome(
+        turbine=question.turbine,
+        model=compose(
+            question.turbine.model,
+            rate=question.rate,
+            values=question.turbine.values,
+            parameters=question.parameters,
+            sensors=question.sensors,
+        ),
+        history_mean=found.unknowns[None, :n],
+        history_std=np.sqrt(np.diag(found.cov)[:n])[None],
+        final=_no_innovations(len(question.sensors), found.log_likelihood),
+        theta=found.unknowns[:n],
+        cov=found.cov[:n, :n],
+        rotor=question.inputs,
+        channels=tuple(sensor.channel for sensor in question.sensors),
+        elapsed=time.perf_counter() - started,
+        notes=(*notes, *found.notes),
+        statistics=learned_statistics(found.statistics, found.unknowns[n + 1 :], found.cov[n + 1 :, n + 1 :]),
+        doubts=(*doubts, *found.doubts),
+        joint_cov=found.cov[np.ix_(keep, keep)],
     )
 
 

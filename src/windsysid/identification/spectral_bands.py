@@ -1,0 +1,84 @@
+"""A turning rotor of a real machine, from spectra in bands around its modes (`windsysid.spectral.band_pose`)."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.loads.statistics import Statistic
+from windsysid.spectral.band_checks import doubts_of_bands
+from windsysid.spectral.band_pose import PosedBands, pose_bands
+from windsysid.spectral.lifted_pose import Question
+
+__all__ = ["ReadInBands", "read_in_bands"]
+
+
+class ReadInBands(NamedTuple):
+    """What bands say.
+
+    Attributes
+    ----------
+    unknowns, cov
+        θ, the mean lag angle and η at the mode of the posterior (n,), and their covariance (n, n).
+    log_likelihood
+        There.
+    statistics
+        What η stands for.
+    doubts, notes
+        What speaks against it, and what a reader must know.
+    """
+
+    unknowns: Array
+    cov: Array
+    log_likelihood: float
+    statistics: tuple[Statistic, ...]
+    doubts: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def read_in_bands(question: Question, loads: str) -> ReadInBands:
+    """Coefficients and statistics from bands around the modes.
+
+    Raises
+    ------
+    RecordError, ConfigurationError, WindsysidError
+        If the record is too short, loads of one kind are asked for, or no spectrum fits.
+    """
+    if loads == "rotor-wind":
+        raise ConfigurationError(
+            "load model rotor-wind: bands around the modes of a real rotor have loads of their own; leave --loads out"
+        )
+    posed = pose_bands(question)
+    try:
+        found = posed.model.mode(posed.start)
+        cov = np.asarray(np.linalg.inv(found.information), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise WindsysidError(
+            "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
+            "check units and the turbine file"
+        ) from None
+    mean, spread = posed.model.prior
+    off = (found.unknowns - mean) / spread
+    return ReadInBands(
+        found.unknowns,
+        0.5 * (cov + cov.T),
+        -(found.value - 0.5 * float(off @ off)),
+        posed.model.statistics,
+        tuple(doubts_of_bands(question, posed, found)),
+        _notes(posed, found.unknowns, cov, len(question.parameters)),
+    )
+
+
+def _notes(posed: PosedBands, unknowns: Array, cov: Array, n: int) -> tuple[str, ...]:
+    """Mean lag angle, loads, and where the modes were read."""
+    hz = posed.spectra.rotor_hz
+    places = [f"{p.name} near {p.frequency - (p.shape or 0) * hz:.3g} Hz" for p in posed.places]
+    angle, std = 1e3 * unknowns[n], 1e3 * math.sqrt(cov[n, n])
+    return (
+        f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad",
+        "loads: in each band humps at harmonics of the rotor and a level, learned from the record with the noise",
+        "damping is total: structure and aerodynamics",
+        f"read in bands: {', '.join(places)}; what repeats in every turn was taken out",
+    )

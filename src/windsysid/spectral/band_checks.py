@@ -1,0 +1,128 @@
+"""Whether a record read in bands bears its result out: the size of what is left, the halves, and narrower bands.
+
+Levels of loads are learned, so that the size of a whole band says nothing. What can be wrong is its shape (thirds of
+each row), its steadiness (energy of the halves), and the stiffness itself: each half of the record must say the same,
+and so must bands of two thirds of the width, which hold less of what the model may not have. Two estimates from the
+same data of which one uses less differ by the difference of their covariances (Hausman, Econometrica 46, 1978,
+https://doi.org/10.2307/1913827).
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import RecordError
+from windsysid.spectral.band_pose import PosedBands, pose_bands
+from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
+from windsysid.spectral.lifted_pose import Question
+from windsysid.spectral.scoring import Mode
+
+__all__ = ["doubts_of_bands"]
+
+WHOLE = ((1.0, 1),)
+"""The stages of a search that starts at the whole record's result."""
+
+CHANCE = 1e-3
+"""How rarely chance makes two estimates differ as much."""
+
+NARROWER = 0.65
+"""Width of the bands that look again."""
+
+LEAST_ENERGY = 4.0
+"""Independent values that an energy counts as at least: a resonance as narrow as a bin has few."""
+
+
+def doubts_of_bands(question: Question, posed: PosedBands, found: Mode) -> list[str]:
+    """What speaks against a result, in words."""
+    doubts = list(posed.doubts)
+    if not found.settled:
+        doubts.append(
+            f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors "
+            f"nearer to the structure"
+        )
+    doubts += unexplained(_parts(posed, found.unknowns))[:3]
+    half = len(question.readings) // 2
+    pieces = [
+        question._replace(readings=question.readings[part], inputs=question.inputs[part])
+        for part in (slice(0, half), slice(half, 2 * half))
+    ]
+    try:
+        halves = [pose_bands(piece, posed.places) for piece in pieces]
+        narrow = pose_bands(question, posed.places, width=NARROWER)
+    except RecordError:
+        return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
+    doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
+    try:
+        first, second, again = (_again(posed, found, other) for other in (*halves, narrow))
+    except np.linalg.LinAlgError:
+        return [*doubts, "parts of the record have no spectrum that the model could have: choose another section"]
+    which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
+    names = [question.parameters[i].name for i in which]
+    stiffness = np.ix_(which, which)
+    one, other = (np.linalg.inv(part.information)[stiffness] for part in (first, second))
+    doubts += _differ(
+        first.unknowns[which] - second.unknowns[which], one + other, names,
+        "the halves of the record do not agree on {}: what drives it, or the structure, changed",
+    )  # fmt: skip
+    more = np.linalg.inv(again.information)[stiffness] - np.linalg.inv(found.information)[stiffness]
+    doubts += _differ(
+        again.unknowns[which] - found.unknowns[which], more + 0.1 * np.linalg.inv(found.information)[stiffness], names,
+        "narrower bands do not agree on {}: something in the bands is not as modelled",
+    )  # fmt: skip
+    return doubts
+
+
+def _again(whole: PosedBands, found: Mode, other: PosedBands) -> Mode:
+    """The mode of a part of the record, looked for from that of the whole: statistics of the same bands, levels as
+    there."""
+    shared = whole.model.shared
+    start = other.start.copy()
+    start[:shared] = found.unknowns[:shared]
+    pairs = zip(whole.model.statistics, other.model.statistics, strict=True)
+    start[shared:] = found.unknowns[shared:] + np.log([ours.given / theirs.given for ours, theirs in pairs])
+    return other.model.mode(start, WHOLE)
+
+
+def _differ(step: Array, cov: Array, names: list[str], text: str) -> list[str]:
+    """Whether a step is longer than chance makes it; the parameter that it moves most goes into the text."""
+    from scipy.stats import chi2
+
+    values, vectors = np.linalg.eigh(cov)
+    values = np.maximum(values, 1e-3 * values.max())
+    size = float(np.sum((vectors.T @ step) ** 2 / values))
+    if size <= float(chi2.isf(CHANCE, len(step))):
+        return []
+    worst = int(np.argmax(np.abs(step) / np.sqrt(np.diag(cov).clip(1e-300))))
+    return [text.format(f"{names[worst]} ({100.0 * step[worst]:+.2g} %)")]
+
+
+def _parts(posed: PosedBands, unknowns: Array) -> list[Part]:
+    """Mean squares by row and third of its band."""
+    found = []
+    for band, place, rows in zip(posed.model.bands, posed.model.places(), posed.rows, strict=True):
+        S = np.einsum("bii->bi", band.spectrum(unknowns[place]).spectrum).real
+        power = np.where(band.left_out, np.nan, np.abs(band.data[:, :, 0]) ** 2)
+        f = band.base
+        for i, row in enumerate(rows):
+            edges = np.linspace(row.low, row.high * 1.000001, 4)
+            label = posed.combined[row.combination].label
+            thirds = [(float(a), float(b)) for a, b in pairwise(edges)]
+            found += parts_of(power[:, i], S[:, i], f, label, thirds, band.overlap, LEAST_ENERGY)
+    return found
+
+
+def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[Part]:
+    """The same of a part of the record, what is expected being the whole's, row by row."""
+    found = []
+    for of, band, place, rows in zip(
+        whole.model.bands, piece.model.bands, whole.model.places(), piece.rows, strict=True
+    ):
+        S = np.einsum("bii->bi", of.spectrum(unknowns[place]).spectrum).real
+        for i, row in enumerate(rows):
+            expected = np.interp(band.base, of.base, S[:, i])
+            power = np.where(band.left_out[:, i], np.nan, np.abs(band.data[:, i, 0]) ** 2)
+            label = piece.combined[row.combination].label
+            every = [(row.low, row.high * 1.000001)]
+            found += parts_of(power, expected, band.base, label, every, band.overlap, LEAST_ENERGY)
+    return found

@@ -1,0 +1,220 @@
+"""A real machine's rotor in bands around its modes: what it is made of, and that it finds the truth."""
+
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import windsysid as ws
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+from windsysid.records.record import Record
+from windsysid.simulation.record import simulate_record
+from windsysid.spectral.band_places import Place
+from windsysid.spectral.band_pose import PosedBands, belongs_in_bands, pose_bands
+from windsysid.spectral.band_rows import bins_between, combine, turned_spectra
+from windsysid.spectral.band_search import FAINT, best_of, trace
+from windsysid.spectral.hump_loads import hump_terms, line_terms, wind_of
+from windsysid.spectral.lifted_pose import Question
+from windsysid.statespace.compose import compose
+from windsysid.study.drawn_prior import DrawnPrior
+from windsysid.turbine.file import load_turbine
+
+HZ = 12.1 / 60.0
+TURBINE = load_turbine("nrel5mw_full")
+TIPS = tuple(f"blade_{i}_tip_lag_acceleration" for i in (1, 2, 3))
+
+
+@lru_cache(maxsize=1)
+def record() -> Record:
+    return simulate_record(TURBINE, duration=360.0, rate=25.0, seed=201, loads="wind-feedback")
+
+
+def question(of: Record, *, sensors: tuple[str, ...] = ()) -> Question:
+    chosen = tuple(s for s in TURBINE.sensors if s.channel in of and (not sensors or s.channel in sensors))
+    parameters = DrawnPrior(seed=1).parameters(TURBINE, list(TURBINE.model.coefficients), linear=False)
+    parameters = tuple(q for q in parameters if q.name not in ("k_y", "c_y"))
+    model = compose(TURBINE.model, rate=of.rate, values=TURBINE.values, parameters=parameters, sensors=chosen)
+    inputs = np.zeros((of.samples, 3))
+    inputs[:, 0], inputs[:, 1] = np.unwrap(of["rotor_azimuth"]), TURBINE.rotor_speed
+    readings = np.column_stack([of[s.channel] for s in chosen])
+    return Question(TURBINE, chosen, readings, of.rate, inputs, model.compiled, parameters, TURBINE.loads)
+
+
+def turning(hz: float, samples: int, rate: float) -> Array:
+    """Azimuths of a steady rotor."""
+    return np.asarray(2.0 * np.pi * hz * np.arange(samples) / rate, dtype=np.float64)
+
+
+def posed(*, sensors: tuple[str, ...] = ()) -> PosedBands:
+    return pose_bands(question(record(), sensors=sensors))
+
+
+def test_whirls_are_told_apart_by_the_sign_of_their_class() -> None:
+    """What whirls backward at F is p = 1 at F + Ω in the blades' frame, and nowhere else; forward p = −1 at F − Ω."""
+    time = np.arange(6000) / 10.0
+    psi = 0.4 + 2.0 * np.pi * HZ * time
+    angle = psi[:, None] + 2.0 * np.pi * np.arange(3) / 3.0
+    for way, F, p in ((-1.0, 0.89, 1), (1.0, 1.30, -1)):
+        whirl = np.exp(1j * way * 2.0 * np.pi * F * time)[:, None]
+        readings = np.real(whirl * np.exp(-1j * angle))  # z = (2/3) Σ y e^{iψ} turns at ± F
+        spectra = turned_spectra(readings, psi, 10.0, (0,))
+        found = {c.shape: spectra.data[0] @ c.weights for c in combine(TURBINE.sensors[1:], 3)}
+        where = {shape: np.argmax(np.abs(row[:3000])) / spectra.duration for shape, row in found.items()}
+        size = {shape: np.abs(row[:3000]).max() for shape, row in found.items()}
+        assert where[p] == pytest.approx(F + p * HZ, abs=0.002)
+        assert size[p] > 100.0 * max(value for shape, value in size.items() if shape != p)
+
+
+def test_support_is_read_where_the_blades_shake_it() -> None:
+    """A line at F of a reading that stands is at F + Ω in the frame of the blades, at k = −1."""
+    time = np.arange(6000) / 10.0
+    psi = 0.4 + 2.0 * np.pi * HZ * time
+    spectra = turned_spectra(np.cos(2.0 * np.pi * 0.89 * time)[:, None], psi, 10.0, (-1, 0))
+    assert np.argmax(np.abs(spectra.data[-1][:3000, 0])) / spectra.duration == pytest.approx(0.89 + HZ, abs=0.002)
+
+
+def test_a_missing_sensor_leaves_the_others_as_they_are() -> None:
+    found = combine(TURBINE.sensors[:3], 3)
+    assert [c.blade for c in found] == [0, 1, 2]
+    assert all(np.array_equal(c.weights, np.eye(3)[i]) for i, c in enumerate(found))
+
+
+def test_harmonics_of_the_rotor_are_not_used() -> None:
+    spectra = turned_spectra(np.zeros((6000, 1)), turning(HZ, 6000, 10.0), 10.0, (0,))
+    f = bins_between(spectra, 0.3, 1.3) / spectra.duration
+    assert np.abs(f - HZ * np.round(f / HZ)).min() * spectra.duration >= 1.4
+    assert len(f) > 0.97 * 600
+
+
+def test_humps_stand_at_their_harmonics() -> None:
+    f = np.linspace(0.9, 1.35, 400)
+    wind = wind_of(12.4, 26.5, HZ)
+    level, below, above = hump_terms(wind, f, 0.95, 1.3, HZ, 1, 3)  # n = 4 and 7
+    assert np.all(level == 1.0)
+    assert np.all(np.diff(below) < 0.0)
+    assert np.all(np.diff(above) > 0.0)
+    inside = (f > 0.95) & (f < 1.3)
+    assert np.median(below[inside]) == pytest.approx(1.0, rel=0.05)
+    assert np.sum(line_terms(f, 0.9, 1.35), axis=0) == pytest.approx(1.0)
+
+
+def test_flanks_are_those_of_the_simulated_wind() -> None:
+    """The class p = 0 of the moments that simulated turbulence makes, between two humps."""
+    from windsysid.simulation.wind.field import WindConditions, rotating_turbulence
+
+    wind = WindConditions(speed=12.0, hub_height=90.0, turbulence_intensity=0.167)
+    rate, samples = 8.0, 40_000
+    psi = turning(HZ, samples, rate)
+    radii = (12.0, 24.0, 36.0, 48.0)
+    _, blades = rotating_turbulence(wind, psi, radii, blades=3, rate=rate, seed=np.random.default_rng(4), harmonics=14)
+    weights = np.array([r * (r - 12.0) + 1.0 for r in radii])
+    together = (blades @ weights).sum(axis=1)
+    power = np.abs(np.fft.rfft(together * np.hanning(samples))) ** 2
+    f = np.fft.rfftfreq(samples, 1.0 / rate)
+    shape = wind_of(12.4, 26.5, HZ)
+    ratio = []
+    for low, high in ((0.63, 0.66), (0.66, 0.70), (0.70, 0.76)):
+        inside = (f > low) & (f < high)
+        ratio.append(power[inside].mean() / shape.flank(np.asarray(f[inside] - 3.0 * HZ, dtype=np.float64), 3).mean())
+    assert max(ratio) < 1.6 * min(ratio)  # the power itself falls 4 times
+
+
+def test_a_resonance_is_found_beside_a_hump() -> None:
+    rng = np.random.default_rng(5)
+    spectra = turned_spectra(np.zeros((8000, 1)), turning(0.15, 8000, 10.0), 10.0, (0,))
+    f = np.arange(8000) / spectra.duration
+    S = 1.0 + 30.0 / (1.0 + np.abs(f - 0.45) / 0.01) ** (5.0 / 3.0)  # 3P, where the tower is not
+    S *= 1.0 + 20.0 / ((1.0 - (f / 0.31) ** 2) ** 2 / (4.0 * 0.006**2) + 1.0)
+    row = np.sqrt(0.5 * S) * (rng.standard_normal(8000) + 1j * rng.standard_normal(8000))
+    found = trace(spectra, [row], 0, 3, 0.25, 0.48)
+    assert found.frequency[np.argmax(found.gain)] == pytest.approx(0.31, rel=0.01)
+    assert found.gain.max() > 2.0 * FAINT
+
+
+def test_rivals_are_told() -> None:
+    at = np.linspace(-0.2, 0.2, 81)
+    score = 10.0 * np.exp(-((at / 0.02) ** 2)) + 9.0 * np.exp(-(((at - 0.12) / 0.02) ** 2))
+    best, rivals = best_of(score, at, at)
+    assert best == pytest.approx(0.0, abs=0.006)
+    assert rivals == pytest.approx([np.exp(0.12)], rel=0.01)
+
+
+def test_gradient_is_the_slope_of_the_likelihood() -> None:
+    found = posed()
+    at = found.start + 0.05 * np.random.default_rng(2).standard_normal(len(found.start))
+    value, gradient, information = found.model.likelihood(at)
+    for i in (*range(found.model.shared), found.model.shared + 2, len(at) - 1):
+        off = np.zeros(len(at))
+        off[i] = 1e-5 * min(found.model.prior[1][i], 1.0)
+        slope = (found.model.likelihood(at + off)[0] - found.model.likelihood(at - off)[0]) / (2.0 * off[i])
+        assert gradient[i] == pytest.approx(slope, rel=2e-3, abs=2e-3 * np.sqrt(information[i, i]))
+    assert np.isfinite(value)
+
+
+def test_modes_are_looked_for_where_they_are() -> None:
+    """Priors are 30 % off in stiffness: 14 % in frequency."""
+    hz = {place.name: place.frequency - (place.shape or 0) * HZ for place in posed().places}
+    assert hz["tower x"] == pytest.approx(0.3152, rel=0.02)
+    assert hz["lag backward"] == pytest.approx(0.8950, rel=0.02)
+    assert hz["lag collective"] == pytest.approx(1.0442, rel=0.02)
+    assert hz["lag forward"] == pytest.approx(1.3053, rel=0.02)
+
+
+@pytest.mark.parametrize("missing", ["", TIPS[1]])
+def test_rotor_in_simulated_wind_is_found(missing: str) -> None:
+    sensors = tuple(s for s in TURBINE.sensors if s.channel != missing)
+    found = ws.identify(record(), TURBINE, formulation="spectral", sensors=sensors, prior=DrawnPrior(seed=1))
+    for e in found.estimates:
+        assert e.reference is not None
+        if e.kind == "stiffness":
+            assert abs(e.estimate - e.reference) < 3.0 * e.std
+    assert found["k_x"].std < 0.01 * found["k_x"].estimate
+    assert found["k_beta_1"].std < 0.01 * found["k_beta_1"].estimate
+    assert found.diagnosis.trusted
+
+
+def test_loud_second_half_is_not_trusted() -> None:
+    half = record().samples // 2
+    loud = {name: np.where(np.arange(record().samples) < half, 0.25, 1.0) * record()[name] for name in TIPS}
+    changed = record().with_channels({name: (values, "m/s^2") for name, values in loud.items()})
+    found = ws.identify(changed, TURBINE, formulation="spectral")
+    assert not found.diagnosis.trusted
+
+
+def test_bands_take_no_load_model() -> None:
+    with pytest.raises(ConfigurationError, match="leave --loads out"):
+        ws.identify(record(), TURBINE, formulation="spectral", loads="rotor-wind")
+
+
+def test_scale_model_is_read_whole() -> None:
+    assert belongs_in_bands(question(record()))
+    scale = load_turbine("verne555")
+    asked = question(record())._replace(turbine=scale, sensors=scale.sensors)
+    inputs = asked.inputs.copy()
+    inputs[:, 1] = scale.rotor_speed
+    assert not belongs_in_bands(asked._replace(inputs=inputs))
+
+
+def test_nothing_is_used_twice_where_modes_are_near() -> None:
+    """At 6 rpm both whirls and the collective mode are less than a band apart in the fixed frame."""
+    slow = replace(TURBINE, rotor_speed=2.0 * np.pi * 0.1)
+    made = simulate_record(slow, duration=200.0, rate=25.0, seed=3)
+    asked = question(made)
+    inputs = asked.inputs.copy()
+    inputs[:, 1] = slow.rotor_speed
+    places = (
+        Place("tower x", None, 0.315), Place("lag backward", 1, 1.09), Place("lag collective", 0, 1.04),
+        Place("lag forward", -1, 1.10),
+    )  # fmt: skip
+    found = pose_bands(asked._replace(turbine=slow, inputs=inputs), places)
+    used = [
+        (row.low + row.order * 0.1, row.high + row.order * 0.1)
+        for rows in found.rows
+        for row in rows
+        if not found.combined[row.combination].turns
+    ]
+    used.sort()
+    assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(used))
