@@ -206,14 +206,14 @@ def test_nothing_is_used_twice_where_modes_are_near() -> None:
     inputs = asked.inputs.copy()
     inputs[:, 1] = slow.rotor_speed
     places = (
-        Place("tower x", None, 0.315), Place("lag backward", 1, 1.09), Place("lag collective", 0, 1.04),
-        Place("lag forward", -1, 1.10),
+        Place("tower x", None, 0.315, 0.004), Place("lag backward", 1, 1.09, 0.005),
+        Place("lag collective", 0, 1.04, 0.005), Place("lag forward", -1, 1.10, 0.005),
     )  # fmt: skip
     found = pose_bands(asked._replace(turbine=slow, inputs=inputs), places)
     used = [
         (row.low + row.order * 0.1, row.high + row.order * 0.1)
-        for rows in found.rows
-        for row in rows
+        for band in found.model.bands
+        for row in band.rows
         if not found.combined[row.combination].turns
     ]
     used.sort()

@@ -52,7 +52,8 @@ def read_in_bands(question: Question, loads: str) -> ReadInBands:
         )
     posed = pose_bands(question)
     try:
-        found = posed.model.mode(posed.start)
+        fit = posed.model.fit(posed.start)
+        found = fit.mode
         cov = np.asarray(np.linalg.inv(found.information), dtype=np.float64)
     except np.linalg.LinAlgError:
         raise WindsysidError(
@@ -66,7 +67,7 @@ def read_in_bands(question: Question, loads: str) -> ReadInBands:
         0.5 * (cov + cov.T),
         -(found.value - 0.5 * float(off @ off)),
         posed.model.statistics,
-        tuple(doubts_of_bands(question, posed, found)),
+        tuple(doubts_of_bands(question, posed, fit)),
         _notes(posed, found.unknowns, cov, len(question.parameters)),
     )
 

@@ -13,15 +13,13 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
+from windsysid.spectral.band_model import WHOLE, BandFit
 from windsysid.spectral.band_pose import PosedBands, pose_bands
 from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.lifted_pose import Question
 from windsysid.spectral.scoring import Mode
 
 __all__ = ["doubts_of_bands"]
-
-WHOLE = ((1.0, 1),)
-"""The stages of a search that starts at the whole record's result."""
 
 CHANCE = 1e-3
 """How rarely chance makes two estimates differ as much."""
@@ -33,8 +31,9 @@ LEAST_ENERGY = 4.0
 """Independent values that an energy counts as at least: a resonance as narrow as a bin has few."""
 
 
-def doubts_of_bands(question: Question, posed: PosedBands, found: Mode) -> list[str]:
+def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list[str]:
     """What speaks against a result, in words."""
+    posed, found = posed._replace(model=fit.model), fit.mode
     doubts = list(posed.doubts)
     if not found.settled:
         doubts.append(
@@ -81,7 +80,7 @@ def _again(whole: PosedBands, found: Mode, other: PosedBands) -> Mode:
     start[:shared] = found.unknowns[:shared]
     pairs = zip(whole.model.statistics, other.model.statistics, strict=True)
     start[shared:] = found.unknowns[shared:] + np.log([ours.given / theirs.given for ours, theirs in pairs])
-    return other.model.mode(start, WHOLE)
+    return other.model.fit(start, WHOLE).mode
 
 
 def _differ(step: Array, cov: Array, names: list[str], text: str) -> list[str]:
@@ -100,7 +99,7 @@ def _differ(step: Array, cov: Array, names: list[str], text: str) -> list[str]:
 def _parts(posed: PosedBands, unknowns: Array) -> list[Part]:
     """Mean squares by row and third of its band."""
     found = []
-    for band, place, rows in zip(posed.model.bands, posed.model.places(), posed.rows, strict=True):
+    for (band, _, rows), place in zip(posed.model.bands, posed.model.places(), strict=True):
         S = np.einsum("bii->bi", band.spectrum(unknowns[place]).spectrum).real
         power = np.where(band.left_out, np.nan, np.abs(band.data[:, :, 0]) ** 2)
         f = band.base
@@ -115,8 +114,8 @@ def _parts(posed: PosedBands, unknowns: Array) -> list[Part]:
 def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[Part]:
     """The same of a part of the record, what is expected being the whole's, row by row."""
     found = []
-    for of, band, place, rows in zip(
-        whole.model.bands, piece.model.bands, whole.model.places(), piece.rows, strict=True
+    for (of, _, _), (band, _, rows), place in zip(
+        whole.model.bands, piece.model.bands, whole.model.places(), strict=True
     ):
         S = np.einsum("bii->bi", of.spectrum(unknowns[place]).spectrum).real
         for i, row in enumerate(rows):

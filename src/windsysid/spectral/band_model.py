@@ -12,40 +12,64 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
+from windsysid.spectral.band_rows import Row
 from windsysid.spectral.lifted_model import LiftedModel
 from windsysid.spectral.scoring import Mode, find_mode
 
-__all__ = ["BandModel"]
+__all__ = ["WHOLE", "Band", "BandFit", "BandModel"]
 
-STAGES = ((0.2, 1), (1.0, 1))
-"""Weights of the likelihood, stage by stage."""
+STAGES = ((0.2, 3), (1.0, 1))
+"""Weights of the likelihood, and every how many-th bin is used, stage by stage."""
+
+WHOLE = ((1.0, 1),)
+"""The stages of a search that starts near its end."""
 
 
-class BandModel(NamedTuple):
-    """The bands of a record.
+class Band(NamedTuple):
+    """One band.
 
     Attributes
     ----------
-    bands
-        One model each, of the same parameters.
+    model
+        Its spectrum as a function of the unknowns.
+    smoothed
+        The same smoothed by the taper's window; None where `model` is.
+    rows
+        What its entries are.
     """
 
-    bands: tuple[LiftedModel, ...]
+    model: LiftedModel
+    smoothed: LiftedModel | None
+    rows: tuple[Row, ...]
+
+
+class BandFit(NamedTuple):
+    """The mode of a posterior, and the model that has it."""
+
+    model: "BandModel"
+    mode: Mode
+
+
+class BandModel(NamedTuple):
+    """The bands of a record: models of the same parameters."""
+
+    bands: tuple[Band, ...]
 
     @property
     def shared(self) -> int:
         """How many unknowns all bands share: θ, and the mean lag angle where it is one."""
-        return len(self.bands[0].parameters) + self.bands[0].lag
+        first = self.bands[0].model
+        return len(first.parameters) + first.lag
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
         """What η stands for."""
-        return tuple(s for band in self.bands for s in band.statistics)
+        return tuple(s for band in self.bands for s in band.model.statistics)
 
     @property
     def prior(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the unknowns."""
-        each = [band.prior for band in self.bands]
+        each = [band.model.prior for band in self.bands]
         mean, spread = (
             np.concatenate([each[0][i][: self.shared], *(part[i][self.shared :] for part in each)]) for i in (0, 1)
         )
@@ -55,13 +79,13 @@ class BandModel(NamedTuple):
         """For each band which of the unknowns are its own."""
         places, first = [], self.shared
         for band in self.bands:
-            count = len(band.statistics)
+            count = len(band.model.statistics)
             places.append(np.r_[0 : self.shared, first : first + count])
             first += count
         return places
 
-    def likelihood(self, unknowns: Array) -> tuple[float, Array, Array]:
-        """J, g and F without the prior.
+    def likelihood(self, unknowns: Array, every: int = 1) -> tuple[float, Array, Array]:
+        """J, g and F without the prior; of wide modes every n-th bin, as much as all of them would be.
 
         Raises
         ------
@@ -71,13 +95,28 @@ class BandModel(NamedTuple):
         n = len(unknowns)
         value, gradient, information = 0.0, np.zeros(n), np.zeros((n, n))
         for band, place in zip(self.bands, self.places(), strict=True):
-            found = band.likelihood(unknowns[place])
+            found = band.model.likelihood(unknowns[place], every)
             value += found.value
             gradient[place] += found.gradient
             information[np.ix_(place, place)] += found.information
         return value, gradient, information
 
-    def mode(self, start: Array, stages: Sequence[tuple[float, int]] = STAGES) -> Mode:
-        """The mode of the posterior, looked for from `start` (n,)."""
+    def fit(self, start: Array, stages: Sequence[tuple[float, int]] = STAGES) -> BandFit:
+        """The mode of the posterior, looked for from `start` (n,).
+
+        What the taper's window adds to the spectra of wide modes is taken at the mode without it, and the mode found
+        anew.
+        """
         mean, spread = self.prior
-        return find_mode(lambda u, _: self.likelihood(u), start, mean, spread, stages)
+        mode = find_mode(self.likelihood, start, mean, spread, stages)
+        if all(band.smoothed is None for band in self.bands):
+            return BandFit(self, mode)
+        bands = []
+        for band, place in zip(self.bands, self.places(), strict=True):
+            if band.smoothed is not None:
+                at = mode.unknowns[place]
+                smear = band.smoothed.spectrum(at).spectrum - band.model.spectrum(at).spectrum
+                band = band._replace(model=band.model._replace(smear=smear))
+            bands.append(band)
+        whole = BandModel(tuple(bands))
+        return BandFit(whole, find_mode(whole.likelihood, mode.unknowns, mean, spread, WHOLE))

@@ -48,11 +48,14 @@ class Place(NamedTuple):
         The class p of the blades in which it shows; None for a mode of the support.
     frequency
         In the frame in which it is read [Hz].
+    ratio
+        Its damping ratio in the turbine file.
     """
 
     name: str
     shape: int | None
     frequency: float
+    ratio: float
 
 
 class Places(NamedTuple):
@@ -91,8 +94,8 @@ class _Group(NamedTuple):
 
 
 def find_places(
-    frequencies: Callable[[Mapping[str, float]], dict[str, float]], parameters: Sequence[Parameter],
-    spectra: TurnedSpectra, combined: Sequence[Combined], blades: int,
+    frequencies: Callable[[Mapping[str, float]], dict[str, float]], ratios: Mapping[str, float],
+    parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: int,
 ) -> Places:  # fmt: skip
     """The modes and where they are.
 
@@ -100,6 +103,8 @@ def find_places(
     ----------
     frequencies
         Gives the fixed-frame frequency [Hz] of every mode for values of the parameters; others at the priors' centres.
+    ratios
+        The damping ratio of each in the turbine file.
     """
     values = {q.name: q.centre for q in parameters}
     there = frequencies(values)
@@ -131,7 +136,8 @@ def find_places(
         doubts += _doubts(group, found, gain, rivals)
     last = frequencies(values)
     places = tuple(
-        Place(name, WHIRLS.get(name), found.get(name, _base(name, last[name], spectra.rotor_hz))) for name in named
+        Place(name, WHIRLS.get(name), found.get(name, _base(name, last[name], spectra.rotor_hz)), ratios[name])
+        for name in named
     )
     start = np.array([float(q.coordinate(values[q.name])) for q in parameters])
     return Places(places, start, tuple(doubts))

@@ -21,10 +21,11 @@ from windsysid.errors import RecordError
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.modal.analysis import modes
-from windsysid.spectral.band_model import BandModel
+from windsysid.spectral.band_model import Band, BandModel
 from windsysid.spectral.band_places import WHIRLS, Place, Places, find_places
 from windsysid.spectral.band_rows import (
-    ORDERS,
+    ABOUT_BLADES,
+    ABOUT_SUPPORT,
     Combined,
     Row,
     TurnedSpectra,
@@ -50,6 +51,9 @@ REACH_BINS = 5.0
 LEAST_BINS = 6
 """Fewest bins of a band."""
 
+WIDE = 2.0
+"""Bins in half the half-power width of a mode from which on what the taper's window adds is taken as known."""
+
 DISTURBED = 0.2
 """Share of a row's median power that its disturbance is supposed to have."""
 
@@ -65,8 +69,6 @@ class PosedBands(NamedTuple):
         Where to begin to look for them (n,).
     places
         Modes that are read, and where.
-    rows
-        For each band what its entries are.
     combined
         What the rows are combinations of.
     doubts
@@ -78,7 +80,6 @@ class PosedBands(NamedTuple):
     model: BandModel
     start: Array
     places: tuple[Place, ...]
-    rows: tuple[tuple[Row, ...], ...]
     combined: tuple[Combined, ...]
     doubts: tuple[str, ...]
     spectra: TurnedSpectra
@@ -120,11 +121,11 @@ def pose_bands(question: Question, places: Sequence[Place] = (), width: float = 
     built += [builder.support(place, places) for place in places if place.shape is None]
     if not built:
         raise RecordError("no sensor shows a mode of tower or blades: expected accelerometers on them")
-    model = BandModel(tuple(band for band, _ in built))
+    model = BandModel(tuple(built))
     start = model.prior[0].copy()
     if theta is not None:
         start[: len(theta)] = theta
-    return PosedBands(model, start, tuple(places), tuple(rows for _, rows in built), tuple(combined), doubts, spectra)
+    return PosedBands(model, start, tuple(places), tuple(combined), doubts, spectra)
 
 
 def _search(question: Question, spectra: TurnedSpectra, combined: Sequence[Combined]) -> Places:
@@ -132,16 +133,21 @@ def _search(question: Question, spectra: TurnedSpectra, combined: Sequence[Combi
     p = _centres(question)
     speed = 2.0 * math.pi * spectra.rotor_hz
 
+    def modes_at(at: Array) -> dict[str, tuple[float, float]]:
+        found: dict[str, tuple[float, float]] = {}
+        for name, frequency, ratio in modes(turbine.model, compiled, at, speed):
+            found.setdefault(name.partition(" (")[0], (frequency, ratio))
+        return found
+
     def frequencies(values: Mapping[str, float]) -> dict[str, float]:
         at = p.copy()
         for name, value in values.items():
             at[compiled.parameters.index(name)] = value
-        found: dict[str, float] = {}
-        for name, frequency, _ in modes(turbine.model, compiled, at, speed):
-            found.setdefault(name.partition(" (")[0], frequency)
-        return found
+        return {name: frequency for name, (frequency, _) in modes_at(at).items()}
 
-    return find_places(frequencies, question.parameters, spectra, combined, len(WHIRLS))
+    of_file = np.array([turbine.values.get(name, 0.0) for name in compiled.parameters])
+    ratios = {name: ratio for name, (_, ratio) in modes_at(of_file).items()}
+    return find_places(frequencies, ratios, question.parameters, spectra, combined, len(WHIRLS))
 
 
 def _centres(question: Question) -> Array:
@@ -175,7 +181,7 @@ class _Builder:
         self.lever, self.hinge = v["blade_inertia_1"] / v["blade_first_moment_1"], v["hinge_offset"]
         self.wind = wind_of(self.hinge, self.lever, self.hz)
 
-    def blades(self, of_blades: Sequence[Place], places: Sequence[Place]) -> tuple[LiftedModel, tuple[Row, ...]]:
+    def blades(self, of_blades: Sequence[Place], places: Sequence[Place]) -> Band:
         """The band of all modes of the blades."""
         reach = {place.shape: self._reach(place.frequency, BLADES_REACH) for place in of_blades}
         span = {place.shape: (place.frequency - reach[place.shape], place.frequency + reach[place.shape])
@@ -199,22 +205,22 @@ class _Builder:
             rows += support
             for freedom in self.freedoms if support else ():
                 if not freedom.blade and freedom.name != "roll":
-                    push = one_force(self.freedoms, freedom.name, side)
+                    push = one_force(self.freedoms, freedom.name, ABOUT_BLADES, side)
                     loads.append(_Load(f"{freedom.name}_{_WAY[-side]}", "N/√Hz", push, support[0], None))
-        return self._band("blades", bins_between(self.spectra, low, high), rows, loads)
+        wide = min(place.ratio * place.frequency for place in of_blades) * self.duration > WIDE
+        return self._band("blades", bins_between(self.spectra, low, high), ABOUT_BLADES, rows, loads, wide=wide)
 
-    def support(self, place: Place, places: Sequence[Place]) -> tuple[LiftedModel, tuple[Row, ...]]:
+    def support(self, place: Place, places: Sequence[Place]) -> Band:
         """The band of a mode of the support."""
         reach = self._reach(place.frequency, SUPPORT_REACH)
         low, high = self._apart(place, places, place.frequency - reach, place.frequency + reach)
         rows = [Row(i, 0, low, high) for i, c in enumerate(self.combined) if not c.turns]
         name = place.name.replace(" ", "_")
-        loads = [
-            _Load(f"{freedom.name}_{name}", "N/√Hz", one_force(self.freedoms, freedom.name, 0), rows[0], 0)
-            for freedom in self.freedoms
-            if not freedom.blade and freedom.name != "roll"
-        ]
-        return self._band(name, bins_between(self.spectra, low, high), rows, loads)
+        pushed = [freedom.name for freedom in self.freedoms if not freedom.blade and freedom.name != "roll"]
+        pushes = [one_force(self.freedoms, freedom, ABOUT_SUPPORT, 0) for freedom in pushed]
+        loads = [_Load(f"{of}_{name}", "N/√Hz", push, rows[0], 0) for of, push in zip(pushed, pushes, strict=True)]
+        wide = place.ratio * place.frequency * self.duration > WIDE
+        return self._band(name, bins_between(self.spectra, low, high), ABOUT_SUPPORT, rows, loads, wide=wide)
 
     def _reach(self, frequency: float, share: float) -> float:
         return max(self.width * share * frequency, REACH_BINS / self.duration)
@@ -232,16 +238,17 @@ class _Builder:
         return low, high
 
     def _band(
-        self, name: str, bins: NDArray[np.intp], rows: Sequence[Row], loads: Sequence[_Load]
-    ) -> tuple[LiftedModel, tuple[Row, ...]]:
-        """The model of a band, and its rows in the order of its entries."""
+        self, name: str, bins: NDArray[np.intp], orders: NDArray[np.intp], rows: Sequence[Row], loads: Sequence[_Load],
+        *, wide: bool,
+    ) -> Band:  # fmt: skip
+        """The model of a band. Where its modes are wide, what the taper's window adds is taken as known."""
         question, width = self.question, len(self.combined)
         if len(bins) < LEAST_BINS:
             needed = self.duration * LEAST_BINS / max(len(bins), 1)
             raise RecordError(
                 f"band of {name}: expected {needed:.3g} s or more, got {self.duration:.3g} s: choose a longer record"
             )
-        middle = len(ORDERS) // 2
+        middle = len(orders) // 2
         ordered = sorted(rows, key=lambda row: (row.order + middle) * width + row.combination)
         entries = np.array([(row.order + middle) * width + row.combination for row in ordered], dtype=np.intp)
         f, fine = bins / self.duration, finer_bins(int(bins[0]), int(bins[-1])) / self.duration
@@ -252,38 +259,44 @@ class _Builder:
             float(np.median(np.abs(data[~left_out[:, i], i]) ** 2)) if (~left_out[:, i]).any() else 0.0
             for i in range(len(ordered))
         ]
-        T = self._transfer(f)[:, entries]
-        sources = [self._source(load, ordered, powers, T, left_out, fine) for load in loads]
-        noise, given = self._disturbances(name, ordered, powers, fine)
-        model = LiftedModel(
-            np.ascontiguousarray(data[:, :, None]),
-            Where(fine, ORDERS, self.hz, entries, np.zeros((len(fine), len(entries)), dtype=np.bool_)),
-            taper_window(self.spectra.taper, bins),
-            None,
-            left_out,
-            self.spectra.overlap,
-            self.weights,
-            question.compiled,
-            question.turbine.model.coordinates,
-            self.given,
-            question.inputs[0],
-            question.parameters,
-            True,
-            HumpLoads(sources),
-            noise,
-            given,
-        )
-        return model, tuple(ordered)
+        T = self._transfer(f, orders)[:, entries]
 
-    def _transfer(self, f: Array) -> Complex:
-        """From loads to combined readings at the priors' centres (B, 5 r, 5 n)."""
+        def model_at(where: Array, window: Array | None) -> LiftedModel:
+            unseen = left_out if window is None else np.zeros((len(where), len(entries)), dtype=np.bool_)
+            sources = [self._source(load, ordered, powers, T, left_out, where) for load in loads]
+            noise, given = self._disturbances(name, ordered, powers, where)
+            return LiftedModel(
+                np.ascontiguousarray(data[:, :, None]),
+                Where(where, orders, self.hz, entries, unseen),
+                window,
+                None,
+                left_out,
+                self.spectra.overlap,
+                self.weights,
+                question.compiled,
+                question.turbine.model.coordinates,
+                self.given,
+                question.inputs[0],
+                question.parameters,
+                True,
+                HumpLoads(sources),
+                noise,
+                given,
+            )
+
+        smoothed = model_at(fine, taper_window(self.spectra.taper, bins))
+        return Band(model_at(f, None), smoothed, tuple(ordered)) if wide else Band(smoothed, None, tuple(ordered))
+
+    def _transfer(self, f: Array, orders: NDArray[np.intp]) -> Complex:
+        """From loads to combined readings at the priors' centres (B, k r, k n)."""
         n = len(self.freedoms)
         speed = 2.0 * math.pi * self.hz
         found = matrix_harmonics(
             self.question.compiled, self.given[None], np.zeros((1, n)), speed, self.question.inputs[0]
         )
-        D = coupled(found.mechanics[:, 0], f, ORDERS, self.hz).reshape(len(f), 5 * n, 5 * n)
-        R = coupled((self.weights @ found.readings)[:, 0], f, ORDERS, self.hz).reshape(len(f), -1, 5 * n)
+        size = len(orders) * n
+        D = coupled(found.mechanics[:, 0], f, orders, self.hz).reshape(len(f), size, size)
+        R = coupled((self.weights @ found.readings)[:, 0], f, orders, self.hz).reshape(len(f), -1, size)
         return np.asarray(R @ np.linalg.inv(D))
 
     def _source(

@@ -26,11 +26,20 @@ from windsysid._types import Array
 from windsysid.mechanics.sensors import Sensor
 from windsysid.spectral.lifted import Complex, _without_lines, taper_of, turn_lines
 
-__all__ = ["ORDERS", "Combined", "Row", "TurnedSpectra", "bins_between", "combine", "turned_spectra"]
+__all__ = [
+    "ABOUT_BLADES",
+    "ABOUT_SUPPORT",
+    "Combined",
+    "Row",
+    "TurnedSpectra",
+    "bins_between",
+    "combine",
+    "turned_spectra",
+]
 
-ORDERS = np.arange(-2, 3)
-"""Harmonics of the motion about a frequency: blades move the hub at ±1, which moves blades at ±2; equal blades and no
-more."""
+ABOUT_BLADES, ABOUT_SUPPORT = np.arange(-2, 3), np.arange(-1, 2)
+"""Harmonics of the motion about a frequency. Blades move the hub at ±1, which moves blades at ±2; the hub moves blades
+at ±1, which move it where it was. Equal blades do no more, and unequal ones hardly."""
 
 LINE_BINS = 1.5
 """Bins to either side of a harmonic of the rotor that are not used."""

@@ -22,11 +22,12 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Coordinate
-from windsysid.spectral.band_rows import ORDERS
+from windsysid.spectral.band_rows import ABOUT_BLADES
 from windsysid.spectral.lifted import Complex
 from windsysid.spectral.lifted_loads import SERIES, STATIONS, SourceSpectra
 from windsysid.spectral.lifted_loads import _coherence_table as coherence_table
@@ -79,7 +80,7 @@ class BandSource(NamedTuple):
     name, unit
         Of its statistics, and of its spectral amplitude.
     placement
-        Where it pushes, all harmonics in turn (5 n,).
+        Where it pushes, all harmonics in turn (k n,).
     terms
         What its spectrum is the sum of, each at the frequencies of the model (t, F).
     given
@@ -139,11 +140,11 @@ def blade_class(
     freedoms: Sequence[Coordinate], shape: int, blades: int, lever: float, hinge_offset: float, kappa: float
 ) -> Complex:
     """Where unit moments about the links of class p at k = 0 push, with the forces that come with them (5 n,)."""
-    placement = np.zeros((len(ORDERS), len(freedoms)), dtype=np.complex128)
-    middle = len(ORDERS) // 2
+    placement = np.zeros((len(ABOUT_BLADES), len(freedoms)), dtype=np.complex128)
+    middle = len(ABOUT_BLADES) // 2
     turn = np.exp(2j * math.pi * np.arange(blades) / blades)
     moments = turn**shape / math.sqrt(blades)
-    on_roll = (1.0 + hinge_offset / lever) * moments.sum()
+    on_roll = (lever + hinge_offset) / lever * moments.sum()
     for j, freedom in enumerate(freedoms):
         if freedom.blade:
             placement[middle, j] = moments[freedom.blade - 1]
@@ -159,8 +160,8 @@ def blade_class(
     return placement.ravel()
 
 
-def one_force(freedoms: Sequence[Coordinate], name: str, order: int) -> Complex:
-    """Where a unit load on one degree of freedom pushes at one harmonic (5 n,)."""
-    placement = np.zeros((len(ORDERS), len(freedoms)), dtype=np.complex128)
-    placement[ORDERS.tolist().index(order), [freedom.name for freedom in freedoms].index(name)] = 1.0
+def one_force(freedoms: Sequence[Coordinate], name: str, orders: NDArray[np.intp], order: int) -> Complex:
+    """Where a unit load on one degree of freedom pushes at one of the harmonics (k n,)."""
+    placement = np.zeros((len(orders), len(freedoms)), dtype=np.complex128)
+    placement[orders.tolist().index(order), [freedom.name for freedom in freedoms].index(name)] = 1.0
     return placement.ravel()
