@@ -19,6 +19,10 @@ SETTLED = 1e-3
 
 ROUGH = 0.1
 
+TRUSTED = 0.5
+"""Share of the gain which J's parabola promises from which on steps are damped less: two levels that do nearly the same
+are curved more than Fisher's information says, and undamped steps leap to and fro."""
+
 LONGEST = 1.0
 """Longest step of an unknown, where its prior is wider: a factor e of a level."""
 
@@ -77,8 +81,9 @@ def find_mode(
                 better = False
             total += 1
             if better:
+                share = (J - tried[0]) / max(0.5 * length, 1e-300)  # of the gain that a parabola promises
                 u, (J, g, F) = u + step, tried
-                damping = max(0.1 * damping, 1e-9)
+                damping = max(0.1 * damping, 1e-9) if share > TRUSTED else max(3.0 * damping, 1e-2)
                 settled = length < enough
                 if settled:
                     break
