@@ -13,7 +13,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.spectral.band_places import Place
-from windsysid.spectral.band_pose import PosedBands, belongs_in_bands, pose_bands
+from windsysid.spectral.band_pose import PosedBands, belongs_in_bands, pose_bands, search_bands
 from windsysid.spectral.band_rows import bins_between, combine, turned_spectra
 from windsysid.spectral.band_search import FAINT, best_of, trace
 from windsysid.spectral.hump_loads import hump_terms, line_terms, wind_of
@@ -49,7 +49,7 @@ def turning(hz: float, samples: int, rate: float) -> Array:
 
 
 def posed(*, sensors: tuple[str, ...] = ()) -> PosedBands:
-    return pose_bands(question(record(), sensors=sensors))
+    return search_bands(question(record(), sensors=sensors))
 
 
 def test_whirls_are_told_apart_by_the_sign_of_their_class() -> None:

@@ -9,7 +9,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.band_checks import doubts_of_bands
-from windsysid.spectral.band_pose import PosedBands, pose_bands
+from windsysid.spectral.band_pose import PosedBands, centre_bands, search_bands
 from windsysid.spectral.lifted_pose import Question
 
 __all__ = ["ReadInBands", "read_in_bands"]
@@ -50,8 +50,9 @@ def read_in_bands(question: Question, loads: str) -> ReadInBands:
         raise ConfigurationError(
             "load model rotor-wind: bands around the modes of a real rotor have loads of their own; leave --loads out"
         )
-    posed = pose_bands(question)
+    posed = search_bands(question)
     try:
+        posed = centre_bands(question, posed, posed.model.near(posed.start))
         fit = posed.model.fit(posed.start)
         found = fit.mode
         cov = np.asarray(np.linalg.inv(found.information), dtype=np.float64)

@@ -13,7 +13,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.spectral.band_model import WHOLE, BandFit
+from windsysid.spectral.band_model import BandFit
 from windsysid.spectral.band_pose import PosedBands, pose_bands
 from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.lifted_pose import Question
@@ -27,6 +27,10 @@ CHANCE = 1e-3
 NARROWER = 0.65
 """Width of the bands that look again."""
 
+LEAST_OF_BLADES, LEAST_OF_SUPPORT = 6.0, 0.7
+"""As how many independent values the narrowest resonances have to count (``python -m validation.field_spectral``): in
+windows of 120 s of OpenFAST's records, where blades' count as 3, their whirls err by 2.5 times what the bands say."""
+
 LEAST_ENERGY = 4.0
 """Independent values that an energy counts as at least: a resonance as narrow as a bin has few."""
 
@@ -34,7 +38,7 @@ LEAST_ENERGY = 4.0
 def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list[str]:
     """What speaks against a result, in words."""
     posed, found = posed._replace(model=fit.model), fit.mode
-    doubts = list(posed.doubts)
+    doubts = [*posed.doubts, *_short(posed)]
     if not found.settled:
         doubts.append(
             f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors "
@@ -48,7 +52,7 @@ def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list
     ]
     try:
         halves = [pose_bands(piece, posed.places) for piece in pieces]
-        narrow = pose_bands(question, posed.places, width=NARROWER)
+        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROWER)
     except RecordError:
         return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
     doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
@@ -72,15 +76,24 @@ def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list
     return doubts
 
 
+def _short(posed: PosedBands) -> list[str]:
+    """Whether resonances are narrower in the record than those whose bands were proven."""
+    spectra, doubts = posed.spectra, []
+    for of_blades, least in ((True, LEAST_OF_BLADES), (False, LEAST_OF_SUPPORT)):
+        widths = [p.ratio * p.frequency for p in posed.places if (p.shape is not None) == of_blades]
+        counts = [2.0 * np.pi * width * spectra.duration / spectra.overlap for width in widths]
+        if counts and min(counts) < least:
+            what = "the blades" if of_blades else "the support"
+            doubts.append(
+                f"the narrowest resonance of {what} counts as {min(counts):.2g} independent values, and bands were not "
+                f"proven below {least:g}: choose a longer record"
+            )
+    return doubts
+
+
 def _again(whole: PosedBands, found: Mode, other: PosedBands) -> Mode:
-    """The mode of a part of the record, looked for from that of the whole: statistics of the same bands, levels as
-    there."""
-    shared = whole.model.shared
-    start = other.start.copy()
-    start[:shared] = found.unknowns[:shared]
-    pairs = zip(whole.model.statistics, other.model.statistics, strict=True)
-    start[shared:] = found.unknowns[shared:] + np.log([ours.given / theirs.given for ours, theirs in pairs])
-    return other.model.fit(start, WHOLE).mode
+    """The mode of a part of the record, looked for from that of the whole."""
+    return other.model.fit(other.model.start_from(found.unknowns, whole.model)).mode
 
 
 def _differ(step: Array, cov: Array, names: list[str], text: str) -> list[str]:

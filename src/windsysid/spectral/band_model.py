@@ -16,13 +16,10 @@ from windsysid.spectral.band_rows import Row
 from windsysid.spectral.lifted_model import LiftedModel
 from windsysid.spectral.scoring import Mode, find_mode
 
-__all__ = ["WHOLE", "Band", "BandFit", "BandModel"]
+__all__ = ["Band", "BandFit", "BandModel"]
 
-STAGES = ((0.2, 3), (1.0, 1))
-"""Weights of the likelihood, and every how many-th bin is used, stage by stage."""
-
-WHOLE = ((1.0, 1),)
-"""The stages of a search that starts near its end."""
+ROUGH, WHOLE = ((0.2, 3),), ((1.0, 1),)
+"""Weights of the likelihood, and every how many-th bin is used, stage by stage: from afar, and near the end."""
 
 
 class Band(NamedTuple):
@@ -101,7 +98,19 @@ class BandModel(NamedTuple):
             information[np.ix_(place, place)] += found.information
         return value, gradient, information
 
-    def fit(self, start: Array, stages: Sequence[tuple[float, int]] = STAGES) -> BandFit:
+    def start_from(self, unknowns: Array, other: "BandModel") -> Array:
+        """The unknowns (n,) of another model with the same bands as those of this one: levels stay what they are."""
+        start = unknowns.copy()
+        pairs = zip(other.statistics, self.statistics, strict=True)
+        start[self.shared :] += np.log([theirs.given / ours.given for theirs, ours in pairs])
+        return start
+
+    def near(self, start: Array) -> Array:
+        """Unknowns (n,) roughly at the mode of the posterior, looked for from afar."""
+        mean, spread = self.prior
+        return find_mode(self.likelihood, start, mean, spread, ROUGH).unknowns
+
+    def fit(self, start: Array, stages: Sequence[tuple[float, int]] = WHOLE) -> BandFit:
         """The mode of the posterior, looked for from `start` (n,).
 
         What the taper's window adds to the spectra of wide modes is taken at the mode without it, and the mode found

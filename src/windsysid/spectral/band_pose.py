@@ -22,7 +22,7 @@ from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.modal.analysis import modes
 from windsysid.spectral.band_model import Band, BandModel
-from windsysid.spectral.band_places import WHIRLS, Place, Places, find_places
+from windsysid.spectral.band_places import WHIRLS, Place, find_places
 from windsysid.spectral.band_rows import (
     ABOUT_BLADES,
     ABOUT_SUPPORT,
@@ -40,7 +40,7 @@ from windsysid.spectral.lifted_mechanics import coupled, matrix_harmonics
 from windsysid.spectral.lifted_model import LiftedModel, finer_bins, taper_window
 from windsysid.spectral.lifted_pose import MOST_HARMONICS, Question
 
-__all__ = ["PosedBands", "belongs_in_bands", "pose_bands"]
+__all__ = ["PosedBands", "belongs_in_bands", "centre_bands", "pose_bands", "search_bands"]
 
 BLADES_REACH, SUPPORT_REACH = 0.10, 0.14
 """Half-width of a mode's band, relative."""
@@ -98,23 +98,47 @@ def belongs_in_bands(question: Question) -> bool:
     return many or any(sensor.blade and sensor.drift > 0.0 for sensor in question.sensors)
 
 
-def pose_bands(question: Question, places: Sequence[Place] = (), width: float = 1.0) -> PosedBands:
-    """The problem in bands around the modes, which are looked for, or are given: to look at a part of the record as at
-    the whole. `width` makes bands narrower.
+def search_bands(question: Question) -> PosedBands:
+    """The problem in bands around the modes, which are looked for.
 
     Raises
     ------
     RecordError
         If the record is too short for the bands, or no sensor shows a mode.
     """
-    azimuth = question.inputs[:, 0]
-    spectra = turned_spectra(question.readings, azimuth, question.rate, (-1, 0, 1))
-    combined = combine(question.sensors, len(WHIRLS))
-    doubts: tuple[str, ...] = ()
-    theta = None
-    if not places:
-        found = _search(question, spectra, combined)
-        places, theta, doubts = found.places, found.start, found.doubts
+    spectra, combined = _read(question)
+    at_centres = _centres(question)
+    names = question.compiled.parameters
+
+    def frequencies(values: Mapping[str, float]) -> dict[str, float]:
+        p = at_centres.copy()
+        for name, value in values.items():
+            p[names.index(name)] = value
+        return {name: frequency for name, (frequency, _) in _modes(question, p, spectra).items()}
+
+    of_file = np.array([question.turbine.values.get(name, 0.0) for name in names])
+    ratios = {name: ratio for name, (_, ratio) in _modes(question, of_file, spectra).items()}
+    found = find_places(frequencies, ratios, question.parameters, spectra, combined, len(WHIRLS))
+    posed = pose_bands(question, found.places, spectra)
+    start = posed.start.copy()
+    start[: len(found.start)] = found.start
+    return posed._replace(start=start, doubts=found.doubts)
+
+
+def pose_bands(
+    question: Question, places: Sequence[Place], spectra: TurnedSpectra | None = None, *, width: float = 1.0
+) -> PosedBands:
+    """The problem in bands around modes whose places are known; `width` makes bands narrower.
+
+    Raises
+    ------
+    RecordError
+        If the record is too short for the bands, or no sensor shows a mode.
+    """
+    if spectra is None:
+        spectra, combined = _read(question)
+    else:
+        combined = combine(question.sensors, len(WHIRLS))
     builder = _Builder(question, spectra, combined, width)
     of_blades = [place for place in places if place.shape is not None]
     built = [builder.blades(of_blades, places)] if of_blades else []
@@ -122,32 +146,37 @@ def pose_bands(question: Question, places: Sequence[Place] = (), width: float = 
     if not built:
         raise RecordError("no sensor shows a mode of tower or blades: expected accelerometers on them")
     model = BandModel(tuple(built))
-    start = model.prior[0].copy()
-    if theta is not None:
-        start[: len(theta)] = theta
-    return PosedBands(model, start, tuple(places), tuple(combined), doubts, spectra)
+    return PosedBands(model, model.prior[0].copy(), tuple(places), tuple(combined), (), spectra)
 
 
-def _search(question: Question, spectra: TurnedSpectra, combined: Sequence[Combined]) -> Places:
-    turbine, compiled = question.turbine, question.compiled
+def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> PosedBands:
+    """The same with the bands around the modes of the unknowns (n,), so that they do not depend on how a peak was
+    found; it starts there."""
     p = _centres(question)
+    for q, theta in zip(question.parameters, unknowns[: len(question.parameters)].tolist(), strict=True):
+        p[question.compiled.parameters.index(q.name)] = float(q.physical(theta))
+    there = _modes(question, p, posed.spectra)
+    hz = posed.spectra.rotor_hz
+    places = [
+        place._replace(frequency=there[place.name][0] + (place.shape or 0) * hz) if place.name in there else place
+        for place in posed.places
+    ]
+    moved = pose_bands(question, places, posed.spectra)
+    return moved._replace(start=moved.model.start_from(unknowns, posed.model), doubts=posed.doubts)
+
+
+def _read(question: Question) -> tuple[TurnedSpectra, list[Combined]]:
+    spectra = turned_spectra(question.readings, question.inputs[:, 0], question.rate, (-1, 0, 1))
+    return spectra, combine(question.sensors, len(WHIRLS))
+
+
+def _modes(question: Question, p: Array, spectra: TurnedSpectra) -> dict[str, tuple[float, float]]:
+    """Frequency [Hz] and damping ratio of every mode for all parameters (n_p,); of several of a name the slowest."""
+    found: dict[str, tuple[float, float]] = {}
     speed = 2.0 * math.pi * spectra.rotor_hz
-
-    def modes_at(at: Array) -> dict[str, tuple[float, float]]:
-        found: dict[str, tuple[float, float]] = {}
-        for name, frequency, ratio in modes(turbine.model, compiled, at, speed):
-            found.setdefault(name.partition(" (")[0], (frequency, ratio))
-        return found
-
-    def frequencies(values: Mapping[str, float]) -> dict[str, float]:
-        at = p.copy()
-        for name, value in values.items():
-            at[compiled.parameters.index(name)] = value
-        return {name: frequency for name, (frequency, _) in modes_at(at).items()}
-
-    of_file = np.array([turbine.values.get(name, 0.0) for name in compiled.parameters])
-    ratios = {name: ratio for name, (_, ratio) in modes_at(of_file).items()}
-    return find_places(frequencies, ratios, question.parameters, spectra, combined, len(WHIRLS))
+    for name, frequency, ratio in modes(question.turbine.model, question.compiled, p, speed):
+        found.setdefault(name.partition(" (")[0], (frequency, ratio))
+    return found
 
 
 def _centres(question: Question) -> Array:
