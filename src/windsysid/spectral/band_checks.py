@@ -7,6 +7,7 @@ same data of which one uses less differ by the difference of their covariances (
 https://doi.org/10.2307/1913827).
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -24,8 +25,9 @@ __all__ = ["doubts_of_bands"]
 CHANCE = 1e-3
 """How rarely chance makes two estimates differ as much."""
 
-NARROWER = 0.65
-"""Width of the bands that look again."""
+NARROWER, UNSAID = 0.65, 0.1
+"""Width of the bands that look again; what is left of a covariance where they hold as much, since levels at the ends of
+a band are learned anew. A step of less than a standard deviation is no doubt."""
 
 LEAST_OF_BLADES, LEAST_OF_SUPPORT = 6.0, 0.7
 """As how many independent values the narrowest resonances have to count (``python -m validation.field_spectral``): in
@@ -57,22 +59,29 @@ def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list
         return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
     doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
     try:
-        first, second, again = (_again(posed, found, other) for other in (*halves, narrow))
+        return doubts + _disagreements(question, posed, found, halves, narrow)
     except np.linalg.LinAlgError:
         return [*doubts, "parts of the record have no spectrum that the model could have: choose another section"]
+
+
+def _disagreements(
+    question: Question, posed: PosedBands, found: Mode, halves: Sequence[PosedBands], narrow: PosedBands
+) -> list[str]:
+    """Whether the halves and the narrower bands say another stiffness than the record."""
     which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
     names = [question.parameters[i].name for i in which]
-    stiffness = np.ix_(which, which)
-    one, other = (np.linalg.inv(part.information)[stiffness] for part in (first, second))
-    doubts += _differ(
+    first, second, again = (_again(posed, found, other) for other in (*halves, narrow))
+    known, one, other, less = (
+        np.linalg.inv(mode.information)[np.ix_(which, which)] for mode in (found, first, second, again)
+    )
+    doubts = _differ(
         first.unknowns[which] - second.unknowns[which], one + other, names,
         "the halves of the record do not agree on {}: what drives it, or the structure, changed",
     )  # fmt: skip
-    more = np.linalg.inv(again.information)[stiffness] - np.linalg.inv(found.information)[stiffness]
-    doubts += _differ(
-        again.unknowns[which] - found.unknowns[which], more + 0.1 * np.linalg.inv(found.information)[stiffness], names,
-        "narrower bands do not agree on {}: something in the bands is not as modelled",
-    )  # fmt: skip
+    step = again.unknowns[which] - found.unknowns[which]
+    if np.any(np.abs(step) > np.sqrt(np.diag(known))):
+        text = "narrower bands do not agree on {}: something in the bands is not as modelled"
+        doubts += _differ(step, less - (1.0 - UNSAID) * known, names, text)
     return doubts
 
 

@@ -5,8 +5,7 @@ of the support, in the fixed frame. In every band each kind of load has levels o
 reading a disturbance, a level at either end: flap in the tips, second modes, noise.
 
 The support is read at f ± Ω and not at f: there it moves by its roll only, with the blades as they move together, and
-how much its sensor shows of that depends on where the roll's axis is, which no turbine file knows (24 % off in a 5 MW
-turbine).
+how much its sensor shows of that depends on where the roll's axis is, which no turbine file knows well.
 """
 
 import math
@@ -142,7 +141,7 @@ def pose_bands(
     builder = _Builder(question, spectra, combined, width)
     of_blades = [place for place in places if place.shape is not None]
     built = [builder.blades(of_blades, places)] if of_blades else []
-    built += [builder.support(place, places) for place in places if place.shape is None]
+    built += [builder.support(group, places) for group in _near_each_other(places)]
     if not built:
         raise RecordError("no sensor shows a mode of tower or blades: expected accelerometers on them")
     model = BandModel(tuple(built))
@@ -184,6 +183,17 @@ def _centres(question: Question) -> Array:
     centres = {q.name: q.centre for q in question.parameters}
     values = question.turbine.values
     return np.array([centres.get(name, values.get(name, 0.0)) for name in question.compiled.parameters])
+
+
+def _near_each_other(places: Sequence[Place]) -> list[list[Place]]:
+    """Modes of the support by rising frequency, those together whose bands would overlap."""
+    groups: list[list[Place]] = []
+    for place in sorted((p for p in places if p.shape is None), key=lambda p: p.frequency):
+        if groups and place.frequency < groups[-1][-1].frequency * (1.0 + SUPPORT_REACH):
+            groups[-1].append(place)
+        else:
+            groups.append([place])
+    return groups
 
 
 class _Load(NamedTuple):
@@ -239,10 +249,12 @@ class _Builder:
         wide = min(place.ratio * place.frequency for place in of_blades) * self.duration > WIDE
         return self._band("blades", bins_between(self.spectra, low, high), ABOUT_BLADES, rows, loads, wide=wide)
 
-    def support(self, place: Place, places: Sequence[Place]) -> Band:
-        """The band of a mode of the support."""
-        reach = self._reach(place.frequency, SUPPORT_REACH)
-        low, high = self._apart(place, places, place.frequency - reach, place.frequency + reach)
+    def support(self, group: Sequence[Place], places: Sequence[Place]) -> Band:
+        """The band of modes of the support that are near each other."""
+        place, last = group[0], group[-1]
+        others = [other for other in places if other not in group]
+        low, _ = self._apart(place, others, place.frequency - self._reach(place.frequency, SUPPORT_REACH), math.inf)
+        _, high = self._apart(last, others, 0.0, last.frequency + self._reach(last.frequency, SUPPORT_REACH))
         rows = [Row(i, 0, low, high) for i, c in enumerate(self.combined) if not c.turns]
         name = place.name.replace(" ", "_")
         pushed = [freedom.name for freedom in self.freedoms if not freedom.blade and freedom.name != "roll"]
@@ -258,7 +270,7 @@ class _Builder:
         """A band cut where, in the fixed frame, another mode is nearer: nothing is used twice."""
         here = place.frequency - (place.shape or 0) * self.hz
         for other in places:
-            if other is not place:
+            if other != place:
                 middle = 0.5 * (other.frequency - (other.shape or 0) * self.hz - here)
                 if middle > 0.0:
                     high = min(high, place.frequency + middle)

@@ -10,8 +10,8 @@ f^(−5/3) far away, and flatter near the harmonic the higher n is, since only s
 rotor. T_c and a follow from a wind of a fifth of the tip's speed.
 
 In a band S(f) = a + b g_n(f) + c g_{n+N}(f), with the humps below and above: three levels, all positive, all learned.
-A band that a power law described would take the hump's flank for the flank of a mode: edgewise frequencies of a 5 MW
-rotor came out 0.3 % off. Where no hump is meant, S is a level at either end and a straight line between.
+A power law would take the flank of a hump for that of a mode. Where no hump is meant, S is a level at either end and a
+straight line between.
 
 A force on a blade pushes what carries it, too: the moment F_i about the link is a force F_i / lever along the tangent,
 on the hub at k ± 1, and a moment F_i (1 + d / lever) on a roll (`windsysid.loads.rotor_forces`).
