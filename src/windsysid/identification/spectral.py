@@ -20,8 +20,8 @@ from windsysid.filters import Info
 from windsysid.identification.outcome import Outcome, known_inputs, known_loads
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import seen_by
-from windsysid.kernels.threads import one_thread
 from windsysid.identification.spectral_bands import read_in_bands
+from windsysid.kernels.threads import one_thread
 from windsysid.loads.family import hypothesis
 from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
