@@ -12,10 +12,10 @@ study: $(VENV)/.installed
 	$(BIN)/windsysid study --output $(STUDY) --overwrite
 
 test: lint
-	$(BIN)/python -m pytest -n 2 --dist loadfile -q
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
 test-all: lint
-	$(BIN)/python -m pytest -n 2 --dist loadfile -q -m "slow or not slow"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q -m "slow or not slow"
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -10,10 +10,12 @@ import pytest
 import xarray as xr
 
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.identification import identify as identify_module
 from windsysid.identification.identify import identify
 from windsysid.identification.pieces import identify_pieces
 from windsysid.identification.prepare import add_noise, usable_sensors, with_noise
 from windsysid.identification.prior import Prior
+from windsysid.identification.spectral import identify_by_spectrum
 from windsysid.mechanics import Sensor
 from windsysid.mechanics.sensors import Accelerometer
 from windsysid.records.formats import read_record
@@ -297,7 +299,7 @@ def test_a_section_outside_the_record_is_refused(verne555, record):
 def test_options_that_do_not_belong_together_are_refused(verne555, record):
     with pytest.raises(ConfigurationError, match="the force balance takes no sensor list"):
         identify(record, verne555, formulation="force-balance", sensors=verne555.sensors)
-    with pytest.raises(ConfigurationError, match="formulation: expected joint, spectral or force-balance, got 'both'"):
+    with pytest.raises(ConfigurationError, match="expected auto, joint, spectral, force-balance; got 'both'"):
         identify(record, verne555, formulation="both")  # type: ignore[arg-type]
 
 
@@ -392,3 +394,40 @@ def test_openfasts_free_decay_is_identified_from_real_sensors(openfast, scale, s
     dampings = {mode.name: 100 * mode.damping_ratio[0] for mode in result.modes}
     known = {"tower x": 0.349, "lag backward": 0.582, "lag collective": 0.482, "lag forward": 0.404}
     assert dampings == pytest.approx(known, rel=0.10)
+
+
+def test_auto_goes_by_filters_and_holds_them_against_spectra(verne555):
+    record = simulate_record(verne555, duration=60.0, rate=100.0, seed=8)
+    found = identify(record, verne555, formulation="auto")
+    assert found.formulation == "joint"
+    assert found.diagnosis.trusted
+    assert any(note.startswith("joint formulation; spectra agree within") for note in found.notes)
+
+
+def test_auto_says_why_spectra_do_not_apply(verne555, record):
+    values = record.values.copy()
+    values[500:900, record.channels.index("tower_x_acceleration")] = np.nan
+    found = identify(replace(record, values=values), verne555, formulation="auto", loads="broadband")
+    assert found.formulation == "joint"
+    assert any("as spectra do not apply" in note and "missing samples" in note for note in found.notes)
+
+
+def test_auto_trusts_neither_where_filters_and_spectra_disagree(verne555, monkeypatch):
+    record = simulate_record(verne555, duration=60.0, rate=100.0, seed=8)
+    by_spectrum = identify_by_spectrum
+
+    def off(*asked, **options):
+        found = by_spectrum(*asked, **options)
+        return found._replace(theta=found.theta + 4.0 * np.sqrt(np.diag(found.cov)))
+
+    monkeypatch.setattr(identify_module, "identify_by_spectrum", off)
+    found = identify(record, verne555, formulation="auto")
+    assert not found.diagnosis.trusted
+    assert any("filters and spectra disagree on" in reason for reason in found.diagnosis.reasons)
+
+
+def test_auto_goes_by_spectra_in_wind(verne555):
+    record = simulate_record(verne555, duration=100.0, rate=100.0, seed=8003, loads="wind")
+    found = identify(record, verne555, formulation="auto")
+    assert found.formulation == "spectral"
+    assert any("wind drives a turning rotor" in note for note in found.notes)

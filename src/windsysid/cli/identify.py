@@ -41,11 +41,11 @@ def identify(
         Path | None, typer.Option(help="TOML list of the record's sensors; the turbine's usual ones by default.")
     ] = None,
     formulation: Annotated[
-        Literal["joint", "spectral", "force-balance"],
+        Literal["joint", "spectral", "force-balance", "auto"],
         typer.Option(
             help=(
-                "joint: from accelerometers, loads as states. spectral: a stationary record's spectra. "
-                "force-balance: the published study's."
+                "joint: accelerometers, loads as states. spectral: a stationary record's spectra. "
+                "force-balance: the published study's. auto: the record decides."
             )
         ),
     ] = "joint",

@@ -1,12 +1,15 @@
 """Identify: record + turbine + sensors → `Identification`, the front door of the house."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from typing import Literal, NamedTuple
 
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.conclude import Formulation, conclude
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.joint import identify_jointly
+from windsysid.identification.outcome import Outcome
 from windsysid.identification.prepare import (
     check_length,
     resample_for_model,
@@ -17,14 +20,21 @@ from windsysid.identification.prepare import (
 from windsysid.identification.prior import Prior
 from windsysid.identification.spectral import identify_by_spectrum
 from windsysid.inspection.screening import noted, screen
+from windsysid.loads.rotor_wind import RotorWind
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash, trace
 from windsysid.signals.inputs import TURNING
 from windsysid.turbine.coercion import TurbineLike, as_turbine
+from windsysid.turbine.turbine import Turbine
 
 __all__ = ["identify"]
+
+
+DISAGREEMENT = 3.0
+"""Standard deviations between what filters and spectra say of a coefficient, beyond which neither is trusted."""
 
 
 def identify(
@@ -32,7 +42,7 @@ def identify(
     turbine: TurbineLike,
     *,
     sensors: Sequence[Sensor] | None = None,
-    formulation: Formulation = "joint",
+    formulation: Formulation | Literal["auto"] = "joint",
     section: tuple[float, float] | None = None,
     prior: Prior | None = None,
     parameters: Sequence[str] | None = None,
@@ -54,7 +64,9 @@ def identify(
         force balance reads displacement, velocity and acceleration of every degree of freedom by name and integrates
         what is missing.
     formulation
-        ``"joint"``, ``"spectral"`` (stationary records; docs/spectral.md) or ``"force-balance"``.
+        ``"joint"``, ``"spectral"`` (stationary records; docs/spectral.md), ``"force-balance"``, or ``"auto"``: spectra
+        where the loads are wind on a turning rotor and nothing speaks against them, else joint, held against spectra
+        where the record is stationary.
     section
         Start and end of the part to use [s]; the whole record by default.
     prior
@@ -85,47 +97,116 @@ def identify(
         "rate": rate,
         "loads": loads,
     }
-    recorded = part = record.section(*section) if section else record
-    part = part.on_own_times() if formulation == "joint" else part.on_uniform_grid()
-    if formulation == "joint":
-        found = usable_sensors(part, turbine, sensors)
-        faults = noted(screened(recorded, turbine, found))
-        part, steps, resampled = resample_for_model(part, turbine, rate, sensors or turbine.sensors)
-        check_length(part.name, part.duration, part.rate, turbine)
-        outcome = identify_jointly(part, turbine, found, prior or Prior(), parameters, loads=loads)
-        outcome = thin_to_readings(outcome, steps)._replace(notes=(*resampled, *outcome.notes, *faults))
-        read = replace(part, time=part.time[::steps], values=part.values[::steps])
-        return conclude(
-            outcome, read, formulation, provenance=trace(record, record_hash(record), turbine, found, options)
+    if formulation not in _WAYS:
+        raise ConfigurationError(f"formulation: expected {', '.join(_WAYS)}; got '{formulation}'")
+    part = record.section(*section) if section else record
+    asked = _Asked(record, part, turbine, sensors, prior, parameters, rate, loads)
+    found = _WAYS[formulation](asked)
+    return conclude(
+        found.outcome, found.read, found.formulation,
+        provenance=trace(record, record_hash(record), turbine, found.sensors, options),
+    )  # fmt: skip
+
+
+class _Asked(NamedTuple):
+    """What a caller of `identify` wants to know."""
+
+    record: Record
+    part: Record
+    turbine: Turbine
+    sensors: Sequence[Sensor] | None
+    prior: Prior | None
+    parameters: Sequence[str] | None
+    rate: float | None
+    loads: str
+
+
+class _Found(NamedTuple):
+    """What a formulation found, on which record and with which sensors."""
+
+    formulation: Formulation
+    outcome: Outcome
+    read: Record
+    sensors: tuple[Sensor, ...]
+
+    def saying(self, note: str, *doubts: str) -> "_Found":
+        """The same with a note, and what speaks against it."""
+        outcome = self.outcome
+        return self._replace(outcome=outcome._replace(notes=(*outcome.notes, note), doubts=(*outcome.doubts, *doubts)))
+
+
+def _jointly(asked: _Asked) -> _Found:
+    part, turbine, sensors = asked.part.on_own_times(), asked.turbine, asked.sensors
+    found = usable_sensors(part, turbine, sensors)
+    faults = noted(screened(asked.part, turbine, found))
+    part, steps, resampled = resample_for_model(part, turbine, asked.rate, sensors or turbine.sensors)
+    check_length(part.name, part.duration, part.rate, turbine)
+    outcome = identify_jointly(part, turbine, found, asked.prior or Prior(), asked.parameters, loads=asked.loads)
+    outcome = thin_to_readings(outcome, steps)._replace(notes=(*resampled, *outcome.notes, *faults))
+    read = replace(part, time=part.time[::steps], values=part.values[::steps])
+    return _Found("joint", outcome, read, found)
+
+
+def _by_spectra(asked: _Asked) -> _Found:
+    part, turbine = asked.part.on_uniform_grid(), asked.turbine
+    check_length(part.name, part.duration, part.rate, turbine)
+    if asked.rate is not None:
+        raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
+    found = usable_sensors(part, turbine, asked.sensors)
+    faults = noted(screened(asked.part, turbine, found))
+    outcome = identify_by_spectrum(part, turbine, found, asked.prior or Prior(), asked.parameters, loads=asked.loads)
+    return _Found("spectral", outcome._replace(notes=(*outcome.notes, *faults)), part, found)
+
+
+def _by_force_balance(asked: _Asked) -> _Found:
+    part, turbine = asked.part.on_uniform_grid(), asked.turbine
+    check_length(part.name, part.duration, part.rate, turbine)
+    if asked.sensors is not None:
+        raise ConfigurationError(
+            "the force balance takes no sensor list: it reads tower_x_acceleration, blade_1_lag_displacement … by name"
         )
-    if formulation == "spectral":
-        check_length(part.name, part.duration, part.rate, turbine)
-        if rate is not None:
-            raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
-        found = usable_sensors(part, turbine, sensors)
-        faults = noted(screened(recorded, turbine, found))
-        outcome = identify_by_spectrum(part, turbine, found, prior or Prior(), parameters, loads=loads)
-        outcome = outcome._replace(notes=(*outcome.notes, *faults))
-        return conclude(
-            outcome, part, formulation, provenance=trace(record, record_hash(record), turbine, found, options)
-        )
-    if formulation == "force-balance":
-        check_length(part.name, part.duration, part.rate, turbine)
-        if sensors is not None:
-            raise ConfigurationError(
-                "the force balance takes no sensor list: it reads tower_x_acceleration, blade_1_lag_displacement … "
-                "by name"
-            )
-        if parameters is not None:
-            raise ConfigurationError("the force balance identifies all coefficients at once: leave `parameters` out")
-        if rate is not None:
-            raise ConfigurationError("the force balance filters the record as it is: leave the rate out")
-        if loads != "auto":
-            raise ConfigurationError("the force balance has no model of the loads: leave `loads` out")
-        whole = record.on_uniform_grid()
-        measured = measured_channels(part, turbine)
-        faults = noted(screen(recorded, turbine, measured, others=(*TURNING, *turbine.model.loads)))
-        outcome = identify_by_force_balance(whole, part, turbine, prior or Prior(spread=1.0))
-        outcome = outcome._replace(notes=(*outcome.notes, *faults))
-        return conclude(outcome, part, formulation, provenance=trace(record, record_hash(record), turbine, (), options))
-    raise ConfigurationError(f"formulation: expected joint, spectral or force-balance, got '{formulation}'")
+    if asked.parameters is not None:
+        raise ConfigurationError("the force balance identifies all coefficients at once: leave `parameters` out")
+    if asked.rate is not None:
+        raise ConfigurationError("the force balance filters the record as it is: leave the rate out")
+    if asked.loads != "auto":
+        raise ConfigurationError("the force balance has no model of the loads: leave `loads` out")
+    whole = asked.record.on_uniform_grid()
+    measured = measured_channels(part, turbine)
+    faults = noted(screen(asked.part, turbine, measured, others=(*TURNING, *turbine.model.loads)))
+    outcome = identify_by_force_balance(whole, part, turbine, asked.prior or Prior(spread=1.0))
+    return _Found("force-balance", outcome._replace(notes=(*outcome.notes, *faults)), part, ())
+
+
+def _by_what_fits(asked: _Asked) -> _Found:
+    """By spectra under wind, jointly otherwise, and then held against spectra where they apply."""
+    try:
+        spectral = _by_spectra(asked)
+    except WindsysidError as error:
+        return _jointly(asked).saying(f"joint formulation, as spectra do not apply ({error})")
+    doubts = spectral.outcome.doubts
+    if spectral.outcome.hypothesis == RotorWind.name and not doubts:
+        return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
+    joint = _jointly(asked)
+    if doubts:
+        return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
+    name, off = _compare(joint.outcome, spectral.outcome)
+    if off > DISAGREEMENT:
+        doubt = f"filters and spectra disagree on {name} by {off:.1f} standard deviations: loads are not as modelled"
+        return joint.saying("joint formulation; spectra were asked, too", doubt)
+    return joint.saying(f"joint formulation; spectra agree within {off:.1f} standard deviations")
+
+
+def _compare(one: Outcome, other: Outcome) -> tuple[str, float]:
+    """The parameter on which two results differ most, in the larger of their standard deviations."""
+    names = [q.name for q in other.model.parameters]
+    off = {}
+    for i, q in enumerate(one.model.parameters):
+        if q.name in names:
+            j = names.index(q.name)
+            off[q.name] = abs(one.theta[i] - other.theta[j]) / math.sqrt(max(one.cov[i, i], other.cov[j, j]))
+    worst = max(off, key=lambda name: off[name])
+    return worst, float(off[worst])
+
+
+_WAYS = {"auto": _by_what_fits, "joint": _jointly, "spectral": _by_spectra, "force-balance": _by_force_balance}

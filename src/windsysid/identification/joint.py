@@ -96,6 +96,7 @@ def describe_solution(
         joint_cov=solution.cov,
         whiteness=solution.whiteness,
         log_likelihood=solution.log_likelihood,
+        hypothesis=problem.loads.name,
     )
 
 

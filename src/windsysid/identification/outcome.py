@@ -60,6 +60,8 @@ class Outcome(NamedTuple):
         The innovations against white noise where that was judged already; None where those of `final` are to be judged.
     log_likelihood
         Of all readings, where `final` does not hold them all.
+    hypothesis
+        Name of what the loads were taken for; empty where nothing was supposed.
     """
 
     turbine: Turbine
@@ -79,6 +81,7 @@ class Outcome(NamedTuple):
     joint_cov: Array | None = None
     whiteness: Whiteness | None = None
     log_likelihood: float | None = None
+    hypothesis: str = ""
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:

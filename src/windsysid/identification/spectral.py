@@ -23,6 +23,7 @@ from windsysid.identification.problem import seen_by
 from windsysid.identification.spectral_bands import read_in_bands
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.family import hypothesis
+from windsysid.loads.rotor_wind import RotorWind
 from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -131,6 +132,7 @@ def identify_by_spectrum(
         statistics=learned_statistics(model.statistics, eta, joint_cov[n:, n:]),
         doubts=tuple(doubts),
         joint_cov=joint_cov,
+        hypothesis=name,
     )
 
 
@@ -161,6 +163,7 @@ def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str
         statistics=learned_statistics(found.statistics, found.unknowns[n + 1 :], found.cov[n + 1 :, n + 1 :]),
         doubts=(*doubts, *found.doubts),
         joint_cov=found.cov[np.ix_(keep, keep)],
+        hypothesis=RotorWind.name,
     )
 
 
