@@ -54,8 +54,8 @@ MAX_HALVINGS = 8
 """How often a step that does not raise the posterior is halved."""
 
 INCREMENT = 0.01
-"""Width of the forward differences, in standard deviations of a parameter with all others held: so narrow that their
-curvature does not matter, and a thousand million times wider than rounding."""
+"""Width of the forward differences, in standard deviations of a parameter with all others held: so narrow that
+curvature does not matter, and far wider than rounding."""
 
 THREADS = 2
 

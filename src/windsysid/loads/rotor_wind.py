@@ -108,14 +108,18 @@ class RotorWind(LoadHypothesis):
     def start_from(self, louder: Values, statistics: Sequence[Statistic]) -> dict[str, float]:
         """What the hub feels alone is as much louder as the loudest load on the support, all else as the loudest on a
         blade."""
-        hub = {name: factor for name, factor in louder.items() if name in ("load_rms_x", "load_rms_y")}
-        blades = {name: factor for name, factor in louder.items() if name not in hub}
+        loudest = max(louder.values(), default=1.0)
+        of_hub = [louder[name] for name in _LEVELS_OF_HUB if name in louder]
+        of_blades = [factor for name, factor in louder.items() if name not in _LEVELS_OF_HUB]
+        hub, blades = max(of_hub, default=loudest), max(of_blades, default=loudest)
         return {
-            s.name: s.given * max(((hub if s.name == "load_rms_hub" else blades) or louder or {"": 1.0}).values())
+            s.name: s.given * (hub if s.name == "load_rms_hub" else blades)
             for s in statistics
             if s.name.startswith("load_rms")
         }
 
+
+_LEVELS_OF_HUB = ("load_rms_x", "load_rms_y")
 
 LEVER_RISE = 0.4
 """Given value of ρ."""
