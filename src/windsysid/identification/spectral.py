@@ -24,7 +24,7 @@ from windsysid.identification.spectral_bands import read_in_bands
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.family import hypothesis
 from windsysid.loads.rotor_wind import RotorWind
-from windsysid.loads.statistics import learned_statistics
+from windsysid.loads.statistics import Statistic, learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.spectral.band_pose import belongs_in_bands
@@ -98,9 +98,6 @@ def identify_by_spectrum(
     model = posed.model
     doubts += _doubts(question, posed, best, name)
     n, lag = len(question.parameters), model.lag
-    keep = np.r_[0:n, n + lag : len(best.unknowns)]
-    joint_cov = best.cov[np.ix_(keep, keep)]
-    theta, eta = best.unknowns[:n], best.unknowns[n + lag :]
     if lag:
         angle, std = 1e3 * best.unknowns[n], 1e3 * math.sqrt(best.cov[n, n])
         notes.append(f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad")
@@ -110,38 +107,31 @@ def identify_by_spectrum(
         f"aerodynamics",
         f"read at {where}; what repeats in every turn was taken out",
     ]
-    elapsed = time.perf_counter() - started
-    return Outcome(
-        turbine=question.turbine,
-        model=compose(
-            question.turbine.model,
-            rate=record.rate,
-            values=question.turbine.values,
-            parameters=question.parameters,
-            sensors=sensors,
-        ),
-        history_mean=theta[None],
-        history_std=np.sqrt(np.diag(best.cov)[:n])[None],
-        final=_no_innovations(len(sensors), best.log_likelihood),
-        theta=theta,
-        cov=best.cov[:n, :n],
-        rotor=inputs,
-        channels=tuple(sensor.channel for sensor in sensors),
-        elapsed=elapsed,
-        notes=tuple(notes),
-        statistics=learned_statistics(model.statistics, eta, joint_cov[n:, n:]),
-        doubts=tuple(doubts),
-        joint_cov=joint_cov,
-        hypothesis=name,
-    )
+    return _outcome(
+        question, best.unknowns, best.cov, lag, log_likelihood=best.log_likelihood, statistics=model.statistics,
+        elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
+    )  # fmt: skip
 
 
 def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome:
     """The result of a rotor that is read in bands."""
     started = time.perf_counter()
     found = read_in_bands(question, loads)
+    return _outcome(
+        question, found.unknowns, found.cov, 1, log_likelihood=found.log_likelihood, statistics=found.statistics,
+        elapsed=time.perf_counter() - started, notes=(*notes, *found.notes), doubts=(*doubts, *found.doubts),
+        hypothesis=RotorWind.name,
+    )  # fmt: skip
+
+
+def _outcome(
+    question: Question, unknowns: Array, cov: Array, lag: int, *, log_likelihood: float,
+    statistics: Sequence[Statistic], elapsed: float, notes: Sequence[str], doubts: Sequence[str], hypothesis: str,
+) -> Outcome:  # fmt: skip
+    """What was found, from all unknowns: θ, then the mean lag angle where `lag` is 1, then η."""
     n = len(question.parameters)
-    keep = np.r_[0:n, n + 1 : len(found.unknowns)]
+    keep = np.r_[0:n, n + lag : len(unknowns)]
+    joint_cov = cov[np.ix_(keep, keep)]
     return Outcome(
         turbine=question.turbine,
         model=compose(
@@ -151,19 +141,19 @@ def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str
             parameters=question.parameters,
             sensors=question.sensors,
         ),
-        history_mean=found.unknowns[None, :n],
-        history_std=np.sqrt(np.diag(found.cov)[:n])[None],
-        final=_no_innovations(len(question.sensors), found.log_likelihood),
-        theta=found.unknowns[:n],
-        cov=found.cov[:n, :n],
+        history_mean=unknowns[None, :n],
+        history_std=np.sqrt(np.diag(cov)[:n])[None],
+        final=_no_innovations(len(question.sensors), log_likelihood),
+        theta=unknowns[:n],
+        cov=cov[:n, :n],
         rotor=question.inputs,
         channels=tuple(sensor.channel for sensor in question.sensors),
-        elapsed=time.perf_counter() - started,
-        notes=(*notes, *found.notes),
-        statistics=learned_statistics(found.statistics, found.unknowns[n + 1 :], found.cov[n + 1 :, n + 1 :]),
-        doubts=(*doubts, *found.doubts),
-        joint_cov=found.cov[np.ix_(keep, keep)],
-        hypothesis=RotorWind.name,
+        elapsed=elapsed,
+        notes=tuple(notes),
+        statistics=learned_statistics(statistics, unknowns[n + lag :], joint_cov[n:, n:]),
+        doubts=tuple(doubts),
+        joint_cov=joint_cov,
+        hypothesis=hypothesis,
     )
 
 
