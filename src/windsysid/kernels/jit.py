@@ -129,14 +129,17 @@ class _Cache:
         """Forget nothing: what is out of date has another name."""
 
 
-def compiled(function: Callable[..., Any], signature: object, *, borrows: bool = False) -> Any:
+def compiled(
+    function: Callable[..., Any], signature: object, *, borrows: bool = False, source: Path | None = None
+) -> Any:
     """`function` compiled for one explicit signature, from the cache on disk where it can be, else anew.
 
-    A function that `borrows` its arrays counts no references to them, and can make none.
+    A function that `borrows` its arrays counts no references to them, and can make none. What a function with a closure
+    does must be all in the file `source`.
     """
     dispatcher = numba.njit(_nrt=not borrows, **_OPTIONS)(function)
-    path = Path(sys.modules[function.__module__].__file__ or "")
-    if path.is_file() and function.__closure__ is None:
+    path = source or Path(sys.modules[function.__module__].__file__ or "")
+    if path.is_file() and (source or function.__closure__ is None):
         versions = (numba.__version__, llvmlite.__version__, sys.version)
         sources = sorted(_sources(path).items())
         dispatcher._cache = _Cache(function, f"{versions} {sources} {function.__qualname__} {borrows}")

@@ -4,8 +4,8 @@ A model is written out as one readable Python module in the user's cache folder 
 by a hash of what it was made from, and compiled from there; a warm run imports that module and never SymPy. Per model
 there are two quantities, the rates ẋ and the readings y, each as a value kernel and as a kernel with its Jacobians,
 with one fixed signature for all models (`windsysid.kernels.jit`). The Jacobian kernels can also be compiled for several
-models side by side: the generated arithmetic is the same for numbers and for vectors (`windsysid.kernels.simd`), and
-what depends on inputs alone stays a number.
+models side by side: the generated arithmetic is the same for numbers and for vectors (`windsysid.kernels.assemble`),
+and what depends on inputs alone stays a number.
 """
 
 import hashlib
@@ -19,8 +19,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from windsysid.kernels.assemble import assembled
 from windsysid.kernels.cache import cache_folder, keep, kept, logger, write_whole
-from windsysid.kernels.jit import JACOBIAN, LANE_JACOBIAN, VALUE, compiled
+from windsysid.kernels.jit import JACOBIAN, LANE_JACOBIAN, VALUE
 
 if TYPE_CHECKING:
     pass
@@ -39,6 +40,7 @@ class CompiledModel:
     """
 
     module: ModuleType
+    source: str
 
     @property
     def name(self) -> str:
@@ -78,32 +80,32 @@ class CompiledModel:
     @cached_property
     def rates(self) -> Any:
         """Kernel of ẋ."""
-        return compiled(self.module.rates, VALUE)
+        return assembled(self.module, self.source, "rates", VALUE)
 
     @cached_property
     def rates_jacobian(self) -> Any:
         """Kernel of ẋ with ∂ẋ/∂x, ∂ẋ/∂p, ∂ẋ/∂w."""
-        return compiled(self.module.rates_jacobian, JACOBIAN)
+        return assembled(self.module, self.source, "rates_jacobian", JACOBIAN)
 
     @cached_property
     def reading(self) -> Any:
         """Kernel of y."""
-        return compiled(self.module.reading, VALUE)
+        return assembled(self.module, self.source, "reading", VALUE)
 
     @cached_property
     def reading_jacobian(self) -> Any:
         """Kernel of y with ∂y/∂x, ∂y/∂p, ∂y/∂w."""
-        return compiled(self.module.reading_jacobian, JACOBIAN)
+        return assembled(self.module, self.source, "reading_jacobian", JACOBIAN)
 
     @cached_property
     def rates_of_lanes(self) -> Any:
         """`rates_jacobian` for `windsysid.kernels.simd.LANES` models at once."""
-        return compiled(self.module.rates_jacobian, LANE_JACOBIAN)
+        return assembled(self.module, self.source, "rates_jacobian", LANE_JACOBIAN)
 
     @cached_property
     def reading_of_lanes(self) -> Any:
         """`reading_jacobian` for `windsysid.kernels.simd.LANES` models at once."""
-        return compiled(self.module.reading_jacobian, LANE_JACOBIAN)
+        return assembled(self.module, self.source, "reading_jacobian", LANE_JACOBIAN)
 
 
 def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequence[str] = ()) -> CompiledModel:
@@ -126,7 +128,7 @@ def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequenc
 
             source = generate_source(model, sensors, identified)
             write_whole(path, f"{source}{_checksum(source)}\n".encode())
-        cached = _loaded[key] = CompiledModel(_import(path, source))
+        cached = _loaded[key] = CompiledModel(_import(path, source), source)
     return cached
 
 
@@ -154,10 +156,9 @@ def _announce() -> None:
 
 @lru_cache(maxsize=1)
 def _version() -> str:
-    """What the generated source and its kernels depend on besides the model: this package's mechanics and vectors, and
-    SymPy."""
+    """What the generated source depends on besides the model: this package's mechanics, and SymPy."""
     digest = hashlib.sha256()
-    for path in (*sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "kernels" / "simd.py"):
+    for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
     return f"{digest.hexdigest()} sympy {metadata.version('sympy')}"
 
@@ -190,6 +191,5 @@ def _import(path: Path, source: str) -> ModuleType:
         keep(beside, digest + marshal.dumps(code))
     module = ModuleType(f"windsysid_{path.stem}")
     module.__file__ = str(path)
-    sys.modules[module.__name__] = module  # Numba finds a cached function's globals by its module's name
     exec(code, module.__dict__)
     return module

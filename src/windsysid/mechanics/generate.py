@@ -44,7 +44,7 @@ def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence
         "",
         f"from math import {', '.join(MATH)}",
         "",
-        "from windsysid.kernels.simd import where",
+        "from windsysid.kernels.assemble import where",
         "",
         f"NAME = {equations.name!r}",
     ]
@@ -208,7 +208,7 @@ def _indented(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _text(expression: sp.Expr) -> str:
-    """An expression as Python arithmetic that Numba compiles."""
+    """An expression as Python arithmetic that `windsysid.kernels.assemble` compiles."""
     from sympy.printing.codeprinter import PrintMethodNotImplementedError
 
     try:
