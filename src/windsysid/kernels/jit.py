@@ -107,8 +107,9 @@ class _Cache:
     def load_overload(self, signature: object, target: Any) -> Any:
         """The compiled function, or None where it has to be compiled."""
         from numba.core.compiler import CompileResult
+        from numba.core.runtime.nrt import rtsys
 
-        target.refresh()
+        rtsys.initialize(target)  # all that machine code needs; what compiling needs takes half a second to import
         payload = kept(self._path(signature, target.codegen()))
         if payload is None:
             return None
