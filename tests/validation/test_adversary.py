@@ -1,0 +1,37 @@
+"""The simulator that shares no code with windsysid agrees with windsysid's own equations, and its loads are what they
+are called."""
+
+import numpy as np
+import pytest
+
+from validation.adversary.loads import gauss_markov, narrow_band
+from validation.adversary.machine import Machine, accelerations
+from windsysid.mechanics.compile import compile_model
+from windsysid.simulation.integrate import integrate
+from windsysid.turbine.file import load_turbine
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_own_equations_agree_with_those_that_windsysid_derives(seed: int):
+    rng = np.random.default_rng(seed)
+    q, rates, loads = 0.1 * rng.standard_normal(5), rng.standard_normal(5), 100.0 * rng.standard_normal(5)
+    psi = rng.uniform(0.0, 6.0)
+    turbine = load_turbine("verne555")
+    model = compile_model(turbine.model, turbine.sensors)
+    inputs = np.concatenate([[psi, turbine.rotor_speed, 0.0], loads])[None, :]
+    p = np.array([turbine.values[name] for name in model.parameters])
+    theirs = integrate(model, p, inputs, rate=100.0, start=np.concatenate([q, rates])).rates[0, 5:]
+    ours = accelerations(Machine(), psi, q, rates, loads)
+    assert np.max(np.abs(ours - theirs)) < 1e-10 * np.max(np.abs(theirs))
+
+
+def test_loads_have_the_level_and_the_memory_that_they_are_given():
+    rng = np.random.default_rng(1)
+    drawn = gauss_markov(rng, 400_000, 15.0, 1.0)  # 200 s, 100 times the memory
+    assert np.std(drawn) == pytest.approx(15.0, rel=0.25)
+    later = 1000  # half a second
+    assert np.mean(drawn[later:] * drawn[:-later]) / np.var(drawn) == pytest.approx(np.exp(-0.5), abs=0.1)
+    line = narrow_band(rng, 400_000, 2.0, 3.0, 0.01)
+    power = np.abs(np.fft.rfft(line)) ** 2
+    assert np.argmax(power) / 200.0 == pytest.approx(3.0, rel=0.05)
+    assert np.std(line) == pytest.approx(2.0, rel=0.3)

@@ -1,0 +1,5 @@
+"""``python -m validation.adversary``."""
+
+from validation.adversary.campaign import main
+
+main()

@@ -1,0 +1,165 @@
+"""Identify records that windsysid did not make, and count where "trust: yes" was false.
+
+``python -m validation.adversary [--only NAME ...] [--runs N] [--first SEED]`` prints a table. What is found is kept in
+a folder as it comes: interrupted, the same command goes on. Each record is identified as a user would, with the
+packaged turbine file and priors drawn 30 % off. A coefficient is held where ±2σ holds the truth; errors z are in
+standard deviations.
+"""
+
+import argparse
+import json
+import re
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import windsysid as ws
+from validation.adversary.scenarios import HEALTHY, SCENARIOS, record
+from windsysid.errors import WindsysidError
+from windsysid.output.console import render
+from windsysid.study.drawn_prior import DrawnPrior
+
+__all__ = ["GROUPS", "identify_one", "main", "summarise"]
+
+GROUPS = {"k_tower": ("k_x", "k_y"), "k_blade": "k_beta", "c_tower": ("c_x", "c_y"), "c_blade": "c_beta"}
+"""Coefficients that are alike, by the beginnings of their names."""
+
+FOLDER = Path("results/adversary")
+
+Run = dict[str, Any]
+
+
+def identify_one(name: str, seed: int, folder: Path | None = None) -> Run:
+    """Identify one record of a scenario; with `folder`, its innovations are kept there, too."""
+    kind, begun = SCENARIOS[name], time.process_time()
+    run: Run = {"scenario": name, "seed": seed}
+    try:
+        found = ws.identify(record(name, seed), "verne555", prior=DrawnPrior(seed=seed), formulation=kind.formulation)  # type: ignore[arg-type]
+    except WindsysidError as error:
+        return run | {"refused": str(error)}
+    z = []
+    for e, q, std in zip(found.estimates, found.parameters, np.sqrt(np.diag(found.cov)), strict=True):
+        truth = kind.machine.truth.get(e.name)
+        z.append(None if truth is None else float(q.coordinate(e.estimate) - q.coordinate(truth)) / float(std))
+    if folder is not None:
+        np.savez_compressed(
+            folder / f"{re.sub('[^a-z0-9.]+', '-', name.lower())}-{seed}.npz",
+            whitened=found.whitened.astype(np.float32),
+            loads=np.empty(0) if found.loads is None else found.loads.mean.astype(np.float32),
+        )
+    diagnosis = found.diagnosis
+    return run | {
+        "names": [e.name for e in found.estimates],
+        "z": z,
+        "relative": [
+            e.estimate / kind.machine.truth[e.name] - 1.0 if e.name in kind.machine.truth else None
+            for e in found.estimates
+        ],
+        "trusted": diagnosis.trusted,
+        "reasons": list(diagnosis.reasons),
+        "remarks": list(diagnosis.remarks),
+        "notes": list(found.notes),
+        "rate": found.rate,
+        "statistics": {s.name: [s.estimate, s.low, s.high] for s in found.statistics},
+        "innovations": diagnosis.summary()["innovations"],
+        "seconds": time.process_time() - begun,
+    }
+
+
+def run_all(names: list[str], seeds: range, folder: Path) -> list[Run]:
+    """Identify what the folder does not hold yet, a seed of every scenario before the next seed; all that it holds."""
+    folder.mkdir(parents=True, exist_ok=True)
+    results = folder / "runs.jsonl"
+    lines = results.read_text(encoding="utf-8").splitlines() if results.exists() else []
+    runs = [json.loads(line) for line in lines if line.endswith("}")]
+    done = {(run["scenario"], run["seed"]) for run in runs}
+    todo = [(name, seed) for seed in seeds for name in names if (name, seed) not in done]
+    begun = time.perf_counter()
+    for i, (name, seed) in enumerate(todo, start=1):
+        run = identify_one(name, seed, folder)
+        with results.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(run) + "\n")
+        runs.append(run)
+        left = (time.perf_counter() - begun) / i * (len(todo) - i) / 60.0
+        print(f"\r{i} of {len(todo)} records, {left:.0f} minutes left   ", end="", file=sys.stderr, flush=True)
+    return [run for run in runs if run["scenario"] in names and run["seed"] in seeds]
+
+
+def summarise(runs: list[Run]) -> dict[str, float]:
+    """Coverage of all and of each group, share of trusted results, coverage of those and their worst error."""
+    found = [run for run in runs if "z" in run]
+    every, trusted = _errors(found), _errors([run for run in found if run["trusted"]])
+    row = {f"covered {group}": _share(every[group]) for group in GROUPS}
+    row |= {f"trusted {group}": _share(trusted[group]) for group in GROUPS}
+    pooled = {"all": np.concatenate([*every.values()]), "trusted": np.concatenate([*trusted.values()])}
+    return row | {
+        "runs": len(runs),
+        "refused": len(runs) - len(found),
+        "trust": sum(run["trusted"] for run in found) / max(len(runs), 1),
+        "covered": _share(pooled["all"]),
+        "covered of trusted": _share(pooled["trusted"]),
+        "worst of trusted": float(np.max(np.abs(pooled["trusted"]), initial=0.0)),
+    }
+
+
+def _errors(runs: list[Run]) -> dict[str, NDArray[np.float64]]:
+    """Errors in standard deviations by group."""
+    return {
+        group: np.array(
+            [
+                z
+                for run in runs
+                for n, z in zip(run["names"], run["z"], strict=True)
+                if n.startswith(beginnings) and z is not None
+            ]
+        )
+        for group, beginnings in GROUPS.items()
+    }
+
+
+def _share(z: NDArray[np.float64]) -> float:
+    return float(np.mean(np.abs(z) < 2.0)) if z.size else float("nan")
+
+
+def _named(run: Run) -> str:
+    """The cause that the first reason of a result names."""
+    if "refused" in run:
+        return "refused"
+    return "" if run["trusted"] else run["reasons"][0]
+
+
+def main() -> None:
+    """Print the table."""
+    from rich.table import Table
+
+    parser = argparse.ArgumentParser(prog="python -m validation.adversary", description=__doc__)
+    parser.add_argument("--only", nargs="+", default=[""], metavar="NAME", help="scenarios whose names begin so (all)")
+    parser.add_argument("--runs", type=int, default=40, help="records of each scenario (40)")
+    parser.add_argument("--first", type=int, default=1000, help="seed of the first (1000)")
+    parser.add_argument("--folder", type=Path, default=FOLDER, help="where results are kept (results/adversary)")
+    options = parser.parse_args()
+    names = [name for name in SCENARIOS if name.startswith(tuple(options.only))]
+    if not names:
+        parser.error(f"--only: expected the beginning of a scenario's name, got {' '.join(options.only)}")
+    runs = run_all(names, range(options.first, options.first + options.runs), options.folder)
+    table = Table(title=f"{options.runs} records each, priors 30 % off: ±2σ holds, in %", title_justify="left")
+    for heading in ("scenario", "all", *GROUPS, "trusted", "of those: all", *GROUPS, "worst |z|", "first reason named"):
+        table.add_column(heading, justify="right" if heading not in ("scenario", "first reason named") else "left")
+    wholes = {"healthy": [n for n in names if SCENARIOS[n].wrong == HEALTHY], "all": names}
+    for label, members in {**{name: [name] for name in names}, **wholes}.items():
+        mine = [run for run in runs if run["scenario"] in members]
+        s = summarise(mine)
+        causes = [cause for cause in map(_named, mine) if cause]
+        most = max(set(causes), key=causes.count) if causes and label not in wholes else ""
+        percent = [s["covered"], *(s[f"covered {g}"] for g in GROUPS), s["trust"], s["covered of trusted"]]
+        percent += [s[f"trusted {g}"] for g in GROUPS]
+        table.add_row(label, *(f"{100 * p:.0f}" for p in percent), f"{s['worst of trusted']:.1f}", most)
+    print(render(table))
+
+
+if __name__ == "__main__":
+    main()
