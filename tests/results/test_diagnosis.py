@@ -155,7 +155,7 @@ def test_one_channel_of_another_size_is_named():
     z = white(5000, 8)
     z[:, 3] *= 1.6
     (reason,) = diagnosed(z).reasons
-    assert "innovations of channel_3 are 1.6 times" in reason
+    assert "innovations of channel_3 are 1.61 times" in reason
 
 
 def test_spikes_are_counted():

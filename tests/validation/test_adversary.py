@@ -3,9 +3,9 @@ are called."""
 
 import numpy as np
 import pytest
-
 from validation.adversary.loads import gauss_markov, narrow_band
 from validation.adversary.machine import Machine, accelerations
+
 from windsysid.mechanics.compile import compile_model
 from windsysid.simulation.integrate import integrate
 from windsysid.turbine.file import load_turbine

@@ -53,7 +53,7 @@ class Scenario(NamedTuple):
     instruments: Instruments = Instruments()
     machine: Machine = Machine()
     duration: float = 100.0
-    rate: float = 100.0
+    rate: float = 50.0
     formulation: str = "joint"
 
 
@@ -88,7 +88,7 @@ SCENARIOS: dict[str, Scenario] = {
     "600 s at 50 Hz": Scenario(HEALTHY, duration=600.0, rate=50.0),
     "11 Hz": Scenario(HEALTHY, rate=11.0),
     "20 Hz": Scenario(HEALTHY, rate=20.0),
-    "200 Hz": Scenario(HEALTHY, duration=50.0, rate=200.0),
+    "200 Hz": Scenario(HEALTHY, duration=30.0, rate=200.0),
     "12 bits": Scenario(HEALTHY, instruments=Instruments(bits=12)),
     "time constants 0.5 ... 2 s": Scenario("loads", independent((1.0,) * 5, (2.0, 0.5, 0.5, 1.0, 2.0))),
     "x and y correlated 0.7": Scenario("loads", common(_mixing({(0, 1): 1.0, (1, 0): 0.0}))),

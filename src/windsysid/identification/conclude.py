@@ -1,6 +1,7 @@
 """From what a formulation found to an `Identification` in physical units."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -15,8 +16,11 @@ from windsysid.modal.analysis import modes_with_bands
 from windsysid.records.record import Record
 from windsysid.results.diagnosis import diagnose
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
+from windsysid.results.lines import Line, find_line
+from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
+from windsysid.results.whiteness import FALSE_ALARM_CHANCE
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Formulation", "conclude"]
@@ -87,6 +91,7 @@ def conclude(
         doubts=outcome.doubts,
         whiteness=outcome.whiteness,
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
+        line=_line(outcome, record, modes, speed) if formulation != "force-balance" else None,
     )
     return Identification(
         method=_METHODS[formulation],
@@ -122,6 +127,19 @@ def conclude(
         provenance=provenance,
         joint_cov=outcome.joint_cov,
     )
+
+
+def _line(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float) -> Line | None:
+    """What stands out most of the readings beside a mode; modes are at least half as wide as the file's."""
+    if not (modes and record.is_uniform):
+        return None
+    least = [0.5 * mode.reference[1] if mode.reference else 0.0 for mode in modes]
+    known = [(m.frequency_hz[0], max(m.damping_ratio[0], z)) for m, z in zip(modes, least, strict=True)]
+    readings = np.column_stack([record[channel] for channel in outcome.channels])
+    return find_line(
+        readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=abs(speed) / (2.0 * math.pi),
+        chance=FALSE_ALARM_CHANCE,
+    )  # fmt: skip
 
 
 def _conditions(record: Record, rotor_speed: float) -> Conditions:

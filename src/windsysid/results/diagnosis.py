@@ -33,6 +33,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters import Info
 from windsysid.results.directions import describe_directions
+from windsysid.results.lines import Line
 from windsysid.results.stretches import MIN_REMARKED_OUTLIERS, OUTLIER_SIGMAS, band_of_interest
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE, Whiteness, chance_limit, examine
 from windsysid.statespace.parameter import Parameter
@@ -42,24 +43,27 @@ __all__ = ["CoefficientCheck", "Diagnosis", "diagnose"]
 Band = tuple[float, float, float]
 """Value, and ±2σ around it: low, high."""
 
-PEAK_MAX_LEVEL = 3.0
-"""Level of the spectrum from which a peak within reach of a natural frequency condemns a result: bands are √3 too
-narrow for what answers there. Peaks from `PEAK_REMARK_LEVEL` on are remarked."""
+PEAK_MAX_LEVEL = 2.0
+"""Level of the spectrum from which a peak within reach of a natural frequency condemns a result: bands are √2 too
+narrow for what answers there."""
 
-PEAK_REMARK_LEVEL = 2.0
+FAR_REMARK_LEVEL = 3.0
+"""Level from which a peak out of reach is remarked."""
 
-NEAR_MAX_LEVEL = 2.0
+NEAR_MAX_LEVEL = 1.6
 
 COLOUR_REMARK_LEVEL = 0.02
 """Least sum of squared autocorrelations that is remarked as colour; a correlation of 0.14 between samples gives it."""
 
-SIZE_MAX_FACTOR = 1.25
-"""Greatest factor on normalised innovation squared; beyond it all bands are off by more than a tenth.
+SIZE_MAX_FACTOR, CHANNEL_MAX_FACTOR = 1.1, 1.15
+"""Greatest factor on normalised innovation squared, of all channels together and of one. Levels of loads and noise are
+learned, so that healthy records scatter by 0.02; what is beyond is a channel that the levels learned do not fit."""
 
-`CHANNEL_MAX_FACTOR` is for one channel alone.
-"""
+MAX_SIGMAS = 5.0
+"""Standard deviations of chance beyond which level, tails and what channels share count, where they are large, too."""
 
-CHANNEL_MAX_FACTOR = 2.0
+UNSTEADY_MAX, TAILS_MAX, SHARED_MAX = 0.25, 1.0, 0.06
+"""What is large: variation of the level over the record, excess kurtosis, correlation of two channels."""
 
 OUTLIER_MAX_SHARE = 0.1
 """Share of a channel's squared innovations that outliers may carry before the result hangs on a few readings."""
@@ -147,6 +151,7 @@ def diagnose(
     whiteness: Whiteness | None = None,
     doubts: Sequence[str] = (),
     damping: Sequence[tuple[str, Band]] = (),
+    line: Line | None = None,
 ) -> Diagnosis:
     """Judge a result by its innovations and its priors.
 
@@ -173,6 +178,8 @@ def diagnose(
         Why whoever made the result would not trust it.
     damping
         Of each mode, its name and its damping ratio with the ±2σ band.
+    line
+        What stands out most of the readings beside a mode, where that was looked for.
     """
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = tuple(
@@ -183,8 +190,8 @@ def diagnose(
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
     if whiteness is not None:
         for verdict in (
-            _judge_size(whiteness), _judge_spectrum(whiteness, rotor_hz),
-            _judge_lines(whiteness, rotor_hz), _judge_outliers(whiteness),
+            _judge_size(whiteness), _judge_spectrum(whiteness, rotor_hz), _judge_lines(whiteness, line, rotor_hz),
+            _judge_steadiness(whiteness), _judge_shared(whiteness), _judge_outliers(whiteness),
         ):  # fmt: skip
             reasons += verdict.reasons
             remarks += verdict.remarks
@@ -226,17 +233,24 @@ class _Verdict(NamedTuple):
 
 def _judge_size(w: Whiteness) -> _Verdict:
     verdict = _Verdict([], [])
-    if _is_size_off(w.nis, w.used, SIZE_MAX_FACTOR):
+    worst = max(w.channels, key=lambda c: abs(math.log(max(c.nis, 1e-9))) if c.used else 0.0)
+    rest = w.used - worst.used
+    others = (w.nis * w.used - worst.nis * worst.used) / rest if rest > 0 else math.inf
+    if (
+        rest > 0
+        and _is_size_off(worst.nis, worst.used, CHANNEL_MAX_FACTOR)
+        and not _is_size_off(others, rest, SIZE_MAX_FACTOR)
+    ):
+        verdict.reasons.append(
+            f"the innovations of {worst.name} are {math.sqrt(worst.nis):.3g} times as large as the model expects:"
+            " likely an instrument (its noise, unit or gain); check it or leave it out"
+        )
+    elif _is_size_off(w.nis, w.used, SIZE_MAX_FACTOR):
         verdict.reasons.append(
             f"the innovations are {math.sqrt(w.nis):.2g} times as large as the model expects (mean square {w.nis:.3g},"
             f" expected {w.nis_low:.3f} … {w.nis_high:.3f}): all bands are too {'narrow' if w.nis > 1.0 else 'wide'}"
         )
     for c in w.channels:
-        if not verdict.reasons and _is_size_off(c.nis, c.used, CHANNEL_MAX_FACTOR):
-            verdict.reasons.append(
-                f"the innovations of {c.name} are {math.sqrt(c.nis):.2g} times as large as the model expects: its noise"
-                " differs from its kind's, or its unit or gain is wrong"
-            )
         if c.missing > 0.5:
             verdict.remarks.append(f"{c.name} is missing in {100.0 * c.missing:.0f} % of the samples")
         if abs(c.offset) > max(0.1, 5.0 / math.sqrt(max(c.used, 1))):
@@ -282,24 +296,21 @@ def _describe_certainty(high: float) -> str:
 
 def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
     verdict = _Verdict([], [])
-    notable = max(PEAK_REMARK_LEVEL, w.spectrum_bound)
-    over = sorted((c for c in w.channels if c.peak > notable), key=lambda c: -c.peak)
+    over = sorted((c for c in w.channels if c.peak > max(PEAK_MAX_LEVEL, w.spectrum_bound)), key=lambda c: -c.peak)
     loud = max(w.channels, key=lambda c: np.nan_to_num(c.near))
     if over:
         worst, others = over[0], ", ".join(c.name for c in over[1:])
-        sentence = (
+        verdict.reasons.append(
             f"the model does not explain {worst.name} around {_name_frequency(worst.peak_hz, rotor_hz)}: its"
-            f" innovations are {worst.peak:.2g} times too strong{f' (also {others})' if others else ''}, bands"
-            f" {math.sqrt(worst.peak):.1f} times too narrow"
+            f" innovations are {worst.peak:.2g} times too strong{f' (also {others})' if others else ''}; {LIKELY_LOADS}"
         )
-        (verdict.reasons if worst.peak > PEAK_MAX_LEVEL else verdict.remarks).append(sentence)
-    if not verdict.reasons and loud.near > max(NEAR_MAX_LEVEL, w.spectrum_bound):
+    elif loud.near > max(NEAR_MAX_LEVEL, w.spectrum_bound):
         verdict.reasons.append(
             f"the innovations of {loud.name} are {loud.near:.2g} times as strong as the model expects all around"
-            f" {_name_frequency(loud.near_hz, rotor_hz)}, bands there {math.sqrt(loud.near):.1f} times too narrow"
+            f" {_name_frequency(loud.near_hz, rotor_hz)}; {LIKELY_LOADS}"
         )
     far = max(w.channels, key=lambda c: np.nan_to_num(c.far))
-    if far.far > max(PEAK_MAX_LEVEL, w.spectrum_bound):
+    if far.far > max(FAR_REMARK_LEVEL, w.spectrum_bound):
         verdict.remarks.append(
             f"{far.name} is {far.far:.2g} times as strong as the model expects around"
             f" {_name_frequency(far.far_hz, rotor_hz)}, far from every natural frequency"
@@ -312,14 +323,51 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
     return verdict
 
 
-def _judge_lines(w: Whiteness, rotor_hz: float) -> _Verdict:
+LIKELY_LOADS = "likely loads of another kind: try another load model or section"
+
+
+def _judge_lines(w: Whiteness, line: Line | None, rotor_hz: float) -> _Verdict:
     worst = max(w.channels, key=lambda c: c.line)
-    if worst.line <= w.line_bound:
+    found = (worst.name, worst.line_hz) if worst.line > w.line_bound else None
+    if line is not None and line.ratio > line.bound:
+        found = (line.channel, line.frequency)
+    if found is None:
         return _Verdict([], [])
     return _Verdict(
         [
-            f"{worst.name} has a line at {_name_frequency(worst.line_hz, rotor_hz)}, beside a natural frequency, that"
-            " no load of the model makes: a machine or waves; choose a section without it"
+            f"{found[0]} has a line at {_name_frequency(found[1], rotor_hz)}, beside a natural frequency: likely a"
+            " machine or waves; choose a section without it"
+        ],
+        [],
+    )
+
+
+def _judge_steadiness(w: Whiteness) -> _Verdict:
+    verdict = _Verdict([], [])
+    swelling = max(w.channels, key=lambda c: c.unsteady_sigmas)
+    if swelling.unsteady_sigmas > MAX_SIGMAS:
+        (verdict.reasons if swelling.unsteady > UNSTEADY_MAX else verdict.remarks).append(
+            f"the level of the innovations of {swelling.name} varies by {100.0 * swelling.unsteady:.0f} % over the"
+            " record: likely loads that swell and fade; choose a steadier section"
+        )
+    tailed = max(w.channels, key=lambda c: c.tails_sigmas)
+    if tailed.tails_sigmas > MAX_SIGMAS:
+        (verdict.reasons if tailed.tails > TAILS_MAX else verdict.remarks).append(
+            f"the innovations of {tailed.name} have tails (excess kurtosis {tailed.tails:.1f}): likely impacts, or an"
+            " instrument that spikes; look at its largest readings"
+        )
+    return verdict
+
+
+def _judge_shared(w: Whiteness) -> _Verdict:
+    shared = w.shared
+    if shared is None or shared.sigmas < MAX_SIGMAS or abs(shared.correlation) < SHARED_MAX:
+        return _Verdict([], [])
+    first, second = w.channels[shared.first].name, w.channels[shared.second].name
+    return _Verdict(
+        [
+            f"what is not explained of {first} and {second} is correlated ({shared.correlation:.2f}): likely loads on"
+            " both at once, a sensor off its axis or a late logger"
         ],
         [],
     )

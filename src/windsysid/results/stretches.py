@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.results.lines import LINE_REACH, stand_out
+from windsysid.results.steadiness import levels, shared_products
 
 __all__ = [
     "MIN_REMARKED_OUTLIERS",
@@ -37,15 +39,11 @@ MIN_SEGMENT_SAMPLES = 16
 
 MOST_LAGS = 200
 
-LINE_REACH = 1.15
-"""Factor about a natural frequency within which a line bends what is found of the mode."""
+LINE_SURROUNDINGS = 40
+"""Frequencies of the periodogram of innovations to either side of one that tell the level around it."""
 
-LINE_SURROUNDINGS, LINE_WIDTH = 40, 2
-"""Frequencies of the periodogram to either side of one that tell the level around it, and how many of them next to it a
-line's own power reaches by Hann's window."""
-
-HANN_VARIANCE = 1.94
-"""Variance of the mean of neighbouring frequencies under Hann's window over that of independent ones."""
+LEVEL_PERIODS = 5.0
+"""Periods of the lowest natural frequency in a window over which the level of innovations is taken."""
 
 
 class Sums(NamedTuple):
@@ -94,6 +92,13 @@ class Sums(NamedTuple):
     line: Array
     line_hz: Array
     tested: int
+    window: int
+    windows: Array
+    level: Array
+    level_second: Array
+    level_fourth: Array
+    shared: Array
+    shared_pairs: Array
 
 
 class Stretch(NamedTuple):
@@ -174,6 +179,9 @@ def _add_up(
     length = samples // SEGMENTS_PER_RECORD if like is None else like.length
     segments, power = _power(scaled, length)
     line, line_hz, tested = _strongest_line(scaled, rate, frequencies)
+    window = _level_window(samples, rate, frequencies) if like is None else like.window
+    windows, level, level_second, level_fourth = levels(z, used, window)
+    shared, shared_pairs = shared_products(scaled, used)
     return Sums(
         rate=rate,
         samples=samples,
@@ -194,7 +202,20 @@ def _add_up(
         line=line,
         line_hz=line_hz,
         tested=tested,
+        window=window,
+        windows=windows,
+        level=level,
+        level_second=level_second,
+        level_fourth=level_fourth,
+        shared=shared,
+        shared_pairs=shared_pairs,
     )
+
+
+def _level_window(samples: int, rate: float, frequencies: Sequence[float]) -> int:
+    """Samples over which the level is taken: some periods of the slowest motion, a fortieth where none is known."""
+    wanted = LEVEL_PERIODS * rate / min(frequencies) if frequencies else samples / 40.0
+    return max(math.ceil(wanted), MIN_SEGMENT_SAMPLES)
 
 
 def _join(before: Sums, more: Sums) -> Sums:
@@ -202,7 +223,9 @@ def _join(before: Sums, more: Sums) -> Sums:
     added = Sums(*map(operator.add, before, more))
     highest = np.minimum(before.highest, more.highest)
     line, line_hz = np.where(more.line > before.line, [more.line, more.line_hz], [before.line, before.line_hz])
-    return added._replace(rate=before.rate, length=before.length, highest=highest, line=line, line_hz=line_hz)
+    return added._replace(
+        rate=before.rate, length=before.length, highest=highest, line=line, line_hz=line_hz, window=before.window
+    )
 
 
 def _highest(seen: NDArray[np.bool_], rate: float) -> float:
@@ -251,14 +274,8 @@ def _strongest_line(z: Array, rate: float, frequencies: Sequence[float]) -> tupl
     near[: LINE_SURROUNDINGS + 1] = near[-LINE_SURROUNDINGS - 1 :] = False
     if not near.any():
         return np.zeros(m), np.full(m, math.nan), 0
-    sums = np.vstack([np.zeros(m), np.cumsum(power, axis=0)])
     at = np.flatnonzero(near)
-
-    def around(width: int) -> Array:
-        return np.asarray(sums[at + width + 1] - sums[at - width])
-
-    level = (around(LINE_SURROUNDINGS) - around(LINE_WIDTH)) / (2 * (LINE_SURROUNDINGS - LINE_WIDTH))
-    ratio = power[at] / np.maximum(level, 1e-300)
+    ratio = stand_out(power, at, LINE_SURROUNDINGS)
     highest = np.argmax(ratio, axis=0)
     return ratio[highest, range(m)], frequency[at[highest]], m * len(at)
 

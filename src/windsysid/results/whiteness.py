@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.results.lines import line_bound
+from windsysid.results.steadiness import Shared, most_shared, steadiness
 from windsysid.results.stretches import (
-    HANN_VARIANCE,
     LINE_SURROUNDINGS,
-    LINE_WIDTH,
     Stretch,
     Sums,
     band_of_interest,
@@ -71,6 +71,8 @@ class ChannelCheck(NamedTuple):
     line_hz, line
         Frequency [Hz] beside a natural one that stands out most of its surroundings in the periodogram of the whole
         record, and how far, as a ratio of powers.
+    unsteady, unsteady_sigmas, tails, tails_sigmas
+        `windsysid.results.steadiness.Level`.
     """
 
     name: str
@@ -93,6 +95,10 @@ class ChannelCheck(NamedTuple):
     near: float
     line_hz: float
     line: float
+    unsteady: float
+    unsteady_sigmas: float
+    tails: float
+    tails_sigmas: float
 
 
 class Whiteness(NamedTuple):
@@ -114,6 +120,8 @@ class Whiteness(NamedTuple):
         What the colour of white noise stays below, but for one record in 1000.
     line_bound
         The same for the ratio of a line.
+    shared
+        What two channels share most (`windsysid.results.steadiness`); None of one channel alone.
     """
 
     used: int
@@ -129,6 +137,7 @@ class Whiteness(NamedTuple):
     spectrum_bound: float
     colour_bound: float
     line_bound: float
+    shared: Shared | None
 
 
 def examine(
@@ -197,7 +206,18 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
         spectrum_bound=max(w.spectrum_bound for w in parts.values()),
         colour_bound=max(w.colour_bound for w in parts.values()),
         line_bound=max(w.line_bound for w in parts.values()),
+        shared=_most_shared_of(parts),
     )
+
+
+def _most_shared_of(parts: dict[tuple[int, ...], Whiteness]) -> Shared | None:
+    """Of channels that are read at the same times, the two that share most, by their columns in the whole."""
+    found = [
+        w.shared._replace(first=columns[w.shared.first], second=columns[w.shared.second])
+        for columns, w in parts.items()
+        if w.shared is not None
+    ]
+    return max(found, key=lambda shared: shared.sigmas, default=None)
 
 
 def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float]) -> Whiteness:
@@ -209,6 +229,7 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
     colour = np.square(correlation).sum(axis=0) - lags / np.maximum(number, 1)
     frequency, spectrum, freedom = _spectrum(sums)
     reached = (frequency >= reach[0]) & (frequency <= reach[1])
+    sums_of_level = (sums.windows, sums.level, sums.level_second, sums.level_fourth)
     checks = []
     for c, name in enumerate(names):
         low, high = _chi_square_interval(int(number[c]))
@@ -233,6 +254,7 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
                 **dict(zip(("near_hz", "near"), _near(frequency[own], spectrum[own, c], frequencies), strict=True)),
                 line_hz=float(sums.line_hz[c]),
                 line=float(sums.line[c]),
+                **steadiness(*(float(v[c]) for v in sums_of_level), window=sums.window)._asdict(),
             )
         )
     total = int(number.sum())
@@ -251,17 +273,9 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
         spectrum=spectrum,
         spectrum_bound=chance_limit(FALSE_ALARM_CHANCE / max(spectrum.size, 1), freedom) / freedom,
         colour_bound=(chance_limit(FALSE_ALARM_CHANCE / m, lags) - lags) / fewest,
-        line_bound=_line_bound(sums.tested),
+        line_bound=line_bound(sums.tested, LINE_SURROUNDINGS, FALSE_ALARM_CHANCE),
+        shared=most_shared(sums.shared, sums.shared_pairs),
     )
-
-
-def _line_bound(tested: int) -> float:
-    """What the greatest of so many ratios stays below, but for one record in 1000.
-
-    One point of white noise's periodogram over the mean of n others is x or more with probability (1 + x/n)^−n.
-    """
-    n = 2 * (LINE_SURROUNDINGS - LINE_WIDTH) / HANN_VARIANCE
-    return float(n * ((FALSE_ALARM_CHANCE / max(tested, 1)) ** (-1.0 / n) - 1.0))
 
 
 def _spectrum(sums: Sums) -> tuple[Array, Array, float]:

@@ -1,0 +1,94 @@
+"""Level, tails and what channels share: white noise passes, and each departure is measured as it was made."""
+
+import numpy as np
+import pytest
+from scipy import signal, stats
+
+from windsysid.results.lines import find_line
+from windsysid.results.whiteness import Whiteness, examine
+
+RATE, NATURAL, NAMES = 50.0, (1.0, 2.0), ("first", "second")
+
+
+def examined(z: np.ndarray) -> Whiteness:
+    return examine(z, names=NAMES, rate=RATE, frequencies=NATURAL)
+
+
+def white(seed: int, samples: int = 5000) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal((samples, 2))
+
+
+def test_white_noise_is_steady_without_tails_and_shares_nothing():
+    # 300 records: standard deviations of chance are standard deviations.
+    found = [examined(white(seed, 2500)) for seed in range(300)]
+    unsteady = np.array([c.unsteady_sigmas for w in found for c in w.channels])
+    tails = np.array([c.tails_sigmas for w in found for c in w.channels])
+    assert abs(unsteady.mean()) < 0.2
+    assert unsteady.std() == pytest.approx(1.0, abs=0.12)
+    assert tails.std() == pytest.approx(1.0, abs=0.12)
+    largest = stats.norm.isf(0.5e-3 / 7.0)  # of seven lags, in one record of 1000
+    assert sum(w.shared is not None and w.shared.sigmas > largest for w in found) <= 3
+
+
+def test_a_level_that_varies_is_measured_and_is_no_tail():
+    t = np.arange(20_000) / RATE
+    level = 1.0 + 0.6 * np.sin(2.0 * np.pi * t / 80.0)  # of the mean square: 0.6/√2 = 0.42 of its mean
+    z = white(3, 20_000) * np.sqrt(level)[:, None]
+    for c in examined(z).channels:
+        assert c.unsteady == pytest.approx(0.42, abs=0.05)
+        assert c.unsteady_sigmas > 8.0
+        assert abs(c.tails) < 0.15
+        assert c.kurtosis > 0.3  # what a kurtosis of the whole record would say
+
+
+def test_tails_are_measured_and_are_no_varying_level():
+    z = np.random.default_rng(4).standard_t(10.0, (40_000, 2)) / np.sqrt(10.0 / 8.0)  # excess kurtosis 6/(10−4) = 1
+    for c in examined(z).channels:
+        assert c.tails == pytest.approx(1.0, abs=0.25)
+        assert c.unsteady_sigmas < 4.5
+
+
+def test_what_is_shared_is_found_at_its_lag():
+    z = white(5, 10_000)
+    z[2:, 0] = 0.8 * z[2:, 0] + 0.6 * z[:-2, 1]  # the first has the second's, two samples later
+    shared = examined(z).shared
+    assert shared is not None
+    assert (shared.first, shared.second, shared.lag) == (0, 1, 2)
+    assert shared.correlation == pytest.approx(0.6, abs=0.03)
+    assert shared.sigmas == pytest.approx(60.0, abs=4.0)
+
+
+def resonance(seed: int, samples: int, frequency: float, damping: float) -> np.ndarray:
+    """White noise through one degree of freedom."""
+    omega = 2.0 * np.pi * frequency
+    pole = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * omega / RATE)
+    a = [1.0, -2.0 * pole.real, abs(pole) ** 2]
+    return np.asarray(signal.lfilter([1.0], a, white(seed, samples)[:, 0]))[:, None]
+
+
+def test_a_line_beside_a_resonance_is_found_and_the_resonance_is_none():
+    # 100 s of a mode 4 % damped at 2 Hz, and a sine 5 % below it that is as strong.
+    modes = [(2.0, 0.04)]
+    t = np.arange(5000) / RATE
+    alarms = 0
+    for seed in range(20):
+        z = resonance(seed, 5000, *modes[0])
+        healthy = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0, chance=1e-3)
+        assert healthy is not None
+        alarms += healthy.ratio > healthy.bound
+        z[:, 0] += np.sqrt(2.0) * z.std() * np.sin(2.0 * np.pi * 1.9 * t)
+        found = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0, chance=1e-3)
+        assert found is not None
+        assert found.frequency == pytest.approx(1.9, abs=0.011)
+        assert found.ratio > found.bound
+    assert alarms <= 1
+
+
+def test_what_turns_with_the_rotor_and_modes_that_are_no_broader_than_a_line_are_not_looked_at():
+    t = np.arange(5000) / RATE
+    z = resonance(1, 5000, 2.0, 0.04)
+    z[:, 0] += z.std() * np.sin(2.0 * np.pi * 1.95 * t)
+    turning = find_line(z, NAMES[:1], rate=RATE, modes=[(2.0, 0.04)], rotor_hz=0.65, chance=1e-3)
+    assert turning is not None
+    assert turning.ratio < turning.bound
+    assert find_line(z, NAMES[:1], rate=RATE, modes=[(2.0, 0.001)], rotor_hz=0.0, chance=1e-3) is None
