@@ -361,7 +361,7 @@ def test_a_result_under_loads_that_no_model_holds_is_not_trusted(verne555):
     worst = max(abs(e.estimate - e.reference) / e.std for e in found.estimates if e.reference is not None)
     assert worst > 4.0  # it is wrong, and says so
     assert not found.diagnosis.trusted
-    assert "Hz = 3.0P" in found.diagnosis.reasons[0]
+    assert any("Hz = 3.0P" in reason for reason in found.diagnosis.reasons)
     assert "trust: NO" in " ".join(str(found).split())
 
 

@@ -5,6 +5,7 @@ import pytest
 from scipy import signal, stats
 
 from windsysid.results.lines import find_line
+from windsysid.results.steadiness import how_late
 from windsysid.results.whiteness import Whiteness, examine
 
 RATE, NATURAL, NAMES = 50.0, (1.0, 2.0), ("first", "second")
@@ -92,3 +93,18 @@ def test_what_turns_with_the_rotor_and_modes_that_are_no_broader_than_a_line_are
     assert turning is not None
     assert turning.ratio < turning.bound
     assert find_line(z, NAMES[:1], rate=RATE, modes=[(2.0, 0.001)], rotor_hz=0.0, chance=1e-3) is None
+
+
+def test_blades_that_come_a_sample_late_are_found_in_their_own_frame():
+    rng = np.random.default_rng(7)
+    z, psi = rng.standard_normal((8000, 5)), np.linspace(0.0, 1160.0, 8000)
+    angles = {2 + i: 2.0 * np.pi * i / 3.0 for i in range(3)}
+    by_chance = how_late(z, psi, (0, 1), angles)
+    assert by_chance.sigmas < 3.5
+    for column, angle in angles.items():
+        tangential = -np.sin(psi + angle) * z[:, 0] + np.cos(psi + angle) * z[:, 1]
+        z[1:, column] += 0.1 * tangential[:-1]
+    z[40] = np.nan
+    late = how_late(z, psi, (0, 1), angles)
+    assert late.lag == 1
+    assert late.sigmas == pytest.approx(0.1 * np.sqrt(3 * 8000), abs=3.5)

@@ -11,6 +11,7 @@ import json
 import re
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +34,16 @@ FOLDER = Path("results/adversary")
 Run = dict[str, Any]
 
 
-def identify_one(name: str, seed: int, folder: Path | None = None) -> Run:
-    """Identify one record of a scenario; with `folder`, its innovations are kept there, too."""
+def identify_one(name: str, seed: int, loads: str = "auto", folder: Path | None = None) -> Run:
+    """Identify one record of a scenario, the loads taken for `loads`; with `folder`, its innovations are kept there."""
     kind, begun = SCENARIOS[name], time.process_time()
     run: Run = {"scenario": name, "seed": seed}
     try:
-        found = ws.identify(record(name, seed), "verne555", prior=DrawnPrior(seed=seed), formulation=kind.formulation)  # type: ignore[arg-type]
+        found = ws.identify(
+            record(name, seed), "verne555", prior=DrawnPrior(seed=seed),
+            formulation=kind.formulation,  # type: ignore[arg-type]
+            loads=loads if kind.formulation == "joint" else "auto",
+        )  # fmt: skip
     except WindsysidError as error:
         return run | {"refused": str(error)}
     z = []
@@ -70,17 +75,17 @@ def identify_one(name: str, seed: int, folder: Path | None = None) -> Run:
     }
 
 
-def run_all(names: list[str], seeds: range, folder: Path) -> list[Run]:
+def run_all(names: list[str], seeds: range, folder: Path, loads: str = "auto", *, only_kept: bool = False) -> list[Run]:
     """Identify what the folder does not hold yet, a seed of every scenario before the next seed; all that it holds."""
     folder.mkdir(parents=True, exist_ok=True)
     results = folder / "runs.jsonl"
     lines = results.read_text(encoding="utf-8").splitlines() if results.exists() else []
     runs = [json.loads(line) for line in lines if line.endswith("}")]
     done = {(run["scenario"], run["seed"]) for run in runs}
-    todo = [(name, seed) for seed in seeds for name in names if (name, seed) not in done]
+    todo = [] if only_kept else [(name, seed) for seed in seeds for name in names if (name, seed) not in done]
     begun = time.perf_counter()
     for i, (name, seed) in enumerate(todo, start=1):
-        run = identify_one(name, seed, folder)
+        run = identify_one(name, seed, loads, folder)
         with results.open("a", encoding="utf-8") as file:
             file.write(json.dumps(run) + "\n")
         runs.append(run)
@@ -125,11 +130,16 @@ def _share(z: NDArray[np.float64]) -> float:
     return float(np.mean(np.abs(z) < 2.0)) if z.size else float("nan")
 
 
+CAUSES = {"instrument": "likely an instrument", "loads": "likely loads", "line": "likely a machine or waves"}
+"""What a reason says of its cause."""
+
+
 def _named(run: Run) -> str:
     """The cause that the first reason of a result names."""
-    if "refused" in run:
-        return "refused"
-    return "" if run["trusted"] else run["reasons"][0]
+    if "refused" in run or run["trusted"]:
+        return "refused" if "refused" in run else ""
+    first = next((reason for reason in run["reasons"] if "likely" in reason), run["reasons"][0])
+    return next((cause for cause, words in CAUSES.items() if words in first), "other")
 
 
 def main() -> None:
@@ -141,23 +151,33 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=40, help="records of each scenario (40)")
     parser.add_argument("--first", type=int, default=1000, help="seed of the first (1000)")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where results are kept (results/adversary)")
+    parser.add_argument(
+        "--loads", default="auto", help="load model asked for (auto); broadband spares minutes a record"
+    )
+    parser.add_argument("--kept", action="store_true", help="show what is kept and identify nothing")
     options = parser.parse_args()
     names = [name for name in SCENARIOS if name.startswith(tuple(options.only))]
     if not names:
         parser.error(f"--only: expected the beginning of a scenario's name, got {' '.join(options.only)}")
-    runs = run_all(names, range(options.first, options.first + options.runs), options.folder)
-    table = Table(title=f"{options.runs} records each, priors 30 % off: ±2σ holds, in %", title_justify="left")
-    for heading in ("scenario", "all", *GROUPS, "trusted", "of those: all", *GROUPS, "worst |z|", "first reason named"):
-        table.add_column(heading, justify="right" if heading not in ("scenario", "first reason named") else "left")
+    seeds = range(options.first, options.first + options.runs)
+    runs = run_all(names, seeds, options.folder, options.loads, only_kept=options.kept)
+    table = Table(title="priors 30 % off (records): ±2σ holds, in %", title_justify="left")
+    for heading in ("scenario", "all", *GROUPS, "trusted", "of those: all", *GROUPS, "worst |z|", "wrong", "named"):
+        table.add_column(heading, justify="right" if heading not in ("scenario", "wrong", "named") else "left")
     wholes = {"healthy": [n for n in names if SCENARIOS[n].wrong == HEALTHY], "all": names}
     for label, members in {**{name: [name] for name in names}, **wholes}.items():
         mine = [run for run in runs if run["scenario"] in members]
         s = summarise(mine)
-        causes = [cause for cause in map(_named, mine) if cause]
-        most = max(set(causes), key=causes.count) if causes and label not in wholes else ""
+        if not mine:
+            continue
+        named = Counter(cause for cause in map(_named, mine) if cause)
+        said = ", ".join(f"{cause} {count}" for cause, count in named.most_common())
+        wrong = SCENARIOS[label].wrong if label in SCENARIOS else ""
         percent = [s["covered"], *(s[f"covered {g}"] for g in GROUPS), s["trust"], s["covered of trusted"]]
         percent += [s[f"trusted {g}"] for g in GROUPS]
-        table.add_row(label, *(f"{100 * p:.0f}" for p in percent), f"{s['worst of trusted']:.1f}", most)
+        table.add_row(
+            f"{label} ({len(mine)})", *(f"{100 * p:.0f}" for p in percent), f"{s['worst of trusted']:.1f}", wrong, said
+        )
     print(render(table))
 
 

@@ -39,7 +39,7 @@ class Scenario(NamedTuple):
     Attributes
     ----------
     wrong
-        What is wrong with it: `HEALTHY`, ``"loads"``, ``"instrument"`` or ``"machine"``.
+        What is wrong with it: `HEALTHY`, ``"loads"``, ``"line"``, ``"instrument"`` or ``"machine"``.
     loads, instruments, machine
         What drives it, reads it, and moves.
     duration, rate
@@ -94,9 +94,9 @@ SCENARIOS: dict[str, Scenario] = {
     "x and y correlated 0.7": Scenario("loads", common(_mixing({(0, 1): 1.0, (1, 0): 0.0}))),
     "blades correlated 0.5": Scenario("loads", common(_mixing({(3, 2): 0.58, (4, 2): 0.58}))),
     "hub and blade correlated 0.7": Scenario("loads", common(_mixing({(0, 2): 1.0}))),
-    "line 5 % from a mode": Scenario("loads", plus_line(1.64, 0.04, (0,))),
-    "line amid the modes": Scenario("loads", plus_line(2.6, 0.1, (0, 1))),
-    "line 3 % from blades": Scenario("loads", plus_line(4.15, 0.02, (2,))),
+    "line 5 % from a mode": Scenario("line", plus_line(1.64, 0.04, (0,))),
+    "line amid the modes": Scenario("line", plus_line(2.6, 0.1, (0, 1))),
+    "line 3 % from blades": Scenario("line", plus_line(4.15, 0.02, (2,))),
     "narrow band at the support": Scenario("loads", plus_narrow_band(1.9, 0.03, 0.3, (0, 1))),
     "narrow band at the blades": Scenario("loads", plus_narrow_band(3.6, 0.05, 0.3, (2, 3, 4))),
     "hump on the support": Scenario("loads", plus_narrow_band(1.2, 0.3, 1.0, (0, 1))),

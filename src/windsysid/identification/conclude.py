@@ -20,6 +20,7 @@ from windsysid.results.lines import Line, find_line
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
+from windsysid.results.steadiness import Late, how_late
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE
 from windsysid.turbine.turbine import Turbine
 
@@ -92,6 +93,7 @@ def conclude(
         whiteness=outcome.whiteness,
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
         line=_line(outcome, record, modes, speed) if formulation != "force-balance" else None,
+        late=_late(outcome, record) if formulation == "joint" else None,
     )
     return Identification(
         method=_METHODS[formulation],
@@ -140,6 +142,22 @@ def _line(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float)
         readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=abs(speed) / (2.0 * math.pi),
         chance=FALSE_ALARM_CHANCE,
     )  # fmt: skip
+
+
+def _late(outcome: Outcome, record: Record) -> Late | None:
+    """How late the blades' readings are behind the tower's along x and y; None where there are not both."""
+    z, names = outcome.final.whitened, outcome.model.readings
+    along = {axis: [i for i, name in enumerate(names) if name.startswith(f"tower_{axis}_")] for axis in ("x", "y")}
+    turbine = outcome.turbine.model
+    blades = {
+        i: 2.0 * math.pi * (blade - 1) / turbine.blades
+        for i, name in enumerate(names)
+        for blade in range(1, turbine.blades + 1)
+        if name.startswith(f"blade_{blade}_lag_")
+    }
+    if not (along["x"] and along["y"] and blades and "rotor_azimuth" in record and len(z) == record.samples):
+        return None
+    return how_late(z, np.nan_to_num(record["rotor_azimuth"]), (along["x"][0], along["y"][0]), blades)
 
 
 def _conditions(record: Record, rotor_speed: float) -> Conditions:

@@ -34,6 +34,7 @@ from windsysid._types import Array
 from windsysid.filters import Info
 from windsysid.results.directions import describe_directions
 from windsysid.results.lines import Line
+from windsysid.results.steadiness import Late
 from windsysid.results.stretches import MIN_REMARKED_OUTLIERS, OUTLIER_SIGMAS, band_of_interest
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE, Whiteness, chance_limit, examine
 from windsysid.statespace.parameter import Parameter
@@ -46,6 +47,9 @@ Band = tuple[float, float, float]
 PEAK_MAX_LEVEL = 2.0
 """Level of the spectrum from which a peak within reach of a natural frequency condemns a result: bands are √2 too
 narrow for what answers there."""
+
+PLAIN_PEAK_LEVEL = 4.0
+"""Level from which a peak tells more than what channels share because of it."""
 
 FAR_REMARK_LEVEL = 3.0
 """Level from which a peak out of reach is remarked."""
@@ -152,6 +156,7 @@ def diagnose(
     doubts: Sequence[str] = (),
     damping: Sequence[tuple[str, Band]] = (),
     line: Line | None = None,
+    late: Late | None = None,
 ) -> Diagnosis:
     """Judge a result by its innovations and its priors.
 
@@ -180,6 +185,8 @@ def diagnose(
         Of each mode, its name and its damping ratio with the ±2σ band.
     line
         What stands out most of the readings beside a mode, where that was looked for.
+    late
+        How late the blades seem to be, where that was looked for.
     """
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = tuple(
@@ -189,9 +196,12 @@ def diagnose(
     if white and whiteness is None:
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
     if whiteness is not None:
-        for verdict in (
-            _judge_size(whiteness), _judge_spectrum(whiteness, rotor_hz), _judge_lines(whiteness, line, rotor_hz),
-            _judge_steadiness(whiteness), _judge_shared(whiteness), _judge_outliers(whiteness),
+        common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz)
+        loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
+        for verdict in (  # the most telling first
+            _judge_lines(whiteness, line, rotor_hz), _judge_size(whiteness), _judge_lateness(late),
+            _judge_steadiness(whiteness), *((spectrum, common) if loud else (common, spectrum)),
+            _judge_outliers(whiteness),
         ):  # fmt: skip
             reasons += verdict.reasons
             remarks += verdict.remarks
@@ -342,13 +352,28 @@ def _judge_lines(w: Whiteness, line: Line | None, rotor_hz: float) -> _Verdict:
     )
 
 
+def _judge_lateness(late: Late | None) -> _Verdict:
+    if late is None or late.sigmas <= MAX_SIGMAS:
+        return _Verdict([], [])
+    return _Verdict(
+        [
+            f"blades seem {'later' if late.lag > 0 else 'earlier'} than the tower ({late.sigmas:.1f} standard"
+            " deviations): likely an instrument (a late logger, a wrong azimuth); align the clocks"
+        ],
+        [],
+    )
+
+
 def _judge_steadiness(w: Whiteness) -> _Verdict:
     verdict = _Verdict([], [])
-    swelling = max(w.channels, key=lambda c: c.unsteady_sigmas)
-    if swelling.unsteady_sigmas > MAX_SIGMAS:
-        (verdict.reasons if swelling.unsteady > UNSTEADY_MAX else verdict.remarks).append(
-            f"the level of the innovations of {swelling.name} varies by {100.0 * swelling.unsteady:.0f} % over the"
-            " record: likely loads that swell and fade; choose a steadier section"
+    swelling = sorted(w.channels, key=lambda c: -c.unsteady_sigmas)
+    first = swelling[0]
+    if first.unsteady_sigmas > MAX_SIGMAS:
+        alone = len(swelling) > 1 and swelling[1].unsteady < 0.5 * first.unsteady
+        cause = "an instrument (dead, stuck or cut off for a while)" if alone else "loads that swell and fade"
+        (verdict.reasons if first.unsteady > UNSTEADY_MAX else verdict.remarks).append(
+            f"the level of the innovations of {first.name} varies by {100.0 * first.unsteady:.0f} % over the record:"
+            f" likely {cause}; choose a steadier section"
         )
     tailed = max(w.channels, key=lambda c: c.tails_sigmas)
     if tailed.tails_sigmas > MAX_SIGMAS:

@@ -4,11 +4,14 @@ Loads that swell and fade leave innovations whose mean square s_w over windows o
 n normal values, (2 + κ)/n. Tails are the excess kurtosis κ within such windows: of n values scaled by their own mean
 square the mean fourth power is 3n/(n+2) (exact for normal ones), however much the level varies between windows. What
 two channels share is the correlation of their innovations at lags of a few samples: of N white pairs it scatters by
-1/√N. Loads that act on two degrees of freedom at once make it, and so do an accelerometer off its axis and a late
-logger.
+1/√N. Loads that act on two degrees of freedom at once make it, and so does an accelerometer off its axis. Blades turn:
+what a late logger on them leaves is correlated with the innovations of the tower along the blade's tangent,
+−z_x sin ψ_i + z_y cos ψ_i, one sample off and more. At lag 0 steps of finite length leave a trace there, which is left
+out.
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +19,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 
-__all__ = ["LAGS", "Level", "Shared", "levels", "most_shared", "shared_products", "steadiness"]
+__all__ = ["LAGS", "Late", "Level", "Shared", "how_late", "levels", "most_shared", "shared_products", "steadiness"]
 
 LAGS = 3
 """Samples by which one channel may be later than another, to either side."""
@@ -55,6 +58,13 @@ class Shared(NamedTuple):
     second: int
     lag: int
     correlation: float
+    sigmas: float
+
+
+class Late(NamedTuple):
+    """By how many samples the blades seem to be later than the tower, and in standard deviations of chance."""
+
+    lag: int
     sigmas: float
 
 
@@ -110,3 +120,28 @@ def most_shared(products: Array, pairs: Array) -> Shared | None:
     lag, pair = np.unravel_index(int(np.argmax(np.abs(sigmas))), sigmas.shape)
     correlation = float(sigmas[lag, pair] / math.sqrt(number[lag, pair]))
     return Shared(int(later[pair]), int(now[pair]), int(lag) - LAGS, correlation, float(abs(sigmas[lag, pair])))
+
+
+def how_late(z: Array, azimuth: Array, tower: tuple[int, int], blades: Mapping[int, float]) -> Late:
+    """Of innovations z (T, m), NaN where missing, with variance 1: how late blades are.
+
+    Parameters
+    ----------
+    azimuth
+        ψ [rad] (T,).
+    tower
+        Columns of the tower along x and y.
+    blades
+        Columns of the blades, and the angle [rad] of each at ψ = 0.
+    """
+    lags = [lag for lag in range(-LAGS, LAGS + 1) if lag]
+    z = np.nan_to_num(z)
+    total, number = np.zeros(len(lags)), 0
+    for column, angle in blades.items():
+        tangential = -np.sin(azimuth + angle) * z[:, tower[0]] + np.cos(azimuth + angle) * z[:, tower[1]]
+        for k, lag in enumerate(lags):
+            first, second = slice(max(-lag, 0), len(z) - max(lag, 0)), slice(max(lag, 0), len(z) - max(-lag, 0))
+            total[k] += float(tangential[first] @ z[second, column])
+        number += int(np.count_nonzero(tangential * z[:, column]))
+    k = int(np.argmax(np.abs(total)))
+    return Late(lags[k], float(abs(total[k])) / math.sqrt(max(number, 1)))
