@@ -9,11 +9,16 @@ from scipy.stats import multivariate_normal
 
 from tests.mechanics.models import Reads, symbols
 from windsysid.filters.protocol import empty_info
-from windsysid.identification.load_choice import _loads_matter, _log_evidence
+from windsysid.identification.joint import first_estimate, load_models
+from windsysid.identification.load_choice import Question, _loads_matter, _log_evidence, choose
+from windsysid.identification.prepare import usable_sensors
+from windsysid.identification.prior import Prior
 from windsysid.identification.recursive import begin
 from windsysid.mechanics.equations import Equations
+from windsysid.simulation.record import simulate_record
 from windsysid.statespace.compose import compose
 from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.turbine.file import load_turbine
 
 
 def test_the_evidence_of_a_linear_model_is_the_density_of_its_readings():
@@ -48,3 +53,14 @@ def test_loads_matter_from_a_tenth_of_the_motion_on():
         motion[:, 0] = made / share
         info = empty_info(samples, len(model.states), 1)._replace(mean=motion)
         assert _loads_matter(model, np.zeros((samples, 1)), info) == matters, share
+
+
+@pytest.mark.parametrize(("loads", "chosen"), [("random", "broadband"), ("second-order", "second-order")])
+def test_under_a_rigid_rotor_the_evidence_decides_between_load_models(loads: str, chosen: str):
+    tower = load_turbine("tower")
+    record = simulate_record(tower, duration=200.0, rate=20.0, seed=3, loads=loads)
+    question = Question(record, tower, usable_sensors(record, tower, None), Prior(), None)
+    choice = choose(question, load_models(record, tower, "auto"), first_estimate(tower, record.rate))
+    assert choice.best.problem.loads.name == chosen
+    assert "beats" in choice.why
+    assert choice.best.log_evidence > 0.0

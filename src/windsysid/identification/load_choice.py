@@ -1,11 +1,13 @@
-"""Which load model? The simplest is tried on the beginning of the record, and only where it does not explain that, the
-others too.
+"""Which load model? The simplest is tried on the beginning of the record, and where it does not explain that, or others
+cost as little, the others too.
 
 A model explains a record when the spectra of its innovations have no peak within reach of a natural frequency that
-noise would not show in one record of a thousand (`windsysid.results.diagnosis`); then no other is tried, and none
-either where the loads hardly matter, as in a free decay: what the simplest model's loads can do by themselves is then
-small beside the motion. Otherwise the one with the greatest evidence p(y | model) = ∫ p(y | θ) p(θ) dθ is chosen, by
-Laplace's approximation at the mode of the posterior,
+noise would not show in one record of a thousand (`windsysid.results.diagnosis`). On a rotor no other is then tried. A
+fit can take in loads of another colour and leave no peak: under a rigid rotor, where others are cheap, they are
+compared all the same, on as many samples as are held. None is tried where the loads hardly matter, as in a free decay:
+what the simplest model's loads can do by themselves is then small beside the motion. Of those that are tried, the one
+with the greatest evidence p(y | model) = ∫ p(y | θ) p(θ) dθ is chosen, by Laplace's approximation at the mode of the
+posterior,
 
     log p(y | model) ≈ log p(y | θ̂) − ½ (θ̂ − θ₀)ᵀ Λ₀ (θ̂ − θ₀) + ½ log det Λ₀ − ½ log det Λ,
 
@@ -32,6 +34,7 @@ from windsysid.identification.problem import FIRST_WIDTH, TurbineProblem, pose
 from windsysid.identification.recursive import MEMORY, History, Online, advance, begin, finish, join_histories
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, values_of
+from windsysid.mechanics.rotor import as_rotor
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.whiteness import examine
@@ -71,11 +74,11 @@ class Candidate(NamedTuple):
     online, history
         What it knows after the first samples, and how it came to know it.
     log_evidence
-        Of the first samples on which models are compared.
+        Of the samples that it has seen, as many for all that are compared.
     white
         Whether it explains what it has seen.
     driven
-        Whether its loads make a good part of the motion that it does not explain.
+        Whether its loads make a good part of the motion.
     """
 
     problem: TurbineProblem
@@ -108,6 +111,7 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
     """
     rate, warming = question.record.rate, 0.0
     tried: list[Candidate] = []
+    cheap, length = as_rotor(question.turbine.model) is None, TRIAL_LENGTH * first
     for name in names:
         begun = time.perf_counter()
         problem = pose(*question, name)
@@ -115,20 +119,22 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
         warming += time.perf_counter() - begun
         candidate = _start_candidate(problem, first)
         try:
-            candidate = _take_in(candidate, TRIAL_LENGTH * first, rate, _start(problem, tried))
+            candidate = _take_in(candidate, length, rate, _start(problem, tried))
             if candidate.white and not tried:
-                candidate = _take_in(candidate, MEMORY * first, rate, problem.start)
+                later = _take_in(candidate, MEMORY * first, rate, problem.start)
+                candidate = later if cheap else later._replace(log_evidence=candidate.log_evidence)
+                length = MEMORY * first if cheap else length
         except (WindsysidError, np.linalg.LinAlgError):  # the record drives this model out of bounds
             if len(names) == 1:
                 raise
             continue
         tried.append(candidate)
-        if len(tried) == 1 and (candidate.white or not candidate.driven):
+        if len(tried) == 1 and ((candidate.white and not cheap) or not candidate.driven):
             break
     if not tried:
         raise WindsysidError("no load model fits this record: check units, the turbine file and the priors")
     best = max(tried, key=lambda candidate: candidate.log_evidence)
-    return Choice(best, _describe_choice(best, tried, TRIAL_LENGTH * first / rate), warming)
+    return Choice(best, _describe_choice(best, tried, min(length, question.record.samples) / rate), warming)
 
 
 def _warm(problem: TurbineProblem) -> None:
@@ -154,11 +160,9 @@ def _take_in(candidate: Candidate, until: int, rate: float, start: Start) -> Can
     known = online if online.bank else finish(problem.build, online, start)[0]  # shorter than the first block
     model, seen = problem.build(known.theta), slice(0, known.samples)
     info = EKF.run(model, EKF.init(model), problem.inputs[seen], problem.readings[seen])[1]
-    evidence = candidate.log_evidence
-    if not np.isfinite(evidence):
-        evidence = _log_evidence(float(info.log_likelihood.sum()), known)
+    evidence = _log_evidence(float(info.log_likelihood.sum()), known)
     white = _is_explained(problem, info, rate)
-    driven = white or _loads_matter(model, problem.inputs[seen], info)
+    driven = _loads_matter(model, problem.inputs[seen], info)
     return Candidate(problem, online, join_histories([candidate.history, history]), evidence, white, driven)
 
 

@@ -2,8 +2,8 @@
 
 A machine, a neighbour or waves put a line beside a mode. In the readings it stands out however the result explains it;
 in the innovations it may not, as a resonance that the fit has moved and narrowed takes it in. A resonance is broad
-where its half-power width ζf is more than a few frequencies 1/T of the periodogram. Readings are flattened first:
-divided by the resonances that were identified. What turns with the rotor at nP is no line of this kind.
+where its half-power width ζf is more than a few frequencies 1/T of the periodogram. Narrower ones are flattened first:
+readings are divided by the resonances that were identified. What turns with the rotor at nP is no line of this kind.
 
 One point of white noise's periodogram over the mean of n others is x or more with probability (1 + x/n)^−n.
 """
@@ -31,8 +31,9 @@ HANN_VARIANCE = 1.94
 SURROUNDINGS = 15
 """Frequencies to either side of one that tell the level around it in readings, where resonances bend it."""
 
-NARROWEST = 3.0
-"""Half-power width of a resonance in frequencies of the periodogram, below which it looks like a line."""
+NARROWEST, BROAD = 2.0, 3.5
+"""Half-power widths of a resonance in frequencies of the periodogram: below which it looks like a line, and from which
+on it is flat enough as it is."""
 
 TURNING_SHARE = 0.02
 """Share of a frequency nP to either side within which what turns with the rotor stands out."""
@@ -87,11 +88,13 @@ def find_line(
     """
     frequency = np.arange(len(values) // 2 + 1) * (rate / len(values))
     step = rate / len(values)
-    near, resonance = np.zeros(len(frequency), dtype=np.bool_), np.full(len(frequency), np.inf)
+    near, resonance = np.zeros(len(frequency), dtype=np.bool_), np.ones(len(frequency))
     for natural, damping in modes:
         width = max(damping, 1e-6) * natural
         if width >= NARROWEST * step:
             near |= (frequency > natural / LINE_REACH) & (frequency < natural * LINE_REACH)
+        if width >= BROAD * step:
+            continue
         for seen in (natural, natural + rotor_hz, abs(natural - rotor_hz)) if rotor_hz else (natural,):
             if seen > width:
                 bend = (frequency**2 - seen**2) ** 2 + (2.0 * width * frequency) ** 2
