@@ -24,7 +24,7 @@ from windsysid.errors import WindsysidError
 from windsysid.output.console import render
 from windsysid.study.drawn_prior import DrawnPrior
 
-__all__ = ["GROUPS", "identify_one", "main", "summarise"]
+__all__ = ["FOLDER", "GROUPS", "identify_one", "kept_as", "main", "summarise"]
 
 GROUPS = {"k_tower": ("k_x", "k_y"), "k_blade": "k_beta", "c_tower": ("c_x", "c_y"), "c_blade": "c_beta"}
 """Coefficients that are alike, by the beginnings of their names."""
@@ -52,7 +52,7 @@ def identify_one(name: str, seed: int, loads: str = "auto", folder: Path | None 
         z.append(None if truth is None else float(q.coordinate(e.estimate) - q.coordinate(truth)) / float(std))
     if folder is not None:
         np.savez_compressed(
-            folder / f"{re.sub('[^a-z0-9.]+', '-', name.lower())}-{seed}.npz",
+            folder / kept_as(name, seed),
             whitened=found.whitened.astype(np.float32),
             loads=np.empty(0) if found.loads is None else found.loads.mean.astype(np.float32),
         )
@@ -73,6 +73,11 @@ def identify_one(name: str, seed: int, loads: str = "auto", folder: Path | None 
         "innovations": diagnosis.summary()["innovations"],
         "seconds": time.process_time() - begun,
     }
+
+
+def kept_as(name: str, seed: int) -> str:
+    """Name of the file that keeps the innovations of a record."""
+    return f"{re.sub('[^a-z0-9.]+', '-', name.lower())}-{seed}.npz"
 
 
 def run_all(names: list[str], seeds: range, folder: Path, loads: str = "auto", *, only_kept: bool = False) -> list[Run]:

@@ -7,9 +7,6 @@ from numpy.typing import NDArray
 
 from validation.adversary.instruments import CHANNELS, Instruments
 from validation.adversary.loads import (
-    RATE as LOADS,
-)
-from validation.adversary.loads import (
     Loads,
     alternative_wind,
     common,
@@ -24,7 +21,7 @@ from validation.adversary.loads import (
 from validation.adversary.machine import RATE, Machine, move
 from windsysid.records.record import Record
 
-__all__ = ["HEALTHY", "SCENARIOS", "Scenario", "record"]
+__all__ = ["HEALTHY", "LEAD_IN", "SCENARIOS", "Scenario", "record"]
 
 LEAD_IN = 20
 """Seconds before a record starts: ten of the memory of the slowest mode."""
@@ -82,7 +79,7 @@ SCENARIOS: dict[str, Scenario] = {
     "reference": Scenario(HEALTHY),
     "levels 2:1": Scenario(HEALTHY, independent((2.0, 1.0, 1.0, 1.5, 2.0))),
     "levels 5:1": Scenario(HEALTHY, independent((1.0, 0.2, 0.3, 1.0, 1.0))),
-    "noise 3 x on one blade": Scenario(HEALTHY, instruments=Instruments(noise=(1.0, 1.0, 1.0, 3.0, 1.0))),
+    "noise 3 x on one blade": Scenario("instrument", instruments=Instruments(noise=(1.0, 1.0, 1.0, 3.0, 1.0))),
     "15 s": Scenario(HEALTHY, duration=15.0),
     "30 s": Scenario(HEALTHY, duration=30.0),
     "600 s at 50 Hz": Scenario(HEALTHY, duration=600.0, rate=50.0),
@@ -135,7 +132,6 @@ def record(name: str, seed: int) -> Record:
     rng = np.random.default_rng([seed, sum(map(ord, name))])
     seconds = LEAD_IN + kind.duration + 0.1
     motion = move(kind.machine, kind.loads(rng, 2 * round(seconds * RATE) + 1))
-    assert LOADS == 2 * RATE
     readings = kind.instruments.read(motion, LEAD_IN * RATE, kind.duration, kind.rate, rng)
     time = np.arange(len(readings)) / kind.rate
     psi = np.mod(kind.machine.speed * (LEAD_IN + time), 2.0 * np.pi)
