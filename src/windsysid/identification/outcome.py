@@ -21,7 +21,7 @@ from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Outcome", "check_finite", "known_inputs", "known_loads"]
+__all__ = ["Outcome", "check_finite", "known_inputs", "known_loads", "no_innovations"]
 
 
 class Outcome(NamedTuple):
@@ -114,3 +114,12 @@ def check_finite(mean: Array, cov: Array) -> None:
             "the filter diverged: expected loads, noise and priors of the size of the record's; "
             "check units and the turbine file, or move the priors with --prior-scale"
         )
+
+
+def no_innovations(readings: int, log_likelihood: float) -> Info:
+    """One sample of nothing: spectra have no innovations."""
+    nothing = np.full((1, readings), np.nan)
+    return Info(
+        mean=np.empty((1, 0)), std=np.empty((1, 0)), innovation=nothing, innovation_std=nothing, whitened=nothing,
+        whitening_std=nothing, log_likelihood=np.array([log_likelihood]), gated=np.zeros((1, readings), dtype=np.bool_),
+    )  # fmt: skip

@@ -14,7 +14,7 @@ all noise 10 and 100 times as loud, and the end that the state-only filter likes
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,8 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
+from windsysid.identification.outcome import no_innovations
+from windsysid.identification.own_spectral import fit_by_spectra
 from windsysid.identification.recursive import begin, spread_over_samples
 from windsysid.identification.samples import Samples, SamplesOnDisk
 from windsysid.identification.solve import Solution, solve
@@ -116,12 +118,13 @@ def fit(
     *,
     parameters: Sequence[Parameter],
     sensors: Sequence[Any],
-    cov: ArrayLike,
+    cov: ArrayLike | None = None,
     mean: ArrayLike | None = None,
     values: Mapping[str, float] | None = None,
     loads: Sequence[LoadModel] = (),
     channels: Mapping[str, str] | None = None,
     learn_levels: bool = True,
+    formulation: Literal["joint", "spectral"] = "joint",
 ) -> Fit:
     """Identify parameters of `model` from `record`.
 
@@ -141,7 +144,8 @@ def fit(
     sensors
         `Reading`, one per channel.
     cov, mean
-        Prior of the model's states at the first sample, (n_x, n_x) and (n_x,); mean zero by default.
+        Prior of the model's states at the first sample, (n_x, n_x) and (n_x,); mean zero by default. Spectra need no
+        `cov`; `mean` is where they look for the state at rest.
     values
         The parameters that are not identified, and loads that are constant: 0 for one that does not act.
     loads
@@ -152,6 +156,10 @@ def fit(
     learn_levels
         Whether the noise of each sensor and the rms of each load are learned: what is given is then the median of a
         wide prior (a factor of 4.5 at one standard deviation). The shape of a load's spectrum stays as given.
+    formulation
+        ``"joint"``, or ``"spectral"`` for a stationary record of a structure that moves little: the equations are
+        linearised about the state at rest, and the spectra are read (docs/spectral.md). It takes constant inputs only,
+        and pieces need not follow each other.
 
     Raises
     ------
@@ -165,14 +173,28 @@ def fit(
     """
     if not parameters:
         raise ConfigurationError("parameters: expected at least one to identify, got none")
+    if formulation == "spectral":
+        return _fit_by_spectra(
+            model,
+            record,
+            parameters,
+            sensors,
+            mean,
+            dict(values or {}),
+            loads,
+            channels or {},
+            learn_levels=learn_levels,
+        )
+    if formulation != "joint":
+        raise ConfigurationError(f"formulation: expected joint or spectral, got '{formulation}'")
+    if cov is None:
+        raise ConfigurationError("cov: expected the prior covariance of the states, got none: the joint fit needs it")
     prior: dict[str, Any] = {"sensors": sensors, "mean": mean, "cov": cov}
     taken = _take(
         record, model, parameters, dict(values or {}), loads, channels or {}, prior, learn_levels=learn_levels
     )
     problem, part, samples = taken.problem, taken.last, taken.samples
     joint, plain, loads = problem.model, problem.plain, problem.loads
-    names = [f"noise_{sensor.channel}" for sensor in sensors] + [f"rms_{load.states[0]}" for load in loads]
-    levels = len(problem.levels)
     columns = len(joint.inputs), len(joint.readings)
     for space in (joint, plain):  # compiles or loads the kernels outside the clock
         EKF.run(space, EKF.init(space), np.empty((0, columns[0])), np.empty((0, columns[1])))
@@ -185,13 +207,7 @@ def fit(
     elapsed = time.perf_counter() - started
 
     n = len(parameters)
-    units = [part.unit(sensor.channel) for sensor in sensors] + [""] * len(loads)
-    given = [sensor.noise for sensor in sensors] + [float(np.sqrt(load.cov[0, 0])) for load in loads]
     spread = np.sqrt(np.diag(found.cov))
-    learned = [
-        Statistic(name, unit, value, *(value * np.exp(eta + k * std) for k in (0.0, -SIGMAS, SIGMAS)))
-        for name, unit, value, eta, std in zip(names[:levels], units, given, found.mean[n:], spread[n:], strict=False)
-    ]
     return Fit(
         method=f"posterior mode, {EKF.name}",
         formulation="fit",
@@ -219,7 +235,7 @@ def fit(
             *taken.faults,
             *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
         ),
-        statistics=tuple(learned),
+        statistics=_describe_levels(part, sensors, loads, found.mean[n:], spread[n:]),
         diagnosis=_diagnose(
             found, joint, part.rate, _list_step_doubts(problem.build(found.mean), found.info, found.inputs)
         ),
@@ -227,6 +243,52 @@ def fit(
         state_mean=found.info.mean,
         state_std=found.info.std,
     )
+
+
+def _fit_by_spectra(
+    model: Model, record: Record | Iterable[Record], parameters: Sequence[Parameter], sensors: Sequence[Any],
+    mean: ArrayLike | None, known: dict[str, float], loads: Sequence[LoadModel], channels: Mapping[str, str], *,
+    learn_levels: bool,
+) -> Fit:  # fmt: skip
+    """The result of spectra."""
+    started = time.perf_counter()
+    levels = np.full((len(sensors) + len(loads)) * learn_levels, LEVEL_SPREAD)
+    found = fit_by_spectra(model, record, parameters, sensors, mean, known, loads, channels, levels)
+    n, part = len(parameters), found.last
+    at, cov = found.fit.unknowns, found.fit.cov
+    spread, names = np.sqrt(np.diag(cov)), tuple(sensor.channel for sensor in sensors)
+    nothing = no_innovations(len(sensors), found.fit.log_likelihood)
+    return Fit(
+        method="posterior mode, spectral likelihood",
+        formulation="spectral",
+        record=part.name,
+        turbine=found.model,
+        sensors=names,
+        section=(found.begun, float(part.time[-1])),
+        rate=part.rate,
+        samples=found.samples,
+        elapsed=time.perf_counter() - started,
+        estimates=tuple(map(_describe_parameter, parameters, at[:n], spread[:n])),
+        modes=(),
+        parameters=tuple(parameters),
+        time=part.time[-1:],
+        mean=at[None, :n],
+        std=spread[None, :n],
+        cov=cov[:n, :n],
+        readings=names,
+        innovation=nothing.innovation,
+        whitened=nothing.whitened,
+        log_likelihood=found.fit.log_likelihood,
+        notes=found.notes,
+        statistics=_describe_levels(part, sensors, loads, at[n:], spread[n:]),
+        diagnosis=diagnose(
+            nothing, readings=names, rate=part.rate, frequencies=(), parameters=tuple(parameters), theta=at[:n],
+            cov=cov[:n, :n], white=False, doubts=found.doubts,
+        ),
+        states=(),
+        state_mean=nothing.mean,
+        state_std=nothing.std,
+    )  # fmt: skip
 
 
 class _Taken(NamedTuple):
@@ -263,12 +325,12 @@ def _take(
             plain = compose(model, values=known, **settings)
             spreads = np.full((len(sensors) + len(loads)) * learn_levels, LEVEL_SPREAD)
             problem = OwnProblem(joint, plain, tuple(loads), spreads)
-            constant = constant_loads(joint, part, channels, loads, known)
+            constant = constant_loads(joint.compiled.loads, part, channels, loads, known)
             held = SamplesOnDisk((len(joint.inputs), len(sensors)))
         else:
             part = _go_on(last, part, sensors)
         inputs, readings = (
-            known_columns(joint, part, channels, constant),
+            known_columns(joint.compiled, part, channels, constant),
             read_columns(part, sensors, first=last is None),
         )
         faults += screen(piece, None, [sensor.channel for sensor in sensors], refuse=last is None)
@@ -307,6 +369,19 @@ def _describe_parameter(q: Parameter, theta: float, std: float) -> Estimate:
         informed_by_data=float(np.clip(1.0 - (std / q.prior[1]) ** 2, 0.0, 1.0)),
         prior=q.centre, reference=None, average_error_percent=None,
     )  # fmt: skip
+
+
+def _describe_levels(
+    part: Record, sensors: Sequence[Any], loads: Sequence[LoadModel], eta: Array, spread: Array
+) -> tuple[Statistic, ...]:
+    """Noise of every sensor and rms of every load, from η and its standard deviations (n_η,); none where they are as
+    given."""
+    given = [(f"noise_{sensor.channel}", part.unit(sensor.channel), sensor.noise) for sensor in sensors]
+    given += [(f"rms_{load.states[0]}", "", float(np.sqrt(load.cov[0, 0]))) for load in loads]
+    return tuple(
+        Statistic(*one, *(one[2] * np.exp(middle + k * std) for k in (0.0, -SIGMAS, SIGMAS)))
+        for one, middle, std in zip(given, eta, spread, strict=False)
+    )
 
 
 def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:

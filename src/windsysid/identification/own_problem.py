@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,15 +10,12 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF
 from windsysid.identification.samples import Samples
+from windsysid.mechanics.compile import CompiledModel
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
-
-if TYPE_CHECKING:
-    pass
-
 
 __all__ = ["OwnProblem", "constant_loads", "known_columns", "loads_behind_low_pass", "read_columns", "state_only_model"]
 
@@ -150,16 +147,16 @@ def loads_behind_low_pass(loads: Sequence[LoadModel], record: Record) -> tuple[t
 
 
 def constant_loads(
-    model: StateSpace,
+    acting: Sequence[str],
     record: Record,
     channels: Mapping[str, str],
     loads: Sequence[LoadModel],
     values: Mapping[str, float],
 ) -> dict[str, float]:
-    """The constant value of each load that was not measured: what `values` says, and zero beside a model."""
+    """The constant value of each load of a model that was not measured: what `values` says, and zero beside a model."""
     driven = {name for load in loads for name in load.outputs}
     constant = {}
-    for name in model.compiled.loads:
+    for name in acting:
         if name in channels or name in record:
             continue
         if name not in values and name not in driven:
@@ -172,10 +169,10 @@ def constant_loads(
 
 
 def known_columns(
-    model: StateSpace, record: Record, channels: Mapping[str, str], constant: Mapping[str, float]
+    compiled: CompiledModel, record: Record, channels: Mapping[str, str], constant: Mapping[str, float]
 ) -> Array:
     """Known inputs and loads (T, n_u + n_w), measured or constant."""
-    names = (*model.compiled.inputs, *model.compiled.loads)
+    names = (*compiled.inputs, *compiled.loads)
     for name in channels:
         if name not in names:
             raise ConfigurationError(

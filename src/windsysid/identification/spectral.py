@@ -16,11 +16,11 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
-from windsysid.filters import Info
-from windsysid.identification.outcome import Outcome, known_inputs, known_loads
+from windsysid.identification.outcome import Outcome, known_inputs, known_loads, no_innovations
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import seen_by
 from windsysid.identification.spectral_bands import read_in_bands
+from windsysid.identification.spectral_readings import read_bridged
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.family import hypothesis
 from windsysid.loads.rotor_wind import RotorWind
@@ -51,9 +51,6 @@ LEAST_RESONANCE = 20.0
 """As how many independent values the narrowest resonance of a turning rotor has to count: below, its bands were never
 proven."""
 
-GAPS = 0.01
-"""Share of a channel that may be missing: so little is bridged by straight lines."""
-
 
 @one_thread()
 def identify_by_spectrum(
@@ -72,7 +69,7 @@ def identify_by_spectrum(
     notes: list[str] = []
     turbine = seen_by(turbine, sensors, notes)
     inputs = known_inputs(record, turbine, sensors)
-    readings = _readings(record, sensors, notes)
+    readings = read_bridged(record, [sensor.channel for sensor in sensors], notes)
     file_loads = known_loads(record, turbine)[1]
     if len({load.load for load in file_loads}) < len(turbine.model.loads):
         raise ConfigurationError(
@@ -143,7 +140,7 @@ def _outcome(
         ),
         history_mean=unknowns[None, :n],
         history_std=np.sqrt(np.diag(cov)[:n])[None],
-        final=_no_innovations(len(question.sensors), log_likelihood),
+        final=no_innovations(len(question.sensors), log_likelihood),
         theta=unknowns[:n],
         cov=cov[:n, :n],
         rotor=question.inputs,
@@ -184,25 +181,6 @@ def _ask(
     return Question(
         supposed.turbine, tuple(sensors), readings, record.rate, inputs, model.compiled, parameters, tuple(file_loads)
     )
-
-
-def _readings(record: Record, sensors: Sequence[Sensor], notes: list[str]) -> Array:
-    """What the sensors read (T, m), short gaps bridged."""
-    columns = []
-    for sensor in sensors:
-        values = record[sensor.channel]
-        missing = ~np.isfinite(values)
-        if missing.mean() > GAPS:
-            raise RecordError(
-                f"channel '{sensor.channel}': expected at most {100 * GAPS:g} % missing samples for spectra, got "
-                f"{100 * missing.mean():.3g} %: "
-                "choose another section, or use --formulation joint"
-            )
-        if missing.any():
-            values = np.interp(record.time, record.time[~missing], values[~missing])
-            notes.append(f"{int(missing.sum())} missing samples of {sensor.channel} were bridged")
-        columns.append(values)
-    return np.column_stack(columns)
 
 
 def _speed(speed: Array) -> list[str]:
@@ -316,12 +294,3 @@ def _ranges(posed: Posed) -> list[tuple[float, float]]:
         return [(k * model.place.rotor_hz, (k + 1) * model.place.rotor_hz) for k in range(highest)]
     edges = [np.geomspace(low, high * 1.000001, 4) for low, high in posed.bands]
     return [(float(a), float(b)) for edge in edges for a, b in pairwise(edge)]
-
-
-def _no_innovations(readings: int, log_likelihood: float) -> Info:
-    """One sample of nothing: spectra have no innovations."""
-    nothing = np.full((1, readings), np.nan)
-    return Info(
-        mean=np.empty((1, 0)), std=np.empty((1, 0)), innovation=nothing, innovation_std=nothing, whitened=nothing,
-        whitening_std=nothing, log_likelihood=np.array([log_likelihood]), gated=np.zeros((1, readings), dtype=np.bool_),
-    )  # fmt: skip

@@ -18,7 +18,17 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 
-__all__ = ["TAPERED", "Band", "band_data", "plain_band", "taper", "taper_factor", "transform", "window_weights"]
+__all__ = [
+    "TAPERED",
+    "WINDOW_REACH",
+    "Band",
+    "band_data",
+    "plain_band",
+    "taper",
+    "taper_factor",
+    "transform",
+    "window_weights",
+]
 
 TAPERED = 0.1
 """Share of the record over which the taper rises and falls."""

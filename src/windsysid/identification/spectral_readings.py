@@ -1,0 +1,38 @@
+"""Readings as spectra need them: without gaps."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import RecordError
+from windsysid.records.record import Record
+
+__all__ = ["read_bridged"]
+
+GAPS = 0.01
+"""Share of a channel that may be missing: so little is bridged by straight lines."""
+
+
+def read_bridged(record: Record, channels: Sequence[str], notes: list[str]) -> Array:
+    """What channels hold (T, m), short gaps bridged, which `notes` then say.
+
+    Raises
+    ------
+    RecordError
+        If more than `GAPS` of a channel is missing.
+    """
+    columns = []
+    for name in channels:
+        values = record[name]
+        missing = ~np.isfinite(values)
+        if missing.mean() > GAPS:
+            raise RecordError(
+                f"channel '{name}': expected at most {100 * GAPS:g} % missing samples for spectra, got "
+                f"{100 * missing.mean():.3g} %: choose another section, or the joint formulation"
+            )
+        if missing.any():
+            values = np.interp(record.time, record.time[~missing], values[~missing])
+            notes.append(f"{int(missing.sum())} missing samples of {name} were bridged")
+        columns.append(values)
+    return np.column_stack(columns)

@@ -1,0 +1,97 @@
+"""Cross-spectra of readings, block by block: all that a stationary record says, in a memory that does not grow.
+
+A block of L samples has the tapered transforms Y_k (`windsysid.spectral.dft`), complex Gaussian with the covariance
+S̄(f_k). What the likelihood of many blocks depends on is Σ Y_k Y_kᴴ at every frequency and their number, so that blocks
+add, and so do records of one structure in one state.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array, Complex
+from windsysid.spectral.dft import taper_factor, transform
+
+__all__ = ["CrossSpectra", "Rows", "cross_spectra", "pool"]
+
+FIRST_BIN = 2
+"""Lowest bin in use: nearer to 0 the mean has been taken out."""
+
+
+class CrossSpectra(NamedTuple):
+    """Sums over blocks.
+
+    Attributes
+    ----------
+    power
+        Σ Y Yᴴ at the bins k = `FIRST_BIN` … (F, m, m), one-sided [unit²/Hz].
+    blocks
+        How many.
+    samples, rate
+        Of a block L, and per second [Hz].
+    """
+
+    power: Complex
+    blocks: float
+    samples: int
+    rate: float
+
+    @property
+    def bins(self) -> NDArray[np.int64]:
+        """k (F,)."""
+        return np.arange(FIRST_BIN, FIRST_BIN + len(self.power))
+
+    @property
+    def frequency(self) -> Array:
+        """[Hz] (F,)."""
+        return np.asarray(self.bins * self.rate / self.samples)
+
+    @property
+    def factor(self) -> float:
+        """c_h: how many bins count as one."""
+        return taper_factor(self.samples)
+
+    def __add__(self, other: "CrossSpectra") -> "CrossSpectra":  # type: ignore[override]
+        return self._replace(power=self.power + other.power, blocks=self.blocks + other.blocks)
+
+
+class Rows(NamedTuple):
+    """Pools of neighbouring bins that share one spectrum.
+
+    Attributes
+    ----------
+    first
+        Place of the first bin of each in `CrossSpectra.power` (K + 1,), the end last.
+    frequency
+        Their middles (K,) [Hz].
+    counts
+        Bins times blocks (K,).
+    power
+        Mean of Y Yᴴ (K, m, m).
+    """
+
+    first: NDArray[np.int64]
+    frequency: Array
+    counts: Array
+    power: Complex
+
+
+def cross_spectra(readings: Array, rate: float, highest: float) -> CrossSpectra:
+    """Of one block of readings (L, m) without gaps, up to a frequency [Hz]."""
+    from scipy.signal import detrend
+
+    frequency, found = transform(detrend(readings, axis=0), rate)
+    used = found[FIRST_BIN : int(np.searchsorted(frequency, highest, side="right"))]
+    return CrossSpectra(used[:, :, None] * used[:, None, :].conj(), 1.0, len(readings), rate)
+
+
+def pool(spectra: CrossSpectra, width: Array) -> Rows:
+    """Bins pooled as far as `width` (F,) [bins] allows around each of them."""
+    place = np.cumsum(1.0 / np.maximum(width, 1.0))
+    first = np.flatnonzero(np.diff(np.floor(place - 1e-9), prepend=-1.0))
+    ends = np.append(first, len(place))
+    number = np.diff(ends).astype(np.float64)
+    power = np.add.reduceat(spectra.power, first, axis=0) / (number * spectra.blocks)[:, None, None]
+    middle = np.add.reduceat(spectra.frequency, first) / number
+    return Rows(ends, middle, number * spectra.blocks, np.asarray(power, dtype=np.complex128))

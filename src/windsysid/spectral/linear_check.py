@@ -1,0 +1,109 @@
+"""Whether equations of one's own explain a record's cross-spectra, and whether the record is stationary."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.spectral.cross_spectra import CrossSpectra
+from windsysid.spectral.lifted_check import Part, unexplained, unsteady
+from windsysid.spectral.linear_fit import LinearFit
+from windsysid.spectral.linear_model import LinearModel
+
+__all__ = ["LEAST_RESONANCE", "doubts_of", "frequency_ranges", "range_energies"]
+
+RANGES, REACH = 8, 50.0
+"""In how many ranges a record is judged, and the factor between the lowest edge and the highest."""
+
+LEAST_RESONANCE = 20.0
+"""As how many independent values the narrowest resonance has to count in a block: what a finite record does to a
+narrower one was never proven."""
+
+ALL = "what all channels have in common"
+
+
+def frequency_ranges(highest: float) -> list[tuple[float, float]]:
+    """Ranges up to a frequency [Hz]."""
+    edges = np.geomspace(highest / REACH, highest, RANGES + 1)
+    edges[0], edges[-1] = 0.0, 1.001 * highest
+    return [(float(low), float(high)) for low, high in pairwise(edges)]
+
+
+def range_energies(spectra: CrossSpectra, ranges: Sequence[tuple[float, float]]) -> Array:
+    """Σ |Y|² over each range, per bin and block (R, m); NaN where there is no bin."""
+    power = np.einsum("kii->ki", spectra.power).real / spectra.blocks
+    found = np.full((len(ranges), power.shape[1]), np.nan)
+    for i, (low, high) in enumerate(ranges):
+        inside = (spectra.frequency >= low) & (spectra.frequency < high)
+        if inside.any():
+            found[i] = power[inside].mean(axis=0)
+    return found
+
+
+def doubts_of(
+    model: LinearModel, spectra: CrossSpectra, fit: LinearFit, channels: Sequence[str], energies: Sequence[Array]
+) -> list[str]:
+    """What speaks against the bands: a search that did not end, resonances of few bins, what the model does not
+    explain, blocks of different loudness.
+
+    `energies` are `range_energies` of parts of the record in their order.
+    """
+    doubts = []
+    if not fit.settled:
+        doubts.append(
+            "the likelihood still rose when the search ended: choose a longer record, or give narrower priors"
+        )
+    ranges = frequency_ranges(float(spectra.frequency[-1]))
+    S = model.spectrum(fit.rows.frequency, fit.unknowns) + fit.smear
+    counts = fit.rows.counts
+    parts = _parts(S, fit, ranges, spectra.factor, channels)
+    duration = spectra.samples / spectra.rate
+    poles = model.poles(fit.unknowns)
+    poles = poles[(poles.imag > 0.0) & (poles.imag < 2.0 * math.pi * spectra.frequency[-1])]
+    least = float(np.min(-poles.real, initial=math.inf)) * duration / spectra.factor
+    if least < LEAST_RESONANCE:
+        doubts.append(
+            f"the narrowest resonance counts as {max(least, 0.0):.2g} independent values only, and bands were not "
+            f"proven below {LEAST_RESONANCE:g}: choose a longer record"
+        )
+    doubts += unexplained(parts)[:3]
+    halves = [np.nanmean(half, axis=0) for half in np.array_split(np.array(energies), 2) if len(half)]
+    if len(halves) < 2:
+        return doubts
+    own = np.einsum("kii->ki", S).real
+    pairs: list[list[Part]] = [[], []]
+    for i, (low, high) in enumerate(ranges):
+        inside = (fit.rows.frequency >= low) & (fit.rows.frequency < high)
+        if not inside.any():
+            continue
+        for j, channel in enumerate(channels):
+            s, n = own[inside, j], 0.5 * counts[inside]
+            independent = float((n @ s) ** 2 / (n @ s**2)) / spectra.factor
+            independent = max(independent, 0.5 * least) if math.isfinite(least) else independent
+            for pair, half in zip(pairs, halves, strict=True):
+                pair.append(Part(channel, low, high, 1.0, 0.0, float(half[i, j]), independent))
+    return doubts + unsteady(*pairs)[:2]
+
+
+def _parts(
+    S: Complex, fit: LinearFit, ranges: Sequence[tuple[float, float]], factor: float, channels: Sequence[str]
+) -> list[Part]:
+    """Mean squares by channel and frequency, and of what whitens all channels together."""
+    rows = fit.rows
+    L_inv = np.linalg.inv(np.linalg.cholesky(S))
+    whitened = np.einsum("kij,kjl,kil->k", L_inv, rows.power, L_inv.conj()).real / S.shape[1]
+    own = np.einsum("kii->ki", rows.power).real / np.einsum("kii->ki", S).real
+    found = []
+    for low, high in ranges:
+        inside = (rows.frequency >= low) & (rows.frequency < high)
+        n = rows.counts[inside]
+        if not inside.any():
+            continue
+        for name, mean, number in [
+            *((channel, own[inside, j], n.sum()) for j, channel in enumerate(channels)),
+            (ALL, whitened[inside], n.sum() * len(channels)),
+        ]:
+            found.append(Part(name, low, high, float(n @ mean / n.sum()), math.sqrt(factor / number), 1.0, 1.0))
+    return found

@@ -1,0 +1,131 @@
+"""The mode of the posterior of equations of one's own, from cross-spectra.
+
+Far from the truth no resonance of the model meets one of the record. So the search begins with all resonances made wide
+(by a share of their frequencies), and the likelihood is let in little by little. What wide resonances say of natural
+frequencies is kept and what they say of damping is forgotten. Then come the spectra as they are; what a finite record
+does to them (`LinearModel.smear`) is taken at the last mode found, until that stays.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.spectral.cross_spectra import CrossSpectra, Rows
+from windsysid.spectral.linear_model import LinearModel
+from windsysid.spectral.scoring import Mode, find_mode
+
+__all__ = ["LinearFit", "fit_linear"]
+
+WIDE = ((0.3, 0.05), (0.1, 0.2))
+"""Share of the frequency by which resonances are made wider, and weight of the likelihood, of the first stages."""
+
+TEMPERED = (0.03, 0.2, 1.0)
+"""Weights of the next."""
+
+MOST_ROUNDS = 8
+"""With what a finite record does to the spectra."""
+
+STAYS = 0.1
+"""Standard deviations by which no unknown moves any more."""
+
+CLOSE = 0.02
+"""How well the natural frequencies of the first stages are kept, relative."""
+
+ALIGNED = 6
+"""Steps towards them."""
+
+
+class LinearFit(NamedTuple):
+    """What a record says of the unknowns.
+
+    Attributes
+    ----------
+    unknowns, cov
+        Mode of the posterior (n,) and Laplace's covariance (n, n).
+    log_likelihood
+        At the mode.
+    rows, smear
+        The rows of the last search, and what a finite record adds to their spectra.
+    settled
+        Whether the search ended by itself.
+    """
+
+    unknowns: Array
+    cov: Array
+    log_likelihood: float
+    rows: Rows
+    smear: Complex
+    settled: bool
+
+
+def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
+    """The mode of the posterior from the centre of the prior.
+
+    Raises
+    ------
+    LinAlgError
+        If the spectrum there is not positive definite, or the equations are unstable.
+    """
+    mean, std = model.prior
+    factor, unknowns = spectra.factor, mean.copy()
+    for widening, weight in WIDE:
+        rows = model.rows(spectra, unknowns, widening)
+        evaluate = _evaluator(model, rows, factor, None, widening)
+        unknowns = find_mode(evaluate, unknowns, mean, std, [(weight, 1)], rough=True).unknowns
+        unknowns = _aligned(model, unknowns)
+    for weight in TEMPERED:
+        rows = model.rows(spectra, unknowns)
+        evaluate = _evaluator(model, rows, factor, None)
+        unknowns = find_mode(evaluate, unknowns, mean, std, [(weight, 1)], rough=True).unknowns
+    stays = False
+    rows = model.rows(spectra, unknowns)
+    for _ in range(MOST_ROUNDS):
+        smear = model.smear(spectra, rows, unknowns)
+        mode = find_mode(
+            _evaluator(model, rows, factor, smear), unknowns, mean, std, [(1.0, 1)], rough=not stays
+        )  # fmt: skip
+        if stays:
+            break
+        stays = mode.settled and _moved(mode, unknowns) < STAYS
+        unknowns = mode.unknowns
+    off = (mode.unknowns - mean) / std
+    cov = np.linalg.inv(mode.information)
+    log_likelihood = -(mode.value - 0.5 * float(off @ off))
+    return LinearFit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, rows, smear, stays and mode.settled)
+
+
+def _moved(mode: Mode, before: Array) -> float:
+    """Greatest step of an unknown in its standard deviations, others held."""
+    return float(np.max(np.abs(mode.unknowns - before) * np.sqrt(np.diag(mode.information))))
+
+
+def _evaluator(
+    model: LinearModel, rows: Rows, factor: float, smear: Complex | None, widening: float = 0.0
+) -> Callable[[Array, int], tuple[float, Array, Array]]:
+    """J, g and F of the rows."""
+
+    def evaluate(unknowns: Array, every: int) -> tuple[float, Array, Array]:
+        return model.likelihood(rows, factor, unknowns, smear, widening)
+
+    return evaluate
+
+
+def _aligned(model: LinearModel, unknowns: Array) -> Array:
+    """The most probable θ beforehand that has the natural frequencies of `unknowns`, η as they are."""
+    n = len(model.parameters)
+    mean, std = (values[:n] for values in model.prior)
+    wanted = model.natural_frequencies(unknowns[None])[0]
+    steps = 1e-4 * np.minimum(std, 1.0)
+    theta = unknowns[:n].copy()
+    for _ in range(ALIGNED):
+        points = np.concatenate([theta[None], theta + np.diag(steps), theta - np.diag(steps)])
+        found = model.natural_frequencies(points)
+        if found.shape[1] != len(wanted) or not len(wanted):
+            return unknowns
+        slopes = (found[1 : n + 1] - found[n + 1 :]) / (2.0 * steps[:, None])
+        information = slopes @ slopes.T / CLOSE**2 + np.diag(std**-2.0)
+        pull = slopes @ (wanted - found[0]) / CLOSE**2 - (theta - mean) / std**2
+        theta = theta + np.clip(np.linalg.solve(information, pull), -std, std)
+    return np.concatenate([theta, unknowns[n:]])
