@@ -56,7 +56,7 @@ def test_the_spectrum_is_that_of_scipys_transfer_function(model: LinearModel):
 
 
 def test_gradient_and_information_are_those_of_differences(model: LinearModel, record: Record):
-    spectra = cross_spectra(record.values, RATE, 5.0)
+    spectra = cross_spectra(record.values, RATE, (0.0, 5.0))
     rows = model.rows(spectra, AT)
     smear = model.smear(spectra, rows, AT)
     h = 1e-5 * np.eye(5)
@@ -94,7 +94,7 @@ def test_smeared_spectra_are_the_mean_of_what_records_show(model: LinearModel):
     # A resonance of 8 bins under white noise: the mean of many short blocks against S̄, and S itself is off by more.
     truth = np.array([TRUTH["c"] / 20.0, np.log(TRUTH["k"] / 20.0), 0.0, 0.0, 0.0])
     long = driven(5, 60 * 1600).values
-    blocks = [cross_spectra(block, RATE, 3.0) for block in np.split(long, 60)]
+    blocks = [cross_spectra(block, RATE, (0.0, 3.0)) for block in np.split(long, 60)]
     total = sum(blocks[1:], blocks[0])
     rows = model.rows(total, truth)
     sharp = model.spectrum(rows.frequency, truth)[:, 0, 0].real

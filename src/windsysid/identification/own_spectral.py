@@ -35,8 +35,8 @@ NYQUIST_SHARE = 0.8
 """Of half the sampling rate: no frequency above it is used."""
 
 BEYOND = 2.0
-"""Spectra are read up to this many times the highest natural frequency that the priors allow: beyond it they say
-nothing of the structure, and a load's shape has to hold over a narrower range."""
+"""Spectra are read from the lowest natural frequency that the priors allow, over this, to the highest, times this:
+beyond they say nothing of the structure, and the shape of a load has to hold over a narrower range."""
 
 LEAST_BINS = 30
 """Fewest bins of a block."""
@@ -91,7 +91,7 @@ def fit_by_spectra(
     last: Record | None = None
     notes: list[str] = []
     energies: list[Array] = []
-    samples, begun, highest = 0, 0.0, 0.0
+    samples, begun, limits = 0, 0.0, (0.0, 0.0)
     names = [sensor.channel for sensor in sensors]
     for piece in [record] if isinstance(record, Record) else record:
         part = piece.on_uniform_grid()
@@ -99,18 +99,18 @@ def fit_by_spectra(
         readings = read_bridged(part, names, notes)
         if posed is None or total is None:
             posed = _pose(model, part, parameters, sensors, mean, known, loads, channels, levels)
-            begun, highest = float(part.time[0]), _highest(posed, part)
-            total = _blank(readings, part.rate, highest)
+            begun, limits = float(part.time[0]), _limits(posed, part)
+            total = _blank(readings, part.rate, limits)
         elif abs(part.rate / total.rate - 1.0) > 0.01:
             raise RecordError(f"{part.name}: expected pieces of {total.rate:.6g} Hz, got one of {part.rate:.6g} Hz")
-        ranges = frequency_ranges(highest)
+        ranges = frequency_ranges(limits)
         for first in range(0, len(readings) - total.samples + 1, total.samples):
-            block = cross_spectra(readings[first : first + total.samples], part.rate, highest)
+            block = cross_spectra(readings[first : first + total.samples], part.rate, limits)
             energies.append(range_energies(block, ranges))
             total = total + block
         if isinstance(record, Record):  # one block is held against itself
             half = len(readings) // 2
-            halves = [cross_spectra(r, part.rate, highest) for r in (readings[:half], readings[half : 2 * half])]
+            halves = [cross_spectra(r, part.rate, limits) for r in (readings[:half], readings[half : 2 * half])]
             energies = [range_energies(block, ranges) for block in halves]
         notes += faults
         samples += len(readings)
@@ -120,7 +120,7 @@ def fit_by_spectra(
     posed = posed._replace(blur=total.rate / total.samples)
     try:
         found = fit_linear(posed, total)
-        doubts = doubts_of(posed, total, found, names, energies)
+        doubts = doubts_of(posed, total, found, names, energies, frequency_ranges(limits))
     except np.linalg.LinAlgError:
         raise WindsysidError(
             "no spectrum of this model is positive: expected a stable system, and loads, noise and priors of the size "
@@ -168,23 +168,26 @@ def _pose(
     )  # fmt: skip
 
 
-def _highest(posed: LinearModel, part: Record) -> float:
-    """Up to which frequency spectra are read [Hz]."""
-    limit = min(0.5 * part.rate, float(part.attributes.get(LOW_PASS, np.inf))) * NYQUIST_SHARE
+def _limits(posed: LinearModel, part: Record) -> tuple[float, float]:
+    """Between which frequencies spectra are read [Hz]."""
+    most = min(0.5 * part.rate, float(part.attributes.get(LOW_PASS, np.inf))) * NYQUIST_SHARE
     mean, std = posed.prior
+    found = []
     for at in (mean + std, mean, mean - std):
         try:
-            found = posed.natural_frequencies(at[None])[0]
+            found.append(posed.natural_frequencies(at[None])[0])
         except ConfigurationError:
             continue
-        if len(found):
-            return min(limit, BEYOND * float(np.exp(found[-1])) / (2.0 * np.pi))
-    return limit
+    hz = np.exp(np.concatenate(found)) / (2.0 * np.pi) if found else np.empty(0)
+    if not len(hz):
+        return 0.0, most
+    creeps = len(posed.compiled.states) > 2 * len(found[-1])  # what does not oscillate says something down to 0
+    return 0.0 if creeps else float(hz.min()) / BEYOND, min(most, BEYOND * float(hz.max()))
 
 
-def _blank(readings: Array, rate: float, highest: float) -> CrossSpectra:
+def _blank(readings: Array, rate: float, limits: tuple[float, float]) -> CrossSpectra:
     """Sums over no block yet, of blocks as long as the first readings."""
-    like = cross_spectra(readings, rate, highest)
+    like = cross_spectra(readings, rate, limits)
     if len(like.power) < LEAST_BINS:
         raise RecordError(
             f"expected {len(readings) / rate * LEAST_BINS / max(len(like.power), 1):.3g} s or more for spectra, got "

@@ -25,7 +25,9 @@ class CrossSpectra(NamedTuple):
     Attributes
     ----------
     power
-        Σ Y Yᴴ at the bins k = `FIRST_BIN` … (F, m, m), one-sided [unit²/Hz].
+        Σ Y Yᴴ at the bins k = first … (F, m, m), one-sided [unit²/Hz].
+    first
+        The first bin.
     blocks
         How many.
     samples, rate
@@ -33,6 +35,7 @@ class CrossSpectra(NamedTuple):
     """
 
     power: Complex
+    first: int
     blocks: float
     samples: int
     rate: float
@@ -40,7 +43,7 @@ class CrossSpectra(NamedTuple):
     @property
     def bins(self) -> NDArray[np.int64]:
         """k (F,)."""
-        return np.arange(FIRST_BIN, FIRST_BIN + len(self.power))
+        return np.arange(self.first, self.first + len(self.power))
 
     @property
     def frequency(self) -> Array:
@@ -77,13 +80,15 @@ class Rows(NamedTuple):
     power: Complex
 
 
-def cross_spectra(readings: Array, rate: float, highest: float) -> CrossSpectra:
-    """Of one block of readings (L, m) without gaps, up to a frequency [Hz]."""
+def cross_spectra(readings: Array, rate: float, limits: tuple[float, float]) -> CrossSpectra:
+    """Of one block of readings (L, m) without gaps, between two frequencies [Hz]."""
     from scipy.signal import detrend
 
     frequency, found = transform(detrend(readings, axis=0), rate)
-    used = found[FIRST_BIN : int(np.searchsorted(frequency, highest, side="right"))]
-    return CrossSpectra(used[:, :, None] * used[:, None, :].conj(), 1.0, len(readings), rate)
+    low, high = (int(k) for k in np.searchsorted(frequency, limits, side="right"))
+    first = max(low, FIRST_BIN)
+    used = found[first:high]
+    return CrossSpectra(used[:, :, None] * used[:, None, :].conj(), first, 1.0, len(readings), rate)
 
 
 def pool(spectra: CrossSpectra, width: Array) -> Rows:

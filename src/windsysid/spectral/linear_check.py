@@ -14,20 +14,24 @@ from windsysid.spectral.linear_model import LinearModel
 
 __all__ = ["LEAST_RESONANCE", "doubts_of", "frequency_ranges", "range_energies"]
 
-RANGES, REACH = 8, 50.0
-"""In how many ranges a record is judged, and the factor between the lowest edge and the highest."""
+RANGES = 8
+"""In how many ranges a record is judged."""
 
-LEAST_RESONANCE = 20.0
+REACH = 50.0
+"""Greatest factor between the edge of the first of them and the end of the last."""
+
+LEAST_RESONANCE = 12.0
 """As how many independent values the narrowest resonance has to count in a block: what a finite record does to a
 narrower one was never proven."""
 
 ALL = "what all channels have in common"
 
 
-def frequency_ranges(highest: float) -> list[tuple[float, float]]:
-    """Ranges up to a frequency [Hz]."""
-    edges = np.geomspace(highest / REACH, highest, RANGES + 1)
-    edges[0], edges[-1] = 0.0, 1.001 * highest
+def frequency_ranges(limits: tuple[float, float]) -> list[tuple[float, float]]:
+    """Ranges between two frequencies [Hz]."""
+    low, high = limits
+    edges = np.geomspace(max(low, high / REACH), high, RANGES + 1)
+    edges[0], edges[-1] = low, 1.001 * high
     return [(float(low), float(high)) for low, high in pairwise(edges)]
 
 
@@ -43,30 +47,34 @@ def range_energies(spectra: CrossSpectra, ranges: Sequence[tuple[float, float]])
 
 
 def doubts_of(
-    model: LinearModel, spectra: CrossSpectra, fit: LinearFit, channels: Sequence[str], energies: Sequence[Array]
+    model: LinearModel,
+    spectra: CrossSpectra,
+    fit: LinearFit,
+    channels: Sequence[str],
+    energies: Sequence[Array],
+    ranges: Sequence[tuple[float, float]],
 ) -> list[str]:
     """What speaks against the bands: a search that did not end, resonances of few bins, what the model does not
     explain, blocks of different loudness.
 
-    `energies` are `range_energies` of parts of the record in their order.
+    `energies` are `range_energies` of parts of the record in their order, over `ranges` [Hz].
     """
     doubts = []
     if not fit.settled:
         doubts.append(
             "the likelihood still rose when the search ended: choose a longer record, or give narrower priors"
         )
-    ranges = frequency_ranges(float(spectra.frequency[-1]))
     S = model.spectrum(fit.rows.frequency, fit.unknowns) + fit.smear
     counts = fit.rows.counts
     parts = _parts(S, fit, ranges, spectra.factor, channels)
     duration = spectra.samples / spectra.rate
     poles = model.poles(fit.unknowns)
     poles = poles[(poles.imag > 0.0) & (poles.imag < 2.0 * math.pi * spectra.frequency[-1])]
-    least = float(np.min(-poles.real, initial=math.inf)) * duration / spectra.factor
-    if least < LEAST_RESONANCE:
+    least = float(np.min(-poles.real, initial=math.inf)) * duration
+    if least < LEAST_RESONANCE * spectra.factor:
         doubts.append(
-            f"the narrowest resonance counts as {max(least, 0.0):.2g} independent values only, and bands were not "
-            f"proven below {LEAST_RESONANCE:g}: choose a longer record"
+            f"the narrowest resonance counts as {max(least / spectra.factor, 0.0):.2g} independent values only, and "
+            f"bands were not proven below {LEAST_RESONANCE:g}: choose a longer record"
         )
     doubts += unexplained(parts)[:3]
     halves = [np.nanmean(half, axis=0) for half in np.array_split(np.array(energies), 2) if len(half)]
@@ -80,8 +88,8 @@ def doubts_of(
             continue
         for j, channel in enumerate(channels):
             s, n = own[inside, j], 0.5 * counts[inside]
-            independent = float((n @ s) ** 2 / (n @ s**2)) / spectra.factor
-            independent = max(independent, 0.5 * least) if math.isfinite(least) else independent
+            independent = float((n @ s) ** 2 / (n @ s**2))
+            independent = max(independent, min(0.5 * least, float(n.sum()))) / spectra.factor
             for pair, half in zip(pairs, halves, strict=True):
                 pair.append(Part(channel, low, high, 1.0, 0.0, float(half[i, j]), independent))
     return doubts + unsteady(*pairs)[:2]

@@ -21,8 +21,8 @@ __all__ = ["LinearFit", "fit_linear"]
 WIDE = ((0.3, 0.05), (0.1, 0.2))
 """Share of the frequency by which resonances are made wider, and weight of the likelihood, of the first stages."""
 
-TEMPERED = (0.03, 0.2, 1.0)
-"""Weights of the next."""
+TEMPERED = ((0.03, 3), (0.2, 3), (1.0, 1))
+"""Weight of the next, and every how many-th row is used."""
 
 MOST_ROUNDS = 8
 """With what a finite record does to the spectra."""
@@ -75,25 +75,23 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
         evaluate = _evaluator(model, rows, factor, None, widening)
         unknowns = find_mode(evaluate, unknowns, mean, std, [(weight, 1)], rough=True).unknowns
         unknowns = _aligned(model, unknowns)
-    for weight in TEMPERED:
+    for stage in TEMPERED:
         rows = model.rows(spectra, unknowns)
         evaluate = _evaluator(model, rows, factor, None)
-        unknowns = find_mode(evaluate, unknowns, mean, std, [(weight, 1)], rough=True).unknowns
+        unknowns = find_mode(evaluate, unknowns, mean, std, [stage], rough=True).unknowns
     stays = False
     rows = model.rows(spectra, unknowns)
     for _ in range(MOST_ROUNDS):
         smear = model.smear(spectra, rows, unknowns)
-        mode = find_mode(
-            _evaluator(model, rows, factor, smear), unknowns, mean, std, [(1.0, 1)], rough=not stays
-        )  # fmt: skip
-        if stays:
-            break
+        mode = find_mode(_evaluator(model, rows, factor, smear), unknowns, mean, std, [(1.0, 1)])
         stays = mode.settled and _moved(mode, unknowns) < STAYS
         unknowns = mode.unknowns
+        if stays:
+            break
     off = (mode.unknowns - mean) / std
     cov = np.linalg.inv(mode.information)
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
-    return LinearFit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, rows, smear, stays and mode.settled)
+    return LinearFit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, rows, smear, stays)
 
 
 def _moved(mode: Mode, before: Array) -> float:
@@ -104,10 +102,15 @@ def _moved(mode: Mode, before: Array) -> float:
 def _evaluator(
     model: LinearModel, rows: Rows, factor: float, smear: Complex | None, widening: float = 0.0
 ) -> Callable[[Array, int], tuple[float, Array, Array]]:
-    """J, g and F of the rows."""
+    """J, g and F of the rows; of every n-th, as much as all of them would be."""
 
     def evaluate(unknowns: Array, every: int) -> tuple[float, Array, Array]:
-        return model.likelihood(rows, factor, unknowns, smear, widening)
+        if every == 1:
+            return model.likelihood(rows, factor, unknowns, smear, widening)
+        some = slice(every // 2, None, every)
+        few = Rows(rows.first[some], rows.frequency[some], rows.counts[some], rows.power[some])
+        share = float(few.counts.sum() / rows.counts.sum())
+        return model.likelihood(few, factor * share, unknowns, None, widening)
 
     return evaluate
 

@@ -32,7 +32,7 @@ ALIKE = 3.0
 """Bins in the distance to the nearest pole for each bin that shares its spectrum with others."""
 
 WIDEST = 0.03
-"""Widest pool, beside its frequency."""
+"""Widest pool, beside its frequency, where resonances are not made wider."""
 
 MOST_NUMBERS = 2_000_000
 """Complex numbers that are held at once."""
@@ -98,7 +98,7 @@ class LinearModel(NamedTuple):
         poles = self.poles(unknowns)
         distance = np.min([np.abs(s - pole) for pole in poles], axis=0) / (2.0 * np.pi)
         step = spectra.rate / spectra.samples
-        return pool(spectra, np.minimum(distance / ALIKE, WIDEST * spectra.frequency) / step)
+        return pool(spectra, np.minimum(distance / ALIKE, max(WIDEST, widening / ALIKE) * spectra.frequency) / step)
 
     def likelihood(
         self, rows: Rows, factor: float, unknowns: Array, smear: Complex | None = None, widening: float = 0.0
