@@ -6,7 +6,7 @@ import pytest
 import scipy.signal
 
 from tests.identification.test_own_equations import AT_REST, NOISE, PARAMETERS, RATE, SPRING, TRUTH, sensors, shaken
-from windsysid import ConfigurationError, Fit, GaussMarkov, Record, RecordError, fit
+from windsysid import ConfigurationError, Fit, GaussMarkov, Parameter, Record, RecordError, fit
 from windsysid.mechanics.compile import compile_model
 from windsysid.simulation.random_loads import draw_loads
 from windsysid.spectral.cross_spectra import cross_spectra
@@ -123,6 +123,15 @@ def test_noise_and_load_are_learned_whatever_was_guessed(record: Record):
     for name in ("c", "k"):
         assert guessed[name].estimate == pytest.approx(told[name].estimate, abs=0.1 * told[name].std)
         assert guessed[name].std == pytest.approx(told[name].std, rel=0.03)
+
+
+def test_a_prior_that_is_unstable_at_its_centre_is_no_obstacle(record: Record):
+    told = by_spectra(record)
+    odd = (Parameter("c", -0.4, 1.0, logarithmic=False, scale=20.0), PARAMETERS[1])
+    found = by_spectra(record, parameters=odd)
+    # a prior of σ = 1 whose centre lies 0.8 lower moves an estimate of σ = 0.12 by 0.8 · 0.12² = 0.1 σ
+    assert found["c"].estimate == pytest.approx(told["c"].estimate, abs=0.2 * told["c"].std)
+    assert found["k"].estimate == pytest.approx(told["k"].estimate, abs=0.1 * told["k"].std)
 
 
 def test_pieces_say_what_the_whole_says(record: Record):

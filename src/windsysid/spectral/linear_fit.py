@@ -36,6 +36,9 @@ CLOSE = 0.02
 ALIGNED = 6
 """Steps towards them."""
 
+UNSTABLE = (0.0, 0.5, 1.0, 2.0, 4.0)
+"""Standard deviations above the prior's centre at which a start is tried."""
+
 
 class LinearFit(NamedTuple):
     """What a record says of the unknowns.
@@ -61,7 +64,7 @@ class LinearFit(NamedTuple):
 
 
 def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
-    """The mode of the posterior from the centre of the prior.
+    """The mode of the posterior from the centre of the prior, or the nearest point of more damping that is stable.
 
     Raises
     ------
@@ -69,7 +72,7 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
         If the spectrum there is not positive definite, or the equations are unstable.
     """
     mean, std = model.prior
-    factor, unknowns = spectra.factor, mean.copy()
+    factor, unknowns = spectra.factor, _stable_start(model)
     for widening, weight in WIDE:
         rows = model.rows(spectra, unknowns, widening)
         evaluate = _evaluator(model, rows, factor, None, widening)
@@ -131,4 +134,17 @@ def _aligned(model: LinearModel, unknowns: Array) -> Array:
         information = slopes @ slopes.T / CLOSE**2 + np.diag(std**-2.0)
         pull = slopes @ (wanted - found[0]) / CLOSE**2 - (theta - mean) / std**2
         theta = theta + np.clip(np.linalg.solve(information, pull), -std, std)
-    return np.concatenate([theta, unknowns[n:]])
+    aligned = np.concatenate([theta, unknowns[n:]])
+    return aligned if model.stable(aligned) else unknowns
+
+
+def _stable_start(model: LinearModel) -> Array:
+    """The centre of the prior; where a motion grows there, linear parameters as far above as it takes."""
+    mean, std = model.prior
+    linear = np.zeros(len(mean))
+    linear[: len(model.parameters)] = [not q.logarithmic for q in model.parameters]
+    for above in UNSTABLE:
+        start = np.asarray(mean + above * linear * std)
+        if model.stable(start):
+            return start
+    return mean

@@ -19,7 +19,7 @@ from windsysid._types import Array, Complex
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.spectral.cross_spectra import CrossSpectra, Rows, pool
 from windsysid.spectral.dft import WINDOW_REACH, window_weights
-from windsysid.spectral.linear_system import LinearSystem, linearise, low_rank, resolve
+from windsysid.spectral.linear_system import LinearSystem, is_stable, linearise, low_rank, resolve
 from windsysid.spectral.load_shapes import LoadShape
 from windsysid.statespace.parameter import Parameter
 
@@ -82,6 +82,11 @@ class LinearModel(NamedTuple):
         """Of the equations and the loads [rad/s]."""
         own = np.linalg.eigvals(self._systems(unknowns[None]).A[0])
         return np.concatenate([own, *(load.poles for load in self.loads)]).astype(np.complex128)
+
+    def stable(self, unknowns: Array) -> bool:
+        """Whether the equations have a stationary vibration there."""
+        poles = np.linalg.eigvals(self._systems(unknowns[None]).A[0])
+        return is_stable(np.asarray(poles, dtype=np.complex128))
 
     def natural_frequencies(self, points: Array) -> Array:
         """Logarithms of |λ| of what oscillates, rising, at sets of unknowns (V, n or more): (V, least number)."""

@@ -19,7 +19,7 @@ from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import CompiledModel
 
-__all__ = ["LinearSystem", "Slopes", "linearise", "low_rank", "resolve"]
+__all__ = ["LinearSystem", "Slopes", "is_stable", "linearise", "low_rank", "resolve"]
 
 MOST_STEPS = 50
 """Newton's steps to the working point."""
@@ -132,7 +132,7 @@ def resolve(system: LinearSystem, s: Complex) -> tuple[Complex, Complex, Complex
     """
     A, G, C, E = (matrix[0] for matrix in system)
     poles, vectors = np.linalg.eig(A)
-    if poles.size and poles.real.max() > 1e-9 * np.abs(poles).max():
+    if not is_stable(poles):
         raise np.linalg.LinAlgError("the system is unstable")
     if poles.size and np.linalg.cond(vectors) < DEPENDENT:
         back = np.linalg.inv(vectors)
@@ -143,6 +143,11 @@ def resolve(system: LinearSystem, s: Complex) -> tuple[Complex, Complex, Complex
         X = np.linalg.inv(s[:, None, None] * np.eye(len(A)) - A)
         left, right = C @ X, X @ G
     return np.asarray(left), np.asarray(right), np.asarray(left @ G + E)
+
+
+def is_stable(poles: Complex) -> bool:
+    """Whether no motion grows."""
+    return not poles.size or bool(poles.real.max() <= 1e-9 * np.abs(poles).max())
 
 
 def _no_working_point(name: str) -> ConfigurationError:
