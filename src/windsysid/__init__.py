@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from windsysid.filters import EKF, IEKF, UKF, Belief, Filter, Info, Smoothed, load_belief, save_belief, smooth
     from windsysid.filters.particles.filter import ParticleFilter
     from windsysid.filters.particles.raoblackwell import RaoBlackwellised
+    from windsysid.fleet.batch import Batch, batch
     from windsysid.identification.identify import identify
     from windsysid.identification.own_equations import Fit, Reading, fit
     from windsysid.identification.pieces import identify_pieces
@@ -78,6 +79,7 @@ _WHERE = {
     "filters": "EKF IEKF UKF Belief Filter Info Smoothed load_belief save_belief smooth",
     "filters.particles.filter": "ParticleFilter",
     "filters.particles.raoblackwell": "RaoBlackwellised",
+    "fleet.batch": "Batch batch",
     "identification.identify": "identify",
     "identification.own_equations": "Fit Reading fit",
     "identification.pieces": "identify_pieces",
@@ -139,6 +141,7 @@ _PUBLIC = {
 __all__ = [  # noqa: RUF022
     "Accelerometer",
     "AngularRateSensor",
+    "Batch",
     "Belief",
     "Campbell",
     "Coefficient",
@@ -194,6 +197,7 @@ __all__ = [  # noqa: RUF022
     "WindsysidError",
     "__version__",
     "add_noise",
+    "batch",
     "compare",
     "compile_model",
     "compose",

@@ -1,0 +1,194 @@
+"""An archive: one Parquet dataset of rows, a file for each turbine and day, and nothing else.
+
+    ARCHIVE/turbine=T01/month=2026-03/2026-03-02.parquet
+
+The files are the list of what was taken: a record whose file has a row, with the same size, is not taken again. A file
+appears whole or not at all (`windsysid.output.files.replace_file`). It is rewritten as a whole when rows are added, its
+rows sorted by time and source, so that the same records give the same bytes in whatever order they were taken. Any
+program that reads Hive-partitioned Parquet reads an archive.
+"""
+
+import hashlib
+import io
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from windsysid.errors import ConfigurationError, OutputError
+from windsysid.fleet.rows import COLUMNS, COUNT, FLAG, MOMENT, NUMBER, NUMBERS, TEXT, TEXTS, Row
+from windsysid.output.files import explain_errors, make_folders, replace_file
+from windsysid.output.locks import LOCK, release, try_lock
+from windsysid.records.formats.format import package
+from windsysid.records.moments import moment
+
+__all__ = ["Known", "add_rows", "claim_archive", "day_of", "is_archive", "known_sources", "place_of", "read_rows"]
+
+MARK = {b"windsysid_archive": b"1"}
+"""Metadata of every file of an archive: its form."""
+
+UNDATED = "undated"
+_DATE = re.compile(r"(?<!\d)(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?!\d{3})")
+
+
+class Known(NamedTuple):
+    """A record that an archive has: size of its file, what came of it, how often it was tried, with which settings,
+    and the day that it is filed under."""
+
+    size: int
+    status: str
+    tries: int
+    settings: str
+    day: str
+
+
+def is_archive(folder: str | Path) -> bool:
+    """Whether a folder is an archive."""
+    return any(path.is_dir() for path in Path(folder).glob("turbine=*"))
+
+
+def day_of(start: str | None, source: str) -> str:
+    """The day that a record is filed under.
+
+    That of its start, UTC where its zone is known; otherwise the date in its file's name; otherwise one of 256
+    divisions of what has no date.
+    """
+    if start is not None:
+        begun = moment(start)
+        return (begun if begun.tzinfo is None else begun.astimezone(UTC)).date().isoformat()
+    named = _DATE.findall(Path(source).name)
+    if named and int(named[-1][1]) in range(1, 13) and int(named[-1][2]) in range(1, 32):
+        return "-".join(named[-1])
+    return f"{UNDATED}-{hashlib.sha256(source.encode()).hexdigest()[:2]}"
+
+
+def place_of(archive: Path, turbine: str, day: str) -> Path:
+    """The file of a turbine's day."""
+    month = UNDATED if day.startswith(UNDATED) else day[:7]
+    return archive / f"turbine={turbine}" / f"month={month}" / f"{day}.parquet"
+
+
+@contextmanager
+def claim_archive(archive: Path) -> Iterator[None]:
+    """Hold an archive against other processes that add to it; made where it is missing.
+
+    Raises
+    ------
+    OutputError
+        If it holds files but no archive, another process adds to it, or it cannot be written.
+    """
+    with explain_errors(f"archive {archive}", "choose another folder, with space left"):
+        if archive.is_dir() and not is_archive(archive) and any(not p.name.endswith(LOCK) for p in archive.iterdir()):
+            raise OutputError(f"archive {archive}: holds files but no archive: choose another folder")
+        make_folders(archive, [])
+        lock = archive / LOCK
+        handle = try_lock(lock)
+    if handle is None:
+        raise OutputError(f"archive {archive}: another process adds to it; wait for it, or choose another folder")
+    try:
+        yield
+    finally:
+        release(handle, lock)
+
+
+def add_rows(path: Path, rows: Sequence[Row]) -> None:
+    """Put rows into the file of a day, in place of rows of the same sources.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written, or what is there is not ours; it is then as it was.
+    """
+    pq = _parquet("pyarrow.parquet")
+    with explain_errors(str(path), "make room, and give the same command again: it goes on"):
+        by_source = {row["source"]: row for row in (_rows_of(path) if path.exists() else [])}
+        by_source |= {row["source"]: row for row in rows}
+        ordered = sorted(by_source.values(), key=lambda row: (row["start"] or "", row["source"]))
+        table = _table(ordered)
+        content = io.BytesIO()
+        pq.write_table(table, content, compression="zstd", write_page_checksum=True)
+        make_folders(path.parent, [])
+        replace_file(path, lambda file: file.write(content.getbuffer()))
+
+
+def read_rows(archive: str | Path, columns: Iterable[str] | None = None) -> dict[str, list[Row]]:
+    """The rows of each turbine, in order of the files; all columns, or those named.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder is no archive, or one of its files is damaged.
+    """
+    archive = Path(archive)
+    if not is_archive(archive):
+        raise ConfigurationError(
+            f"archive {archive}: expected a folder that windsysid batch wrote, got none of its files"
+        )
+    asked = None if columns is None else list(columns)
+    found: dict[str, list[Row]] = {}
+    for turbine, _, path in _files(archive):
+        found.setdefault(turbine, []).extend(_rows_of(path, asked))
+    return found
+
+
+def known_sources(archive: Path, turbine: str) -> dict[str, Known]:
+    """What an archive has of a turbine, by the path of the record's file."""
+    columns = ["source", "source_bytes", "status", "tries", "settings"]
+    found: dict[str, Known] = {}
+    for name, day, path in _files(archive):
+        if name == turbine:
+            for row in _rows_of(path, columns):
+                size, status, tries, settings = (row[column] for column in columns[1:])
+                found[row["source"]] = Known(size, status, tries, settings, day)
+    return found
+
+
+def _files(archive: Path) -> Iterator[tuple[str, str, Path]]:
+    """Turbine, day and path of every file."""
+    for path in sorted(archive.glob("turbine=*/month=*/*.parquet")):
+        if not path.name.startswith("."):
+            yield path.parts[-3].removeprefix("turbine="), path.stem, path
+
+
+def _rows_of(path: Path, columns: Sequence[str] | None = None) -> list[Row]:
+    pq = _parquet("pyarrow.parquet")
+    pa = _parquet("pyarrow")
+    try:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            ours = (file.schema_arrow.metadata or {}).items() >= MARK.items()
+            rows: list[Row] = file.read(columns=columns).to_pylist() if ours else []
+    except (pa.ArrowException, OSError, ValueError) as error:
+        why = " ".join(str(error).split())[:60]
+        raise ConfigurationError(
+            f"{path}: is damaged ({why}): remove it, and windsysid batch takes its records again"
+        ) from None
+    if not ours:
+        raise ConfigurationError(f"{path}: was not written by windsysid batch: move it out of the archive")
+    return rows
+
+
+def _table(rows: Sequence[Row]) -> Any:
+    pa = _parquet("pyarrow")
+    plain = {
+        NUMBER: pa.float64(), COUNT: pa.int64(), TEXT: pa.string(), TEXTS: pa.list_(pa.string()), FLAG: pa.bool_(),
+        NUMBERS: pa.list_(pa.float64()), MOMENT: pa.timestamp("us"),
+    }  # fmt: skip
+    fields = []
+    for name, kind in COLUMNS.items():
+        inner = kind if isinstance(kind, dict) else None
+        typed = pa.list_(pa.struct([(key, plain[of]) for key, of in inner.items()])) if inner else plain[str(kind)]
+        fields.append(pa.field(name, typed))
+    dated = [{**row, "time": None if row["start"] is None else _date(row["start"])} for row in rows]
+    return pa.Table.from_pylist(dated, schema=pa.schema(fields, metadata=MARK))
+
+
+def _date(start: str) -> Any:
+    """A moment as a date without a zone: UTC where the zone is known."""
+    begun = moment(start)
+    return begun if begun.tzinfo is None else begun.astimezone(UTC).replace(tzinfo=None)
+
+
+def _parquet(module: str) -> Any:
+    return package(module, "archives", "fleet")

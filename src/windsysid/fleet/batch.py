@@ -1,0 +1,288 @@
+"""Take a folder of records, or many, into an archive: what is new, and nothing twice."""
+
+import glob
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.fleet.archive import Known, claim_archive, day_of, known_sources, place_of
+from windsysid.fleet.engine import run_here, run_on_dask
+from windsysid.fleet.guard import DeadWorkerError, HangingWorkerError, Worker
+from windsysid.fleet.members import Member, member_of, read_fleet, single
+from windsysid.fleet.scada import read_scada
+from windsysid.fleet.tasks import Task
+from windsysid.records.formats import FORMATS
+
+__all__ = ["Batch", "batch"]
+
+LIMIT_SECONDS = 600.0
+"""Time that a record may take before its worker counts as hanging."""
+
+RUNS = 3
+"""Runs in which a record that failed is tried again."""
+
+FORMULATIONS = ("spectral", "joint", "auto")
+
+_LOOKS_PER_REPORT = 20
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What a run added to an archive.
+
+    Attributes
+    ----------
+    archive
+        Its folder.
+    taken
+        How many records were ``ok``, ``refused`` or ``failed`` in this run.
+    known
+        Records that the archive had already.
+    unmatched
+        Files that fit no turbine's pattern.
+    seconds
+        How long the run took.
+    """
+
+    archive: Path
+    taken: dict[str, int] = field(default_factory=dict)
+    known: int = 0
+    unmatched: int = 0
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        """One line."""
+        count = sum(self.taken.values())
+        words = {"ok": "identified", "refused": "refused", "failed": "failed"}
+        parts = [f"{self.taken.get(status, 0)} {word}" for status, word in words.items()]
+        told = f"{count} records taken in {_span(self.seconds)}: {', '.join(parts)}"
+        told += f"; {self.known} were there already" if self.known else ""
+        told += f"; {self.unmatched} files fit no pattern" if self.unmatched else ""
+        return f"{told}; archive: {self.archive}"
+
+
+def batch(
+    sources: str | Path | Iterable[str | Path],
+    *,
+    archive: str | Path,
+    turbine: str | Path | None = None,
+    fleet: str | Path | None = None,
+    mapping: str | Path | None = None,
+    sensors: str | Path | None = None,
+    scada: str | Path | None = None,
+    scada_mapping: str | Path | None = None,
+    formulation: str = "spectral",
+    workers: int | None = None,
+    scheduler: str | None = None,
+    limit: float = LIMIT_SECONDS,
+    progress: Callable[[str], None] | None = None,
+) -> Batch:
+    """Identify every record of some folders and keep one row for each in an archive (docs/fleet.md).
+
+    A record that cannot be identified is a row that says why. What the archive has already is not taken again; an
+    interrupted run goes on where it was.
+
+    Parameters
+    ----------
+    sources
+        Files, folders (with all below them) and patterns such as ``"data/2026-*/*.parquet"``.
+    archive
+        Folder of the archive: made where it is missing, added to where it is there.
+    turbine
+        A packaged turbine or the path of a TOML file, where all records are of one.
+    fleet
+        Path of a fleet file, where they are of several (`windsysid.fleet.members`).
+    mapping, sensors, scada, scada_mapping
+        Paths of files of the one turbine; those of several are named in the fleet file.
+    formulation
+        As of `windsysid.identify`. Spectra by default: they cost a tenth of the filters' time, and refuse what is not
+        stationary.
+    workers
+        Processes on this machine; one for each processor by default.
+    scheduler
+        Address of a Dask scheduler whose workers take the records instead.
+    limit
+        Seconds that a record may take; its worker is then ended, and the row says so.
+    progress
+        Called with what is being done, in words.
+
+    Raises
+    ------
+    ConfigurationError
+        If an option or a file of a turbine is wrong, nothing is found, or the archive was made with other settings.
+    OutputError
+        If the archive cannot be written: what was filed stays, and the same call goes on.
+    """
+    if (turbine is None) == (fleet is None):
+        raise ConfigurationError("batch: expected one of turbine and fleet: a turbine of all records, or a fleet file")
+    if formulation not in FORMULATIONS:
+        raise ConfigurationError(f"formulation: expected {', '.join(FORMULATIONS)}; got '{formulation}'")
+    if workers is not None and workers < 1:
+        raise ConfigurationError(f"workers: expected 1 or more, got {workers}")
+    if not limit > 0.0:
+        raise ConfigurationError(f"limit: expected a time above 0 s, got {limit:g}")
+    own = {"mapping": mapping, "sensors": sensors, "scada": scada, "scada_mapping": scada_mapping}
+    if fleet is not None:
+        if any(own.values()):
+            raise ConfigurationError("batch: with a fleet file, mapping, sensors and SCADA are named in it")
+        members = read_fleet(fleet)
+    else:
+        members = (single(str(turbine), **own),)
+    begun, folder, say = time.monotonic(), Path(archive).resolve(), progress or (lambda _: None)
+    settings = {member.name: member.settings(formulation) for member in members}
+    for member in members:
+        if member.scada is not None:
+            try:
+                read_scada(member.scada, member.scada_mapping)
+            except RecordError as error:
+                raise ConfigurationError(f"SCADA of '{member.name}': {error}") from None
+    say("looking for records")
+    theirs, unmatched = _assigned(_files(sources, folder), members)
+    with claim_archive(folder):
+        known = {member.name: known_sources(folder, member.name) for member in members}
+        _check_settings(folder, known, settings)
+        new = {member: _new(theirs[member.name], known[member.name]) for member in members}
+        there = sum(len(paths) for paths in theirs.values()) - sum(len(paths) for paths in new.values())
+        with closing(Worker(limit)) as looker:
+            tasks = _tasks(new, known, folder, formulation, settings, limit, looker, say)
+            counted = _Counted(sum(len(task.sources) for task in tasks), say)
+            if scheduler is None:
+                more = min(workers or _processors(), len(tasks)) - 1
+                run_here(tasks, [looker, *(Worker(limit) for _ in range(more))], counted.tell)
+        if scheduler is not None:
+            run_on_dask(tasks, scheduler, counted.tell)
+    return Batch(folder, dict(counted.taken), there, unmatched, time.monotonic() - begun)
+
+
+class _Counted:
+    """Counts records as they come, and says how fast they come."""
+
+    def __init__(self, total: int, say: Callable[[str], None]) -> None:
+        self.total, self.say, self.taken = total, say, Counter[str]()
+        self.begun = time.monotonic()
+
+    def tell(self, status: str) -> None:
+        """One more."""
+        self.taken[status] += 1
+        done, seconds = sum(self.taken.values()), time.monotonic() - self.begun
+        rate = done / max(seconds, 1e-9)
+        told = f"{done} of {self.total} records, {rate:.2g} a second, {_span((self.total - done) / rate)} left"
+        bad = done - self.taken["ok"]
+        self.say(f"{told}; {bad} without a result" if bad else told)
+
+
+def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[Path]:
+    """The files that sources name, absolute, each once, in order; of folders those with the ending of a format."""
+    listed = [sources] if isinstance(sources, str | Path) else list(sources)
+    found: dict[Path, None] = {}
+    for source in listed:
+        path = Path(source)
+        if path.is_dir():
+            below = _walk(path.resolve(), archive)
+        elif path.is_file():
+            below = [path.resolve()]
+        else:
+            below = [Path(name).resolve() for name in glob.glob(str(source), recursive=True)]
+            below = [each for one in below for each in (_walk(one, archive) if one.is_dir() else [one])]
+        if not below:
+            raise ConfigurationError(f"source {source}: expected a file, a folder or a pattern with records, got none")
+        found |= dict.fromkeys(below)
+    return sorted(found)
+
+
+def _walk(folder: Path, archive: Path) -> list[Path]:
+    """Files below a folder that may be records, none of them hidden or of the archive."""
+    found = []
+    for place, folders, names in os.walk(folder):
+        here = Path(place)
+        folders[:] = [name for name in folders if not name.startswith(".") and here / name != archive]
+        paths = (here / name for name in names if not name.startswith("."))
+        found += [path for path in paths if any(one.is_named(path) for one in FORMATS)]
+    return found
+
+
+def _assigned(files: Sequence[Path], members: Sequence[Member]) -> tuple[dict[str, list[Path]], int]:
+    """The records of each turbine, and how many files fit none; SCADA files are no records."""
+    tables = {member.scada for member in members}
+    theirs: dict[str, list[Path]] = {member.name: [] for member in members}
+    unmatched = 0
+    for path in files:
+        if str(path) in tables:
+            continue
+        member = member_of(path, members)
+        if member is None:
+            unmatched += 1
+        else:
+            theirs[member.name].append(path)
+    if not any(theirs.values()):
+        raise ConfigurationError(f"expected a file that fits a turbine's pattern, got {unmatched} that fit none")
+    return theirs, unmatched
+
+
+def _check_settings(archive: Path, known: dict[str, dict[str, Known]], settings: dict[str, str]) -> None:
+    for name, rows in known.items():
+        if any(row.settings != settings[name] for row in rows.values()):
+            raise ConfigurationError(
+                f"archive {archive}: '{name}' is there with another turbine file, sensors, mapping or formulation:"
+                " choose another"
+            )
+
+
+def _new(paths: Sequence[Path], known: dict[str, Known]) -> list[Path]:
+    """Records that are not known, have another size than they had, or failed and may be tried again."""
+    found = []
+    for path in paths:
+        row = known.get(str(path))
+        if row is None or row.size != path.stat().st_size or (row.status == "failed" and row.tries < RUNS):
+            found.append(path)
+    return found
+
+
+def _tasks(
+    new: dict[Member, list[Path]], known: dict[str, dict[str, Known]], archive: Path, formulation: str,
+    settings: dict[str, str], limit: float, looker: Worker, say: Callable[[str], None],
+) -> list[Task]:  # fmt: skip
+    """Records of a turbine and day together, the days in order."""
+    days: dict[tuple[str, str], list[tuple[str, int]]] = {}
+    of = {member.name: member for member in new}
+    total, looked = sum(len(paths) for paths in new.values()), 0
+    for member, paths in new.items():
+        for path in paths:
+            row = known[member.name].get(str(path))
+            day = row.day if row is not None else day_of(_look(looker, path, member), str(path))
+            days.setdefault((day, member.name), []).append((str(path), row.tries if row is not None else 0))
+            looked += 1
+            if looked % _LOOKS_PER_REPORT == 0:
+                say(f"when they began: {looked} of {total} records")
+    return [
+        Task(of[name], day, str(place_of(archive, name, day)), tuple(sources), formulation, settings[name], limit)
+        for (day, name), sources in sorted(days.items())
+    ]
+
+
+def _look(worker: Worker, path: Path, member: Member) -> str | None:
+    """When a record begins; None where it does not say it, or cannot be opened."""
+    try:
+        start: str | None = worker.ask({"do": "look", "source": str(path), "member": asdict(member)})["start"]
+    except (DeadWorkerError, HangingWorkerError):
+        return None
+    return start
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _span(seconds: float) -> str:
+    """A length of time in words."""
+    minutes, hours, days = seconds / 60.0, seconds / 3600.0, seconds / 86400.0
+    if days >= 2.0:
+        return f"{days:.3g} days"
+    if hours >= 2.0:
+        return f"{hours:.3g} h"
+    return f"{minutes:.3g} min" if minutes >= 2.0 else f"{seconds:.0f} s"

@@ -1,0 +1,146 @@
+"""Who runs the tasks: worker processes of this machine, or a Dask scheduler of the user's.
+
+Both run `windsysid.fleet.tasks.run_task`, which guards a process of its own, so that a record which hangs or kills is
+met in the same way. On Dask a task has a deterministic key, a window of `WINDOW` tasks a worker is submitted, and each
+future is released as it completes: finished work whose future is held would be run again where its worker dies.
+"""
+
+import queue
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
+
+from windsysid.errors import ConfigurationError, OutputError
+from windsysid.fleet.guard import StoppedError, Worker
+from windsysid.fleet.tasks import Task, run_task
+from windsysid.records.formats.format import package
+
+__all__ = ["run_here", "run_on_dask"]
+
+WINDOW = 4
+"""Tasks submitted for each Dask worker: schedulers suffer beyond 100 000 tasks."""
+
+KILLED = 3
+"""Times that a task is given to Dask again after workers died at it; Dask itself tries four times in each."""
+
+Tell = Callable[[str], None]
+
+
+def run_here(tasks: Iterable[Task], guarded: Sequence[Worker], tell: Tell) -> None:
+    """Run tasks by worker processes of this machine; what is running is filed where this is interrupted."""
+    waiting, lock = iter(tasks), threading.Lock()
+    said: queue.Queue[str | BaseException | None] = queue.Queue()
+    stopping = threading.Event()
+
+    def work(worker: Worker) -> None:
+        try:
+            while not stopping.is_set():
+                with lock:
+                    task = next(waiting, None)
+                if task is None:
+                    break
+                run_task(task, worker, said.put)
+        except StoppedError:
+            pass
+        except BaseException as error:  # told to whoever waits
+            said.put(error)
+        finally:
+            worker.close()
+            said.put(None)
+
+    threads = [threading.Thread(target=work, args=(worker,)) for worker in guarded]
+    for thread in threads:
+        thread.start()
+    try:
+        left = len(threads)
+        while left:
+            news = said.get()
+            if isinstance(news, BaseException):
+                raise news
+            left -= news is None
+            if news is not None:
+                tell(news)
+    finally:
+        stopping.set()
+        for worker in guarded:
+            worker.close()
+        for thread in threads:
+            thread.join()
+
+
+def run_on_dask(tasks: Iterable[Task], address: str, tell: Tell) -> None:
+    """Run tasks by the workers of a Dask scheduler.
+
+    Raises
+    ------
+    RecordError
+        If Dask is not installed.
+    ConfigurationError
+        If the scheduler cannot be reached.
+    OutputError
+        If the scheduler goes away, or workers die at a task again and again.
+    """
+    distributed = package("distributed", "Dask schedulers", "fleet")
+    try:
+        client = distributed.Client(address, timeout="30s")
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ConfigurationError(f"--scheduler {address}: cannot be reached ({type(error).__name__})") from None
+    with client:
+        for done in _on_dask(client, distributed, iter(tasks), address):
+            for status, count in done.items():
+                for _ in range(count):
+                    tell(status)
+
+
+def _on_dask(client: Any, dask: Any, waiting: Iterator[Task], address: str) -> Iterator[Counter[str]]:
+    """How many records of each status came, task by task."""
+    given: dict[str, Task] = {}
+    killed: Counter[str] = Counter()
+
+    def submit(task: Task) -> Any:
+        given[task.key] = task
+        return client.submit(run_on_worker, task, key=task.key, pure=False, retries=0)
+
+    completed = dask.as_completed()
+    workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+    for task, _ in zip(waiting, range(WINDOW * workers), strict=False):
+        completed.add(submit(task))
+    gone = OutputError(f"the scheduler {address} went away: start it, and give the same command again: it goes on")
+    for future in completed:
+        key = future.key
+        try:
+            if future.status in ("cancelled", "lost"):
+                raise gone
+            counts = future.result()
+        except dask.KilledWorker:
+            killed[key] += 1
+            if killed[key] > KILLED:
+                raise OutputError(f"Dask workers died again and again at {key}: look at their logs") from None
+            future.release()
+            completed.add(submit(given[key]))
+            continue
+        except (OSError, dask.CancelledError) as error:
+            if isinstance(error, OutputError):
+                raise
+            raise gone from None
+        future.release()
+        del given[key]
+        yield counts
+        following = next(waiting, None)
+        if following is not None:
+            completed.add(submit(following))
+
+
+_own = threading.local()
+"""The guarded process of each thread of a Dask worker."""
+
+
+def run_on_worker(task: Task) -> Counter[str]:
+    """What a Dask worker runs: how many records of each status came."""
+    if getattr(_own, "worker", None) is None:
+        _own.worker = Worker(task.limit)
+    _own.worker.limit = task.limit
+    found: list[str] = []
+    run_task(task, _own.worker, found.append)
+    return Counter(found)

@@ -1,0 +1,196 @@
+"""A record as one row of an archive: what was found, or why nothing was.
+
+A row is a plain mapping with the keys of `COLUMNS`. What a record has several of (coefficients, modes, channels) is a
+list of mappings, so that all turbines have the same columns. A row holds nothing that differs when the same record is
+taken again: no date of today, no time that it took.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.fleet.scada import SCADA_COLUMNS, Scada
+from windsysid.fleet.states import operation_of
+from windsysid.identification.conclude import Formulation
+from windsysid.identification.identify import identify
+from windsysid.inspection.channels import kinds
+from windsysid.inspection.plausibility import rotor_of
+from windsysid.inspection.screening import examine
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.moments import moment, shift_moment
+from windsysid.records.record import Record
+from windsysid.results.identification import Identification
+from windsysid.results.provenance import record_hash
+from windsysid.signals.inputs import TURNING
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["COLUMNS", "Row", "empty_row", "failed_row", "row_of"]
+
+Row = dict[str, Any]
+
+NUMBER, COUNT, TEXT, TEXTS, FLAG, NUMBERS, MOMENT = "number", "count", "text", "texts", "flag", "numbers", "moment"
+
+COLUMNS: dict[str, str | dict[str, str]] = {
+    "source": TEXT, "source_bytes": COUNT, "status": TEXT, "why": TEXT, "tries": COUNT,
+    "record": TEXT, "start": TEXT, "time": MOMENT, "duration": NUMBER, "rate": NUMBER, "samples": COUNT,
+    "state": TEXT, "speed_bin": NUMBER, "rotor_speed": NUMBER, "rotor_speed_min": NUMBER, "rotor_speed_max": NUMBER,
+    **{f"scada_{name}": NUMBER for name in SCADA_COLUMNS},
+    "trusted": FLAG, "reasons": TEXTS, "remarks": TEXTS, "notes": TEXTS,
+    "parameters": {
+        "name": TEXT, "unit": TEXT, "kind": TEXT, "estimate": NUMBER, "low": NUMBER, "high": NUMBER, "std": NUMBER,
+        "informed_by_data": NUMBER, "reference": NUMBER, "prior_centre": NUMBER, "prior_spread": NUMBER,
+        "logarithmic": FLAG, "coordinate_scale": NUMBER,
+    },
+    "modes": {
+        "name": TEXT, "frequency": NUMBER, "frequency_low": NUMBER, "frequency_high": NUMBER, "damping_ratio": NUMBER,
+        "damping_ratio_low": NUMBER, "damping_ratio_high": NUMBER,
+    },
+    "statistics": {
+        "name": TEXT, "unit": TEXT, "given": NUMBER, "estimate": NUMBER, "low": NUMBER, "high": NUMBER,
+        "spread": NUMBER, "like": TEXT,
+    },
+    "covariance": NUMBERS,
+    "channels": {
+        "name": TEXT, "unit": TEXT, "mean": NUMBER, "std": NUMBER, "min": NUMBER, "max": NUMBER, "missing": NUMBER,
+    },
+    "health": {"channel": TEXT, "kind": TEXT, "severity": TEXT, "text": TEXT, "count": COUNT},
+    "formulation": TEXT, "method": TEXT, "section_start": NUMBER, "section_end": NUMBER, "log_likelihood": NUMBER,
+    "windsysid": TEXT, "record_hash": TEXT, "settings": TEXT, "turbine_file": TEXT,
+}  # fmt: skip
+"""The columns of an archive, and what each holds; those with columns of their own are lists.
+
+status
+    ``ok``; ``refused``, where the record is not fit, `why` says for what; ``failed``, where something else went wrong.
+source, source_bytes
+    The file and its size: what tells that it was taken already.
+start, time
+    The moment of the first sample as the record says it, and the same as a date: UTC where its zone is known.
+speed_bin
+    Lower edge of the bin of the rotor speed, as a share of the turbine's usual one.
+covariance
+    Lower triangle, row by row, of the parameters in filter coordinates and then of the coordinates of the statistics.
+settings
+    SHA-256 of turbine, sensors, mapping and formulation.
+turbine_file
+    The turbine as TOML, as it was identified.
+"""
+
+
+def empty_row(source: str, size: int, settings: str) -> Row:
+    """A row of which nothing is known but the file."""
+    from windsysid._version import __version__
+
+    row: Row = {
+        name: [] if isinstance(kind, dict) or kind in (TEXTS, NUMBERS) else None for name, kind in COLUMNS.items()
+    }
+    row |= {"source": source, "source_bytes": size, "settings": settings, "windsysid": __version__, "tries": 0}
+    return row
+
+
+def failed_row(source: str, size: int, settings: str, why: str) -> Row:
+    """A row of a record that could not be taken for a reason that is not its own."""
+    row = empty_row(source, size, settings)
+    return row | {"status": "failed", "why": why, "tries": 1}
+
+
+def row_of(
+    row: Row, record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None, formulation: Formulation | str,
+    scada: Scada | None,
+) -> Row:  # fmt: skip
+    """Fill a row from a record: identified, or the reason why that is refused."""
+    row = row | {"record": record.name, "samples": record.samples, "duration": record.duration, "rate": record.rate}
+    row["record_hash"] = record_hash(record)
+    known: dict[str, float] = {}
+    if record.start is not None:
+        row["start"] = shift_moment(record.start, float(record.time[0]))
+        if scada is not None:
+            known = scada.during(moment(row["start"]), record.duration)
+    row |= {f"scada_{name}": value for name, value in known.items()}
+    row["channels"] = _channels(record)
+    try:
+        row |= _operation(record, turbine, known)
+        row["health"] = _health(record, turbine, sensors)
+        found = identify(record, turbine, sensors=sensors, formulation=formulation)  # type: ignore[arg-type]
+    except (RecordError, ConfigurationError) as error:
+        return row | {"status": "refused", "why": " ".join(str(error).split())}
+    return row | {"status": "ok"} | _found(found)
+
+
+def _operation(record: Record, turbine: Turbine, known: dict[str, float]) -> Row:
+    rotor = rotor_of(record, set(kinds(record)))
+    speed = rotor.speed if rotor is not None else None
+    if speed is None and "rotor_speed" in known:
+        speed = np.array([known["rotor_speed"]])
+    state, at, mean, low, high = operation_of(speed, turbine.rotor_speed, known.get("power"))
+    return {"state": state, "speed_bin": at, "rotor_speed": mean, "rotor_speed_min": low, "rotor_speed_max": high}
+
+
+def _channels(record: Record) -> list[Row]:
+    rows = []
+    for i, (name, unit) in enumerate(zip(record.channels, record.units, strict=True)):
+        values = record.values[:, i]
+        known = values[np.isfinite(values)]
+        some = known.size > 0
+        rows.append({
+            "name": name, "unit": unit, "mean": float(known.mean()) if some else None,
+            "std": float(known.std()) if some else None, "min": float(known.min()) if some else None,
+            "max": float(known.max()) if some else None, "missing": 1.0 - known.size / values.size,
+        })  # fmt: skip
+    return rows
+
+
+def _health(record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None) -> list[Row]:
+    """Warnings and worse of the channels that are read."""
+    listed = turbine.sensors if sensors is None else sensors
+    read = [name for name in (*(sensor.channel for sensor in listed), *TURNING) if name in record]
+    if not read:
+        return []
+    findings, _, _ = examine(record.select(list(dict.fromkeys(read))), turbine)
+    return [
+        {key: getattr(finding, key) for key in ("channel", "kind", "severity", "text", "count")}
+        for finding in findings
+        if finding.severity != "note"
+    ]
+
+
+def _found(found: Identification) -> Row:
+    """What an identification found."""
+    import tomli_w
+
+    from windsysid.turbine.tables import as_tables
+
+    by_name = {q.name: q for q in found.parameters}
+    cov = found.cov if found.joint_cov is None else found.joint_cov
+    return {
+        "trusted": found.diagnosis.trusted,
+        "reasons": list(found.diagnosis.reasons), "remarks": list(found.diagnosis.remarks), "notes": list(found.notes),
+        "parameters": [_parameter(found, name, by_name[name]) for name in by_name],
+        "modes": [
+            {
+                "name": mode.name,
+                **dict(zip(("frequency", "frequency_low", "frequency_high"), mode.frequency_hz, strict=True)),
+                **dict(
+                    zip(("damping_ratio", "damping_ratio_low", "damping_ratio_high"), mode.damping_ratio, strict=True)
+                ),
+            }
+            for mode in found.modes
+        ],
+        "statistics": [asdict(statistic) for statistic in found.statistics],
+        "covariance": cov[np.tril_indices(len(cov))].tolist(),
+        "formulation": found.formulation, "method": found.method,
+        "section_start": found.section[0], "section_end": found.section[1], "log_likelihood": found.log_likelihood,
+        "turbine_file": "" if found.machine is None else tomli_w.dumps(as_tables(found.machine)),
+    }  # fmt: skip
+
+
+def _parameter(found: Identification, name: str, q: Parameter) -> Row:
+    e = found[name]
+    shared = ("unit", "kind", "estimate", "low", "high", "std", "informed_by_data", "reference")
+    return {
+        "name": name, **{key: getattr(e, key) for key in shared},
+        "prior_centre": q.centre, "prior_spread": q.spread, "logarithmic": q.logarithmic, "coordinate_scale": q.scale,
+    }  # fmt: skip

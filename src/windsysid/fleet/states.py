@@ -1,0 +1,78 @@
+"""How a turbine ran during a record: parked, idling, running, or on the way from one to another.
+
+The rotor speed tells, as a share of the turbine's usual one; where the power is known it tells idling from running,
+since a rotor may idle as fast as it runs in little wind.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+
+__all__ = ["STATES", "Operation", "operation_of"]
+
+STATES = ("parked", "idling", "running", "transient", "unknown")
+
+PARKED_MAX_SHARE = 0.1
+"""Share of the usual rotor speed below which a rotor is parked; inspection of stops takes the same."""
+
+RUNNING_MIN_SHARE = 0.4
+"""Share of the usual rotor speed above which a rotor runs, where the power is not known."""
+
+STEADY_MAX_CHANGE = 0.35
+"""Share of the usual rotor speed by which it may vary in a record; a start or a stop varies it more."""
+
+BINS = 10
+"""Bins of rotor speed in the usual one."""
+
+
+class Operation(NamedTuple):
+    """How the rotor turned.
+
+    Attributes
+    ----------
+    state
+        One of `STATES`.
+    speed_bin
+        Lower edge of the bin of the mean rotor speed, as a share of the usual one in tenths; None where it is not
+        known.
+    mean, low, high
+        Rotor speed [rad/s]; None where it is not known.
+    """
+
+    state: str
+    speed_bin: float | None = None
+    mean: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+def operation_of(speed: Array | None, usual: float, power: float | None = None) -> Operation:
+    """The state of a record.
+
+    Parameters
+    ----------
+    speed
+        (T,) rotor speed [rad/s], or its mean alone; None where nothing says it.
+    usual
+        The turbine's usual rotor speed [rad/s].
+    power
+        Mean electrical power [W], where it is known.
+    """
+    known = np.empty(0) if speed is None else np.abs(speed[np.isfinite(speed)])
+    if not known.size or usual <= 0.0:
+        return Operation("unknown")
+    mean, low, high = float(known.mean()), float(known.min()), float(known.max())
+    share = mean / usual
+    passes = low < PARKED_MAX_SHARE * usual and high > RUNNING_MIN_SHARE * usual
+    if passes or high - low > STEADY_MAX_CHANGE * usual:
+        state = "transient"
+    elif share < PARKED_MAX_SHARE:
+        state = "parked"
+    elif power is not None:
+        state = "running" if power > 0.0 else "idling"
+    else:
+        state = "running" if share > RUNNING_MIN_SHARE else "idling"
+    return Operation(state, math.floor(BINS * share + 1e-9) / BINS, mean, low, high)

@@ -1,0 +1,138 @@
+"""The process that opens records: it may hang or die, and nobody else does.
+
+It reads one request a line from standard input and writes one answer a line: JSON, paths in, rows out. ``python -m
+windsysid.fleet.worker`` is started by `windsysid.fleet.guard` only.
+
+Models are compiled once a host: the first identification of each turbine is made under a lock, one process at a time.
+The one that waits says so, since waiting is not hanging.
+"""
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.fleet.members import Member
+from windsysid.fleet.rows import Row, empty_row, failed_row, row_of
+from windsysid.fleet.scada import Scada, read_scada
+from windsysid.kernels.cache import cache_folder
+from windsysid.mechanics.sensors import Sensor, read_sensors
+from windsysid.output.locks import release, try_lock
+from windsysid.records.formats import format_of, load_mapping, read_record
+from windsysid.records.formats.files import named_after
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.moments import shift_moment
+from windsysid.results.identification import finite
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["main"]
+
+POLL_SECONDS = 0.2
+"""How often a lock that another process holds is asked for."""
+
+Say = Callable[[dict[str, Any]], None]
+
+_compiled: set[str] = set()
+"""Turbines whose models this process has."""
+
+
+def main() -> None:
+    """Answer requests until standard input ends."""
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what libraries print is no answer
+
+    def say(answer: dict[str, Any]) -> None:
+        answers.write(json.dumps(answer) + "\n")
+        answers.flush()
+
+    say({"event": "ready"})
+    for line in sys.stdin:
+        request = json.loads(line)
+        member = Member(**request["member"])
+        if request["do"] == "look":
+            say({"event": "done", "start": _start_of(Path(request["source"]), member)})
+        else:
+            row = _take(request["source"], member, request["formulation"], request["settings"], say)
+            say({"event": "done", "row": finite(row)})
+
+
+def _start_of(source: Path, member: Member) -> str | None:
+    """When a record begins, by its header; None where it does not say it or cannot be opened."""
+    try:
+        with named_after(source):
+            opened = format_of(source).open(source, _mapping(member.mapping))
+        if opened.start is None:
+            return None
+        return shift_moment(opened.start, opened.first if opened.first == opened.first else 0.0)
+    except Exception:  # taking it will say what is wrong
+        return None
+
+
+def _take(source: str, member: Member, formulation: str, settings: str, say: Say) -> Row:
+    """The row of a record, whatever happens."""
+    size = -1
+    try:
+        size = Path(source).stat().st_size
+        row = empty_row(source, size, settings)
+        machine = _turbine(member.turbine)
+        sensors = _sensors(member.sensors)
+        scada = _scada(member.scada, member.scada_mapping)
+        try:
+            record = read_record(source, mapping=_mapping(member.mapping))
+        except (RecordError, ConfigurationError) as error:
+            return row | {"status": "refused", "why": " ".join(str(error).split())}
+        with _one_compiles(member.turbine, say):
+            return row_of(row, record, machine, sensors, formulation, scada)
+    except Exception as error:  # whatever it is: the row says so, and the run goes on
+        return failed_row(source, size, settings, f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+@contextmanager
+def _one_compiles(turbine: str, say: Say) -> Iterator[None]:
+    """Hold the lock of this host's cache while a turbine's model may be compiled for the first time."""
+    if turbine in _compiled:
+        yield
+        return
+    lock = cache_folder() / ".compiling"
+    handle = try_lock(lock)
+    while handle is None:
+        say({"event": "waiting"})
+        time.sleep(POLL_SECONDS)
+        handle = try_lock(lock)
+    try:
+        say({"event": "compiling"})
+        yield
+        _compiled.add(turbine)
+    finally:
+        release(handle, lock)
+
+
+@cache
+def _turbine(name: str) -> Turbine:
+    return load_turbine(name)
+
+
+@cache
+def _sensors(path: str | None) -> tuple[Sensor, ...] | None:
+    return None if path is None else read_sensors(path)
+
+
+@cache
+def _mapping(path: str | None) -> Mapping:
+    return Mapping() if path is None else load_mapping(path)
+
+
+@lru_cache(maxsize=4)
+def _scada(path: str | None, mapping: str | None) -> Scada | None:
+    return None if path is None else read_scada(path, mapping)
+
+
+if __name__ == "__main__":
+    main()

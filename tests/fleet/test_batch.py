@@ -1,0 +1,262 @@
+"""A folder becomes an archive: each record once, failures as rows, the same bytes whatever happened on the way."""
+
+import os
+import shutil
+import signal
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from windsysid.errors import ConfigurationError, OutputError
+from windsysid.fleet.archive import add_rows, day_of, read_rows
+from windsysid.fleet.batch import Batch, batch
+from windsysid.fleet.guard import Worker
+from windsysid.fleet.members import read_fleet, single
+from windsysid.fleet.rows import COLUMNS, Row, empty_row
+from windsysid.fleet.tasks import Task, run_task
+from windsysid.records.formats import write_record
+from windsysid.simulation.record import simulate_record
+
+MINUTES = (("T01/a.csv", 50), ("T01/b.csv", 55), ("T01/c.csv", 60))
+"""Two records end a day, one begins the next."""
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data")
+    for seed, (name, minute) in enumerate(MINUTES):
+        start = f"2026-03-{1 + minute // 60:02d}T{(23 + minute // 60) % 24:02d}:{minute % 60:02d}:00Z"
+        record = simulate_record("tower", duration=300.0, rate=10.0, seed=seed)
+        write_record(replace(record, start=start, name=name), folder / name)
+    (folder / "T01" / "d_2026-03-02.csv").write_text("time,tower_x_acceleration [m/s^2]\n0,1\n1,wet\n")
+    (folder / "scada.csv").write_text("time,wind_speed [m/s]\n2026-03-01T23:00:00Z,8\n2026-03-02T00:00:00Z,9\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fleet(data: Path) -> Path:
+    path = data / "fleet.toml"
+    path.write_text('[[turbine]]\nname = "T01"\npattern = "T01/*"\nturbine = "tower"\nscada = "scada.csv"\n')
+    return path
+
+
+@pytest.fixture(scope="module")
+def taken(data: Path, fleet: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Batch, Path]:
+    archive = tmp_path_factory.mktemp("archives") / "whole"
+    return batch(data, fleet=fleet, archive=archive, workers=1), archive
+
+
+def contents(archive: Path) -> dict[str, bytes]:
+    return {path.relative_to(archive).as_posix(): path.read_bytes() for path in archive.rglob("*.parquet")}
+
+
+def test_every_record_is_a_row_under_its_day(taken: tuple[Batch, Path]):
+    found, archive = taken
+    assert found.taken == {"ok": 3, "refused": 1}
+    assert set(contents(archive)) == {
+        f"turbine=T01/month=2026-03/2026-03-{day}.parquet" for day in ("01", "02")
+    }  # fmt: skip
+    assert not [path for path in archive.rglob(".*") if path.is_file()]
+    rows = {Path(row["source"]).name: row for row in read_rows(archive)["T01"]}
+    assert list(rows) == ["a.csv", "b.csv", "d_2026-03-02.csv", "c.csv"]  # by start; what has none comes first
+    assert set(rows["a.csv"]) == set(COLUMNS)
+    bad = rows["d_2026-03-02.csv"]
+    assert bad["status"] == "refused"
+    assert "'wet' is not a number" in bad["why"]
+    good = rows["c.csv"]
+    assert (good["status"], good["state"], good["scada_wind_speed"]) == ("ok", "running", 9.0)
+    assert good["start"] == "2026-03-02T00:00:00Z"
+    assert [p["name"] for p in good["parameters"]] == ["k_side_side", "c_side_side", "k_fore_aft", "c_fore_aft"]
+    assert len(good["covariance"]) == (4 + len(good["statistics"])) * (5 + len(good["statistics"])) // 2
+    assert good["modes"][0]["frequency"] == pytest.approx(0.3163, rel=0.03)
+
+
+def test_a_row_says_what_identify_says(taken: tuple[Batch, Path], data: Path):
+    import windsysid as ws
+
+    row = read_rows(taken[1])["T01"][0]
+    found = ws.identify(data / "T01" / "a.csv", "tower", formulation="spectral")
+    assert {p["name"]: p["estimate"] for p in row["parameters"]} == pytest.approx(
+        {e.name: e.estimate for e in found.estimates}, rel=1e-9
+    )
+    assert row["trusted"] == found.diagnosis.trusted
+    assert found.provenance is not None
+    assert row["record_hash"] == found.provenance.record_hash
+
+
+def test_the_same_command_takes_only_what_is_new(taken: tuple[Batch, Path], data: Path, fleet: Path):
+    before = contents(taken[1])
+    again = batch(data, fleet=fleet, archive=taken[1])
+    assert (again.taken, again.known) == ({}, 4)
+    assert contents(taken[1]) == before
+
+
+def test_other_settings_are_refused(taken: tuple[Batch, Path], data: Path, fleet: Path):
+    with pytest.raises(ConfigurationError, match="is there with another turbine file"):
+        batch(data, fleet=fleet, archive=taken[1], formulation="joint")
+
+
+def test_killed_and_in_another_order_the_archive_has_the_same_bytes(
+    taken: tuple[Batch, Path], data: Path, fleet: Path, tmp_path: Path
+):
+    task = task_of(data, tmp_path / "turbine=T01" / "month=2026-03" / "2026-03-01.parquet", "b.csv")
+    worker = Worker(300.0)
+    killer = threading.Thread(target=kill_once, args=(worker,))
+    killer.start()
+    run_task(task, worker, lambda _: None)
+    killer.join()
+    worker.close()
+    assert batch(data, fleet=fleet, archive=tmp_path, workers=1).known == 1
+    assert contents(tmp_path) == contents(taken[1])
+
+
+def kill_once(worker: Worker) -> None:
+    while worker._process is None:
+        time.sleep(0.01)
+    time.sleep(2.0)
+    process = worker._process
+    if process is not None:
+        os.kill(process.pid, signal.SIGKILL)
+
+
+def test_a_record_that_hangs_becomes_a_row_and_the_next_is_taken(data: Path, tmp_path: Path):
+    worker = Worker(300.0)
+    process = worker._running()
+    os.kill(process.pid, signal.SIGSTOP)
+    worker.limit = 0.2
+    statuses: list[str] = []
+
+    def tell(status: str) -> None:
+        statuses.append(status)
+        worker.limit = 300.0
+
+    run_task(task_of(data, tmp_path / "day.parquet", "a.csv", "b.csv"), worker, tell)
+    worker.close()
+    assert statuses == ["failed", "ok"]
+    (row,) = [row for row in rows_of(tmp_path / "day.parquet") if row["status"] == "failed"]
+    assert (row["why"], row["tries"]) == ("gave no answer in 0.2 s and was ended", 1)
+    with pytest.raises(ProcessLookupError):
+        os.kill(process.pid, 0)
+
+
+def rows_of(path: Path) -> list[Row]:
+    from windsysid.fleet.archive import _rows_of
+
+    return _rows_of(path)
+
+
+def task_of(data: Path, place: Path, *names: str) -> Task:
+    member = read_fleet(data / "fleet.toml")[0]
+    sources = tuple((str((data / "T01" / name).resolve()), 0) for name in names)
+    return Task(member, "2026-03-01", str(place), sources, "spectral", member.settings("spectral"), 300.0)
+
+
+def test_a_full_disk_ends_the_run_and_leaves_what_was(tmp_path: Path):
+    from tests.cli.disks import files_of_at_most
+
+    path = tmp_path / "turbine=T" / "month=2026-03" / "2026-03-01.parquet"
+    add_rows(path, [empty_row("/a.csv", 1, "s")])
+    before = path.read_bytes()
+    with files_of_at_most(1000), pytest.raises(OutputError, match="make room, and give the same command again"):
+        add_rows(path, [empty_row("/b.csv", 1, "s")])
+    assert path.read_bytes() == before
+    assert os.listdir(path.parent) == [path.name]
+    add_rows(path, [empty_row("/b.csv", 1, "s")])
+    assert [row["source"] for row in rows_of(path)] == ["/a.csv", "/b.csv"]
+
+
+def test_what_is_not_ours_is_not_overwritten(tmp_path: Path, data: Path, fleet: Path):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match="holds files but no archive"):
+        batch(data, fleet=fleet, archive=tmp_path)
+    path = tmp_path / "turbine=T" / "month=2026-03" / "2026-03-01.parquet"
+    path.parent.mkdir(parents=True)
+    pq.write_table(pa.table({"x": [1]}), path)
+    with pytest.raises(ConfigurationError, match="was not written by windsysid batch"):
+        add_rows(path, [empty_row("/a.csv", 1, "s")])
+    path.write_bytes(path.read_bytes()[:50])
+    with pytest.raises(ConfigurationError, match="is damaged"):
+        read_rows(tmp_path)
+
+
+def test_a_file_that_grew_is_taken_again(tmp_path: Path):
+    from windsysid.fleet.archive import Known
+    from windsysid.fleet.batch import _new
+
+    path = tmp_path / "a.csv"
+    path.write_text("12345")
+    known = {str(path): Known(5, "ok", 0, "s", "2026-03-01")}
+    assert _new([path], known) == []
+    path.write_text("123456")
+    assert _new([path], known) == [path]
+    for status, tries, taken in (("failed", 1, True), ("failed", 3, False), ("refused", 0, False)):
+        assert bool(_new([path], {str(path): Known(6, status, tries, "s", "2026-03-01")})) == taken
+
+
+def test_a_day_is_that_of_the_start_then_of_the_name():
+    assert day_of("2026-03-01T23:30:00-02:00", "x.csv") == "2026-03-02"
+    assert day_of("2026-03-01T23:30:00", "2020-01-01.csv") == "2026-03-01"
+    assert day_of(None, "/data/2019-01-01/T01_20260301_2330.csv") == "2026-03-01"
+    assert day_of(None, "/data/20261399.csv").startswith("undated-")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = 1", "expected tables"),
+        ('[[turbine]]\nname = "A"\npattern = "A/*"', "'turbine' is missing"),
+        ('[[turbine]]\nname = "A"\npattern = "*"\nturbine = "tower"\nscda = "x"', "unknown key 'scda'"),
+        ('[[turbine]]\nname = "../A"\npattern = "*"\nturbine = "tower"', "a folder has its name"),
+        ('[[turbine]]\nname = "A"\npattern = "*"\nturbine = "tower"\n' * 2, "two turbines are called 'A'"),
+    ],
+)
+def test_a_wrong_fleet_file_is_refused(tmp_path: Path, text: str, message: str):
+    path = tmp_path / "fleet.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=message):
+        read_fleet(path)
+
+
+def test_wrong_options_are_refused_before_any_work(tmp_path: Path, data: Path, fleet: Path):
+    archive = tmp_path / "archive"
+    for options, message in (
+        ({}, "expected one of turbine and fleet"),
+        ({"turbine": "tower", "workers": 0}, "workers: expected 1"),
+        ({"turbine": "tower", "formulation": "force-balance"}, "formulation: expected"),
+        ({"turbine": "tower", "limit": 0.0}, "limit: expected"),
+        ({"fleet": fleet, "scada": "x.csv"}, "are named in it"),
+        ({"turbine": "tower", "scada": data / "none.csv"}, "SCADA of 'tower'"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            batch(data, archive=archive, **options)
+    with pytest.raises(ConfigurationError, match="got none"):
+        batch(tmp_path / "*.csv", archive=archive, turbine="tower")
+    assert not archive.exists()
+
+
+def test_two_patterns_for_one_file_are_refused(tmp_path: Path, data: Path):
+    text = '[[turbine]]\nname = "{}"\npattern = "*.csv"\nturbine = "tower"\n'
+    (tmp_path / "fleet.toml").write_text(text.format("A") + text.format("B"))
+    with pytest.raises(ConfigurationError, match="fits the patterns of 'A' and 'B'"):
+        batch(data / "T01", fleet=tmp_path / "fleet.toml", archive=tmp_path / "archive")
+
+
+def test_the_command_says_what_it_took(run, tmp_path: Path, data: Path):
+    shutil.copy(data / "T01" / "d_2026-03-02.csv", tmp_path / "bad.csv")
+    ended = run("batch", tmp_path / "bad.csv", "--turbine", "tower", "--output", tmp_path / "archive", "--workers", 1)
+    assert ended.code == 0
+    assert "1 records taken" in ended.out
+    assert "1 refused" in ended.out
+    ended = run("batch", tmp_path / "none", "--turbine", "tower", "--output", tmp_path / "archive")
+    assert ended.code == 2
+    assert len(ended.err) == 1
+
+
+def test_one_turbine_has_the_name_of_its_file():
+    assert single("tower").name == "tower"
