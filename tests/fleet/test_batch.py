@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from windsysid.errors import ConfigurationError, OutputError
-from windsysid.fleet.archive import add_rows, day_of, read_rows
+from windsysid.fleet.archive import add_rows, day_of, read_table
 from windsysid.fleet.batch import Batch, batch
 from windsysid.fleet.guard import Worker
 from windsysid.fleet.members import read_fleet, single
@@ -60,7 +60,7 @@ def test_every_record_is_a_row_under_its_day(taken: tuple[Batch, Path]):
         f"turbine=T01/month=2026-03/2026-03-{day}.parquet" for day in ("01", "02")
     }  # fmt: skip
     assert not [path for path in archive.rglob(".*") if path.is_file()]
-    rows = {Path(row["source"]).name: row for row in read_rows(archive)["T01"]}
+    rows = {Path(row["source"]).name: row for row in rows_of(archive)}
     assert list(rows) == ["a.csv", "b.csv", "d_2026-03-02.csv", "c.csv"]  # by start; what has none comes first
     assert set(rows["a.csv"]) == set(COLUMNS)
     bad = rows["d_2026-03-02.csv"]
@@ -77,7 +77,7 @@ def test_every_record_is_a_row_under_its_day(taken: tuple[Batch, Path]):
 def test_a_row_says_what_identify_says(taken: tuple[Batch, Path], data: Path):
     import windsysid as ws
 
-    row = read_rows(taken[1])["T01"][0]
+    row = rows_of(taken[1])[0]
     found = ws.identify(data / "T01" / "a.csv", "tower", formulation="spectral")
     assert {p["name"]: p["estimate"] for p in row["parameters"]} == pytest.approx(
         {e.name: e.estimate for e in found.estimates}, rel=1e-9
@@ -133,19 +133,20 @@ def test_a_record_that_hangs_becomes_a_row_and_the_next_is_taken(data: Path, tmp
         statuses.append(status)
         worker.limit = 300.0
 
-    run_task(task_of(data, tmp_path / "day.parquet", "a.csv", "b.csv"), worker, tell)
+    run_task(
+        task_of(data, tmp_path / "turbine=T01" / "month=2026-03" / "2026-03-01.parquet", "a.csv", "b.csv"), worker, tell
+    )
     worker.close()
     assert statuses == ["failed", "ok"]
-    (row,) = [row for row in rows_of(tmp_path / "day.parquet") if row["status"] == "failed"]
+    (row,) = [row for row in rows_of(tmp_path) if row["status"] == "failed"]
     assert (row["why"], row["tries"]) == ("gave no answer in 0.2 s and was ended", 1)
     with pytest.raises(ProcessLookupError):
         os.kill(process.pid, 0)
 
 
-def rows_of(path: Path) -> list[Row]:
-    from windsysid.fleet.archive import _rows_of
-
-    return _rows_of(path)
+def rows_of(archive: Path, turbine: str = "T01") -> list[Row]:
+    rows: list[Row] = read_table(archive, turbine).to_pylist()
+    return rows
 
 
 def task_of(data: Path, place: Path, *names: str) -> Task:
@@ -165,7 +166,7 @@ def test_a_full_disk_ends_the_run_and_leaves_what_was(tmp_path: Path):
     assert path.read_bytes() == before
     assert os.listdir(path.parent) == [path.name]
     add_rows(path, [empty_row("/b.csv", 1, "s")])
-    assert [row["source"] for row in rows_of(path)] == ["/a.csv", "/b.csv"]
+    assert [row["source"] for row in rows_of(tmp_path, "T")] == ["/a.csv", "/b.csv"]
 
 
 def test_what_is_not_ours_is_not_overwritten(tmp_path: Path, data: Path, fleet: Path):
@@ -182,7 +183,7 @@ def test_what_is_not_ours_is_not_overwritten(tmp_path: Path, data: Path, fleet: 
         add_rows(path, [empty_row("/a.csv", 1, "s")])
     path.write_bytes(path.read_bytes()[:50])
     with pytest.raises(ConfigurationError, match="is damaged"):
-        read_rows(tmp_path)
+        rows_of(tmp_path, "T")
 
 
 def test_a_file_that_grew_is_taken_again(tmp_path: Path):

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
 from windsysid.cli.common import Overwrite, app, claim_output, parse_option, print_and_save, rotor_speeds, show_progress
+from windsysid.cli.fleet import watch_archive
 
 __all__ = []
 
@@ -118,9 +119,11 @@ def monitor(
     results: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders that windsysid identify or oma wrote; records that say when they began are put in order."
+            metavar="RESULT...|ARCHIVE",
+            help="Folders that windsysid identify or oma wrote, in order of time if they say it; or one of batch.",
         ),
     ],
+    turbine: Annotated[str | None, typer.Option(help="Of an archive: only this one, with a report.")] = None,
     covariates: Annotated[
         Path | None,
         typer.Option(
@@ -133,9 +136,18 @@ def monitor(
     overwrite: Overwrite = False,
 ) -> None:
     """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
+    from windsysid.fleet.archive import is_archive
     from windsysid.monitoring.series import read_blocks
     from windsysid.monitoring.watch import watch
 
+    if len(results) == 1 and is_archive(results[0]):
+        if covariates is not None:
+            raise ConfigurationError("--covariates: an archive has its states and SCADA in it: leave the file out")
+        write = claim_output(context, output, *results, overwrite=overwrite)
+        watch_archive(results[0], turbine, alarms_per_year, output, write, json=json)
+        return
+    if turbine is not None:
+        raise ConfigurationError("--turbine goes with an archive that windsysid batch wrote")
     inputs = (*results, *([] if covariates is None else [covariates]))
     write = claim_output(context, output, *inputs, overwrite=overwrite)
     found = watch(read_blocks(results, covariates), alarms_per_year=alarms_per_year)

@@ -12,6 +12,7 @@ from windsysid.errors import ConfigurationError
 
 __all__ = [
     "ListsLoads",
+    "Write",
     "claim_output",
     "parse_option",
     "print_and_save",
@@ -60,10 +61,10 @@ def parse_option(option: str, text: str, unit: str) -> float:
         raise ConfigurationError(f"{option}: {error}; got '{text}'") from None
 
 
-_Write = Callable[[dict[str, bytes]], None]
+Write = Callable[[dict[str, bytes]], None]
 
 
-def claim_output(context: typer.Context, output: Path | None, *inputs: str | Path, overwrite: bool) -> _Write:
+def claim_output(context: typer.Context, output: Path | None, *inputs: str | Path, overwrite: bool) -> Write:
     """Take the output folder before any work, until the command ends; what writes a result there."""
     from windsysid.output.folders import claim
 
@@ -78,7 +79,7 @@ class _Answer(Protocol):
     def files(self) -> dict[str, bytes]: ...
 
 
-def print_and_save(found: _Answer, output: Path | None, write: _Write, *, json: bool = False) -> None:
+def print_and_save(found: _Answer, output: Path | None, write: Write, *, json: bool = False) -> None:
     """Print an answer, then save it with its report where asked: what cannot be saved has been seen."""
     print(found.to_json().rstrip() if json else found)
     if output is not None:

@@ -6,9 +6,19 @@ from typing import Annotated, Literal
 
 import typer
 
-from windsysid.cli.common import Mapping, app, parse_option, show_progress
+from windsysid.cli.common import (
+    Mapping,
+    Overwrite,
+    Write,
+    app,
+    claim_output,
+    parse_option,
+    print_and_save,
+    show_progress,
+)
+from windsysid.errors import ConfigurationError
 
-__all__ = []
+__all__ = ["watch_archive"]
 
 
 @app.command()
@@ -55,3 +65,49 @@ def batch(
         print(f"interrupted: what was found is in {output}; the same command goes on from there", file=sys.stderr)
         raise typer.Exit(130) from None
     print(found)
+
+
+@app.command()
+def report(
+    context: typer.Context,
+    archive: Annotated[Path, typer.Argument(metavar="ARCHIVE", help="Folder that windsysid batch wrote.")],
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, fleet.png and summary.json.")] = None,
+    alarms_per_year: Annotated[
+        float, typer.Option(help="False alarms that are accepted in a year, all turbines together.")
+    ] = 0.1,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Every turbine of an archive at a glance: outliers, jumps, availability, failing sensors; one page."""
+    from windsysid.fleet.overview import oversee
+
+    write = claim_output(context, output, archive, overwrite=overwrite)
+    with show_progress("report") as progress:
+        found = oversee(archive, alarms_per_year=alarms_per_year, progress=progress)
+    print_and_save(found, output, write, json=json)
+
+
+def watch_archive(
+    archive: Path, turbine: str | None, alarms_per_year: float, output: Path | None, write: Write, *, json: bool
+) -> None:
+    """Watch the turbines of an archive, or one of them, which may be saved."""
+    from json import dumps
+
+    from windsysid.fleet.archive import turbines_of
+    from windsysid.fleet.series import archive_blocks
+    from windsysid.monitoring.watch import watch
+
+    names = turbines_of(archive) if turbine is None else (turbine,)
+    if output is not None and len(names) > 1:
+        raise ConfigurationError("--output goes with one turbine: give --turbine, or take windsysid report")
+    found = {}
+    with show_progress("monitor") as progress:
+        for name in names:
+            progress(name)
+            found[name] = watch(archive_blocks(archive, name), alarms_per_year=alarms_per_year)
+    if len(found) == 1:
+        print_and_save(found[names[0]], output, write, json=json)
+    elif json:
+        print(dumps({name: one.summary() for name, one in found.items()}, indent=2))
+    else:
+        print(*(f"{name}: {one.sentence}" for name, one in found.items()), sep="\n")

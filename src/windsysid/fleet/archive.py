@@ -11,7 +11,7 @@ program that reads Hive-partitioned Parquet reads an archive.
 import hashlib
 import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC
 from pathlib import Path
@@ -24,7 +24,18 @@ from windsysid.output.locks import LOCK, release, try_lock
 from windsysid.records.formats.format import package
 from windsysid.records.moments import moment
 
-__all__ = ["Known", "add_rows", "claim_archive", "day_of", "is_archive", "known_sources", "place_of", "read_rows"]
+__all__ = [
+    "Known",
+    "add_rows",
+    "claim_archive",
+    "day_of",
+    "is_archive",
+    "known_sources",
+    "place_of",
+    "read_table",
+    "table_of",
+    "turbines_of",
+]
 
 MARK = {b"windsysid_archive": b"1"}
 """Metadata of every file of an archive: its form."""
@@ -103,73 +114,83 @@ def add_rows(path: Path, rows: Sequence[Row]) -> None:
     """
     pq = _parquet("pyarrow.parquet")
     with explain_errors(str(path), "make room, and give the same command again: it goes on"):
-        by_source = {row["source"]: row for row in (_rows_of(path) if path.exists() else [])}
+        by_source = {row["source"]: row for row in (_table_of(path).to_pylist() if path.exists() else [])}
         by_source |= {row["source"]: row for row in rows}
         ordered = sorted(by_source.values(), key=lambda row: (row["start"] or "", row["source"]))
-        table = _table(ordered)
+        table = table_of(ordered)
         content = io.BytesIO()
         pq.write_table(table, content, compression="zstd", write_page_checksum=True)
         make_folders(path.parent, [])
         replace_file(path, lambda file: file.write(content.getbuffer()))
 
 
-def read_rows(archive: str | Path, columns: Iterable[str] | None = None) -> dict[str, list[Row]]:
-    """The rows of each turbine, in order of the files; all columns, or those named.
+def read_table(archive: str | Path, turbine: str, columns: Sequence[str] | None = None) -> Any:
+    """The rows of a turbine as an Arrow table, in order of the files; all columns, or those named.
 
     Raises
     ------
     ConfigurationError
-        If the folder is no archive, or one of its files is damaged.
+        If the folder is no archive, has no such turbine, or one of its files is damaged.
     """
-    archive = Path(archive)
-    if not is_archive(archive):
+    pa = _parquet("pyarrow")
+    names = turbines_of(archive)
+    if turbine not in names:
+        raise ConfigurationError(f"archive {archive}: no turbine '{turbine}': expected one of {', '.join(names)}")
+    return pa.concat_tables([_table_of(path, columns) for _, path in _files(Path(archive), turbine)])
+
+
+def turbines_of(archive: str | Path) -> tuple[str, ...]:
+    """The names of an archive's turbines.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder is no archive.
+    """
+    folders = sorted(path.name for path in Path(archive).glob("turbine=*") if path.is_dir())
+    if not folders:
         raise ConfigurationError(
             f"archive {archive}: expected a folder that windsysid batch wrote, got none of its files"
         )
-    asked = None if columns is None else list(columns)
-    found: dict[str, list[Row]] = {}
-    for turbine, _, path in _files(archive):
-        found.setdefault(turbine, []).extend(_rows_of(path, asked))
-    return found
+    return tuple(name.removeprefix("turbine=") for name in folders)
 
 
 def known_sources(archive: Path, turbine: str) -> dict[str, Known]:
     """What an archive has of a turbine, by the path of the record's file."""
     columns = ["source", "source_bytes", "status", "tries", "settings"]
     found: dict[str, Known] = {}
-    for name, day, path in _files(archive):
-        if name == turbine:
-            for row in _rows_of(path, columns):
-                size, status, tries, settings = (row[column] for column in columns[1:])
-                found[row["source"]] = Known(size, status, tries, settings, day)
+    for day, path in _files(archive, turbine):
+        for row in _table_of(path, columns).to_pylist():
+            size, status, tries, settings = (row[column] for column in columns[1:])
+            found[row["source"]] = Known(size, status, tries, settings, day)
     return found
 
 
-def _files(archive: Path) -> Iterator[tuple[str, str, Path]]:
-    """Turbine, day and path of every file."""
-    for path in sorted(archive.glob("turbine=*/month=*/*.parquet")):
+def _files(archive: Path, turbine: str) -> Iterator[tuple[str, Path]]:
+    """Day and path of every file of a turbine."""
+    for path in sorted((archive / f"turbine={turbine}").glob("month=*/*.parquet")):
         if not path.name.startswith("."):
-            yield path.parts[-3].removeprefix("turbine="), path.stem, path
+            yield path.stem, path
 
 
-def _rows_of(path: Path, columns: Sequence[str] | None = None) -> list[Row]:
+def _table_of(path: Path, columns: Sequence[str] | None = None) -> Any:
+    """The rows of one file."""
     pq = _parquet("pyarrow.parquet")
     pa = _parquet("pyarrow")
     try:
         with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            ours = (file.schema_arrow.metadata or {}).items() >= MARK.items()
-            rows: list[Row] = file.read(columns=columns).to_pylist() if ours else []
+            if (file.schema_arrow.metadata or {}).items() >= MARK.items():
+                return file.read(columns=columns)
     except (pa.ArrowException, OSError, ValueError) as error:
         why = " ".join(str(error).split())[:60]
         raise ConfigurationError(
             f"{path}: is damaged ({why}): remove it, and windsysid batch takes its records again"
         ) from None
-    if not ours:
-        raise ConfigurationError(f"{path}: was not written by windsysid batch: move it out of the archive")
-    return rows
+    raise ConfigurationError(f"{path}: was not written by windsysid batch: move it out of the archive")
 
 
-def _table(rows: Sequence[Row]) -> Any:
+def table_of(rows: Sequence[Row]) -> Any:
+    """Rows as an Arrow table with the columns of an archive."""
     pa = _parquet("pyarrow")
     plain = {
         NUMBER: pa.float64(), COUNT: pa.int64(), TEXT: pa.string(), TEXTS: pa.list_(pa.string()), FLAG: pa.bool_(),

@@ -20,6 +20,7 @@ from windsysid.inspection.channels import kinds
 from windsysid.inspection.plausibility import rotor_of
 from windsysid.inspection.screening import examine
 from windsysid.mechanics.sensors import Sensor
+from windsysid.monitoring.own_information import without_prior
 from windsysid.records.moments import moment, shift_moment
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
@@ -43,7 +44,7 @@ COLUMNS: dict[str, str | dict[str, str]] = {
     "parameters": {
         "name": TEXT, "unit": TEXT, "kind": TEXT, "estimate": NUMBER, "low": NUMBER, "high": NUMBER, "std": NUMBER,
         "informed_by_data": NUMBER, "reference": NUMBER, "prior_centre": NUMBER, "prior_spread": NUMBER,
-        "logarithmic": FLAG, "coordinate_scale": NUMBER,
+        "logarithmic": FLAG, "coordinate_scale": NUMBER, "own": NUMBER, "own_std": NUMBER,
     },
     "modes": {
         "name": TEXT, "frequency": NUMBER, "frequency_low": NUMBER, "frequency_high": NUMBER, "damping_ratio": NUMBER,
@@ -73,6 +74,8 @@ speed_bin
     Lower edge of the bin of the rotor speed, as a share of the turbine's usual one.
 covariance
     Lower triangle, row by row, of the parameters in filter coordinates and then of the coordinates of the statistics.
+own, own_std
+    What the record itself says of a parameter, its prior taken out, in filter coordinates: what is monitored.
 settings
     SHA-256 of turbine, sensors, mapping and formulation.
 turbine_file
@@ -163,12 +166,14 @@ def _found(found: Identification) -> Row:
 
     from windsysid.turbine.tables import as_tables
 
-    by_name = {q.name: q for q in found.parameters}
+    own, own_cov = without_prior(found.posterior, found.parameters)
     cov = found.cov if found.joint_cov is None else found.joint_cov
     return {
         "trusted": found.diagnosis.trusted,
         "reasons": list(found.diagnosis.reasons), "remarks": list(found.diagnosis.remarks), "notes": list(found.notes),
-        "parameters": [_parameter(found, name, by_name[name]) for name in by_name],
+        "parameters": [
+            _parameter(found, q, float(own[i]), float(own_cov[i, i]) ** 0.5) for i, q in enumerate(found.parameters)
+        ],
         "modes": [
             {
                 "name": mode.name,
@@ -187,10 +192,11 @@ def _found(found: Identification) -> Row:
     }  # fmt: skip
 
 
-def _parameter(found: Identification, name: str, q: Parameter) -> Row:
-    e = found[name]
+def _parameter(found: Identification, q: Parameter, own: float, own_std: float) -> Row:
+    e = found[q.name]
     shared = ("unit", "kind", "estimate", "low", "high", "std", "informed_by_data", "reference")
     return {
-        "name": name, **{key: getattr(e, key) for key in shared},
+        "name": q.name, **{key: getattr(e, key) for key in shared},
         "prior_centre": q.centre, "prior_spread": q.spread, "logarithmic": q.logarithmic, "coordinate_scale": q.scale,
+        "own": own, "own_std": own_std,
     }  # fmt: skip

@@ -38,6 +38,7 @@ NAMES = frozenset(
         "campbell.png",
         "changes.png",
         "damping.png",
+        "fleet.png",
         "modes.png",
         "monitor.png",
         "plan.png",

@@ -17,6 +17,7 @@ MODULES = {
     "Identification": "histories",
     "Inspection": "inspection",
     "OperationalModes": "oma",
+    "Overview": "fleet",
     "Plan": "plan",
     "Profile": "profile",
     "Separation": "damping",

@@ -1,0 +1,174 @@
+"""A fleet at a glance as a figure and as one page."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
+from windsysid.monitoring.changes import Watch
+from windsysid.monitoring.series import DAY
+from windsysid.output.table import Table
+from windsysid.reports.html import Section, png, report_page
+from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
+
+__all__ = ["figure", "files"]
+
+POINTS = 400
+"""Points shown of a level."""
+
+
+def figure(overview: Overview) -> Figure:
+    """Levels of every coefficient since the end of learning, and turbines against their sisters."""
+    names = list(dict.fromkeys(s.name for one in overview.watches.values() for s in one.series if _shown(s.name)))
+    rows = max(len(names), 1)
+    drawn = Figure(figsize=(12.0, 0.6 + 2.1 * rows), layout="constrained")
+    panels = drawn.subplots(rows, 2, squeeze=False, width_ratios=[3, 2])
+    named = {name for event in overview.events for name in event.turbine.split(", ") if event.kind != "sensor"}
+    for (left, right), name in zip(panels, names, strict=False):
+        _levels(left, overview, name, named)
+        _sisters(right, overview, name)
+        left.set_title(f"{symbol(name)}: change [%]", fontsize=9, loc="left")
+        right.set_title(f"{symbol(name)}: off the sisters' mean [%]", fontsize=9, loc="left")
+    return drawn
+
+
+def _shown(name: str) -> bool:
+    return not name.startswith("noise_")
+
+
+def _levels(ax: Axes, overview: Overview, name: str, named: set[str]) -> None:
+    """Change of the level since the end of learning, day by day; turbines that stand out have a colour."""
+    for turbine, one in overview.watches.items():
+        series = next((s for s in one.series if s.name == name), None)
+        if series is None:
+            continue
+        days = _days(one)
+        some = slice(one.begins, None, max(1, (len(days) - one.begins) // POINTS))
+        change = 100.0 * (series.level / series.level[one.begins] - 1.0)
+        mine = turbine in named and any(c.name == name for c in one.changes)
+        ax.plot(days[some], change[some], color=ERROR if mine else MEASURED, lw=1.4 if mine else 0.7, zorder=2 + mine)
+        if mine:
+            ax.annotate(
+                turbine, (days[-1], change[-1]), xytext=(3, 0), textcoords="offset points", fontsize=8, va="center"
+            )
+    tidy(ax)
+    ax.tick_params(axis="x", labelsize=8)
+
+
+def _days(one: Watch) -> NDArray[Any]:
+    """Times as dates, or as days since the first record."""
+    if one.blocks.begin is None:
+        return one.blocks.time / DAY
+    first = np.datetime64(one.blocks.begin.replace(tzinfo=None), "s")
+    return np.asarray(first + one.blocks.time.astype("timedelta64[s]"))
+
+
+def _sisters(ax: Axes, overview: Overview, name: str) -> None:
+    """Each turbine with its band, and the scatter of the others."""
+    mine = [s for s in overview.standings if s.name == name]
+    for at, s in enumerate(mine):
+        ax.plot([at, at], [-2.0 * s.spread, 2.0 * s.spread], color=BAND, lw=7, solid_capstyle="butt", zorder=1)
+        colour = ERROR if s.outlier else ESTIMATE
+        ax.errorbar(at, s.percent, yerr=s.high - s.percent, fmt="o", ms=4, color=colour, elinewidth=1.2, zorder=2)
+    ax.axhline(0.0, color=REFERENCE, lw=0.6)
+    every = max(1, -(-len(mine) // 12))
+    ax.set_xticks(range(0, len(mine), every), [s.turbine for s in mine[::every]], fontsize=7, rotation=45)
+    tidy(ax)
+
+
+def _availability(overview: Overview) -> Figure:
+    """Share of each month that identified records cover, turbine by turbine."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    months = list(dict.fromkeys(month for glance in overview.glances.values() for month in glance.months))
+    share = np.array([[glance.months.get(month, 0.0) for month in months] for glance in overview.glances.values()])
+    drawn = Figure(figsize=(max(3.0 + 0.62 * len(months), 5.0), 1.2 + 0.3 * len(share)), layout="constrained")
+    ax = drawn.subplots()
+    ax.imshow(share, vmin=0.0, vmax=1.0, aspect="auto", cmap=LinearSegmentedColormap.from_list("", ["#fff", ESTIMATE]))
+    ax.set_xticks(range(len(months)), months, fontsize=8, rotation=45)
+    ax.set_yticks(range(len(share)), list(overview.glances), fontsize=8)
+    for (row, column), value in np.ndenumerate(share):
+        text = f"{100.0 * value:.0f}"
+        ax.text(column, row, text, ha="center", va="center", fontsize=7, color="white" if value > 0.55 else "black")
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    return drawn
+
+
+def files(overview: Overview) -> dict[str, bytes]:
+    """``report.html``, ``fleet.png`` and ``summary.json``, by name."""
+    drawn = png(figure(overview))
+    levels = (
+        "Left: the level of each turbine at mean covariates, against that at the end of learning; in colour and with"
+        " its name where it jumped. Right: each turbine with its ±2σ band against the mean of the others, whose scatter"
+        " (±2σ) is the pale bar; orange: an outlier."
+    )
+    months = "Share of each month that identified records cover [%]."
+    sensors = Table(
+        ("turbine", "channel", "finding", "of the records", "from", "to", "sisters"),
+        [
+            (
+                one.turbine, one.channel, one.kind, f"{100.0 * one.share:.0f} %", one.first, one.last,
+                "have it too" if one.shared else "do not",
+            )
+            for one in overview.failing
+        ],
+        words=(0, 1, 2, 6),
+    )  # fmt: skip
+    jumps = Table(
+        ("turbine", "", "when", "change", "±2σ band", "where to look"),
+        [
+            (
+                name, c.name, one.blocks.between(c.earliest, c.latest), f"{c.percent:+.3g} %",
+                f"{c.low:+.3g} … {c.high:+.3g} %", c.cause,
+            )
+            for name, one in overview.watches.items() for c in one.changes
+        ],
+        words=(0, 1, 5),
+    )  # fmt: skip
+    refused = Table(
+        ("turbine", "records", "why they have no result"),
+        [(name, str(count), why) for name, glance in overview.glances.items() for why, count in glance.reasons],
+        words=(0, 2),
+    )
+    bad = [f"WARNING: {text}" for text in overview.sentences] if overview.events else overview.sentences
+    sections = [
+        Section("What stands out", text=[*bad, *overview.notes]),
+        Section("Every turbine at a glance", tables=overview.tables()),
+        Section("Levels and sisters", text=[READING], figures=[(drawn, levels)]),
+        Section("Data availability", figures=[(_availability(overview), months)]),
+        Section(
+            "Sensors", text=[] if overview.failing else ["No sensor fails."], tables=[sensors] * bool(overview.failing)
+        ),
+        Section("Jumps", text=[] if jumps.rows else ["Nothing jumped."], tables=[jumps] if jumps.rows else []),
+        Section("Records without a result", tables=[refused] if refused.rows else [], folded=True),
+        Section("Turbine by turbine", tables=[table for one in _numbers(overview) for table in one], folded=True),
+    ]
+    count = sum(glance.records for glance in overview.glances.values())
+    subtitle = (
+        f"{len(overview.glances)} turbines, {count} records; stated for a healthy fleet: {overview.alarms_per_year:g}"
+        f" alarms of a jump a year, an outlier on one page in {1.0 / OUTLIER_CHANCE:.0f}"
+    )
+    return {
+        "report.html": report_page("The fleet at a glance", subtitle, sections),
+        "fleet.png": drawn,
+        "summary.json": overview.to_json().encode(),
+    }
+
+
+def _numbers(overview: Overview) -> list[list[Table]]:
+    """Levels, drifts and the effects of covariates of each turbine."""
+    found = []
+    for name, one in overview.watches.items():
+        first, *more = one.tables()
+        found.append([Table(first.headings, first.rows, f"{name}, {first.caption}", first.words), *more])
+    return found
+
+
+READING = (
+    "The alarms of all turbines together are held to the stated rate. Levels are compared at the same covariates."
+    " What falls in the cold and comes back is called ice. What half of the sisters have is called shared."
+)

@@ -1,0 +1,139 @@
+"""What stands out of a fleet: sisters, jumps, ice, sensors; and what does not."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from validation.fleet import BEGIN, Fault, simulate_fleet
+from validation.years import Site
+
+from windsysid.errors import ConfigurationError
+from windsysid.fleet.archive import add_rows, place_of, table_of
+from windsysid.fleet.overview import Overview, oversee, overview_of
+from windsysid.fleet.rows import Row, empty_row
+from windsysid.fleet.series import archive_blocks, blocks_of
+from windsysid.fleet.sisters import stand
+
+PLACE = Site("tower", ("k_side_side", "c_side_side"), np.array([0.004, 0.35]), 8.0)
+HOURS = 2400
+SOFT = Fault("T02", "soft", datetime(2025, 11, 20, tzinfo=UTC), datetime(2027, 1, 1, tzinfo=UTC))
+SENSOR = Fault("T04", "sensor", datetime(2025, 11, 5, tzinfo=UTC), datetime(2027, 1, 1, tzinfo=UTC))
+
+
+@pytest.fixture(scope="module")
+def rows() -> dict[str, list[Row]]:
+    return dict(simulate_fleet(PLACE, 7, turbines=5, hours=HOURS, faults=(SOFT, SENSOR)))
+
+
+@pytest.fixture(scope="module")
+def page(rows: dict[str, list[Row]]) -> Overview:
+    tables = {name: table_of(theirs) for name, theirs in rows.items()}
+    return overview_of(tables, Path("simulated"), alarms_per_year=0.1)
+
+
+def test_a_softened_turbine_and_a_failing_sensor_are_named_and_no_other(page: Overview, rows: dict[str, list[Row]]):
+    assert {(event.turbine, event.kind) for event in page.events} == {("T02", "turbine"), ("T04", "sensor")}
+    (fall,) = [event.told for event in page.events if event.turbine == "T02"]
+    assert fall.startswith("k_side_side fell by ")
+    first = next(row["start"] for row in rows["T02"] if row["start"] >= SOFT.begin.isoformat())
+    assert first[:10] in fall
+    (sensor,) = page.failing
+    assert (sensor.channel, sensor.kind, sensor.shared) == ("tower_x_acceleration", "spikes", False)
+    assert sensor.share == pytest.approx(0.6, abs=0.1)
+
+
+def test_the_page_shows_every_turbine(page: Overview):
+    files = page.files()
+    html = files["report.html"].decode()
+    assert all(name in html for name in ("T01", "T02", "T05", "Data availability", "2025-11"))
+    assert files["summary.json"]
+    assert "T02: k_side_side fell" in str(page)
+    glance = page.glances["T01"]
+    assert glance.records == glance.identified
+    assert glance.available == pytest.approx(glance.records * 600.0 / (HOURS * 3600.0), rel=0.01)
+    assert sum(glance.states.values()) == pytest.approx(1.0)
+
+
+def test_the_command_reports_an_archive(run, tmp_path: Path, rows: dict[str, list[Row]]):
+    archive = tmp_path / "archive"
+    for name, theirs in rows.items():
+        some = theirs[:300]
+        for row in some:
+            row["record"] = "simulated"
+        add_rows(place_of(archive, name, "2025-09-01"), some)
+    ended = run("report", archive, "--output", tmp_path / "page")
+    assert ended.code == 0, ended.err
+    assert "nothing stands out in 5 turbines" in ended.out
+    assert {path.name for path in (tmp_path / "page").iterdir()} == {
+        "report.html", "fleet.png", "summary.json", ".windsysid",
+    }  # fmt: skip
+    ended = run("monitor", archive)
+    assert ended.out.count("nothing jumped") == 5
+    ended = run("monitor", archive, "--turbine", "T01")
+    assert "k_side_side" in ended.out
+    for arguments, message in (
+        (("monitor", archive, "--turbine", "T9"), "no turbine 'T9'"),
+        (("monitor", archive, "--output", tmp_path / "watched"), "give --turbine"),
+        (("monitor", archive, "--covariates", tmp_path / "x.csv"), "leave the file out"),
+        (("report", tmp_path), "expected a folder that windsysid batch wrote"),
+    ):
+        ended = run(*arguments)
+        assert (ended.code, len(ended.err)) == (2, 1)
+        assert message in ended.err[0]
+    assert archive_blocks(archive, "T01").names == ("k_side_side", "c_side_side")
+    assert len(oversee(archive).glances) == 5
+
+
+def test_healthy_sisters_have_an_outlier_as_often_as_stated():
+    rng = np.random.default_rng(11)
+    fleets = 4000
+    named = 0
+    for _ in range(fleets):
+        levels = {f"T{i}": (1.0 + 0.01 * value, 0.002) for i, value in enumerate(rng.standard_normal(10))}
+        named += any(one.outlier for one in stand(levels, "k", 0.05))
+    assert named / fleets == pytest.approx(0.05, abs=4.0 * np.sqrt(0.05 * 0.95 / fleets))
+
+
+def test_one_uncertain_sister_is_no_outlier_and_one_far_off_is():
+    rng = np.random.default_rng(3)
+    levels = {f"T{i}": (1.0 + 0.01 * value, 0.001) for i, value in enumerate(rng.standard_normal(9))}
+    assert [one.outlier for one in stand({**levels, "X": (1.1, 0.001)}, "k", 0.05)][-1]
+    assert not [one.outlier for one in stand({**levels, "X": (1.1, 0.08)}, "k", 0.05)][-1]
+    assert stand(dict(list(levels.items())[:4]), "k", 0.05) == []
+
+
+def test_states_are_covariates_and_rare_ones_are_left_out(rows: dict[str, list[Row]]):
+    of = [dict(row) for row in rows["T01"]]
+    for row in of[:40]:
+        row["state"] = "transient"
+    of[50]["state"] = "unknown"
+    blocks = blocks_of(table_of(of))
+    assert blocks.covariate_names == ("parked", "wind_speed", "temperature", "rotor_speed")
+    assert len(blocks.time) < len(of) - 40
+    parked = blocks.covariates[:, 0] == 1.0
+    assert np.ptp(blocks.covariates[parked, 1]) == 0.0  # the wind on a parked rotor is in the state's own effect
+    assert np.ptp(blocks.covariates[parked, 2]) > 1.0
+    assert any("starts or stops" in note for note in blocks.notes)
+    assert any("was unknown were left out" in note for note in blocks.notes)
+    assert blocks.begin is not None
+    assert blocks.begin >= BEGIN
+
+
+def test_records_that_begin_together_count_once(rows: dict[str, list[Row]]):
+    of = rows["T01"][:200]
+    again = [{**row, "source": f"/copy{row['source']}"} for row in of]
+    one, two = blocks_of(table_of(of)), blocks_of(table_of([*again, *of]))
+    np.testing.assert_array_equal(one.theta, two.theta)
+    assert any("begin when another does" in note for note in two.notes)
+
+
+def test_zones_must_agree_and_records_be_enough(rows: dict[str, list[Row]]):
+    of = [dict(row) for row in rows["T01"][:200]]
+    of[3]["start"] = of[3]["start"].removesuffix("Z")
+    with pytest.raises(ConfigurationError, match="with a zone and without"):
+        blocks_of(table_of(of))
+    with pytest.raises(ConfigurationError, match="at least 12 identified records"):
+        blocks_of(table_of(of[:5]))
+    with pytest.raises(ConfigurationError, match="no record says when it began"):
+        overview_of({"T": table_of([empty_row("/a", 1, "s")])}, Path("x"), alarms_per_year=0.1)
