@@ -215,7 +215,9 @@ def kills(count: int, seed: int, home: Path) -> str:
     """Kill workers and runs, and fill the disk; what came of it."""
     rng = random.Random(seed)
     fleet = write_records(home / "data", 16)
+    begun = time.monotonic()
     batch(home / "data", fleet=fleet, archive=home / "calm", workers=2)
+    longest = 0.5 * (time.monotonic() - begun)  # so that workers come to work between kills
     command = [
         sys.executable, "-m", "windsysid", "batch", str(home / "data"), "--fleet", str(fleet), "--output",
         str(home / "wild"), "--workers", "2",
@@ -225,9 +227,9 @@ def kills(count: int, seed: int, home: Path) -> str:
     told = full.stderr.strip().splitlines()
     workers = runs = ended = 0
     while workers + runs < count or not ended:
-        run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         while run.poll() is None:
-            time.sleep(rng.uniform(0.1, 6.0))
+            time.sleep(rng.uniform(0.0, longest))
             if workers + runs >= count:
                 run.wait()
                 break
@@ -239,9 +241,10 @@ def kills(count: int, seed: int, home: Path) -> str:
                 if of_run:
                     _kill(rng.choice(of_run))
                     workers += 1
-        code = run.wait()
+        said = run.communicate()[1]
+        code = run.returncode
         if code not in (0, -signal.SIGKILL):
-            return f"a run ended with exit code {code}: see what {' '.join(command)} says"
+            return f"a run ended with exit code {code}: {said}"
         if code == 0:
             ended += 1
             if workers + runs < count:

@@ -40,7 +40,7 @@ def batch(
     scada_mapping: Annotated[Path | None, typer.Option(help="TOML file that says what its columns are.")] = None,
     formulation: Annotated[
         Literal["spectral", "joint", "auto"],
-        typer.Option(help="spectral: stationary records, cheap. joint: filters, ten times the time. auto: both."),
+        typer.Option(help="spectral: stationary records, cheap. joint: filters, slower. auto: both."),
     ] = "spectral",
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes on this machine; one for each processor by default.")

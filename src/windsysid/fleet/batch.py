@@ -100,8 +100,7 @@ def batch(
     mapping, sensors, scada, scada_mapping
         Paths of files of the one turbine; those of several are named in the fleet file.
     formulation
-        As of `windsysid.identify`. Spectra by default: they cost a tenth of the filters' time, and refuse what is not
-        stationary.
+        As of `windsysid.identify`. Spectra by default: they are the cheap ones, and refuse what is not stationary.
     workers
         Processes on this machine; one for each processor by default.
     scheduler

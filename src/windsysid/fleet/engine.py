@@ -5,6 +5,7 @@ met in the same way. On Dask a task has a deterministic key, a window of `WINDOW
 future is released as it completes: finished work whose future is held would be run again where its worker dies.
 """
 
+import logging
 import queue
 import threading
 from collections import Counter
@@ -82,6 +83,7 @@ def run_on_dask(tasks: Iterable[Task], address: str, tell: Tell) -> None:
         If the scheduler goes away, or workers die at a task again and again.
     """
     distributed = package("distributed", "Dask schedulers", "fleet")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told in one line
     try:
         client = distributed.Client(address, timeout="30s")
     except (OSError, ValueError, TimeoutError) as error:
