@@ -211,8 +211,8 @@ def write_records(folder: Path, count: int, *, turbines: int = 2) -> Path:
     return folder / "fleet.toml"
 
 
-def kills(count: int, seed: int, home: Path) -> str:
-    """Kill workers and runs, and fill the disk; what came of it."""
+def kills(count: int, seed: int, home: Path) -> tuple[str, bool]:
+    """Kill workers and runs, and fill the disk; what came of it, and whether the archive is whole."""
     rng = random.Random(seed)
     fleet = write_records(home / "data", 16)
     begun = time.monotonic()
@@ -244,7 +244,7 @@ def kills(count: int, seed: int, home: Path) -> str:
         said = run.communicate()[1]
         code = run.returncode
         if code not in (0, -signal.SIGKILL):
-            return f"a run ended with exit code {code}: {said}"
+            return f"a run ended with exit code {code}: {said}", False
         if code == 0:
             ended += 1
             if workers + runs < count:
@@ -252,11 +252,12 @@ def kills(count: int, seed: int, home: Path) -> str:
     same = _contents(home / "calm") == _contents(home / "wild")
     rows = [row for name in ("T01", "T02") for row in read_table(home / "wild", name, ["source"]).to_pylist()]
     sources = {row["source"] for row in rows}
-    return (
+    told_all = (
         f"{workers} workers and {runs} runs killed, {ended} runs to their end; disk full: exit code"
         f" {full.returncode}, {len(told)} line: {told[0] if told else ''}\n"
         f"{len(rows)} rows of 17 records, {len(rows) - len(sources)} twice; same bytes as undisturbed: {same}"
     )
+    return told_all, same
 
 
 def _small_files() -> None:
@@ -306,8 +307,8 @@ def speed(count: int, home: Path) -> str:
     )
 
 
-def main() -> None:
-    """Run what is asked for."""
+def main() -> int:
+    """Run what is asked for; 1 where something was lost."""
     parser = argparse.ArgumentParser(prog="python -m validation.fleet", description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, metavar="N", help="kill so many workers and runs")
     parser.add_argument("--years", type=int, metavar="N", help="so many years of ten turbines, faulty and healthy")
@@ -317,14 +318,18 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as home:
         if options.kills is not None:
-            print(kills(options.kills, options.seed, Path(home)))
+            told, whole = kills(options.kills, options.seed, Path(home))
+            print(told)
+            if not whole:
+                return 1
         if options.speed is not None:
             print(speed(options.speed, Path(home)))
     if options.years is not None:
         years(options.years, options.seed)
     if options.archive is not None:
         write_fleet(site("tower", 12.0), options.seed, options.archive, faults=FAULTS)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

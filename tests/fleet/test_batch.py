@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -10,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from windsysid.errors import ConfigurationError, OutputError
+from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.fleet.archive import add_rows, day_of, read_table
 from windsysid.fleet.batch import Batch, batch
+from windsysid.fleet.engine import run_on_dask
 from windsysid.fleet.guard import Worker
 from windsysid.fleet.members import read_fleet, single
 from windsysid.fleet.rows import COLUMNS, Row, empty_row
@@ -261,3 +263,9 @@ def test_the_command_says_what_it_took(run, tmp_path: Path, data: Path):
 
 def test_one_turbine_has_the_name_of_its_file():
     assert single("tower").name == "tower"
+
+
+def test_without_dask_the_one_line_installs_it(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(RecordError, match=r'install it with: pip install "windsysid\[fleet\]"'):
+        run_on_dask([], "tcp://127.0.0.1:1", lambda _: None)

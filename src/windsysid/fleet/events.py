@@ -135,10 +135,8 @@ def _went(name: str, first: Change, second: Change, one: Watch, seconds: Array, 
     inside = (seconds >= base + first.time) & (seconds <= base + second.time) & np.isfinite(temperature)
     mean = float(temperature[inside].mean()) if inside.any() else None
     verbs = ("rose", "fell") if first.percent > 0.0 else ("fell", "rose")
-    told = (
-        f"{first.name} {verbs[0]} by {abs(first.percent):.2g} % on {one.blocks.when(first.time)}"
-        f" and {verbs[1]} again on {one.blocks.when(second.time)}"
-    )
+    when = [one.blocks.between(change.earliest, change.latest) for change in (first, second)]
+    told = f"{first.name} {verbs[0]} by {abs(first.percent):.2g} % on {when[0]} and {verbs[1]} again on {when[1]}"
     if mean is None:
         return Event(name, "turbine", told)
     if mean > ICE_MAX_TEMPERATURE or first.percent > 0.0:
