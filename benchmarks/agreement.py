@@ -252,7 +252,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=int, default=500, help="samples of the record (500)")
     samples = parser.parse_args().samples
-    problem = Problem(load_turbine("verne555"), samples)
+    problem = Problem(load_turbine("verne555").exact(), samples)
     model, inputs, readings = problem.model, problem.inputs, problem.readings
     ours = {}
     for name, f in (("extended", EKF), ("unscented", UKF)):

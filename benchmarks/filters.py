@@ -133,7 +133,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=0, help="records for errors and coverage (none)")
     runs = parser.parse_args().runs
-    turbine, console = load_turbine("verne555"), Console(width=120)
+    turbine, console = load_turbine("verne555").exact(), Console(width=120)
     console.print(speed(turbine))
     if runs:
         console.print(quality(turbine, runs))

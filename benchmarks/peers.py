@@ -466,7 +466,7 @@ def _rescaled(run: Callable[[int], Moments], problem: Problem) -> Callable[[int]
 
 def sheets(short: bool) -> Iterator[Sheet]:
     many, few = 2000, 50 if short else 200
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     problem, balance = Problem(turbine, many), Balance(turbine, many)
     kernels, written = Kernels(problem.model), Written(problem)
     linear, linear_unscented = "force balance, Kalman", "force balance, unscented"

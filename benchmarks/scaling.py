@@ -83,7 +83,7 @@ def posed(turbine: Turbine, samples: int) -> TurbineProblem:
 
 def samples(folder: str, count: int, piece: int) -> dict[str, float]:
     """µs per sample of a record of so many, in pieces or (piece = count) whole."""
-    model = posed(load_turbine("verne555"), 100).model
+    model = posed(load_turbine("verne555").exact(), 100).model
     # mapped, so that the record itself counts only as far as it is read
     inputs, readings = (np.load(Path(folder) / f"{name}.npy", mmap_mode="c") for name in ("inputs", "readings"))
 
@@ -99,7 +99,7 @@ def samples(folder: str, count: int, piece: int) -> dict[str, float]:
 
 def blades(_: str, count: int) -> dict[str, float]:
     """µs per sample with so many blades."""
-    problem = posed(with_blades(load_turbine("verne555"), count), 2000)
+    problem = posed(with_blades(load_turbine("verne555").exact(), count), 2000)
     model = problem.model
     taken, _ = _timed(lambda: EKF.run(model, EKF.init(model), problem.inputs, problem.readings), 9)
     return {"each": 1e6 * taken / 2000, "states": len(model.states), "readings": len(model.readings)}
@@ -107,7 +107,7 @@ def blades(_: str, count: int) -> dict[str, float]:
 
 def turbines(_: str, count: int, threads: int) -> dict[str, float]:
     """Seconds that a second of data of so many turbines takes."""
-    turbine, second = load_turbine("verne555"), round(RATE)
+    turbine, second = load_turbine("verne555").exact(), round(RATE)
     problem = posed(turbine, 20_000)
     nx = len(problem.model.compiled.states)
     loads = problem.loads.blocks({s.name: s.given for s in problem.statistics})
@@ -146,7 +146,7 @@ def online(_: str, count: int, settled: int) -> dict[str, float]:
 
     The time counts from the start, or once the first samples are no longer held.
     """
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     problem = posed(turbine, count)
     first = first_estimate(turbine, RATE)
     held = MEMORY * first if settled else 0
@@ -163,7 +163,7 @@ def online(_: str, count: int, settled: int) -> dict[str, float]:
 def search(_: str, threads: int) -> dict[str, float]:
     """Seconds to the mode of the posterior of 100 s of record, all that `identify` learns unknown."""
     likelihood.THREADS = threads
-    problem = posed(load_turbine("verne555"), 10_000)
+    problem = posed(load_turbine("verne555").exact(), 10_000)
     mean, cov = problem.prior
     start, start_cov = problem.start(problem.inputs, problem.readings)
 
@@ -179,7 +179,7 @@ def search(_: str, threads: int) -> dict[str, float]:
 
 def particles(_: str, count: int, threads: int) -> dict[str, float]:
     """µs per sample with so many particles on the force balance of 10 coefficients."""
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     reference, band, second = simulate_reference(turbine, 0), analysis_band(turbine), round(RATE)
     balance = record_balance(turbine, reference, reference.inputs[:, 3:])
     balance = Balance(balance.force[48_000:58_100], balance.regressors[48_000:58_100])
@@ -234,7 +234,7 @@ def alone(folder: str, case: str, *arguments: int) -> dict[str, float]:
 def sheets(short: bool) -> Iterator[Sheet]:
     most = 100_000 if short else 1_000_000
     with tempfile.TemporaryDirectory() as folder:
-        problem = posed(load_turbine("verne555"), most)
+        problem = posed(load_turbine("verne555").exact(), most)
         np.save(Path(folder) / "inputs.npy", problem.inputs)
         np.save(Path(folder) / "readings.npy", problem.readings)
         for case in (("samples", 1000, 1000), ("particles", 100, 1)):

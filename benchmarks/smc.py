@@ -40,7 +40,7 @@ class Problem:
     """The model, 10 000 samples, and the Gaussian that both begin from."""
 
     def __init__(self) -> None:
-        turbine = load_turbine("verne555")
+        turbine = load_turbine("verne555").exact()
         reference = simulate_reference(turbine, 0)
         band = analysis_band(turbine)
         balance = record_balance(turbine, reference, reference.inputs[:, 3:])

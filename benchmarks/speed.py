@@ -49,7 +49,7 @@ AGREES = 1e-9
 
 
 def main() -> None:
-    turbine, console = load_turbine("verne555"), Console(width=120)
+    turbine, console = load_turbine("verne555").exact(), Console(width=120)
     record = simulate_record(turbine, duration=100.0, rate=100.0, seed=1)
     problem = pose(record, turbine, turbine.sensors, Prior())
     readings = problem.readings.copy()

@@ -15,7 +15,8 @@ from windsysid.errors import ConfigurationError
 from windsysid.loads.family import candidates, describe_hypotheses
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.model import MODELS
-from windsysid.mechanics.sensors import SENSORS, as_sensor
+from windsysid.mechanics.sensor_lists import as_sensor
+from windsysid.mechanics.sensors import SENSORS
 
 FILE = Path(__file__).parents[1] / "examples" / "own_turbine_model.py"
 SEEDS = (0, 1, 2)

@@ -128,7 +128,7 @@ def quieter(turbine: Turbine, loads: float, noise: float) -> Turbine:
 @lru_cache(maxsize=1)
 def scenarios() -> dict[str, Scenario]:
     """``reference``; and ``free-decay``, very informative: loads twenty and noise ten times weaker than the file's."""
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     return {
         "reference": Scenario(stationary, turbine),
         "free-decay": Scenario(free_decay, quieter(turbine, loads=20.0, noise=10.0)),
@@ -152,7 +152,7 @@ def judge(record: Record, turbine: Turbine, seed: int) -> Run:
 
 def _one_run(name: str, seed: int) -> Run:
     scenario = scenarios()[name]
-    return judge(scenario.record(scenario.turbine, seed), load_turbine("verne555"), seed)
+    return judge(scenario.record(scenario.turbine, seed), load_turbine("verne555").exact(), seed)
 
 
 def calibrate(name: str, runs: int) -> Iterator[Run]:
@@ -197,7 +197,7 @@ def main() -> None:
     options = parser.parse_args()
     found = calibrate(options.scenario, options.runs)
     runs = list(track(found, description=options.scenario, total=options.runs, console=Console(stderr=True)))
-    names = list(load_turbine("verne555").coefficients)
+    names = list(load_turbine("verne555").exact().coefficients)
     judged = [*((f"on line, {t:g} s", i + 1, t) for i, t in enumerate(ONLINE)), ("whole record", 0, DURATION)]
     deviation, error, relative = (
         np.array([getattr(r, part) for r in runs]) for part in ("deviation", "error", "relative")

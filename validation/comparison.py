@@ -52,7 +52,7 @@ INFORMED = 0.5
 
 def tower() -> Turbine:
     """The packaged tower with 12 % fore-aft damping and without blade-passing lines, which take most of the time."""
-    turbine = load_turbine("tower")
+    turbine = load_turbine("tower").exact()
     turbine = replace(turbine, loads=tuple(load for load in turbine.loads if not load.harmonic))
     return turbine.with_values({"c_fore_aft": 2.0 * turbine.values["c_fore_aft"]})
 

@@ -111,7 +111,7 @@ class Outcome(NamedTuple):
 @lru_cache(maxsize=1)
 def structure() -> Turbine:
     """The tower without air."""
-    turbine = load_turbine("tower")
+    turbine = load_turbine("tower").exact()
     return turbine.with_values({"c_fore_aft": turbine.values["c_side_side"]})
 
 
@@ -121,7 +121,7 @@ def air_of_the_tower(rotor_speed: float, wind_speed: float) -> dict[str, float]:
 
     At Ω [rad/s] and V [m/s]; the blades are feathered where it is parked.
     """
-    rotor, (_, blade) = load_turbine("nrel5mw"), packaged_wind("nrel5mw")
+    rotor, (_, blade) = load_turbine("nrel5mw").exact(), packaged_wind("nrel5mw")
     if rotor_speed == 0.0:
         blade = replace(blade, pitch_deg=90.0, induction=0.0)
     azimuth = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
@@ -142,7 +142,7 @@ def _with_air(turbine: Turbine, rotor_speed: float, wind_speed: float) -> Turbin
 
 def campaign(name: str, seed: int) -> list[Outcome]:
     """Simulate, identify and separate the records of one campaign."""
-    prior = load_turbine("tower")
+    prior = load_turbine("tower").exact()
     if name == "a stop":
         record = stop_record(seed)
         (stop,) = inspect_record(record, prior).stops
@@ -237,7 +237,7 @@ def stop_record(seed: int) -> Record:
 
 def in_wind(name: str, seed: int) -> list[Outcome]:
     """The scale model in simulated wind with feedback, parked and running."""
-    turbine, rate, duration = load_turbine("verne555"), 100.0, 100.0
+    turbine, rate, duration = load_turbine("verne555").exact(), 100.0, 100.0
     conditions, working = packaged_wind("verne555")
     model = compile_model(turbine.model, turbine.sensors)
     p = np.array([turbine.values[name] for name in model.parameters])

@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=24.0)
     parser.add_argument("--checkpoint", type=Path, help="file to go on from")
     options = parser.parse_args()
-    turbine, samples = load_turbine("verne555"), round(options.hours * 3600.0 * RATE)
+    turbine, samples = load_turbine("verne555").exact(), round(options.hours * 3600.0 * RATE)
     memory: list[float] = []
     started = time.perf_counter()
     with Progress(*Progress.get_default_columns(), TimeElapsedColumn(), console=Console(stderr=True)) as bar:

@@ -298,7 +298,7 @@ def judge(
 
 def identified(case: Case, record: Record) -> Identification:
     """One identification, as a user would make it."""
-    turbine = load_turbine(case.turbine)
+    turbine = load_turbine(case.turbine).exact()
     sensors = turbine.sensors
     if case.record == "a2":
         record, added = add_noise(record, [sensor.channel for sensor in sensors], NOISE, case.seed)

@@ -122,7 +122,7 @@ def truth_of(record: str) -> dict[str, float]:
 
 def of_openfast(folder: Path, seeds: int, lengths: Sequence[float]) -> Iterator[Seen]:
     """The records, whole with every prior, and in windows with the first."""
-    turbine = load_turbine(ROTOR)
+    turbine = load_turbine(ROTOR).exact()
     for label in ("c2", "d1"):
         record, truth = read_record(folder / FILES[label]), truth_of(label)
         parts = [(WINDY, seed) for seed in range(seeds)]
@@ -135,7 +135,7 @@ def of_simulation(rpm: Sequence[float], loads: Sequence[str], seeds: Sequence[in
     """Records simulated at several speeds, each with a prior drawn anew; the truth of stiffness is the file's, and that
     of the modes is what the model says."""
     for speed in rpm:
-        turbine = replace(load_turbine(ROTOR), rotor_speed=speed * RPM)
+        turbine = replace(load_turbine(ROTOR).exact(), rotor_speed=speed * RPM)
         compiled = _compiled(turbine)
         p = np.array([turbine.values[name] for name in compiled.parameters])
         truth = {name: turbine.values[name] for name in ("k_x", "k_roll")}

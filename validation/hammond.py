@@ -52,7 +52,7 @@ class Case(NamedTuple):
 
 def helicopter(dampers: str, hub: str) -> Turbine:
     """Hammond's helicopter with some dampers, on one of the two hubs."""
-    turbine = load_turbine("hammond")
+    turbine = load_turbine("hammond").exact()
     values = dict(DAMPERS[dampers])
     if hub == "isotropic":
         v = {**turbine.values, **values}

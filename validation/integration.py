@@ -110,7 +110,7 @@ def simulated_truths(*, duration: float = 600.0, seed: int = 0) -> list[Truth]:
     from windsysid.simulation.record import LEAD_IN
     from windsysid.turbine.file import load_turbine
 
-    turbine, rate = load_turbine("verne555"), 100.0
+    turbine, rate = load_turbine("verne555").exact(), 100.0
     model = compile_model(turbine.model)
     n = len(turbine.model.coordinates)
     rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
@@ -135,7 +135,7 @@ def openfast_truths(folder: Path) -> Iterator[Truth]:
     from windsysid.records.formats import read_record
     from windsysid.turbine.file import load_turbine
 
-    tied_roll = load_turbine("nrel5mw").values["kappa"]
+    tied_roll = load_turbine("nrel5mw").exact().values["kappa"]
     for short, file, start in (("a2", "a2_rot12_decay_min.outb", 0.0), ("c2", "c2_turb12_full.outb", 60.0)):
         record: Record = read_record(folder / file)
         record = record.section(start, float(record.time[-1]) + 1e-6)

@@ -207,7 +207,7 @@ def _result(version: int) -> _Result:
         rate=10.0, samples=samples, elapsed=0.1, estimates=(estimate,), modes=(),
         parameters=(Parameter("k_x", 1.0, 0.3, True),),
         time=np.arange(samples) / 10.0, mean=history, std=history, cov=np.eye(1), readings=("a",), innovation=history,
-        whitened=history, log_likelihood=0.0, machine=load_turbine("tower"), diagnosis=diagnosis,
+        whitened=history, log_likelihood=0.0, machine=load_turbine("tower").exact(), diagnosis=diagnosis,
     )  # fmt: skip
     page = report_page("Report", "", [Section("Result", text=[found.record])])
     return _Result(found.files() | ({"report.html": page} if version % 2 else {}))

@@ -84,8 +84,8 @@ SECTION = (60.0, 330.0)
 def with_roll(roll: Roll) -> Turbine:
     """The NREL 5 MW turbine with that roll, its tower's effective mass kept."""
     if roll == "free":
-        return load_turbine("nrel5mw_full")
-    tied = load_turbine("nrel5mw")
+        return load_turbine("nrel5mw_full").exact()
+    tied = load_turbine("nrel5mw").exact()
     if roll == "tied":
         return tied
     blades = 3.0 * tied.values["blade_mass_1"]
@@ -190,9 +190,9 @@ def identified(folder: Path, name: str, roll: Roll, *, flap: bool = True) -> Ide
     if name == "a2":
         record, added = add_noise(record, channels, 1.0, 1)
         return identify(record, turbine, sensors=with_noise(sensors, added))
-    windy = load_turbine("nrel5mw_full")
+    windy = load_turbine("nrel5mw_full").exact()
     loads = tuple(load for load in windy.loads if load.load in turbine.model.loads)
-    sensors = windy.sensors if flap else load_turbine("nrel5mw").sensors
+    sensors = windy.sensors if flap else load_turbine("nrel5mw").exact().sensors
     return identify(
         record, replace(turbine, loads=loads), sensors=sensors, section=SECTION, rate=READ, loads="rotor-wind"
     )
@@ -221,7 +221,7 @@ def unexplained(record: Record) -> list[Unexplained]:
     """From the simulator's own coordinates of c2, which no sensor gives: nothing is identified."""
     from scipy.signal import csd
 
-    turbine, step = load_turbine("nrel5mw_full"), 1.0 / record.rate
+    turbine, step = load_turbine("nrel5mw_full").exact(), 1.0 / record.rate
     sensor = next(sensor for sensor in turbine.sensors if isinstance(sensor, PlacedSensor) and sensor.blade == 1)
     lever, g, speed = turbine.tip_lever, turbine.values["gravity"], float(record["rotor_speed"].mean())
     turned = np.exp(-1j * np.unwrap(record["rotor_azimuth"]))
@@ -282,7 +282,7 @@ def main() -> int:
 
 
 def _of_the_tower() -> str:
-    top, given = published_tower(), load_turbine("nrel5mw_full").values
+    top, given = published_tower(), load_turbine("nrel5mw_full").exact().values
     return (
         f"roll without the blades, published tower (turbine file): κ {top.kappa:.5f} ({abs(given['kappa']):.5f}) rad/m,"
         f" spring {top.k_roll:.3g} ({given['k_roll']:.3g}) N·m/rad, inertia {top.inertia[1, 1]:.3g}"

@@ -138,30 +138,30 @@ def varying_speed(turbine: Turbine, path: Path) -> Array:
 
 
 def _clean(seed: int, damage: str) -> Run:
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     record = DAMAGES[damage](stationary(turbine, seed), np.random.default_rng([seed, 3]))
     return judge(record, turbine, seed)
 
 
 def _two_blades(seed: int) -> Run:
-    turbine = two_blades(load_turbine("verne555"))
+    turbine = two_blades(load_turbine("verne555").exact())
     return judge(stationary(turbine, seed), turbine, seed)
 
 
 def _other_loads(seed: int, loads: Callable[[Turbine], Turbine]) -> Run:
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     return judge(stationary(loads(turbine), seed), turbine, seed)
 
 
 def _read_rarely(seed: int, rate: float, duration: float) -> Run:
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     fine = simulate_record(turbine, duration=duration, rate=FINE, seed=seed)
     every = round(FINE / rate)
     return judge(replace(fine, time=fine.time[::every], values=fine.values[::every]), turbine, seed)
 
 
 def _varying(seed: int, rotor: Array) -> Run:
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     return judge(measured(turbine, rotor, seed), turbine, seed)
 
 
@@ -169,7 +169,9 @@ def cases(speed: Path | None) -> dict[str, Callable[[int], Run]]:
     """One run of each row of the table, by its seed."""
     found: dict[str, Callable[[int], Run]] = {name: partial(_clean, damage=name) for name in DAMAGES}
     if speed is not None:
-        found["rotor speed of a real turbine"] = partial(_varying, rotor=varying_speed(load_turbine("verne555"), speed))
+        found["rotor speed of a real turbine"] = partial(
+            _varying, rotor=varying_speed(load_turbine("verne555").exact(), speed)
+        )
     return found | {
         "two blades": _two_blades,
         "loads 2 : 1 on x and y, 1 : 1.5 : 2 on the blades": partial(_other_loads, loads=uneven),

@@ -72,7 +72,7 @@ def calibrate_spectra(runs: int, first: int = 0, loads: Sequence[str] = LOADS) -
 
 def _one_run(which: tuple[str, int]) -> Run:
     loads, seed = which
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     truth = total_coefficients(turbine, loads, seed)
     record = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed, loads=loads)
     started = time.process_time()
@@ -102,7 +102,7 @@ def main() -> None:
     found = calibrate_spectra(options.runs, options.first, options.loads)
     total = options.runs * len(options.loads)
     runs = list(track(found, description="spectral", total=total, console=Console(stderr=True)))
-    names = load_turbine("verne555").model.coefficients
+    names = load_turbine("verne555").exact().model.coefficients
     for loads in options.loads:
         chosen = [run for run in runs if run.loads == loads]
         z, moved, error = (np.array([getattr(run, part) for run in chosen]) for part in ("deviation", "moved", "error"))

@@ -124,7 +124,7 @@ FAULTS: dict[str, tuple[Fault, tuple[float, ...]]] = {
 
 def faulty_record(fault: Fault, size: float, seed: int, *, duration: float = 100.0, rate: float = 100.0) -> Record:
     """A record of the scale model with one thing wrong, as `simulate_record` makes it without."""
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     rng = np.random.default_rng([seed, 7])
     model = compile_model(turbine.model, turbine.sensors)
     rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
@@ -156,7 +156,7 @@ def identify_broadband(record: Record, turbine: Turbine, prior: Prior) -> Identi
 
 def judge(fault: Fault, size: float, runs: int) -> Judged:
     """Identify `runs` faulty records, seeds 0, 1, …; an error counts as not trusted and not covered."""
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     rows: list[tuple[float, ...]] = []
     for seed in range(runs):
         prior = DrawnPrior(seed=seed)

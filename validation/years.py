@@ -88,7 +88,7 @@ class Delay(NamedTuple):
 
 def site(turbine: str, wind: float) -> Site:
     """What 10 minutes tell of a packaged turbine at one of `WINDS`."""
-    planned = plan(load_turbine(turbine), duration=BLOCK, load_scale=WINDS[wind])
+    planned = plan(load_turbine(turbine).exact(), duration=BLOCK, load_scale=WINDS[wind])
     sigma = standard_deviations(planned.information(BLOCK))[: planned.unknown]
     return Site(turbine, planned.names[: planned.unknown], sigma, wind)
 
@@ -187,7 +187,7 @@ def _raw_record(which: tuple[str, int, float]) -> Posterior:
     from windsysid.simulation.record import simulate_record
 
     name, seed, factor = which
-    healthy = load_turbine(name)
+    healthy = load_turbine(name).exact()
     rate = RAW_SAMPLES * max(healthy.natural_frequency(q) for q in healthy.model.coordinates) / (2.0 * math.pi)
     damaged = healthy.with_values({"k_x": factor * healthy.values["k_x"]})
     return identify(simulate_record(damaged, duration=BLOCK, rate=rate, seed=seed), healthy).posterior
@@ -269,7 +269,7 @@ def _fault_table() -> str:
     from windsysid.identification.identify import identify
     from windsysid.simulation.record import simulate_record
 
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     softer = turbine.with_values({"k_x": 0.95 * turbine.values["k_x"]})
     healthy, damaged = (simulate_record(one, duration=300.0, rate=50.0, seed=1) for one in (turbine, softer))
     tower, blade, noise = (

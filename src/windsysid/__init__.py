@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from windsysid.mechanics.kinematics import RotorLayout
     from windsysid.mechanics.model import Coefficient, Coordinate, MechanicalModel, register_model
     from windsysid.mechanics.rotor import RotorModel
+    from windsysid.mechanics.sensor_lists import read_sensors
     from windsysid.mechanics.sensors import (
         Accelerometer,
         AngularRateSensor,
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
         Sensor,
         StrainGauge,
         VelocitySensor,
-        read_sensors,
         register_sensor,
     )
     from windsysid.mechanics.tower import TowerModel
@@ -95,9 +95,10 @@ _WHERE = {
     "mechanics.kinematics": "RotorLayout",
     "mechanics.model": "Coefficient Coordinate MechanicalModel register_model",
     "mechanics.rotor": "RotorModel",
+    "mechanics.sensor_lists": "read_sensors",
     "mechanics.sensors": (
         "Accelerometer AngularRateSensor DisplacementSensor MomentSensor PlacedSensor Sensor StrainGauge "
-        "VelocitySensor read_sensors register_sensor"
+        "VelocitySensor register_sensor"
     ),
     "mechanics.tower": "TowerModel",
     "modal.campbell": "Campbell",

@@ -14,7 +14,7 @@ from windsysid.identification.prior import Prior
 from windsysid.identification.problem import pose
 from windsysid.loads.statistics import coordinates_of
 from windsysid.mechanics import RotorModel, compile_model
-from windsysid.mechanics.sensors import as_sensor
+from windsysid.mechanics.sensor_lists import as_sensor
 from windsysid.records.record import Record
 from windsysid.statespace.compose import discretise_loads, parameters_given
 from windsysid.statespace.gauss_markov import GaussMarkov

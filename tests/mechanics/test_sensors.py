@@ -8,7 +8,8 @@ import pytest
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import RotorModel, compile_model, read_sensors
-from windsysid.mechanics.sensors import Accelerometer, PlacedSensor, as_sensor
+from windsysid.mechanics.sensor_lists import as_sensor
+from windsysid.mechanics.sensors import Accelerometer, PlacedSensor
 from windsysid.simulation.integrate import integrate
 from windsysid.turbine.turbine import Turbine
 

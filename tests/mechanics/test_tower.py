@@ -8,7 +8,8 @@ import sympy as sp
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import Sensor, TowerModel, compile_model
-from windsysid.mechanics.sensors import Accelerometer, as_sensor
+from windsysid.mechanics.sensor_lists import as_sensor
+from windsysid.mechanics.sensors import Accelerometer
 from windsysid.signals import to_nacelle
 from windsysid.simulation.integrate import integrate
 

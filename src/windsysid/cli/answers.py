@@ -45,7 +45,7 @@ def plan(
 ) -> None:
     """Before measuring: how well will these sensors see each coefficient, and after how long?"""
     from windsysid.identification.planning import plan as plan_record
-    from windsysid.mechanics.sensors import read_sensors
+    from windsysid.mechanics.sensor_lists import read_sensors
     from windsysid.turbine.file import load_turbine
 
     write = claim_output(context, output, overwrite=overwrite)

@@ -87,7 +87,7 @@ def identify(
 
     from windsysid.identification.identify import identify as identify_record
     from windsysid.identification.prior import Prior
-    from windsysid.mechanics.sensors import read_sensors
+    from windsysid.mechanics.sensor_lists import read_sensors
     from windsysid.records.formats import load_mapping, read_record
     from windsysid.results.provenance import mapping_tables, record_hash
     from windsysid.turbine.file import load_turbine

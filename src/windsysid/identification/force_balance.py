@@ -27,6 +27,7 @@ from windsysid.filters import EKF
 from windsysid.identification.outcome import Outcome, check_finite, known_loads
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.model import Model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.records.record import Record
 from windsysid.signals import band_pass, rotor_inputs
@@ -302,7 +303,7 @@ def _residual_rms(balance: Balance) -> Array:
 
 
 @dataclass(frozen=True)
-class _BalanceModel:
+class _BalanceModel(Model):
     """The equations of motion of a rotor with q, q̇ and q̈ as inputs: no states, only readings."""
 
     rotor: RotorModel
@@ -346,7 +347,7 @@ class _LinearReading:
 
 
 @dataclass(frozen=True)
-class _LinearModel:
+class _LinearModel(Model):
     """A model without states whose readings are Φ θ, the entries of Φ being its inputs."""
 
     rows: int

@@ -3,7 +3,8 @@
 from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.mechanics.model import MechanicalModel, Model
 from windsysid.mechanics.rotor import RotorModel
-from windsysid.mechanics.sensors import Sensor, read_sensors
+from windsysid.mechanics.sensor_lists import read_sensors
+from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import TowerModel
 
 __all__ = [

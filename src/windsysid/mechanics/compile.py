@@ -59,7 +59,7 @@ class CompiledModel:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of all parameters p."""
+        """Names of all parameters p, of the model and then of its instruments."""
         return tuple(self.module.PARAMETERS)
 
     @property
@@ -108,15 +108,21 @@ class CompiledModel:
         return assembled(self.module, self.source, "reading_jacobian", LANE_JACOBIAN)
 
 
-def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequence[str] = ()) -> CompiledModel:
+def compile_model(
+    model: Model, sensors: Sequence[Any] = (), identified: Sequence[str] = (), *, instruments: bool = False
+) -> CompiledModel:
     """Compile `model` with the readings of `sensors` and derivatives to the parameters `identified`.
+
+    With `instruments`, what each sensor's gain and axis are off are parameters too, after those of the model
+    (`windsysid.mechanics.sensors.instrument_parameters`): zero where an instrument is as its sensor says.
 
     Raises
     ------
     ConfigurationError
         If a name in `identified` is not a parameter of the model, or appears twice.
     """
-    text = "\n".join([*_structure(model, sensors), "identified", *identified, _version()])
+    asked = ["identified", *identified, *(["instruments"] if instruments else [])]
+    text = "\n".join([*_structure(model, sensors), *asked, _version()])
     key = hashlib.sha256(text.encode()).hexdigest()[:20]
     cached = _loaded.get(key)
     if cached is None:
@@ -126,7 +132,7 @@ def compile_model(model: Model, sensors: Sequence[Any] = (), identified: Sequenc
             _announce()
             from windsysid.mechanics.generate import generate_source
 
-            source = generate_source(model, sensors, identified)
+            source = generate_source(model, sensors, identified, instruments=instruments)
             write_whole(path, f"{source}{_checksum(source)}\n".encode())
         cached = _loaded[key] = CompiledModel(_import(path, source), source)
     return cached

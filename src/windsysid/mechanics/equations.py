@@ -144,6 +144,10 @@ class Equations:
             _expression(getattr(sensor, "expression", None), f"sensor of model '{self.name}'") for sensor in sensors
         ]
 
+    def readings_across(self, sensors: Sequence[object]) -> list[sp.Expr | None]:
+        """None for each sensor: expressions have no axis."""
+        return [None] * len(sensors)
+
 
 def _expression(value: Any, what: str) -> sp.Expr:
     """A SymPy expression or a number, as SymPy has it; never text, which SymPy would execute."""

@@ -8,6 +8,7 @@ itself is wanted anyway: it is ∂a/∂w for loads on the degrees of freedom. Wi
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +16,7 @@ import sympy as sp
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.equations import MATH, Equations
+from windsysid.mechanics.sensors import instrument_parameters
 
 if TYPE_CHECKING:
     from windsysid.mechanics.model import Model
@@ -26,8 +28,14 @@ SMALLEST = 1e-30
 · log 0."""
 
 
-def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence[str]) -> str:
-    """The Python module that holds a model's four kernels: rates and reading, each without and with Jacobians."""
+def generate_source(
+    model: "Model", sensors: Sequence[Any], identified: Sequence[str], *, instruments: bool = False
+) -> str:
+    """The Python module that holds a model's four kernels: rates and reading, each without and with Jacobians.
+
+    With `instruments`, a sensor whose gain is off by g and whose axis by φ reads (1 + g) (y cos φ + y₉₀ sin φ), y₉₀
+    being what it would read across its axis.
+    """
     equations = model.equations()
     _check_agreement(model, equations)
     names = [symbol.name for symbol in equations.parameters]
@@ -38,6 +46,14 @@ def generate_source(model: "Model", sensors: Sequence[Any], identified: Sequence
         raise ConfigurationError(f"a parameter is listed twice among those to identify: {', '.join(identified)}")
     chosen = [equations.parameters[names.index(name)] for name in identified]
     readings = model.readings(sensors)
+    if instruments:
+        off = [tuple(sp.Symbol(name, real=True) for name in instrument_parameters(i)) for i in range(len(sensors))]
+        across = model.readings_across(sensors)
+        readings = [
+            (1 + gain) * (y if other is None else y * sp.cos(turn) + other * sp.sin(turn))
+            for y, other, (gain, turn) in zip(readings, across, off, strict=True)
+        ]
+        equations = replace(equations, parameters=(*equations.parameters, *(symbol for pair in off for symbol in pair)))
     equations.check_expressions(readings)
     lines = [
         '"""Kernels written by windsysid. Do not edit: a file that was changed is made again."""',

@@ -103,6 +103,11 @@ class Model(Protocol):
     def readings(self, sensors: Sequence[Any]) -> "list[sp.Expr]":
         """The symbolic readings of the sensors."""
 
+    def readings_across(self, sensors: Sequence[Any]) -> "list[sp.Expr | None]":
+        """The same with each sensor's axis turned by 90° in the plane of motion; None where that changes nothing, as by
+        default."""
+        return [None] * len(sensors)
+
 
 class ModalAxes(Protocol):
     """The coordinates in which a structure's equations are constant, or nearly so, and in which its modes have
@@ -216,6 +221,15 @@ class MechanicalModel(Model, Protocol):
         """The model with those degrees of freedom locked that no sensor sees, and a note on each; by default all stay
         free."""
         return self, ()
+
+    def bodies(self) -> Mapping[str, tuple[str, ...]]:
+        """The inertias of each body, by its name: what was weighed together is wrong together. By default those of each
+        part."""
+        found: dict[str, tuple[str, ...]] = {}
+        for known in self.parameters:
+            if known.kind == "inertia":
+                found[known.part] = (*found.get(known.part, ()), known.name)
+        return found
 
     def modes(self) -> ModalAxes:
         """The coordinates in which modes are found and named."""

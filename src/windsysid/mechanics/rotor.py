@@ -164,6 +164,12 @@ class RotorModel(MechanicalModel):
             changes["roll"] = "locked"
         return replace(self, **changes) if changes else self, tuple(notes)  # type: ignore[arg-type]
 
+    def bodies(self) -> Mapping[str, tuple[str, ...]]:
+        """The hub with what it carries along of nacelle and tower, and each blade."""
+        support = ("hub_mass_x", "hub_mass_y", "roll_inertia")
+        blade = ("blade_mass", "blade_first_moment", "blade_inertia")
+        return {"hub": support} | {f"blade_{i}": tuple(f"{name}_{i}" for name in blade) for i in self.blade_numbers}
+
     def modes(self) -> MultiBlade:
         """Multi-blade coordinates."""
         return MultiBlade(self)
@@ -202,6 +208,12 @@ class RotorModel(MechanicalModel):
         from windsysid.mechanics.readings import RotorMotion
 
         return [sensor.reading(RotorMotion(self.kinematics)) for sensor in sensors]
+
+    def readings_across(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr | None]":
+        """The same with each sensor's axis turned by 90°; None where that changes nothing."""
+        from windsysid.mechanics.readings import RotorMotion
+
+        return [sensor.across(RotorMotion(self.kinematics)) for sensor in sensors]
 
 
 COUPLING = "c_hub_blade"

@@ -10,15 +10,12 @@ derives from `Sensor` or `PlacedSensor`, says its `quantity`, `unit` and `readin
 `register_sensor`.
 """
 
+import math
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-
-from windsysid.configuration import parse_toml
-from windsysid.errors import ConfigurationError
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -26,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SENSORS",
+    "TOWER_LOGGER",
     "Accelerometer",
     "AngularRateSensor",
     "DisplacementSensor",
@@ -35,12 +33,16 @@ __all__ = [
     "Sensor",
     "StrainGauge",
     "VelocitySensor",
-    "as_sensor",
-    "first_problem",
-    "read_sensor_tables",
-    "read_sensors",
+    "instrument_parameters",
     "register_sensor",
 ]
+
+
+TOWER_LOGGER = "tower"
+"""The logger that samples the rotor's azimuth: its clock is the record's."""
+
+TOLERANCES = ("gain_tolerance", "alignment_tolerance", "clock_tolerance")
+"""Fields of a sensor that say how well it is known."""
 
 
 class Motion(Protocol):
@@ -83,6 +85,14 @@ class Sensor(BaseModel):
         Prior standard deviation of an unknown offset, in the channel's unit; 0: none.
     drift
         How fast that offset wanders: its standard deviation after one second, in the channel's unit per √s.
+    gain_tolerance
+        Relative standard deviation of the gain: how well its calibration is known; 0: exactly.
+    logger
+        Name of the logger that samples it. By default `TOWER_LOGGER` for sensors on the tower and ``rotor`` for those
+        on blades, which turn with the rotor and seldom share a clock with what stands.
+    clock_tolerance
+        Standard deviation [s] of that logger's clock against the one that samples the rotor's azimuth, which is
+        `TOWER_LOGGER`; 0: exactly synchronous. The least exact sensor of a logger speaks for it.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -93,6 +103,9 @@ class Sensor(BaseModel):
     noise: float = Field(gt=0.0)
     bias: float = Field(default=0.0, ge=0.0)
     drift: float = Field(default=0.0, ge=0.0)
+    gain_tolerance: float = Field(default=0.01, ge=0.0, le=1.0)
+    logger: str = ""
+    clock_tolerance: float = Field(default=0.001, ge=0.0)
 
     @property
     @abstractmethod
@@ -107,6 +120,24 @@ class Sensor(BaseModel):
     def blade(self) -> int:
         """Number of the blade it sits on; 0 for the tower."""
         return 0
+
+    @property
+    def sampled_by(self) -> str:
+        """Name of its logger."""
+        return self.logger or ("rotor" if self.blade else TOWER_LOGGER)
+
+    @property
+    def alignment(self) -> float:
+        """Standard deviation [rad] of the angle by which its axis may be off in the plane of motion; 0: none."""
+        return 0.0
+
+    def across(self, motion: Motion) -> "sp.Expr | None":
+        """What it would read if it were turned by 90°; None where turning it changes nothing that is modelled."""
+        return None
+
+    def exact(self) -> Self:
+        """The same sensor without tolerances."""
+        return self.model_copy(update={name: 0.0 for name in TOLERANCES if name in type(self).model_fields})
 
     @property
     def directions(self) -> frozenset[str]:
@@ -126,7 +157,7 @@ class Sensor(BaseModel):
     @property
     def structure(self) -> str:
         """What its expression depends on, as text (noise and bias are numbers of the filter, not of the expression)."""
-        fields = sorted(self.model_dump(exclude={"channel", "noise", "bias", "drift"}).items())
+        fields = sorted(self.model_dump(exclude={"channel", "noise", "bias", "drift", "logger", *TOLERANCES}).items())
         return f"{type(self).__name__} {fields!r}"
 
     def accepts(self, unit: str) -> bool:
@@ -158,6 +189,9 @@ class PlacedSensor(Sensor):
         [m/rad], and how far it turns [rad/rad]. A rigid blade's by default: its distance from the link, and 1.
     feels_gravity
         True for a real accelerometer.
+    alignment_tolerance
+        Standard deviation [deg] of the angle by which its axis is off, within the plane in which the model moves; 0: in
+        line. A lag angle has no axis that could be off.
     may_feel_gravity
         Whether sensors of this class can.
     """
@@ -172,6 +206,7 @@ class PlacedSensor(Sensor):
     deflection: float | None = Field(default=None, gt=0.0)
     slope: float = Field(default=1.0, ge=0.0)
     feels_gravity: bool = False
+    alignment_tolerance: float = Field(default=2.0, ge=0.0, le=45.0)
 
     @model_validator(mode="after")
     def _axis_belongs_to_frame(self) -> "PlacedSensor":
@@ -207,6 +242,29 @@ class PlacedSensor(Sensor):
         return frozenset(("x", "z")) if self.axis == "bearing" else frozenset((self.axis,))
 
     @property
+    def turned(self) -> "tuple[int, PlacedSensor] | None":
+        """The sensor with its axis turned by 90° in the plane of motion, towards the second axis of its frame, and a
+        sign; None where that changes nothing that is modelled."""
+        if self.axis not in _TURNED:
+            return None
+        sign, axis = _TURNED[self.axis]
+        if self.axis == "bearing":
+            return sign, self.model_copy(update={"bearing_deg": self.bearing_deg + 90.0})
+        return sign, self.model_copy(update={"axis": "z" if self.frame == "nacelle" and self.axis == "x" else axis})
+
+    @property
+    def alignment(self) -> float:
+        """Standard deviation [rad] of the angle of its axis."""
+        return math.radians(self.alignment_tolerance) if self.turned else 0.0
+
+    def across(self, motion: Motion) -> "sp.Expr | None":
+        """What it would read if its axis were turned by 90°."""
+        if self.turned is None:
+            return None
+        sign, other = self.turned
+        return sign * other.reading(motion)
+
+    @property
     def needed_inputs(self) -> tuple[str, ...]:
         """The yaw, for a sensor that does not yaw with the nacelle."""
         return ("nacelle_yaw",) if self.frame == "tower" else ()
@@ -220,6 +278,12 @@ _AXES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "tower": (("bearing",), ()),
 }
 """The axes of each frame, on the tower and on a blade."""
+
+_TURNED: Mapping[str, tuple[int, str]] = {
+    "x": (1, "y"), "y": (-1, "x"), "z": (-1, "x"), "span": (1, "tangential"), "tangential": (-1, "span"),
+    "bearing": (1, "bearing"),
+}  # fmt: skip
+"""The axis that each becomes when it is turned by 90° in its plane, and with which sign."""
 
 SENSORS: dict[str, type[Sensor]] = {}
 """The sensors that a list can name, by quantity."""
@@ -290,6 +354,11 @@ class AngularRateSensor(PlacedSensor):
         """SI unit of its channel."""
         return "rad/s"
 
+    @property
+    def turned(self) -> None:
+        """It reads the same along any axis."""
+        return None
+
     def reading(self, motion: Motion) -> "sp.Expr":
         """The gain times the rate at which its part turns."""
         return self.gain * motion.turning(self)
@@ -306,6 +375,11 @@ class MomentSensor(PlacedSensor):
     def unit(self) -> str:
         """SI unit of its channel."""
         return "N*m"
+
+    @property
+    def turned(self) -> tuple[int, PlacedSensor] | None:
+        """On a blade it reads the lag spring, whatever its axis."""
+        return None if self.blade else super().turned
 
     def reading(self, motion: Motion) -> "sp.Expr":
         """The gain times force or moment."""
@@ -328,85 +402,7 @@ class StrainGauge(MomentSensor):
         return True
 
 
-def as_sensor(table: Any) -> Sensor:
-    """The sensor that a table of a sensor list describes; its `quantity` names the class.
-
-    Raises
-    ------
-    ConfigurationError
-        In one line: what was expected, what was got.
-    """
-    if not isinstance(table, Mapping):
-        raise ConfigurationError(f"expected a table, got {table!r:.80}")
-    quantity = table.get("quantity")
-    if "quantity" not in table:
-        raise ConfigurationError("'quantity' is missing: add it")
-    if not (isinstance(quantity, str) and quantity in SENSORS):
-        raise ConfigurationError(f"quantity: expected one of {', '.join(SENSORS)}, got {quantity!r:.80}")
-    try:
-        return SENSORS[quantity].model_validate(table)
-    except ValidationError as error:
-        raise ConfigurationError(first_problem(error)) from None
-
-
-def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
-    """Read a sensor list from TOML: one ``[[sensor]]`` table per channel, keys as in the class of its quantity.
-
-    Raises
-    ------
-    ConfigurationError
-        In one line: the file, the sensor, what was expected and what was got.
-    """
-    return parse_sensors(read_sensor_tables(path), str(path))
-
-
-def read_sensor_tables(path: str | Path) -> list[object]:
-    """Read the ``[[sensor]]`` tables of a TOML file, not yet validated; ConfigurationError where it holds others."""
-    path = Path(path)
-    try:
-        content = parse_toml(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path}: expected a TOML file with [[sensor]] tables, got: {error}") from None
-    tables = content.get("sensor")
-    if set(content) != {"sensor"} or not isinstance(tables, list):
-        raise ConfigurationError(
-            f"{path}: expected [[sensor]] tables and nothing else, got {', '.join(sorted(content)) or 'an empty file'}"
-        )
-    return tables
-
-
-def parse_sensors(tables: Sequence[object], source: str) -> tuple[Sensor, ...]:
-    """Validate sensor tables read from `source`."""
-    if not isinstance(tables, list | tuple):
-        raise ConfigurationError(f"{source}: expected [[sensor]] tables, one per channel, got {tables!r}")
-    sensors: list[Sensor] = []
-    for number, table in enumerate(tables, start=1):
-        try:
-            sensors.append(as_sensor(table))
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{source}: sensor {number}: {error}") from None
-    channels = [sensor.channel for sensor in sensors]
-    for channel in channels:
-        if channels.count(channel) > 1:
-            raise ConfigurationError(
-                f"{source}: channel '{channel}' is listed {channels.count(channel)} times: list it once"
-            )
-    return tuple(sensors)
-
-
-def first_problem(error: ValidationError) -> str:
-    """The first problem of a pydantic error in one line: key, what was expected, what was got.
-
-    An unknown key comes first: it is usually the misspelt one that is then missing. Items of a list are counted from 1.
-    """
-    details = error.errors()
-    detail = next((d for d in details if d["type"] == "extra_forbidden"), details[0])
-    where = ".".join(str(part + 1 if isinstance(part, int) else part) for part in detail["loc"])
-    if detail["type"] == "extra_forbidden":
-        return f"unknown key '{where}': remove it or correct its spelling"
-    if detail["type"] == "missing":
-        return f"'{where}' is missing: add it"
-    message = detail["msg"].removeprefix("Value error, ")
-    got = detail.get("input")
-    shown = f", got {got!r:.80}" if isinstance(got, str | int | float | bool) else ""
-    return f"{where}: {message}{shown}" if where else message
+def instrument_parameters(sensor: int) -> tuple[str, str]:
+    """Names of what the gain of a sensor, counted from 0, is off (a share), and its axis in the plane of motion
+    [rad]."""
+    return f"sensor_{sensor + 1}_gain", f"sensor_{sensor + 1}_turn"

@@ -107,6 +107,10 @@ class TowerModel(MechanicalModel):
         """A text that is the same exactly when the equations are."""
         return f"TowerModel({sorted(asdict(self).items())})"
 
+    def bodies(self) -> Mapping[str, tuple[str, ...]]:
+        """One: what stands on the tower moves both ways."""
+        return {"top": tuple(f"mass_{name}" for name in DIRECTIONS)}
+
     def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
         """Modal mass [kg] of one direction."""
         return values[f"mass_{coordinate}"]
@@ -154,6 +158,11 @@ class TowerModel(MechanicalModel):
         """What each sensor reads, in x, a, u, p and w."""
         k = _Kinematics(self)
         return [sensor.reading(k) for sensor in sensors]
+
+    def readings_across(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr | None]":
+        """The same with each sensor's axis turned by 90°; None where that changes nothing."""
+        k = _Kinematics(self)
+        return [sensor.across(k) for sensor in sensors]
 
 
 class _Kinematics:

@@ -10,7 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.channels import VIBRATION, kind_of
-from windsysid.mechanics.sensors import Sensor, first_problem, parse_sensors, read_sensor_tables
+from windsysid.mechanics.sensor_lists import first_problem, parse_sensors, read_sensor_tables
+from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 
 __all__ = ["ModalSensor", "choose_sensors", "derivative_order", "read_modal_sensors", "without_copies"]

@@ -204,7 +204,7 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(prog="python -m windsysid.study.methods", description=__doc__)
     parser.add_argument("--runs", type=int, default=10, help="records (10)")
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     found = method_table(
         gather([one for seed in range(parser.parse_args().runs) for one in run_methods(turbine, seed)])
     )

@@ -91,7 +91,7 @@ def identify_section_by_particles(
 
 def compare(seeds: int) -> list[Rows]:
     """The paper's comparison on several records: average errors, Eq (24), of both filters, with the time they took."""
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     plain = replace(SIR, discount=1.0, tempering=False)
     ekf, sir, errors, words = [], [], [], []
     for seed in range(seeds):
@@ -223,7 +223,7 @@ def static_coefficients(case: Case, seeds: int) -> Rows:
 def heavy_tails(case: Case, runs: int) -> Rows:
     """Readings with Student t noise, 3 degrees of freedom: how often ±2σ holds the coefficients."""
     samples, nu = 1000, 3.0
-    rows_of, turbine = case.inputs[:samples], load_turbine("verne555")
+    rows_of, turbine = case.inputs[:samples], load_turbine("verne555").exact()
     truth = np.array([turbine.values[q.name] / q.reference for q in case.model.parameters])
     blocks = case.model.blocks
     scale = np.sqrt(blocks.noise)
@@ -305,7 +305,7 @@ def two_summits(seeds: int) -> Rows:
 
 def joint_formulation(samples: int) -> Rows:
     """Motion, loads and ten coefficients from accelerometers: particles on everything, or on the coefficients alone."""
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     record = simulate_record(turbine, duration=60.0, rate=RATE, seed=1)
     problem = pose(record, turbine, turbine.sensors, Prior())
     inputs, readings, block = problem.inputs[:samples], problem.readings[:samples], problem.model.parameter_block
@@ -383,7 +383,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=50, help="records with heavy tails (50)")
     parser.add_argument("--seeds", type=int, default=5, help="seeds of everything else (5)")
     options = parser.parse_args()
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     reference = simulate_reference(turbine, 0)
     balance = record_balance(turbine, reference, reference.inputs[:, 3:])
     case = _case(turbine, balance, (400.0, 500.0))

@@ -118,7 +118,7 @@ class Study:
 
 def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
     """Run the whole study; `progress` is told what it is doing."""
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     progress("simulating the 600 s reference record")
     reference = simulate_reference(turbine, seed)
     progress("arm A: loads known")

@@ -116,7 +116,7 @@ class DirectionChangeStudy:
 
 def direction_change_study(seed: int = 0) -> DirectionChangeStudy:
     """Simulate the reference record under turbulent wind that turns, and identify its section three ways."""
-    turbine = load_turbine("verne555")
+    turbine = load_turbine("verne555").exact()
     conditions, blade = packaged_wind("verne555")
     diameter = 2.0 * blade.radii[-1] + blade.widths[-1]
     size = float(np.rad2deg(extreme_direction_change(conditions, diameter)))

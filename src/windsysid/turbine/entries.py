@@ -7,7 +7,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensors import Sensor
-from windsysid.turbine.turbine import Turbine
+from windsysid.turbine.turbine import MASS_TOLERANCE, Turbine
 from windsysid.units import parse_quantity
 
 __all__ = [
@@ -52,6 +52,12 @@ class Prior(Table):
     damping: float = Field(default=0.3, gt=0.0, le=10.0)
 
 
+class Tolerances(Table):
+    """How well the file's numbers are known, as standard deviations."""
+
+    masses: Annotated[float, quantity("%"), Field(ge=0.0, le=1.0)] = MASS_TOLERANCE
+
+
 class File(Table):
     """What every turbine file says."""
 
@@ -60,6 +66,7 @@ class File(Table):
     source: str
     assumed: tuple[str, ...] = ()
     prior: Prior = Prior()
+    tolerances: Tolerances = Tolerances()
 
     @abstractmethod
     def turbine(self, sensors: tuple[Sensor, ...]) -> Turbine:

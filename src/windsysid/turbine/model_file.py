@@ -55,6 +55,7 @@ class ModelFile(File):
             values={name: self._quantity(f"values.{name}", text, units[name]) for name, text in self.values.items()},
             rotor_speed=self.rotor.speed,
             spread=(self.prior.stiffness, self.prior.damping),
+            mass_tolerance=self.tolerances.masses,
             loads=tuple(
                 GaussMarkov(
                     one.load,

@@ -151,6 +151,7 @@ class RotorFile(File):
             values=values,
             rotor_speed=self.rotor.speed,
             spread=(self.prior.stiffness, self.prior.damping),
+            mass_tolerance=self.tolerances.masses,
             loads=tuple(
                 GaussMarkov(f"load_{name}", rms.get(name, self.loads.blade_rms), self.loads.time_constant)
                 for name in model.coordinates

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.model import MODELS
-from windsysid.mechanics.sensors import first_problem, parse_sensors
+from windsysid.mechanics.sensor_lists import first_problem, parse_sensors
 from windsysid.turbine.entries import File
 from windsysid.turbine.model_file import ModelFile, model_tables
 from windsysid.turbine.rotor_file import RotorFile, rotor_tables
@@ -74,6 +74,7 @@ def as_tables(turbine: Turbine) -> dict[str, Any]:
         "assumed": list(turbine.assumed),
         **_format(turbine.model.kind).tables(turbine),
         "prior": {"stiffness": turbine.spread[0], "damping": turbine.spread[1]},
+        "tolerances": {"masses": f"{turbine.mass_tolerance!r} 1"},
         "sensor": [sensor.model_dump(exclude_none=True) for sensor in turbine.sensors],
     }
 

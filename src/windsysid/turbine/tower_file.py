@@ -76,6 +76,7 @@ class TowerFile(File):
             values=self.side_side.values("side_side") | self.fore_aft.values("fore_aft") | self.top.model_dump(),
             rotor_speed=self.rotor.speed,
             spread=(self.prior.stiffness, self.prior.damping),
+            mass_tolerance=self.tolerances.masses,
             loads=(*self.loads.loads(model, 0), *self.blade_passing.loads(model, model.blades)),
             sensors=sensors,
         )

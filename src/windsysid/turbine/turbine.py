@@ -11,7 +11,10 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.units import RPM
 
-__all__ = ["Turbine"]
+__all__ = ["MASS_TOLERANCE", "Turbine"]
+
+MASS_TOLERANCE = 0.02
+"""Relative standard deviation of a mass that careful people know."""
 
 PARKED_PERIODS = 3
 """Of the slowest mode: the least that a record of a parked machine must hold."""
@@ -41,6 +44,9 @@ class Turbine:
         The instruments usually fitted.
     tip_lever
         ℓ [m]: lag angles times ℓ are in-plane tip deflections; 0 where the tip coordinate is not used.
+    mass_tolerance
+        Relative standard deviation of the mass, with all moments, of each body (`MechanicalModel.bodies`); 0: exactly
+        known.
     """
 
     name: str
@@ -54,6 +60,7 @@ class Turbine:
     loads: tuple[GaussMarkov, ...]
     sensors: tuple[Sensor, ...]
     tip_lever: float = 0.0
+    mass_tolerance: float = MASS_TOLERANCE
 
     def __repr__(self) -> str:
         free = ", ".join(self.model.coordinates)
@@ -118,6 +125,10 @@ class Turbine:
         if unknown:
             raise ConfigurationError(f"turbine '{self.name}' has no parameter '{min(unknown)}'")
         return replace(self, values={**self.values, **values})
+
+    def exact(self) -> "Turbine":
+        """The same turbine with its masses and its sensors known exactly: no tolerances."""
+        return replace(self, mass_tolerance=0.0, sensors=tuple(sensor.exact() for sensor in self.sensors))
 
     def with_model(self, model: MechanicalModel) -> "Turbine":
         """The same turbine with other degrees of freedom."""

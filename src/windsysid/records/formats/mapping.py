@@ -227,7 +227,7 @@ def load_mapping(path: str | Path) -> Mapping:
     """
     from pydantic import TypeAdapter, ValidationError
 
-    from windsysid.mechanics.sensors import first_problem
+    from windsysid.mechanics.sensor_lists import first_problem
 
     path = Path(path)
     try:

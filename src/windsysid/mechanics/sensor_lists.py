@@ -1,0 +1,97 @@
+"""Sensor lists: TOML tables to sensors, each of the class that its quantity names."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from windsysid.configuration import parse_toml
+from windsysid.errors import ConfigurationError
+from windsysid.mechanics.sensors import SENSORS, Sensor
+
+__all__ = ["as_sensor", "first_problem", "parse_sensors", "read_sensor_tables", "read_sensors"]
+
+
+def as_sensor(table: Any) -> Sensor:
+    """The sensor that a table of a sensor list describes; its `quantity` names the class.
+
+    Raises
+    ------
+    ConfigurationError
+        In one line: what was expected, what was got.
+    """
+    if not isinstance(table, Mapping):
+        raise ConfigurationError(f"expected a table, got {table!r:.80}")
+    quantity = table.get("quantity")
+    if "quantity" not in table:
+        raise ConfigurationError("'quantity' is missing: add it")
+    if not (isinstance(quantity, str) and quantity in SENSORS):
+        raise ConfigurationError(f"quantity: expected one of {', '.join(SENSORS)}, got {quantity!r:.80}")
+    try:
+        return SENSORS[quantity].model_validate(table)
+    except ValidationError as error:
+        raise ConfigurationError(first_problem(error)) from None
+
+
+def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
+    """Read a sensor list from TOML: one ``[[sensor]]`` table per channel, keys as in the class of its quantity.
+
+    Raises
+    ------
+    ConfigurationError
+        In one line: the file, the sensor, what was expected and what was got.
+    """
+    return parse_sensors(read_sensor_tables(path), str(path))
+
+
+def read_sensor_tables(path: str | Path) -> list[object]:
+    """Read the ``[[sensor]]`` tables of a TOML file, not yet validated; ConfigurationError where it holds others."""
+    path = Path(path)
+    try:
+        content = parse_toml(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{path}: expected a TOML file with [[sensor]] tables, got: {error}") from None
+    tables = content.get("sensor")
+    if set(content) != {"sensor"} or not isinstance(tables, list):
+        raise ConfigurationError(
+            f"{path}: expected [[sensor]] tables and nothing else, got {', '.join(sorted(content)) or 'an empty file'}"
+        )
+    return tables
+
+
+def parse_sensors(tables: Sequence[object], source: str) -> tuple[Sensor, ...]:
+    """Validate sensor tables read from `source`."""
+    if not isinstance(tables, list | tuple):
+        raise ConfigurationError(f"{source}: expected [[sensor]] tables, one per channel, got {tables!r}")
+    sensors: list[Sensor] = []
+    for number, table in enumerate(tables, start=1):
+        try:
+            sensors.append(as_sensor(table))
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{source}: sensor {number}: {error}") from None
+    channels = [sensor.channel for sensor in sensors]
+    for channel in channels:
+        if channels.count(channel) > 1:
+            raise ConfigurationError(
+                f"{source}: channel '{channel}' is listed {channels.count(channel)} times: list it once"
+            )
+    return tuple(sensors)
+
+
+def first_problem(error: ValidationError) -> str:
+    """The first problem of a pydantic error in one line: key, what was expected, what was got.
+
+    An unknown key comes first: it is usually the misspelt one that is then missing. Items of a list are counted from 1.
+    """
+    details = error.errors()
+    detail = next((d for d in details if d["type"] == "extra_forbidden"), details[0])
+    where = ".".join(str(part + 1 if isinstance(part, int) else part) for part in detail["loc"])
+    if detail["type"] == "extra_forbidden":
+        return f"unknown key '{where}': remove it or correct its spelling"
+    if detail["type"] == "missing":
+        return f"'{where}' is missing: add it"
+    message = detail["msg"].removeprefix("Value error, ")
+    got = detail.get("input")
+    shown = f", got {got!r:.80}" if isinstance(got, str | int | float | bool) else ""
+    return f"{where}: {message}{shown}" if where else message
