@@ -12,9 +12,11 @@ from windsysid.filters import EKF
 from windsysid.identification.outcome import Outcome
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Coefficient
-from windsysid.modal.analysis import modes_with_bands
+from windsysid.modal.analysis import modes_with_slopes
 from windsysid.records.record import Record
+from windsysid.results.budget import Budget, budget_of
 from windsysid.results.diagnosis import diagnose
+from windsysid.results.held import hold
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
 from windsysid.results.lines import Line, find_line
 from windsysid.results.mode import Mode
@@ -75,12 +77,20 @@ def conclude(
                 tip=_at_the_tip(known, turbine, value, low, high, float(spread), reference or 0.0),
             )
         )
-    final = turbine.with_values({e.name: e.estimate for e in estimates})
+    # A vibration shows ratios of stiffness and damping to masses. Modes are told with the masses of the file, and with
+    # what the record says of the coefficients if those are right.
+    at_masses, given_masses = _given_masses(outcome)
+    final = turbine.with_values(
+        {q.name: float(q.physical(t)) for q, t in zip(model.parameters, at_masses, strict=True)}
+    )  # fmt: skip
     compiled = model.compiled if formulation != "force-balance" else compile_model(turbine.model)
     p, at_reference = (np.array([source.values[name] for name in compiled.parameters]) for source in (final, turbine))
     turned = [i for i, name in enumerate(compiled.inputs) if name == "rotor_speed"]
     speed = float(outcome.rotor[:, turned[0]].mean()) if turned else turbine.rotor_speed
-    modes = modes_with_bands(turbine.model, compiled, p, speed, model.parameters, theta, cov, at_reference)
+    n = len(theta)
+    modes, slopes = modes_with_slopes(
+        turbine.model, compiled, p, speed, model.parameters, at_masses, given_masses[:n, :n], at_reference
+    )
     diagnosis = diagnose(
         outcome.final,
         readings=model.readings,
@@ -131,6 +141,8 @@ def conclude(
         else _conditions(record, speed)._replace(wind_speed=wind_speed),
         provenance=provenance,
         joint_cov=outcome.joint_cov,
+        tolerances=outcome.tolerances,
+        budget=_budget(outcome, modes, slopes, given_masses),
     )
 
 
@@ -162,6 +174,39 @@ def _late(outcome: Outcome, record: Record) -> Late | None:
     if not (along["x"] and along["y"] and blades and "rotor_azimuth" in record and len(z) == record.samples):
         return None
     return how_late(z, np.nan_to_num(record["rotor_azimuth"]), (along["x"][0], along["y"][0]), blades)
+
+
+def _given_masses(outcome: Outcome) -> tuple[Array, Array]:
+    """θ (n_θ,), and the covariance of all unknowns, given that the masses are as the file says."""
+    cov = outcome.cov if outcome.joint_cov is None else outcome.joint_cov
+    first = len(cov) - len(outcome.tolerances)
+    mean = np.zeros(len(cov))
+    mean[: len(outcome.theta)] = outcome.theta
+    mean[first:] = [one.estimate / one.spread for one in outcome.tolerances]
+    held = [first + at for at, one in enumerate(outcome.tolerances) if one.group == "masses"]
+    found, left = hold(mean, cov, held)
+    return found[: len(outcome.theta)], left
+
+
+def _budget(outcome: Outcome, modes: Sequence[Mode], slopes: Array, given_masses: Array) -> Budget:
+    """What widens the bands of coefficients and of modes, these with the masses of the file."""
+    if outcome.joint_cov is None:
+        return Budget()
+    n, first = len(outcome.theta), len(outcome.joint_cov) - len(outcome.tolerances)
+    unit = np.eye(n, len(outcome.joint_cov))
+    rows = [
+        (q.name, unit[i] * (1.0 if q.logarithmic else q.scale), q.logarithmic)
+        for i, q in enumerate(outcome.model.parameters)
+    ]
+    statistics = slice(n, first)
+    coefficients = budget_of(rows, outcome.joint_cov, statistics, outcome.tolerances)
+    rows = [
+        (f"{mode.name}: {what}", slope @ unit, False)
+        for what, of in zip(("frequency [Hz]", "damping ratio"), slopes, strict=True)
+        for mode, slope in zip(modes, of, strict=True)
+    ]
+    of_modes = budget_of(rows, given_masses, statistics, outcome.tolerances)
+    return coefficients._replace(rows=coefficients.rows + of_modes.rows)
 
 
 def _conditions(record: Record, rotor_speed: float) -> Conditions:

@@ -17,11 +17,13 @@ from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem
 from windsysid.identification.recursive import join_histories, spread_over_samples
 from windsysid.identification.solve import Solution, solve
+from windsysid.identification.tolerances import learned_tolerances
 from windsysid.loads.family import candidates
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.tolerance import MOST, Tolerance
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["describe_solution", "first_estimate", "identify_jointly", "load_models"]
@@ -78,6 +80,8 @@ def describe_solution(
         Seconds in the filter.
     """
     n = len(problem.parameters)
+    end = n + len(problem.statistics)
+    tolerances = learned_tolerances(problem.tolerances, solution.mean[end:], solution.cov[end:, end:])
     return Outcome(
         turbine=problem.turbine,
         model=problem.model,
@@ -89,14 +93,20 @@ def describe_solution(
         rotor=solution.mean_inputs[None, : len(problem.model.compiled.inputs)],
         channels=tuple(sensor.channel for sensor in problem.sensors),
         elapsed=elapsed,
-        notes=(*problem.notes, *_describe_loads(problem, why), *solution.notes),
-        statistics=learned_statistics(problem.statistics, solution.mean[n:], solution.cov[n:, n:]),
-        doubts=_list_doubts(solution, given, problem.turbine),
+        notes=(
+            *problem.notes,
+            *_describe_loads(problem, why),
+            *(str(one) for one in tolerances if one.off),
+            *solution.notes,
+        ),
+        statistics=learned_statistics(problem.statistics, solution.mean[n:end], solution.cov[n:end, n:end]),
+        doubts=_list_doubts(solution, given, problem.turbine, tolerances),
         loads=solution.loads,
         joint_cov=solution.cov,
         whiteness=solution.whiteness,
         log_likelihood=solution.log_likelihood,
         hypothesis=problem.loads.name,
+        tolerances=tolerances,
     )
 
 
@@ -110,9 +120,12 @@ def _describe_loads(problem: TurbineProblem, why: str) -> tuple[str, ...]:
     return (taken, why, caution) if caution else (taken, why)
 
 
-def _list_doubts(solution: Solution, given: Turbine, used: Turbine) -> tuple[str, ...]:
+def _list_doubts(solution: Solution, given: Turbine, used: Turbine, tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
     """What speaks against the bands and does not show in the innovations."""
-    doubts = []
+    doubts = [
+        f"{one}: more than {MOST:g} times its tolerance; correct it, or the turbine file" for one in tolerances
+        if one.contradicted
+    ]  # fmt: skip
     if not solution.settled:
         doubts.append(
             f"the likelihood still rose after {solution.iterations} steps: choose a longer or steadier section, or "

@@ -14,6 +14,7 @@ from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.load_history import Loads
+from windsysid.results.tolerance import Tolerance
 from windsysid.results.whiteness import Whiteness
 from windsysid.signals import resample
 from windsysid.signals.inputs import TURNING, read_inputs
@@ -54,14 +55,17 @@ class Outcome(NamedTuple):
     loads
         The loads that were states, as the filter knew them at the result; None where none were.
     joint_cov
-        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where no
-        statistics were learned.
+        Covariance of θ, of the coordinates η of `statistics` and of `tolerances` together (n_θ + n_η + n_τ), the last
+        in standard deviations of their priors; None where no statistics were learned.
     whiteness
         The innovations against white noise where that was judged already; None where those of `final` are to be judged.
     log_likelihood
         Of all readings, where `final` does not hold them all.
     hypothesis
         Name of what the loads were taken for; empty where nothing was supposed.
+    tolerances
+        What is known of instruments and masses within tolerances only, as the record has it; none where they were taken
+        as exact.
     """
 
     turbine: Turbine
@@ -82,6 +86,7 @@ class Outcome(NamedTuple):
     whiteness: Whiteness | None = None
     log_likelihood: float | None = None
     hypothesis: str = ""
+    tolerances: tuple[Tolerance, ...] = ()
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:

@@ -60,6 +60,16 @@ class OwnProblem(NamedTuple):
         cov[:n, :n] = self.model.cov[block, block]
         return np.concatenate([self.model.mean[block], np.zeros(len(self.levels))]), cov
 
+    @property
+    def wide_prior(self) -> tuple[Array, Array]:
+        """The same: readings are taken as exact."""
+        return self.prior
+
+    @property
+    def clocks(self) -> tuple[Array, ...]:
+        """None."""
+        return ()
+
     def frequencies(self, unknowns: Array) -> tuple[float, ...]:
         """None are known."""
         return ()

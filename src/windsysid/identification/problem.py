@@ -1,8 +1,9 @@
 """The state-only problem of a record: a model for every value of the unknowns, with the prior of the unknowns.
 
-The unknowns are θ, the identified parameters in filter coordinates, and after them η, the statistics of loads and noise
-(`windsysid.loads.statistics`). What the likelihood of a record is a function of, and what a planned record informs
-about, is said here once.
+The unknowns are θ, the identified parameters in filter coordinates, after them η, the statistics of loads and noise
+(`windsysid.loads.statistics`), and then τ, what is known of instruments and masses within tolerances only
+(`windsysid.identification.tolerances`). A search begins without τ, as if all were exact. What the likelihood of a
+record is a function of, and what a planned record informs about, is said here once.
 """
 
 import math
@@ -17,6 +18,7 @@ from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.identification.outcome import known_inputs, known_loads
 from windsysid.identification.prior import Prior, identifiable
+from windsysid.identification.tolerances import seconds_late, tolerances_of, with_tolerances
 from windsysid.loads.family import hypothesis
 from windsysid.loads.hypothesis import SupposedLoads
 from windsysid.loads.statistics import Statistic, moved_sensors, noise_groups, values_of
@@ -24,6 +26,7 @@ from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.mechanics.model import MechanicalModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.tolerance import Tolerance
 from windsysid.statespace.compose import LoadBlocks, StateSpace, compose, discretise_loads, parameters_given
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
@@ -60,6 +63,8 @@ class TurbineProblem(NamedTuple):
         What the loads that are states may be like.
     statistics
         The statistics that η stands for.
+    tolerances
+        What τ stands for, the clocks last.
     inputs, readings
         As filters take them (T, n_u + n_w), (T, m).
     notes
@@ -73,6 +78,7 @@ class TurbineProblem(NamedTuple):
     sensors: tuple[Sensor, ...]
     loads: SupposedLoads
     statistics: tuple[Statistic, ...]
+    tolerances: tuple[Tolerance, ...]
     inputs: Array
     readings: Array
     notes: tuple[str, ...]
@@ -85,24 +91,48 @@ class TurbineProblem(NamedTuple):
 
     @property
     def prior(self) -> tuple[Array, Array]:
-        """Mean (n,) and covariance (n, n) of the unknowns."""
+        """Mean (n,) and covariance (n, n) of θ and η."""
         block, n = self.model.parameter_block, len(self.parameters)
         mean = np.concatenate([self.model.mean[block], np.zeros(len(self.statistics))])
         cov = np.diag(np.concatenate([np.zeros(n), np.square([s.spread for s in self.statistics])]))
         cov[:n, :n] = self.model.cov[block, block]
         return mean, cov
 
+    @property
+    def wide_prior(self) -> tuple[Array, Array]:
+        """The same of θ, η and those of τ that are numbers of the model: all but the clocks."""
+        mean, cov = self.prior
+        n, extra = len(mean), len(self.tolerances) - len(self.clocks)
+        wide = np.eye(n + extra)
+        wide[:n, :n] = cov
+        return np.concatenate([mean, np.zeros(extra)]), wide
+
+    @property
+    def clocks(self) -> list[Array]:
+        """For each clock, by how much readings (m,) are late [s] at one standard deviation of its tolerance."""
+        own = np.diag([1.0 if one.group == "clock" else 0.0 for one in self.tolerances])
+        return [seconds_late(self.tolerances, tau, self.sensors) for tau in own if tau.any()]
+
     def build(self, unknowns: Array) -> StateSpace:
-        """The state-only model at the unknowns (n,)."""
-        n = len(self.parameters)
-        eta = unknowns[n:].tobytes()
+        """The state-only model at the unknowns (n,), with τ or without."""
+        n, end = len(self.parameters), len(self.parameters) + len(self.statistics)
+        eta = unknowns[n:end].tobytes()
         if eta not in self.made:  # of the neighbours of a value, most differ in θ alone
             if len(self.made) >= MAX_MADE:
                 self.made.clear()
-            self.made[eta] = self._levels(values_of(self.statistics, unknowns[n:]))
-        return parameters_given(
+            self.made[eta] = self._levels(values_of(self.statistics, unknowns[n:end]))
+        found = parameters_given(
             self.model, _compiled(self.turbine.model, self.sensors), unknowns[:n], *self.made[eta]
         )  # fmt: skip
+        if not unknowns[end:].any():
+            return found
+        tau = np.zeros(len(self.tolerances))
+        tau[: len(unknowns) - end] = unknowns[end:]
+        p = with_tolerances(
+            found.blocks.p, found.compiled.parameters, self.tolerances, tau, self.turbine, self.sensors,
+            [q.name for q in self.parameters],
+        )  # fmt: skip
+        return replace(found, blocks=found.blocks._replace(p=p))
 
     def _levels(self, values: Mapping[str, float]) -> tuple[LoadBlocks, list[float]]:
         """The loads and the standard deviation of each reading's noise at the statistics."""
@@ -146,7 +176,7 @@ class TurbineProblem(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _compiled(model: MechanicalModel, sensors: tuple[Sensor, ...]) -> CompiledModel:
-    return compile_model(model, sensors)
+    return compile_model(model, sensors, instruments=True)
 
 
 def pose(
@@ -169,7 +199,10 @@ def pose(
     readings = np.column_stack([record[sensor.channel] for sensor in sensors])
     inputs = np.hstack([known, measured] if record.is_uniform else [known, measured, record.intervals()[1][:, None]])
     statistics = (*supposed.statistics, *noise_groups(sensors))
-    return TurbineProblem(turbine, model, tuple(sensors), supposed, statistics, inputs, readings, tuple(notes), {})
+    tolerances = tolerances_of(turbine, sensors, [q.name for q in parameters])
+    return TurbineProblem(
+        turbine, model, tuple(sensors), supposed, statistics, tolerances, inputs, readings, tuple(notes), {}
+    )  # fmt: skip
 
 
 def seen_by(turbine: Turbine, sensors: Sequence[Sensor], notes: list[str]) -> Turbine:

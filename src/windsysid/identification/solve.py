@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
+from windsysid.identification.clocks import add_clocks, shifted
 from windsysid.identification.outcome import check_finite
 from windsysid.identification.posterior_mode import Mode, find_mode
 from windsysid.identification.recursive import History, Online, advance, finish, join_histories
@@ -46,6 +47,13 @@ MAX_GATED_SEARCHES = 4
 MAX_CLIMBS = 2
 """How often a search that has not settled goes on."""
 
+MAX_SHIFTS = 3
+"""How often readings are shifted by what their clocks are late, and the search goes on."""
+
+CLOSE = 1.0
+"""The squared length of the step that a shift asks of the other unknowns, in their standard deviations, below which it
+is taken unseen."""
+
 COVARIANCE_CHUNK = 1024
 """Samples whose covariances are held at once."""
 
@@ -55,7 +63,15 @@ class Problem(Protocol):
 
     @property
     def prior(self) -> tuple[Array, Array]:
-        """Mean (n,) and covariance (n, n) of the unknowns."""
+        """Mean (n,) and covariance (n, n) of the unknowns that are looked for on line."""
+
+    @property
+    def wide_prior(self) -> tuple[Array, Array]:
+        """The same of all unknowns but the clocks: what else is known within tolerances only comes behind."""
+
+    @property
+    def clocks(self) -> Sequence[Array]:
+        """For each clock, by how much readings (m,) are late [s] at one standard deviation of its tolerance."""
 
     def build(self, unknowns: Array, /) -> StateSpace:
         """The state-only model at the unknowns (n,)."""
@@ -75,7 +91,7 @@ class Solution(NamedTuple):
     history
         The estimates on line, after those that the search began with; None where the recursion lost its way.
     mean, cov
-        The mode of the posterior (n,), and the inverse of its information (n, n).
+        The mode of the posterior of all unknowns, the clocks last (n,), and the inverse of its information (n, n).
     iterations, settled
         Steps of the last search, and whether its last one was small enough.
     log_likelihood
@@ -220,27 +236,50 @@ def _search(
 ) -> "tuple[Mode, Outliers, _Seen]":
     """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the
     mode."""
-    prior_mean, prior_cov = problem.prior
-    outliers, kept = Outliers(), samples
+    outliers, clocks, kept = Outliers(), np.zeros(len(problem.clocks)), samples
     for _ in range(MAX_GATED_SEARCHES):
-        for _ in range(MAX_CLIMBS):
-            mode = find_mode(
-                problem.build, kept, prior_mean=prior_mean, prior_cov=prior_cov, start=start[0], start_cov=start[1]
-            )
-            start = mode.mean, mode.cov
-            if mode.settled:
-                break
-        check_finite(mode.mean, mode.cov)
-        model, frequencies = problem.build(mode.mean), problem.frequencies(mode.mean)
+        mode = _climb(problem, kept, start, clocks)
+        n = len(mode.look.theta)
+        start, clocks = (mode.mean[:n], mode.cov[:n, :n]), mode.mean[n:]
+        model, frequencies = problem.build(mode.mean[:n]), problem.frequencies(mode.mean)
         gated = replace(model, blocks=model.blocks._replace(gate=np.array([GATE_SIGMAS])))
-        seen = _filter(gated, samples, rate, frequencies)
+        seen = _filter(gated, shifted(problem, samples, clocks), rate, frequencies)
         found = _outliers(seen)
         if found.same_as(outliers):
             break
         outliers, kept = found, SamplesWithout(samples, found)
     if seen.gated.any():  # what a filter without a gate says
-        seen = _filter(model, samples, rate, frequencies, outliers)
+        seen = _filter(model, shifted(problem, samples, clocks), rate, frequencies, outliers)
     return mode, outliers, seen
+
+
+def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clocks: Array) -> Mode:
+    """The mode of the posterior of all unknowns; of its `look`, the clocks are no part."""
+    prior = problem.wide_prior
+    n, known = len(prior[0]), len(start[0])
+    mean, cov = prior[0].copy(), prior[1].copy()
+    mean[:known], cov[:known, :known] = start
+    for _ in range(MAX_SHIFTS):
+        moved = shifted(problem, samples, clocks)
+        for _ in range(MAX_CLIMBS):
+            mode = find_mode(
+                problem.build, moved, prior_mean=prior[0], prior_cov=prior[1], start=mean, start_cov=cov
+            )  # fmt: skip
+            mean, cov = mode.mean, mode.cov
+            if mode.settled:
+                break
+        check_finite(mode.mean, mode.cov)
+        if not problem.clocks:
+            break
+        wide = add_clocks(problem.build, moved, mode.look, prior, problem.clocks, clocks)
+        check_finite(wide.mean, wide.cov)
+        mode = mode._replace(mean=wide.mean, cov=wide.cov)
+        mean, clocks = wide.mean[:n], wide.mean[n:]
+        if wide.moved < CLOSE:
+            break
+    else:
+        mode = mode._replace(settled=mode.settled and not problem.clocks)
+    return mode
 
 
 def _outliers(seen: "_Seen") -> Outliers:

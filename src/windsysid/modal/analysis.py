@@ -25,7 +25,7 @@ from windsysid.modal.floquet import about_periodic_motion, resolve
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["Spectrum", "analyse", "analyse_unlocked", "modes", "modes_with_bands"]
+__all__ = ["Spectrum", "analyse", "analyse_unlocked", "modes", "modes_with_bands", "modes_with_slopes"]
 
 
 AVERAGED_AZIMUTHS = 24
@@ -187,6 +187,20 @@ def modes_with_bands(
     `p` and `reference` (n_p,) are the identified and the reference values of all parameters. Empty where there are no
     modes to be had (two blades without a periodic motion).
     """
+    return modes_with_slopes(rotor, model, p, rotor_speed, parameters, theta, cov, reference)[0]
+
+
+def modes_with_slopes(
+    rotor: MechanicalModel,
+    model: CompiledModel,
+    p: Array,
+    rotor_speed: float,
+    parameters: Sequence[Parameter],
+    theta: Array,
+    cov: Array,
+    reference: Array,
+) -> tuple[tuple[Mode, ...], Array]:
+    """`modes_with_bands`, and the derivatives of frequencies [Hz] and damping ratios to θ (2, modes, n_θ)."""
     p = p.copy()
     p[[model.parameters.index(q.name) for q in parameters]] = [
         float(q.physical(t)) for q, t in zip(parameters, theta, strict=True)
@@ -196,17 +210,16 @@ def modes_with_bands(
         centre = _known(rotor, model, p, rotor_speed, along)
         known = {name: (f, z) for name, f, z in _rows(_known(rotor, model, reference, rotor_speed))}
     except ConfigurationError:
-        return ()
-    halves = [
-        2.0 * np.sqrt(np.einsum("mi,ij,mj->m", slope, cov, slope).clip(0.0))
-        for slope in centre.frequency_and_damping_slopes()
-    ]
-    return tuple(
+        return (), np.zeros((2, 0, len(theta)))
+    slopes = centre.frequency_and_damping_slopes()
+    halves = [2.0 * np.sqrt(np.einsum("mi,ij,mj->m", slope, cov, slope).clip(0.0)) for slope in slopes]
+    found = tuple(
         Mode(name, (f, f - df, f + df), (z, z - dz, z + dz), known.get(name))
         for name, f, z, df, dz in zip(
             centre.names, *(v.tolist() for v in (centre.frequency, centre.damping, *halves)), strict=True
         )
     )
+    return found, np.array(slopes)
 
 
 def directions_of(model: CompiledModel, parameters: Sequence[Parameter], theta: Array) -> Array:

@@ -99,6 +99,7 @@ class _Belief(NamedTuple):
 
     @classmethod
     def of(cls, result: Posterior) -> "_Belief":
+        result = result.given()  # instruments and masses are the same in every result of a machine
         priors = np.array([q.prior for q in result.parameters])
         if result.joint_cov is None:
             return cls(result.parameters, result.theta, result.cov, priors[:, 0], np.diag(priors[:, 1] ** 2))

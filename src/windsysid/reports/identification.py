@@ -37,7 +37,7 @@ def identification_report(identification: Identification, record: Record) -> byt
         Section(
             "Result",
             text=[*_trust(i), *i.notes],
-            tables=i.tables(),
+            tables=[*i.tables(), *([i.tolerances_table()] if i.tolerances else [])],
         ),
         Section(
             "How the estimates came about",

@@ -17,10 +17,12 @@ from windsysid.output.answers import Answer
 from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.formats.netcdf import sealed
+from windsysid.results.budget import Budget
 from windsysid.results.diagnosis import Diagnosis
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.provenance import Provenance
+from windsysid.results.tolerance import Tolerance
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.tables import as_tables
 from windsysid.turbine.turbine import Turbine
@@ -120,8 +122,13 @@ class Identification(Answer):
     provenance
         Which record, turbine, sensors, options and version it comes from; None where nobody said it.
     joint_cov
-        Covariance of the coefficients and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None
-        where no statistics were learned.
+        Covariance of the coefficients, of the coordinates η of `statistics`, and of `tolerances` in standard deviations
+        of their priors, together (n_θ + n_η + n_τ); None where no statistics were learned.
+    tolerances
+        What is known of instruments and masses within tolerances only, as the record has it; none where they were taken
+        as exact.
+    budget
+        What widens the bands.
     """
 
     method: str
@@ -151,6 +158,8 @@ class Identification(Answer):
     conditions: Conditions = NOT_RECORDED
     provenance: Provenance | None = None
     joint_cov: Array | None = None
+    tolerances: tuple[Tolerance, ...] = ()
+    budget: Budget = field(default_factory=Budget)
     diagnosis: Diagnosis = field(kw_only=True)
 
     def __repr__(self) -> str:
@@ -196,8 +205,8 @@ class Identification(Answer):
         return Posterior(
             turbine, self.parameters, theta, self.cov, name, self.diagnosis.trusted, self.conditions,
             start=None if known is None else known.start, record_hash=None if known is None else known.record_hash,
-            section=self.section, statistics=self.statistics, joint_cov=self.joint_cov,
-        )  # fmt: skip
+            section=self.section, statistics=self.statistics, joint_cov=self.joint_cov, tolerances=self.tolerances,
+        ).given("masses")  # fmt: skip
 
     def history(self, name: str) -> tuple[Array, Array, Array]:
         """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
@@ -225,6 +234,8 @@ class Identification(Answer):
             "parameters": {e.name: _estimate_summary(e) for e in self.estimates},
             "modes": [mode.summary() for mode in self.modes],
             "statistics": {s.name: asdict(s) for s in self.statistics},
+            "tolerances": {one.name: asdict(one) for one in self.tolerances},
+            "budget": self.budget.summary(),
             "diagnosis": self.diagnosis.summary(),
             "notes": list(self.notes),
             "provenance": None if self.provenance is None else self.provenance.summary(),
@@ -257,7 +268,7 @@ class Identification(Answer):
         for key, what in PRIORS.items():
             variables[key] = ("parameter",), np.array([getattr(q, what) for q in self.parameters], dtype=np.float64), {}
         if self.joint_cov is not None:
-            note = "of the parameters and then of the statistics' coordinates (windsysid.loads.statistics)"
+            note = "of parameters, statistics' coordinates (windsysid.loads.statistics), tolerances [prior σ]"
             variables["joint_cov"] = ("unknown", "unknown_2"), self.joint_cov, {"note": note}
         axis = "time" if len(self.innovation) == len(self.time) else "innovation_time"
         variables["innovation"] = (axis, "reading"), self.innovation, {}
@@ -285,6 +296,7 @@ class Identification(Answer):
             "windsysid_version": __version__,
             **traced,
             "statistics": json.dumps(finite([asdict(s) for s in self.statistics])),
+            "tolerances": json.dumps(finite([asdict(one) for one in self.tolerances])),
             **{"method": self.method, "formulation": self.formulation, "record": self.record},
             **{"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)},
             **{"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)},
@@ -316,7 +328,7 @@ class Identification(Answer):
     def tables(self) -> list[Table]:
         """Estimates, modes, and statistics of loads and noise, as far as there are any."""
         more = ([self.modes_table()] if self.modes else []) + ([self.statistics_table()] if self.statistics else [])
-        return [self.table(), *more]
+        return [self.table(), *more, *([self.budget.table()] if self.tolerances else [])]
 
     def table(self) -> Table:
         """The estimates with their bands, and the references where any is known."""
@@ -349,6 +361,11 @@ class Identification(Answer):
         ]
         headings = ("statistic", "estimate", "±2σ band", "unit", "in the file")
         return Table(headings, rows, "Loads and noise, learned from the record", words=(0, 3))
+
+    def tolerances_table(self) -> Table:
+        """What the record says of instruments and masses."""
+        rows = [one.cells() for one in self.tolerances]
+        return Table(("instrument or body", "tolerance (1σ)", "off by"), rows, "Instruments and masses", words=(0,))
 
     def __str__(self) -> str:
         return render(*self.tables(), str(self.diagnosis), *self.diagnosis.remarks, *self.notes)

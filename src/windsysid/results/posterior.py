@@ -9,9 +9,11 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.loads.statistics import Statistic
+from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
 from windsysid.output.folders import result_file
 from windsysid.records.formats.netcdf import check_seal, open_hdf5
+from windsysid.results.held import hold
+from windsysid.results.tolerance import Group, Tolerance
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.tables import parse_turbine
 from windsysid.turbine.turbine import Turbine
@@ -68,8 +70,11 @@ class Posterior(NamedTuple):
     statistics
         What was learned of loads and noise.
     joint_cov
-        Covariance of θ and of the coordinates η of `statistics` together (n_θ + n_η, n_θ + n_η); None where it was not
-        kept.
+        Covariance of θ, of the coordinates η of `statistics`, and of `tolerances` in standard deviations of their
+        priors, together (n_θ + n_η + n_τ); None where it was not kept.
+    tolerances
+        What is known within tolerances only. Masses are none of it in a posterior that was read or made of a result:
+        a vibration shows ratios to masses, and those of the turbine are taken as right.
     """
 
     turbine: Turbine
@@ -84,6 +89,30 @@ class Posterior(NamedTuple):
     section: tuple[float, float] | None = None
     statistics: tuple[Statistic, ...] = ()
     joint_cov: Array | None = None
+    tolerances: tuple[Tolerance, ...] = ()
+
+    def given(self, *groups: Group) -> "Posterior":
+        """The same given that instruments or masses of these groups, of all by default, are as their files say.
+
+        Two results of one machine share them: what moved between the two is told without them.
+        """
+        if self.joint_cov is None or not self.tolerances:
+            return self
+        n, first = len(self.theta), len(self.joint_cov) - len(self.tolerances)
+        eta = coordinates_of(self.statistics, {s.name: s.estimate for s in self.statistics})
+        tau = [one.estimate / one.spread for one in self.tolerances]
+        places = [at for at, one in enumerate(self.tolerances) if not groups or one.group in groups]
+        mean, cov = hold(np.concatenate([self.theta, eta, tau]), self.joint_cov, [first + at for at in places])
+        values = {q.name: float(q.physical(t)) for q, t in zip(self.parameters, mean, strict=False)}
+        keep = np.setdiff1d(np.arange(len(cov)), [first + at for at in places])
+        return self._replace(
+            turbine=self.turbine.with_values(values),
+            theta=mean[:n],
+            cov=cov[:n, :n],
+            statistics=learned_statistics(self.statistics, mean[n:first], cov[n:first, n:first]),
+            joint_cov=cov[np.ix_(keep, keep)],
+            tolerances=tuple(one for at, one in enumerate(self.tolerances) if at not in places),
+        )
 
     def __repr__(self) -> str:
         return (
@@ -123,6 +152,7 @@ def load_posterior(folder: str | Path) -> Posterior:
             estimate, *columns = (file[key][...].tolist() for key in ("final_estimate", *PRIORS))
             cov = file["cov"][...]
             joint_cov = file["joint_cov"][...] if learned and "joint_cov" in file else None
+            tolerances = tuple(Tolerance(**row) for row in json.loads(file.attrs.get("tolerances", "[]")))
     except ConfigurationError:
         raise
     except RecordError:
@@ -146,8 +176,8 @@ def load_posterior(folder: str | Path) -> Posterior:
     identified = turbine.with_values(dict(zip(names, estimate, strict=True)))
     return Posterior(
         identified, parameters, theta, cov, record, bool(trusted), conditions,
-        start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov,
-    )  # fmt: skip
+        start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov, tolerances=tolerances,
+    ).given("masses")  # fmt: skip
 
 
 def _read_statistics(text: str) -> tuple[Statistic, ...]:

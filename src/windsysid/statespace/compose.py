@@ -224,7 +224,8 @@ def parameters_given(
     blocks = model.blocks
     nx, nz, nb, _, nu, nw = blocks.sizes
     n = nx + nz + nb
-    p = blocks.p.copy()
+    p = np.zeros(len(compiled.parameters))  # those of instruments come after the model's
+    p[: len(blocks.p)] = blocks.p
     p[blocks.chosen] = blocks.reference * np.where(blocks.logarithmic == 1, np.exp(theta), theta)
     cov = model.cov[:n, :n].copy()
     cov[nx : nx + nz, nx : nx + nz] = loads.cov

@@ -1,0 +1,72 @@
+"""Instruments and masses as unknowns: what is off, and what a model with that looks like.
+
+Each tolerance is an unknown τ in standard deviations of its prior, beside θ and η. Gains, axes and masses are numbers
+of the model (`windsysid.mechanics.sensors.instrument_parameters`); clocks act on the readings
+(`windsysid.identification.clocks`). A body's mass and moments are wrong together, and those of different bodies apart.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor, instrument_parameters
+from windsysid.results.tolerance import Tolerance
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["learned_tolerances", "seconds_late", "tolerances_of", "with_tolerances"]
+
+
+def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Sequence[str]) -> tuple[Tolerance, ...]:
+    """The tolerances that matter: gains, axes and masses, then clocks. What is `identified` is no tolerance."""
+    found = [Tolerance("gain", s.channel, s.gain_tolerance) for s in sensors]
+    found += [Tolerance("alignment", s.channel, s.alignment) for s in sensors]
+    found += [
+        Tolerance("masses", body, turbine.mass_tolerance)
+        for body in turbine.model.bodies()
+        if _masses(turbine, body, identified)
+    ]
+    loggers = dict.fromkeys(s.sampled_by for s in sensors if s.sampled_by != TOWER_LOGGER)
+    for logger in loggers:
+        spread = max(s.clock_tolerance for s in sensors if s.sampled_by == logger)
+        found.append(Tolerance("clock", logger, spread))
+    return tuple(one for one in found if one.spread > 0.0)
+
+
+def _masses(turbine: Turbine, body: str, identified: Sequence[str]) -> tuple[str, ...]:
+    """The inertias of a body that are known and not zero."""
+    names = turbine.model.bodies()[body]
+    return tuple(name for name in names if name not in identified and turbine.values[name] != 0.0)
+
+
+def with_tolerances(
+    p: Array, names: Sequence[str], tolerances: Sequence[Tolerance], tau: Array, turbine: Turbine,
+    sensors: Sequence[Sensor], identified: Sequence[str],
+) -> Array:  # fmt: skip
+    """The parameters p (n_p,) of the names given, with tolerances τ (n_τ,) [standard deviations of their priors]."""
+    p = p.copy()
+    channels = [sensor.channel for sensor in sensors]
+    for one, value in zip(tolerances, tau, strict=True):
+        off = value * one.spread
+        if one.group == "masses":
+            p[[names.index(name) for name in _masses(turbine, one.of, identified)]] *= 1.0 + off
+        elif one.group != "clock":
+            gain, turn = instrument_parameters(channels.index(one.of))
+            p[names.index(gain if one.group == "gain" else turn)] = off
+    return p
+
+
+def seconds_late(tolerances: Sequence[Tolerance], tau: Array, sensors: Sequence[Sensor]) -> Array:
+    """By how much the clock of each reading is late (m,) [s]."""
+    late = {one.of: value * one.spread for one, value in zip(tolerances, tau, strict=True) if one.group == "clock"}
+    return np.array([late.get(sensor.sampled_by, 0.0) for sensor in sensors])
+
+
+def learned_tolerances(tolerances: Sequence[Tolerance], tau: Array, cov: Array) -> tuple[Tolerance, ...]:
+    """The tolerances with what the record says, from τ (n_τ,) and its covariance (n_τ, n_τ)."""
+    std = np.sqrt(np.diag(cov))
+    return tuple(
+        replace(one, estimate=float(value * one.spread), std=float(e * one.spread))
+        for one, value, e in zip(tolerances, tau, std, strict=True)
+    )

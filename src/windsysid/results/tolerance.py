@@ -1,0 +1,83 @@
+"""What is known of instruments and masses only within tolerances: each an unknown beside the coefficients."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+__all__ = ["INFORMED", "MOST", "Group", "Tolerance"]
+
+Group = Literal["gain", "alignment", "clock", "masses"]
+
+INFORMED = 0.7
+"""Standard deviation over that of the prior, below which the record has something to say."""
+
+CLEAR = 2.0
+"""Standard deviations of an estimate beyond which something is off."""
+
+MOST = 3.0
+"""Standard deviations of the prior beyond which an estimate contradicts its tolerance."""
+
+_SHOWN: dict[str, tuple[float, str]] = {
+    "gain": (100.0, "%"), "alignment": (180.0 / math.pi, "°"), "clock": (1e3, "ms"), "masses": (100.0, "%"),
+}  # fmt: skip
+"""By which factor a group is shown, and in which unit."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """One thing that is as its file says within a tolerance.
+
+    Attributes
+    ----------
+    group, of
+        ``gain`` or ``alignment`` of a channel, ``clock`` of a logger, ``masses`` of a body.
+    spread
+        Prior standard deviation: a share (gain, masses), [rad] (alignment) or [s] (clock).
+    estimate, std
+        What the record says, in the same unit: how much larger the gain or the mass is, how far the axis is turned, how
+        late the logger is. NaN until it has been learned.
+    """
+
+    group: Group
+    of: str
+    spread: float
+    estimate: float = math.nan
+    std: float = math.nan
+
+    @property
+    def name(self) -> str:
+        """``gain of tower_x_acceleration``."""
+        return f"{self.group} of {self.of}"
+
+    @property
+    def informed(self) -> bool:
+        """Whether the record says more of it than its tolerance does."""
+        return self.std < INFORMED * self.spread
+
+    @property
+    def off(self) -> bool:
+        """Whether the record shows that it is not as its file says."""
+        return self.informed and abs(self.estimate) > CLEAR * self.std
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the record says that it is off by more than its tolerance allows."""
+        return abs(self.estimate) > MOST * self.spread
+
+    def cells(self) -> tuple[str, str, str]:
+        """Name, tolerance and estimate, as text for a table."""
+        factor, unit = _SHOWN[self.group]
+        spread, value, std = (factor * number for number in (self.spread, self.estimate, self.std))
+        return self.name, f"± {spread:.3g} {unit}", f"{value:+.2f} ± {std:.2f} {unit}"
+
+    def __str__(self) -> str:
+        factor, unit = _SHOWN[self.group]
+        value, std = factor * self.estimate, factor * self.std
+        digits = max(0, 1 - math.floor(math.log10(std))) if std > 0.0 else 3
+        size = f"{abs(value):.{digits}f} ± {std:.{digits}f} {unit}"
+        if self.group == "clock":
+            return f"the logger {self.of} is {size} {'late' if value >= 0.0 else 'early'}"
+        if self.group == "alignment":
+            return f"{self.of} is turned by {value:+.{digits}f} ± {std:.{digits}f}{unit}"
+        what = f"the gain of {self.of}" if self.group == "gain" else f"the mass of {self.of}"
+        return f"{what} is {size} {'larger' if value >= 0.0 else 'smaller'} than its file says"

@@ -1,0 +1,107 @@
+"""What counts as a tolerance, and where it acts."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from windsysid.identification.tolerances import learned_tolerances, seconds_late, tolerances_of, with_tolerances
+from windsysid.mechanics import RotorModel, TowerModel
+from windsysid.mechanics.sensors import Accelerometer, AngularRateSensor, MomentSensor, instrument_parameters
+from windsysid.turbine.file import load_turbine, write_turbine
+
+
+def test_a_turbine_of_a_file_has_tolerances_and_an_exact_one_has_none(tmp_path):
+    turbine = load_turbine("verne555")
+    found = tolerances_of(turbine, turbine.sensors, [])
+    groups = [one.group for one in found]
+    assert [groups.count(group) for group in ("gain", "alignment", "masses", "clock")] == [5, 2, 4, 1]
+    assert groups[-1] == "clock"  # lag angles have no axis; blades share a logger, the tower's is the record's
+    assert {one.group: one.spread for one in found} == pytest.approx(
+        {"gain": 0.01, "alignment": math.radians(2.0), "masses": 0.02, "clock": 1e-3}
+    )
+    assert tolerances_of(turbine.exact(), turbine.exact().sensors, []) == ()
+    write_turbine(replace(turbine, mass_tolerance=0.05).exact(), tmp_path / "exact.toml")
+    again = load_turbine(tmp_path / "exact.toml")
+    assert tolerances_of(again, again.sensors, []) == ()
+
+
+def test_what_is_identified_is_no_tolerance():
+    tower = load_turbine("tower")
+    masses = [one.of for one in tolerances_of(tower, tower.sensors, []) if one.group == "masses"]
+    assert masses == ["top"]
+    both = ["mass_side_side", "mass_fore_aft"]
+    assert not [one for one in tolerances_of(tower, tower.sensors, both) if one.group == "masses"]
+
+
+def test_tolerances_act_on_their_own_numbers_only():
+    turbine = load_turbine("verne555")
+    sensors = turbine.sensors
+    names = [*turbine.values, *(name for i in range(len(sensors)) for name in instrument_parameters(i))]
+    p = np.array([turbine.values.get(name, 0.0) for name in names])
+    found = tolerances_of(turbine, sensors, ["blade_mass_2"])
+    tau = np.arange(1.0, len(found) + 1.0)
+    off = dict(zip(names, with_tolerances(p, names, found, tau, turbine, sensors, ["blade_mass_2"]) - p, strict=True))
+    at = {one.name: value * one.spread for one, value in zip(found, tau, strict=True)}
+    assert off["sensor_2_gain"] == pytest.approx(at["gain of tower_y_acceleration"])
+    assert off["sensor_2_turn"] == pytest.approx(at["alignment of tower_y_acceleration"])
+    assert off["sensor_3_turn"] == 0.0
+    assert off["hub_mass_y"] == pytest.approx(at["masses of hub"] * turbine.values["hub_mass_y"])
+    assert off["blade_inertia_2"] == pytest.approx(at["masses of blade_2"] * turbine.values["blade_inertia_2"])
+    assert off["blade_mass_2"] == off["k_x"] == off["hinge_offset"] == 0.0
+    assert seconds_late(found, tau, sensors) == pytest.approx([0.0, 0.0, *[at["clock of rotor"]] * 3])
+    learned = learned_tolerances(found, tau, np.eye(len(found)))
+    assert learned[1].estimate == pytest.approx(0.02)
+    assert learned[1].std == pytest.approx(0.01)
+
+
+def test_the_least_exact_sensor_speaks_for_its_logger():
+    sensors = (
+        Accelerometer(channel="a", point="blade_1", axis="lag", noise=0.1, clock_tolerance=2e-3, logger="hub"),
+        Accelerometer(channel="b", point="blade_2", axis="lag", noise=0.1, clock_tolerance=5e-4, logger="hub"),
+        Accelerometer(channel="c", point="blade_3", axis="lag", noise=0.1, logger="tower"),
+    )
+    turbine = load_turbine("verne555").exact()
+    clocks = [one for one in tolerances_of(turbine, sensors, []) if one.group == "clock"]
+    assert [(one.of, one.spread) for one in clocks] == [("hub", 2e-3)]
+
+
+@pytest.mark.parametrize("degrees", [5.0, -40.0])
+def test_a_turned_axis_reads_what_a_sensor_along_it_would(degrees):
+    # A sensor fixed to the tower may point along any bearing; its reading at b + φ is y_b cos φ + y_{b+90°} sin φ.
+    tower, turn = TowerModel(), math.radians(degrees)
+    at = Accelerometer(
+        channel="a", point="tower", axis="bearing", frame="tower", bearing_deg=30.0, noise=0.1, feels_gravity=True
+    )
+    (reading,), (across,) = tower.readings([at]), tower.readings_across([at])
+    (turned,) = tower.readings([at.model_copy(update={"bearing_deg": 30.0 + degrees})])
+    difference = reading * math.cos(turn) + across * math.sin(turn) - turned
+    symbols = sorted(difference.free_symbols, key=str)
+    values = dict(zip(symbols, np.random.default_rng(1).standard_normal(len(symbols)), strict=True))
+    assert abs(float(difference.subs(values))) < 1e-12
+
+
+def test_across_a_level_axis_lies_gravity():
+    rotor = RotorModel()
+    side = Accelerometer(channel="a", point="tower", axis="x", noise=0.1, feels_gravity=True)
+    (across,) = rotor.readings_across([side])
+    at_rest = across.subs({symbol: 0 for symbol in across.free_symbols if str(symbol) != "gravity"})
+    assert sp.simplify(at_rest - sp.Symbol("gravity", real=True)) == 0
+    along = Accelerometer(
+        channel="b", point="blade_1", axis="tangential", frame="blade", noise=0.1, position=(1.0, 0.0)
+    )
+    (inward,) = rotor.readings_across([along])  # turned from tangential towards the hub: centripetal acceleration
+    spinning = {"rotor_speed": 2.0, "hinge_offset": 0.2}
+    value = inward.subs({symbol: spinning.get(str(symbol), 0.0) for symbol in inward.free_symbols})
+    assert float(value) == pytest.approx(2.0**2 * 1.2)
+
+
+def test_what_has_no_axis_is_not_turned():
+    rotor = RotorModel()
+    lag = Accelerometer(channel="a", point="blade_1", axis="lag", noise=0.1)
+    gyroscope = AngularRateSensor(channel="b", point="tower", axis="x", noise=0.1)
+    root = MomentSensor(channel="c", point="blade_1", axis="tangential", frame="blade", noise=0.1)
+    assert rotor.readings_across([lag, gyroscope, root]) == [None, None, None]
+    assert [sensor.alignment for sensor in (lag, gyroscope, root)] == [0.0, 0.0, 0.0]

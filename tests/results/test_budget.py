@@ -1,0 +1,56 @@
+"""Holding a part of the unknowns, and the budget that follows, against plain linear algebra."""
+
+import numpy as np
+import pytest
+
+from windsysid.results.budget import budget_of
+from windsysid.results.held import hold
+from windsysid.results.tolerance import Tolerance
+
+
+def gaussian(n: int) -> np.ndarray:
+    root = np.random.default_rng(5).standard_normal((n, n + 2))
+    return root @ root.T
+
+
+def test_holding_a_part_is_leaving_out_its_rows_of_the_information():
+    cov, mean = gaussian(5), np.arange(5.0)
+    found, left = hold(mean, cov, [1, 3], np.array([2.0, -1.0]))
+    information = np.linalg.inv(cov)
+    free = [0, 2, 4]
+    inner = information[np.ix_(free, free)]
+    assert left[np.ix_(free, free)] == pytest.approx(np.linalg.inv(inner))
+    shift = np.linalg.solve(inner, information[np.ix_(free, [1, 3])] @ (np.array([2.0, -1.0]) - mean[[1, 3]]))
+    assert found[free] == pytest.approx(mean[free] - shift)
+    assert not left[[1, 3]].any()
+    again, same = hold(found, left, [1, 3], np.array([2.0, -1.0]))  # what is held stays
+    assert again == pytest.approx(found)
+    assert same == pytest.approx(left)
+
+
+def test_the_budget_of_a_sum_of_independent_causes_adds_up():
+    # y = θ + 3 η + τ_gain + 2 τ_mass, all independent: the variances are 4, 9, 1 and 4 of 18 in all.
+    slope = np.array([1.0, 3.0, 1.0, 2.0])
+    cov = np.diag([4.0, 1.0, 1.0, 1.0])
+    tolerances = (Tolerance("gain", "a", 0.01), Tolerance("masses", "hub", 0.02))
+    found = budget_of([("y", slope, True)], cov, slice(1, 2), tolerances)
+    assert found.causes == ("load statistics", "gain", "masses")
+    (row,) = found.rows
+    assert row.two_sigma == pytest.approx(2.0 * np.sqrt(18.0))
+    assert row.alone == pytest.approx(4.0 / 18.0)
+    assert row.causes == pytest.approx([9.0 / 18.0, 1.0 / 18.0, 4.0 / 18.0])
+    assert row.alone + sum(row.causes) == pytest.approx(1.0)
+    assert "22 %" in str(found.table().rows)
+
+
+def test_a_tolerance_says_in_words_what_is_off():
+    assert str(Tolerance("clock", "rotor", 1e-3, 2.13e-3, 1e-4)) == "the logger rotor is 2.13 ± 0.10 ms late"
+    assert str(Tolerance("alignment", "top", 0.035, -0.0873, 0.0035)) == "top is turned by -5.00 ± 0.20°"
+    assert (
+        str(Tolerance("gain", "top", 0.01, 0.021, 0.004))
+        == "the gain of top is 2.10 ± 0.40 % larger than its file says"
+    )
+    assert (
+        str(Tolerance("masses", "hub", 0.02, -0.03, 0.01))
+        == "the mass of hub is 3.0 ± 1.0 % smaller than its file says"
+    )
