@@ -25,7 +25,7 @@ from windsysid.turbine.turbine import Turbine
 
 def one_mode(*, damping_ratio: float = 0.037, noise: float = 0.005, time_constant: float = 1.0) -> Turbine:
     """verne555 with everything locked but x: one mass on a spring and a damper, one accelerometer."""
-    whole = load_turbine("verne555")
+    whole = load_turbine("verne555").exact()
     turbine = whole.with_model(RotorModel(3, y="locked", lag="locked"))
     critical = 2.0 * turbine.inertia("x") * turbine.natural_frequency("x")
     return replace(

@@ -6,17 +6,17 @@ in which the filter finds the state, information grows in proportion to time, so
 
     I(T) = I(t₀) + (T − t₀) İ,     σ(T) = √ diag I(T)⁻¹,
 
-the Cramér–Rao bound from the data alone, without any prior, in coordinates ∂ ln p: every σ is relative. For one mode
-driven by a broadband load and well measured it is σ_k/k = 2 √(ζ / ωT), σ_c/c = 1/√(ζωT). The information is a sum of
-squares over a simulated record and scatters like the energy of the vibration does; how much is said. Source: Kay,
-Fundamentals of Statistical Signal Processing: Estimation Theory (Prentice Hall 1993), ch. 3; Ljung, System
-Identification (2nd ed. 1999), ch. 7.4 and 9.3.
+the Cramér–Rao bound from the data alone, without any prior but the tolerances of instruments and masses, in coordinates
+∂ ln p: every σ is relative. For one mode driven by a broadband load and well measured it is σ_k/k = 2 √(ζ / ωT) and
+σ_c/c = 1/√(ζωT). The information is a sum of squares over a simulated record and scatters like the energy of the
+vibration does; how much is said (`windsysid.identification.planned_information`). Source: Kay, Fundamentals of
+Statistical Signal Processing: Estimation Theory (Prentice Hall 1993), ch. 3; Ljung, System Identification (2nd ed.
+1999), ch. 7.4 and 9.3.
 """
 
 import json
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,16 +25,16 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.filters.bank import bank_of
-from windsysid.identification.posterior_mode import THREADS, neighbours, score
+from windsysid.identification.planned_information import planned_information
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import TurbineProblem, pose, seen_by
-from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
+from windsysid.results.budget import Budget, budget_of
 from windsysid.results.directions import describe_information, standard_deviations
 from windsysid.results.identification import finite
 from windsysid.results.posterior import SIGMAS
+from windsysid.results.tolerance import Tolerance
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
@@ -52,17 +52,11 @@ RELAXATIONS = 100.0
 MOST_SAMPLES = 50_000
 """Of the simulated record, whatever the damping."""
 
-BLOCKS = 10
-"""Parts of the record from whose scatter the accuracy is told."""
-
 PERIODS = 5.0
 """Of the slowest mode, in which the filter finds the state."""
 
 ENOUGH = 20.0
 """Samples per period of the fastest mode beyond which the simulation samples no faster than it must."""
-
-STEP = 1e-6
-"""Relative width of the differences."""
 
 FOREVER = 10.0 * 365.25 * 86400.0
 """[s] What takes longer than ten years is never seen."""
@@ -92,6 +86,8 @@ class Plan(Answer):
         Parameters asked for whose degree of freedom no sensor sees.
     notes
         What a reader must know.
+    tolerances
+        What is known of instruments and masses within tolerances only: the last of `names`.
     """
 
     turbine: str
@@ -109,6 +105,7 @@ class Plan(Answer):
     accuracy: float
     locked: tuple[str, ...]
     notes: tuple[str, ...]
+    tolerances: tuple[Tolerance, ...] = ()
 
     def information(self, duration: float) -> Array:
         """I(T) (n, n) of a record of `duration` [s], not shorter than t₀."""
@@ -133,6 +130,17 @@ class Plan(Answer):
             middle = math.sqrt(low * high)
             low, high = (low, middle) if self.band(name, middle) <= self.within else (middle, high)
         return high
+
+    @cached_property
+    def budget(self) -> Budget:
+        """What widens the bands after the planned duration; empty where the record leaves something unseen."""
+        information = self.information(self.duration)
+        if not np.isfinite(standard_deviations(information)).all():
+            return Budget()
+        size = np.sqrt(np.diag(information))
+        cov = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
+        rows = [(name, slope, True) for name, slope in zip(self.names, np.eye(len(cov))[: self.unknown], strict=False)]
+        return budget_of(rows, cov, slice(self.unknown, len(cov) - len(self.tolerances)), self.tolerances)
 
     @cached_property
     def directions(self) -> tuple[str, ...]:
@@ -227,6 +235,7 @@ class Plan(Answer):
                 "answer": self.answer(name)}
                 for name in self.coefficients
             },
+            "budget": self.budget.summary(),
             "directions": list(self.directions),
             "relative_accuracy": self.accuracy,
             "notes": list(self.notes),
@@ -242,7 +251,8 @@ class Plan(Answer):
     def __str__(self) -> str:
         from windsysid.output.console import render
 
-        return render(self.table(), self.sentence, *self.answers, *self.directions, *self.notes)
+        budget = [self.budget.table()] if self.tolerances and self.budget.rows else []
+        return render(self.table(), *budget, self.sentence, *self.answers, *self.directions, *self.notes)
 
 
 def plan(
@@ -297,17 +307,19 @@ def plan(
     length = min(max(RELAXATIONS / damping, 20.0 * finding), max(MOST_SAMPLES * thinning / rate, 2.0 * finding))
     progress(f"simulating {spell(length)}")
     problem = _simulated(seen, unknown, rate / thinning, thinning, length, min(3.0 / damping, length), seed)
-    start, growths = _information(problem, rate / thinning, finding, progress)
+    start, growths = planned_information(problem, rate / thinning, finding, progress)
     growth = growths.mean(axis=0)
     notes += [
-        f"from the data alone, no prior; loads and noise unknown too, of the kind in the turbine file; from "
+        f"from the data alone, no prior; loads and noise unknown too, of the kind in the turbine file"
+        f"{', instruments and masses within their tolerances' if problem.tolerances else ''}; from "
         f"{spell(length)} of simulated "
         "vibration",
     ]
     draft = Plan(
         turbine.name, problem.model.readings, turbine.rotor_speed, rate, duration, within,
-        (*unknown, *(s.name for s in problem.statistics)), len(unknown), tuple(asked), finding, start, growth, 0.0,
-        tuple(name for name in asked if name not in unknown), tuple(notes),
+        (*unknown, *(s.name for s in problem.statistics), *(one.name for one in problem.tolerances)), len(unknown),
+        tuple(asked), finding, start, growth, 0.0, tuple(name for name in asked if name not in unknown), tuple(notes),
+        problem.tolerances,
     )  # fmt: skip
     accuracy = _accuracy(draft, growths, length * damping)
     return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are good to {percent(accuracy)}"))
@@ -387,38 +399,6 @@ def _simulated(
     record = simulate_record(replace(turbine, sensors=sensors), duration=settling + length, rate=rate, seed=seed)
     part = record.section(settling, float(record.time[-1]))
     return pose(part, turbine, sensors, Prior(), unknown)
-
-
-def _information(
-    problem: TurbineProblem, rate: float, finding: float, progress: Callable[[str], object]
-) -> tuple[Array, Array]:
-    """I(t₀) (n, n), and the growth [1/s] in each block of the record (BLOCKS, n, n), in relative coordinates."""
-    theta = problem.prior[0]
-    n = len(problem.parameters)
-    relative = np.array([1.0 if q.logarithmic else t for q, t in zip(problem.parameters, theta, strict=False)])
-    to_relative = np.zeros((len(theta), len(theta)))  # ∂ unknowns / ∂ ln p
-    to_relative[range(n), range(n)] = relative
-    to_relative[n:, n:] = np.linalg.inv(_logarithms(problem))
-    widths = STEP * np.concatenate([np.abs(relative), np.ones(len(theta) - n)])
-    first = max(1, round(finding * rate))
-    ends = np.linspace(first, len(problem.readings), BLOCKS + 1).astype(int)
-    bank = bank_of([problem.build(values) for values in neighbours(theta, widths)])
-    found: list[Array] = []
-    with ThreadPoolExecutor(THREADS) as pool:
-        for begin, end in zip([0, *ends[:-1]], ends, strict=True):
-            progress(f"information of {end / rate:.0f} s of {len(problem.readings) / rate:.0f} s")
-            part = slice(begin, end)
-            bank, scored = score(bank, problem.inputs[part], problem.readings[part], widths, pool)
-            found.append(to_relative.T @ scored.fisher @ to_relative)
-    seconds = np.diff(ends)[:, None, None] / rate
-    return found[0], np.array(found[1:]) / seconds
-
-
-def _logarithms(problem: TurbineProblem) -> Array:
-    """How the logarithms of the statistics move with η: the first derivative of each by each (n, n)."""
-    steps = np.eye(len(problem.statistics))
-    moved = [learned_statistics(problem.statistics, step, np.zeros_like(steps)) for step in steps]
-    return np.array([[math.log(s.estimate / s.given) for s in one] for one in moved]).reshape(steps.shape).T
 
 
 def _accuracy(draft: Plan, growths: Array, relaxations: float) -> float:

@@ -70,6 +70,7 @@ def files(plan: Plan) -> dict[str, bytes]:
     sections = [
         Section("Will these sensors see it?", text=[plan.sentence, *plan.answers],
         tables=[Table(plan.headings, plan.rows)]),
+        *([Section("What widens the bands", tables=[plan.budget.table()])] if plan.budget.rows else []),
         Section("How long it takes", figures=[(drawn, caption)]),
         Section("What is told apart, and what is not", text=plan.directions or ["Everything asked for is told apart."]),
         Section("How this was computed", text=plan.notes),
