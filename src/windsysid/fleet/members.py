@@ -24,7 +24,7 @@ from typing import Any
 
 from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
-from windsysid.mechanics.sensors import read_sensors
+from windsysid.mechanics.sensor_lists import read_sensors
 from windsysid.records.formats import load_mapping
 from windsysid.results.provenance import turbine_hash
 from windsysid.turbine.file import load_turbine, packaged_turbines

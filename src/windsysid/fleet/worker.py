@@ -22,7 +22,8 @@ from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row, empty_row, failed_row, row_of
 from windsysid.fleet.scada import Scada, read_scada
 from windsysid.kernels.cache import cache_folder
-from windsysid.mechanics.sensors import Sensor, read_sensors
+from windsysid.mechanics.sensor_lists import read_sensors
+from windsysid.mechanics.sensors import Sensor
 from windsysid.output.locks import release, try_lock
 from windsysid.records.formats import format_of, load_mapping, read_record
 from windsysid.records.formats.files import named_after
