@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.mechanics.sensors import Sensor
-from windsysid.spectral.lifted import Complex, _without_lines, taper_of, turn_lines
+from windsysid.spectral.dft import taper, taper_factor
+from windsysid.spectral.lifted import Complex, _without_lines, turn_lines
 
 __all__ = [
     "ABOUT_BLADES",
@@ -117,15 +118,14 @@ def turned_spectra(readings: Array, azimuth: Array, rate: float, orders: Sequenc
     duration = samples / rate
     turned = abs(float(azimuth[-1] - azimuth[0])) / (2.0 * math.pi) * samples / (samples - 1)
     rotor_hz = turned / duration
-    taper = taper_of(samples)
-    quiet = _without_lines(readings, azimuth, taper, turn_lines(rotor_hz, rate)) * taper[:, None]
-    scale = math.sqrt(1.0 / rate / float(taper @ taper))
+    h = taper(samples)
+    quiet = _without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
+    scale = math.sqrt(1.0 / rate / float(h @ h))
     data = {}
     for k in orders:
         slip = np.exp(-1j * k * azimuth)[:, None]
         data[k] = np.asarray(scale * np.fft.fft(quiet * slip if k else quiet, axis=0), dtype=np.complex128)
-    overlap = samples * float(np.sum(taper**4)) / float(taper @ taper) ** 2
-    return TurnedSpectra(data, rotor_hz, duration, overlap, taper)
+    return TurnedSpectra(data, rotor_hz, duration, taper_factor(samples), h)
 
 
 def combine(sensors: Sequence[Sensor], blades: int) -> list[Combined]:

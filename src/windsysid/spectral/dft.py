@@ -81,10 +81,10 @@ def plain_band(frequency: Array, counts: Array, power: Complex, factor: float) -
 
 
 def taper(samples: int) -> Array:
-    """The cosine taper (T,)."""
+    """The cosine taper (T,), one period of a function that repeats, as the transform takes it."""
     from scipy.signal.windows import tukey
 
-    return np.asarray(tukey(samples, TAPERED), dtype=np.float64)
+    return np.asarray(tukey(samples, TAPERED, sym=False), dtype=np.float64)
 
 
 def taper_factor(samples: int) -> float:

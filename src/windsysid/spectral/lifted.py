@@ -23,13 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.spectral.dft import taper, taper_factor
 
-__all__ = ["Complex", "Lifted", "lift", "taper_of", "turn_lines"]
+__all__ = ["Complex", "Lifted", "lift", "turn_lines"]
 
 Complex = NDArray[np.complex128]
-
-TAPERED = 0.1
-"""Share of a record under the taper's two flanks together (Tukey's window)."""
 
 FIRST_BIN = 2
 """Lowest base bin in use: nearer to the lines nP their fit has taken out what is random too."""
@@ -79,13 +77,6 @@ class Lifted(NamedTuple):
         return np.asarray(self.base[:, None] + self.rotor_hz * self.harmonics)
 
 
-def taper_of(samples: int) -> Array:
-    """Tukey's window (samples,)."""
-    from scipy.signal.windows import tukey
-
-    return np.asarray(tukey(samples, TAPERED, sym=False), dtype=np.float64)
-
-
 def turn_lines(rotor_hz: float, rate: float) -> int:
     """How many harmonics of the rotor are fitted."""
     return 0 if rotor_hz <= 0.0 else min(MOST_LINES, int(0.5 * NYQUIST_SHARE * rate / rotor_hz))
@@ -106,21 +97,20 @@ def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted
     samples = len(azimuth)
     duration = samples / rate
     rotor_hz = turns / duration if harmonics else abs(turned) / duration
-    taper = taper_of(samples)
-    quiet = _without_lines(readings, azimuth, taper, turn_lines(rotor_hz, rate)) * taper[:, None]
+    h = taper(samples)
+    quiet = _without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
     last = (turns - 1) // 2 if harmonics else int(0.5 * NYQUIST_SHARE * samples)
     bins = np.arange(FIRST_BIN, last + 1)
     orders = np.arange(-harmonics, harmonics + 1)
     data = np.empty((len(bins), len(orders), readings.shape[1]), dtype=np.complex128)
     slip = np.exp(-1j * (azimuth - azimuth[0] - 2.0 * math.pi * rotor_hz * np.arange(samples) / rate))
     start = np.exp(-1j * azimuth[0])
-    scale = math.sqrt(1.0 / rate / float(taper @ taper))
+    scale = math.sqrt(1.0 / rate / float(h @ h))
     for j, k in enumerate(orders):
         # exp(−ikψ) = exp(−ikψ₀) · slip^k · exp(−ik Ω t), and the last factor moves the transform by k turns' bins
         whole = np.fft.fft(quiet * (slip**k)[:, None] if k else quiet, axis=0)
         data[:, j] = scale * start**k * whole[(bins + k * turns if harmonics else bins) % samples]
-    overlap = samples * float(np.sum(taper**4)) / float(taper @ taper) ** 2
-    return Lifted(data, bins / duration, orders, rotor_hz, overlap, taper, duration, rate)
+    return Lifted(data, bins / duration, orders, rotor_hz, taper_factor(samples), h, duration, rate)
 
 
 def _without_lines(readings: Array, azimuth: Array, taper: Array, lines: int) -> Array:
