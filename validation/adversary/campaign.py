@@ -135,7 +135,10 @@ def _share(z: NDArray[np.float64]) -> float:
     return float(np.mean(np.abs(z) < 2.0)) if z.size else float("nan")
 
 
-CAUSES = {"instrument": "likely an instrument", "loads": "likely loads", "line": "likely a machine or waves"}
+CAUSES = {
+    "likely an instrument": "instrument", "likely loads": "loads", "likely impacts": "loads",
+    "likely a machine or waves": "line",
+}  # fmt: skip
 """What a reason says of its cause."""
 
 
@@ -144,7 +147,7 @@ def _named(run: Run) -> str:
     if "refused" in run or run["trusted"]:
         return "refused" if "refused" in run else ""
     first = next((reason for reason in run["reasons"] if "likely" in reason), run["reasons"][0])
-    return next((cause for cause, words in CAUSES.items() if words in first), "other")
+    return next((cause for words, cause in CAUSES.items() if words in first), "other")
 
 
 def main() -> None:

@@ -199,8 +199,8 @@ def diagnose(
         common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz)
         loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
         for verdict in (  # the most telling first
-            _judge_lines(whiteness, line, rotor_hz), _judge_size(whiteness), _judge_lateness(late),
-            _judge_steadiness(whiteness), *((spectrum, common) if loud else (common, spectrum)),
+            _judge_lines(whiteness, line, rotor_hz), _judge_steadiness(whiteness), _judge_size(whiteness),
+            _judge_lateness(late), *((spectrum, common) if loud else (common, spectrum)),
             _judge_outliers(whiteness),
         ):  # fmt: skip
             reasons += verdict.reasons
@@ -381,6 +381,8 @@ def _judge_steadiness(w: Whiteness) -> _Verdict:
             f"the innovations of {tailed.name} have tails (excess kurtosis {tailed.tails:.1f}): likely impacts, or an"
             " instrument that spikes; look at its largest readings"
         )
+        if tailed.tails_sigmas > first.unsteady_sigmas:
+            verdict.reasons.reverse()
     return verdict
 
 
