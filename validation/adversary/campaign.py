@@ -169,23 +169,24 @@ def main() -> None:
         parser.error(f"--only: expected the beginning of a scenario's name, got {' '.join(options.only)}")
     seeds = range(options.first, options.first + options.runs)
     runs = run_all(names, seeds, options.folder, options.loads, only_kept=options.kept)
-    table = Table(title="priors 30 % off (records): ±2σ holds, in %", title_justify="left")
-    for heading in ("scenario", "all", *GROUPS, "trusted", "of those: all", *GROUPS, "worst |z|", "wrong", "named"):
-        table.add_column(heading, justify="right" if heading not in ("scenario", "wrong", "named") else "left")
+    table = Table(title="priors 30 % off: ±2σ holds, in %, of all and of the trusted", title_justify="left")
+    left = ("scenario", "wrong", "named")
+    short = [group.replace("tower", "t").replace("blade", "b") for group in GROUPS]
+    for heading in ("scenario", "n", "wrong", "all", *short, "trusted", "of those", "least", "|z|", "named"):
+        table.add_column(heading, justify="left" if heading in left else "right", no_wrap=heading == "scenario")
     wholes = {"healthy": [n for n in names if SCENARIOS[n].wrong == HEALTHY], "all": names}
     for label, members in {**{name: [name] for name in names}, **wholes}.items():
         mine = [run for run in runs if run["scenario"] in members]
-        s = summarise(mine)
         if not mine:
             continue
+        s = summarise(mine)
         named = Counter(cause for cause in map(_named, mine) if cause)
         said = ", ".join(f"{cause} {count}" for cause, count in named.most_common())
         wrong = SCENARIOS[label].wrong if label in SCENARIOS else ""
-        percent = [s["covered"], *(s[f"covered {g}"] for g in GROUPS), s["trust"], s["covered of trusted"]]
-        percent += [s[f"trusted {g}"] for g in GROUPS]
-        table.add_row(
-            f"{label} ({len(mine)})", *(f"{100 * p:.0f}" for p in percent), f"{s['worst of trusted']:.1f}", wrong, said
-        )
+        least = min((s[f"trusted {g}"] for g in GROUPS), key=lambda share: (np.isnan(share), share))
+        percent = [s["covered"], *(s[f"covered {g}"] for g in GROUPS), s["trust"], s["covered of trusted"], least]
+        held = ["" if np.isnan(p) else f"{100 * p:.0f}" for p in percent]
+        table.add_row(label, str(len(mine)), wrong, *held, f"{s['worst of trusted']:.1f}" if s["trust"] else "", said)
     print(render(table))
 
 

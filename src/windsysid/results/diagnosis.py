@@ -199,9 +199,9 @@ def diagnose(
         common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz)
         loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
         for verdict in (  # the most telling first
-            _judge_lines(whiteness, line, rotor_hz), _judge_steadiness(whiteness), _judge_size(whiteness),
-            _judge_lateness(late), *((spectrum, common) if loud else (common, spectrum)),
-            _judge_outliers(whiteness),
+            _judge_lines(whiteness, line, rotor_hz), _judge_steadiness(whiteness),
+            *((spectrum, common) if loud else (common,)), _judge_size(whiteness), _judge_lateness(late),
+            *(() if loud else (spectrum,)), _judge_outliers(whiteness),
         ):  # fmt: skip
             reasons += verdict.reasons
             remarks += verdict.remarks
