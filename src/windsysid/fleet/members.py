@@ -26,7 +26,7 @@ from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensor_lists import read_sensors
 from windsysid.records.formats import load_mapping
-from windsysid.results.provenance import turbine_hash
+from windsysid.results.provenance import mapping_tables, sensor_tables, turbine_hash
 from windsysid.turbine.file import load_turbine, packaged_turbines
 
 __all__ = ["Member", "member_of", "read_fleet", "single"]
@@ -78,9 +78,9 @@ class Member:
         """
         parts = [turbine_hash(load_turbine(self.turbine)), formulation]
         if self.mapping is not None:
-            parts.append(repr(load_mapping(self.mapping)))
+            parts.append(repr(mapping_tables(load_mapping(self.mapping))))
         if self.sensors is not None:
-            parts.append(repr(read_sensors(self.sensors)))
+            parts.append(repr(sensor_tables(read_sensors(self.sensors))))
         return f"sha256:{hashlib.sha256(repr(parts).encode()).hexdigest()}"
 
 
