@@ -20,7 +20,7 @@ import windsysid as ws
 from validation.oma import record, responses
 from windsysid._types import Array
 
-FRESH = 61_000
+FRESH = 64_000
 RATE = 50.0
 HIGHEST = 12.0
 """Of the natural frequencies [Hz]."""

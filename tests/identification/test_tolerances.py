@@ -76,6 +76,7 @@ def test_a_turned_axis_reads_what_a_sensor_along_it_would(degrees):
         channel="a", point="tower", axis="bearing", frame="tower", bearing_deg=30.0, noise=0.1, feels_gravity=True
     )
     (reading,), (across,) = tower.readings([at]), tower.readings_across([at])
+    assert across is not None
     (turned,) = tower.readings([at.model_copy(update={"bearing_deg": 30.0 + degrees})])
     difference = reading * math.cos(turn) + across * math.sin(turn) - turned
     symbols = sorted(difference.free_symbols, key=str)
@@ -87,12 +88,14 @@ def test_across_a_level_axis_lies_gravity():
     rotor = RotorModel()
     side = Accelerometer(channel="a", point="tower", axis="x", noise=0.1, feels_gravity=True)
     (across,) = rotor.readings_across([side])
+    assert across is not None
     at_rest = across.subs({symbol: 0 for symbol in across.free_symbols if str(symbol) != "gravity"})
     assert sp.simplify(at_rest - sp.Symbol("gravity", real=True)) == 0
     along = Accelerometer(
         channel="b", point="blade_1", axis="tangential", frame="blade", noise=0.1, position=(1.0, 0.0)
     )
     (inward,) = rotor.readings_across([along])  # turned from tangential towards the hub: centripetal acceleration
+    assert inward is not None
     spinning = {"rotor_speed": 2.0, "hinge_offset": 0.2}
     value = inward.subs({symbol: spinning.get(str(symbol), 0.0) for symbol in inward.free_symbols})
     assert float(value) == pytest.approx(2.0**2 * 1.2)

@@ -50,7 +50,7 @@ MAX_CLIMBS = 2
 MAX_SHIFTS = 3
 """How often readings are shifted by what their clocks are late, and the search goes on."""
 
-CLOSE = 1.0
+CLOSE = 4.0
 """The squared length of the step that a shift asks of the other unknowns, in their standard deviations, below which it
 is taken unseen."""
 
