@@ -33,11 +33,13 @@ def identification_report(identification: Identification, record: Record) -> byt
 
     i = identification
     channels = [channel for channel in i.sensors if channel in record]
+    coefficients = [estimate.name for estimate in i.estimates]
+    modes_and_tolerances = [i.budget.table(leave_out=coefficients), i.tolerances_table()] if i.tolerances else []
     sections = [
         Section(
             "Result",
             text=[*_trust(i), *i.notes],
-            tables=[*i.tables(), *([i.tolerances_table()] if i.tolerances else [])],
+            tables=[*i.tables(), *modes_and_tolerances],
         ),
         Section(
             "How the estimates came about",

@@ -1,7 +1,7 @@
 """The uncertainty budget: how much narrower each band would be if something were known exactly."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,10 +66,10 @@ class Budget(NamedTuple):
             for row in self.rows
         }  # fmt: skip
 
-    def table(self) -> Table:
-        """As a table."""
+    def table(self, leave_out: Collection[str] = ()) -> Table:
+        """As a table, without the rows of some names."""
         rows = []
-        for row in self.rows:
+        for row in (row for row in self.rows if row.name not in leave_out):
             width = f"{100.0 * row.two_sigma:.2g} %" if row.relative else f"{row.two_sigma:.3g}"
             shares = (f"{100.0 * share:.0f} %" for share in (row.alone, *row.causes))
             rows.append((row.name, width, *shares))

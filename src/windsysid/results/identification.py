@@ -326,9 +326,10 @@ class Identification(Answer):
         return {"summary.json": self.to_json().encode(), "identification.nc": sealed(written.getvalue())}
 
     def tables(self) -> list[Table]:
-        """Estimates, modes, and statistics of loads and noise, as far as there are any."""
+        """Estimates, modes, statistics of loads and noise, and the budget of the estimates, as far as there are any."""
         more = ([self.modes_table()] if self.modes else []) + ([self.statistics_table()] if self.statistics else [])
-        return [self.table(), *more, *([self.budget.table()] if self.tolerances else [])]
+        of_modes = {row.name for row in self.budget.rows} - {e.name for e in self.estimates}
+        return [self.table(), *more, *([self.budget.table(leave_out=of_modes)] if self.tolerances else [])]
 
     def table(self) -> Table:
         """The estimates with their bands, and the references where any is known."""
