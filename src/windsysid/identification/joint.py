@@ -96,7 +96,7 @@ def describe_solution(
         notes=(
             *problem.notes,
             *_describe_loads(problem, why),
-            *(str(one) for one in tolerances if one.off),
+            *(_describe_tolerance(one) for one in tolerances if one.off),
             *solution.notes,
         ),
         statistics=learned_statistics(problem.statistics, solution.mean[n:end], solution.cov[n:end, n:end]),
@@ -107,6 +107,15 @@ def describe_solution(
         log_likelihood=solution.log_likelihood,
         hypothesis=problem.loads.name,
         tolerances=tolerances,
+    )
+
+
+def _describe_tolerance(one: Tolerance) -> str:
+    """What the record says of an instrument or a body, which the estimates take into account."""
+    if not one.contradicted:
+        return f"{one}: the estimates take it into account"
+    return (
+        f"{one}, as far as the model goes: the estimates take it into account; correct its file, or look for a coupling"
     )
 
 
@@ -124,7 +133,7 @@ def _list_doubts(solution: Solution, given: Turbine, used: Turbine, tolerances: 
     """What speaks against the bands and does not show in the innovations."""
     doubts = [
         f"{one}: more than {MOST:g} times its tolerance; correct it, or the turbine file" for one in tolerances
-        if one.contradicted
+        if one.contradicted and not one.informed
     ]  # fmt: skip
     if not solution.settled:
         doubts.append(

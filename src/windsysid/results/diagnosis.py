@@ -36,7 +36,7 @@ from windsysid.results.directions import describe_directions
 from windsysid.results.lines import Line
 from windsysid.results.steadiness import Late
 from windsysid.results.stretches import MIN_REMARKED_OUTLIERS, OUTLIER_SIGMAS, band_of_interest
-from windsysid.results.whiteness import FALSE_ALARM_CHANCE, Whiteness, chance_limit, examine
+from windsysid.results.whiteness import FALSE_ALARM_CHANCE, ChannelCheck, Whiteness, chance_limit, examine
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["CoefficientCheck", "Diagnosis", "diagnose"]
@@ -366,7 +366,10 @@ def _judge_lateness(late: Late | None) -> _Verdict:
 
 def _judge_steadiness(w: Whiteness) -> _Verdict:
     verdict = _Verdict([], [])
-    swelling = sorted(w.channels, key=lambda c: -c.unsteady_sigmas)
+    judged = [channel for channel in w.channels if not _is_ruled_from_afar(channel, w)]
+    if not judged:
+        return verdict
+    swelling = sorted(judged, key=lambda c: -c.unsteady_sigmas)
     first = swelling[0]
     if first.unsteady_sigmas > MAX_SIGMAS:
         alone = len(swelling) > 1 and swelling[1].unsteady < 0.5 * first.unsteady
@@ -375,7 +378,7 @@ def _judge_steadiness(w: Whiteness) -> _Verdict:
             f"the level of the innovations of {first.name} varies by {100.0 * first.unsteady:.0f} % over the record:"
             f" likely {cause}; choose a steadier section"
         )
-    tailed = max(w.channels, key=lambda c: c.tails_sigmas)
+    tailed = max(judged, key=lambda c: c.tails_sigmas)
     if tailed.tails_sigmas > MAX_SIGMAS:
         (verdict.reasons if tailed.tails > TAILS_MAX else verdict.remarks).append(
             f"the innovations of {tailed.name} have tails (excess kurtosis {tailed.tails:.1f}): likely impacts, or an"
@@ -386,18 +389,23 @@ def _judge_steadiness(w: Whiteness) -> _Verdict:
     return verdict
 
 
+def _is_ruled_from_afar(channel: ChannelCheck, w: Whiteness) -> bool:
+    """Whether frequencies that no mode of the model answers to make most of a channel's innovations: what they do over
+    time is not the modes'."""
+    return channel.far > max(FAR_REMARK_LEVEL, w.spectrum_bound)
+
+
 def _judge_shared(w: Whiteness) -> _Verdict:
     shared = w.shared
     if shared is None or shared.sigmas < MAX_SIGMAS or abs(shared.correlation) < SHARED_MAX:
         return _Verdict([], [])
-    first, second = w.channels[shared.first].name, w.channels[shared.second].name
-    return _Verdict(
-        [
-            f"what is not explained of {first} and {second} is correlated ({shared.correlation:.2f}): likely loads on"
-            " both at once, a sensor off its axis or a late logger"
-        ],
-        [],
+    first, second = w.channels[shared.first], w.channels[shared.second]
+    sentence = (
+        f"what is not explained of {first.name} and {second.name} is correlated ({shared.correlation:.2f}): likely"
+        " loads on both at once, a sensor off its axis or a late logger"
     )
+    from_afar = _is_ruled_from_afar(first, w) or _is_ruled_from_afar(second, w)
+    return _Verdict([], [sentence]) if from_afar else _Verdict([sentence], [])
 
 
 def _judge_outliers(w: Whiteness) -> _Verdict:
