@@ -32,6 +32,7 @@ def own() -> Iterator[Any]:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    vars(module)["turbine"] = vars(module)["turbine"].exact()
     yield module
     for registry, before in zip(registries, known, strict=True):
         registry.clear()

@@ -185,8 +185,8 @@ _MECHANICS = (
     ),
     Mutant(
         "gain in the kernel's key", "sensors.py",
-        'exclude={"channel", "noise", "bias", "drift"}',
-        'exclude={"channel", "noise", "bias", "drift", "gain"}',
+        'exclude={"channel", "noise", "bias", "drift", "logger", *TOLERANCES}',
+        'exclude={"channel", "noise", "bias", "drift", "logger", "gain", *TOLERANCES}',
         "sensors of different gain share one compiled reading",
     ),
     Mutant(
@@ -215,8 +215,8 @@ _MECHANICS = (
     ),
     Mutant(
         "identified parameters in the kernel's key", "compile.py",
-        '"identified", *identified, _version()]',
-        '"identified", _version()]',
+        'asked = ["identified", *identified, ',
+        'asked = ["identified", ',
         "models with other identified parameters share one kernel",
     ),
 )  # fmt: skip
