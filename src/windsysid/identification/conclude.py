@@ -29,9 +29,6 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["Formulation", "conclude"]
 
 
-LEAST_WIDTH = 0.7
-"""Share of the damping ratio of the file that a mode has at least where lines are looked for."""
-
 Formulation = Literal["joint", "force-balance", "spectral"]
 
 
@@ -147,11 +144,11 @@ def conclude(
 
 
 def _line(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float) -> Line | None:
-    """What stands out most of the readings beside a mode; modes are not much narrower than the file's: a
+    """What stands out most of the readings beside a mode; modes are not narrower than the file's: a
     line that was taken for one is."""
     if not (modes and record.is_uniform):
         return None
-    least = [LEAST_WIDTH * mode.reference[1] if mode.reference else 0.0 for mode in modes]
+    least = [mode.reference[1] if mode.reference else 0.0 for mode in modes]
     known = [(m.frequency_hz[0], max(m.damping_ratio[0], z)) for m, z in zip(modes, least, strict=True)]
     readings = np.column_stack([record[channel] for channel in outcome.channels])
     return find_line(
