@@ -1,5 +1,7 @@
 """Statistics of loads and noise: coordinates, and what they do to loads and sensors."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -96,7 +98,7 @@ def test_a_harmonic_of_the_file_has_an_rms_and_a_time_constant_of_its_own():
     slow, line = moved_loads(statistics, values_of(statistics, np.array([0.0, 0.5, 0.0, 1.0])), loads, RotorModel())
     assert (slow.rms, slow.time_constant) == (2.0, 1.0)
     assert line.rms == pytest.approx(4.0 * np.exp(0.5 + 0.5))
-    assert line.time_constant == pytest.approx(8.0 * np.e)
+    assert line.time_constant == pytest.approx(8.0 * math.e)
 
 
 def test_bands_are_two_standard_deviations_of_the_logarithm(statistics):
