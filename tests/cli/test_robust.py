@@ -179,6 +179,9 @@ def test_control_characters_of_a_channel_are_not_printed():
 
 # how a run ends
 
+HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+"""A program that a shell starts in the background ignores interrupts, and so do the programs that it starts."""
+
 
 def test_a_reader_who_has_seen_enough_ends_it_quietly():
     read, write = os.pipe()
@@ -193,6 +196,7 @@ def test_a_reader_who_has_seen_enough_ends_it_quietly():
 @pytest.mark.parametrize("after", [0.02, 0.2])
 def test_an_interrupt_while_modules_are_loaded_ends_it_quietly(tmp_path: Path, after: float):
     code = (
+        f"{HEARD}"
         "from windsysid.__main__ import main\n"
         "import os, signal, sys, threading\n"
         f"path = {str(tmp_path / 'x.csv')!r}\n"
@@ -207,6 +211,7 @@ def test_an_interrupt_while_modules_are_loaded_ends_it_quietly(tmp_path: Path, a
 
 def test_an_interrupt_inside_a_destructor_ends_it_too():
     code = (
+        f"{HEARD}"
         "import windsysid.cli, os, signal, time\n"
         "class Dropping:\n"
         "    def __del__(self):\n"
