@@ -31,7 +31,7 @@ from windsysid.identification.identify import identify
 from windsysid.identification.prepare import add_noise, with_noise
 from windsysid.identification.prior import Prior
 from windsysid.mechanics.compile import compile_model
-from windsysid.modal.analysis import modes_with_bands
+from windsysid.modal.analysis import modes_with_slopes
 from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison
 from windsysid.monitoring.comparison import compare
 from windsysid.output.console import render
@@ -353,7 +353,7 @@ def _modes(posterior: Posterior, cov: "np.ndarray[tuple[int, ...], np.dtype[np.f
     turbine = posterior.turbine
     compiled = compile_model(turbine.model)
     p = np.array([turbine.values[name] for name in compiled.parameters])
-    found = modes_with_bands(
+    found, _ = modes_with_slopes(
         turbine.model, compiled, p, turbine.rotor_speed, posterior.parameters, posterior.theta, cov, p
     )
     return {mode.name: mode for mode in found}

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment
 
 from windsysid.mechanics import CompiledModel, RotorModel, compile_model
-from windsysid.modal.analysis import analyse, modes, modes_with_bands
+from windsysid.modal.analysis import analyse, modes, modes_with_slopes
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
@@ -278,7 +278,7 @@ def test_bands_follow_from_the_covariance_by_the_delta_method(verne555: Turbine)
     parameters = (Parameter("k_x", k, 0.3), Parameter("c_x", c, 4.0, False, scale))
     theta = np.array([0.0, c / scale])
     cov = np.array([[4e-4, 1e-5], [1e-5, 1e-5]])
-    (mode,) = modes_with_bands(locked.model, model, p, locked.rotor_speed, parameters, theta, cov, p)
+    (mode,), _ = modes_with_slopes(locked.model, model, p, locked.rotor_speed, parameters, theta, cov, p)
     frequency, damping = math.sqrt(k / 14.5) / (2 * math.pi), c / (2 * math.sqrt(k * 14.5))
     to_frequency = np.array([frequency / 2, 0.0])
     to_damping = np.array([-damping / 2, damping * scale / c])

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from windsysid.errors import ConfigurationError
 from windsysid.identification.identify import identify
 from windsysid.mechanics import RotorModel, compile_model
-from windsysid.modal.analysis import analyse, analyse_unlocked, directions_of, modes_with_bands
+from windsysid.modal.analysis import analyse, analyse_unlocked, directions_of, modes_with_slopes
 from windsysid.modal.campbell import Campbell, Margin
 from windsysid.modal.stability import meeting_speed, unstable_ranges
 from windsysid.modal.sweep import find_modes
@@ -198,7 +198,7 @@ def test_an_identification_and_the_diagram_give_one_answer_however_narrow_the_ba
     model, cov = compile_model(turbine.model), posterior.cov
     p = np.array([turbine.values[n] for n in model.parameters])
     known = (turbine.rotor_speed, posterior.parameters, posterior.theta, cov, p)
-    printed = modes_with_bands(turbine.model, model, p, *known)
+    printed, _ = modes_with_slopes(turbine.model, model, p, *known)
     along = directions_of(model, posterior.parameters, posterior.theta)
     floquet = analyse(turbine.model, model, p, turbine.rotor_speed, along, method="Floquet")
     assert floquet.names == tuple(mode.name for mode in printed)
@@ -218,7 +218,7 @@ def test_a_turn_too_slow_for_floquet_still_has_modes_in_an_identification(verne5
     model = compile_model(verne555.model)
     p = np.array([verne555.values[n] for n in model.parameters])
     known = (posterior.parameters, posterior.theta, posterior.cov, p)
-    idling, standing = (modes_with_bands(verne555.model, model, p, speed, *known) for speed in (1e-3 / RPM, 0.0))
+    idling, standing = (modes_with_slopes(verne555.model, model, p, speed, *known)[0] for speed in (1e-3 / RPM, 0.0))
     assert [mode.name for mode in idling if mode.name.startswith("tower")] == ["tower y", "tower x"]
     assert idling[0].frequency_hz == pytest.approx(standing[0].frequency_hz, rel=1e-4)
     with pytest.raises(ConfigurationError, match="too slow a turn for Floquet's theory"):

@@ -73,7 +73,8 @@ start, time
 speed_bin
     Lower edge of the bin of the rotor speed, as a share of the turbine's usual one.
 covariance
-    Lower triangle, row by row, of the parameters in filter coordinates and then of the coordinates of the statistics.
+    Lower triangle, row by row, of the parameters in filter coordinates, of the coordinates of the statistics, and of
+    the tolerances in standard deviations of their priors.
 own, own_std
     What the record itself says of a parameter, its prior taken out, in filter coordinates: what is monitored.
 settings

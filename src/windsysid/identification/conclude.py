@@ -16,7 +16,6 @@ from windsysid.modal.analysis import modes_with_slopes
 from windsysid.records.record import Record
 from windsysid.results.budget import Budget, budget_of
 from windsysid.results.diagnosis import diagnose
-from windsysid.results.held import hold
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
 from windsysid.results.lines import Line, find_line
 from windsysid.results.mode import Mode
@@ -76,7 +75,7 @@ def conclude(
         )
     # A vibration shows ratios of stiffness and damping to masses. Modes are told with the masses of the file, and with
     # what the record says of the coefficients if those are right.
-    at_masses, given_masses = _given_masses(outcome)
+    at_masses, given_masses = outcome.given("masses")
     final = turbine.with_values(
         {q.name: float(q.physical(t)) for q, t in zip(model.parameters, at_masses, strict=True)}
     )  # fmt: skip
@@ -171,18 +170,6 @@ def _late(outcome: Outcome, record: Record) -> Late | None:
     if not (along["x"] and along["y"] and blades and "rotor_azimuth" in record and len(z) == record.samples):
         return None
     return how_late(z, np.nan_to_num(record["rotor_azimuth"]), (along["x"][0], along["y"][0]), blades)
-
-
-def _given_masses(outcome: Outcome) -> tuple[Array, Array]:
-    """θ (n_θ,), and the covariance of all unknowns, given that the masses are as the file says."""
-    cov = outcome.cov if outcome.joint_cov is None else outcome.joint_cov
-    first = len(cov) - len(outcome.tolerances)
-    mean = np.zeros(len(cov))
-    mean[: len(outcome.theta)] = outcome.theta
-    mean[first:] = [one.estimate / one.spread for one in outcome.tolerances]
-    held = [first + at for at, one in enumerate(outcome.tolerances) if one.group == "masses"]
-    found, left = hold(mean, cov, held)
-    return found[: len(outcome.theta)], left
 
 
 def _budget(outcome: Outcome, modes: Sequence[Mode], slopes: Array, given_masses: Array) -> Budget:

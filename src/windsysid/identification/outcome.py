@@ -13,8 +13,9 @@ from windsysid.filters import Info
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
+from windsysid.results.held import hold
 from windsysid.results.load_history import Loads
-from windsysid.results.tolerance import Tolerance
+from windsysid.results.tolerance import Group, Tolerance
 from windsysid.results.whiteness import Whiteness
 from windsysid.signals import resample
 from windsysid.signals.inputs import TURNING, read_inputs
@@ -87,6 +88,17 @@ class Outcome(NamedTuple):
     log_likelihood: float | None = None
     hypothesis: str = ""
     tolerances: tuple[Tolerance, ...] = ()
+
+    def given(self, *groups: Group) -> tuple[Array, Array]:
+        """θ (n_θ,), and the covariance of all unknowns, given that what these groups of tolerances hold is as the file
+        says."""
+        cov = self.cov if self.joint_cov is None else self.joint_cov
+        first = len(cov) - len(self.tolerances)
+        mean = np.zeros(len(cov))
+        mean[: len(self.theta)] = self.theta
+        mean[first:] = [one.estimate / one.spread for one in self.tolerances]
+        found, left = hold(mean, cov, [first + at for at, one in enumerate(self.tolerances) if one.group in groups])
+        return found[: len(self.theta)], left
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:

@@ -17,15 +17,11 @@ from functools import cached_property, lru_cache
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from windsysid.kernels.assemble import assembled
 from windsysid.kernels.cache import cache_folder, keep, kept, logger, write_whole
 from windsysid.kernels.jit import JACOBIAN, LANE_JACOBIAN, VALUE
-
-if TYPE_CHECKING:
-    pass
-
 from windsysid.mechanics.model import Model
 
 __all__ = ["CompiledModel", "compile_model"]

@@ -25,7 +25,7 @@ from windsysid.modal.floquet import about_periodic_motion, resolve
 from windsysid.results.mode import Mode
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["Spectrum", "analyse", "analyse_unlocked", "modes", "modes_with_bands", "modes_with_slopes"]
+__all__ = ["Spectrum", "analyse", "analyse_unlocked", "modes", "modes_with_slopes"]
 
 
 AVERAGED_AZIMUTHS = 24
@@ -171,25 +171,6 @@ def _rows(found: Spectrum) -> list[tuple[str, float, float]]:
     return [(n, float(f), float(z)) for n, f, z in zip(found.names, found.frequency, found.damping, strict=True)]
 
 
-def modes_with_bands(
-    rotor: MechanicalModel,
-    model: CompiledModel,
-    p: Array,
-    rotor_speed: float,
-    parameters: Sequence[Parameter],
-    theta: Array,
-    cov: Array,
-    reference: Array,
-) -> tuple[Mode, ...]:
-    """Modes with ±2σ bands from the covariance of θ (n_θ, n_θ) around `theta` (n_θ,): what
-    `windsysid.modal.sweep.find_modes` gives at that speed.
-
-    `p` and `reference` (n_p,) are the identified and the reference values of all parameters. Empty where there are no
-    modes to be had (two blades without a periodic motion).
-    """
-    return modes_with_slopes(rotor, model, p, rotor_speed, parameters, theta, cov, reference)[0]
-
-
 def modes_with_slopes(
     rotor: MechanicalModel,
     model: CompiledModel,
@@ -200,7 +181,13 @@ def modes_with_slopes(
     cov: Array,
     reference: Array,
 ) -> tuple[tuple[Mode, ...], Array]:
-    """`modes_with_bands`, and the derivatives of frequencies [Hz] and damping ratios to θ (2, modes, n_θ)."""
+    """Modes with ±2σ bands from the covariance of θ (n_θ, n_θ) around `theta` (n_θ,), which
+    `windsysid.modal.sweep.find_modes` gives at that speed; and the derivatives of frequencies [Hz] and damping ratios
+    to θ (2, modes, n_θ).
+
+    `p` and `reference` (n_p,) are the identified and the reference values of all parameters. Empty where there are no
+    modes to be had (two blades without a periodic motion).
+    """
     p = p.copy()
     p[[model.parameters.index(q.name) for q in parameters]] = [
         float(q.physical(t)) for q, t in zip(parameters, theta, strict=True)

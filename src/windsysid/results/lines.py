@@ -32,8 +32,8 @@ SURROUNDINGS = 15
 """Frequencies to either side of one that tell the level around it in readings, where resonances bend it."""
 
 NARROWEST = 5.0
-"""Half-power width of a resonance in frequencies of the periodogram, below which it may look like a line: of healthy
-records of 20 s to 50 s, whose narrowest resonance is 1 to 3 wide, one in ten showed one."""
+"""Half-power width of a resonance in frequencies of the periodogram, below which its peak and its flanks may look like
+lines."""
 
 TURNING_SHARE = 0.02
 """Share of a frequency nP to either side within which what turns with the rotor stands out."""
