@@ -49,12 +49,15 @@ RICH: tuple[PlacedSensor, ...] = (
 )  # fmt: skip
 
 ROTORS = [
-    RotorModel(blades, roll=roll) for blades in (2, 3, 4) for roll in ("free", "tied", "locked")
-] + [
-    RotorModel(2, y="locked", roll="tied"),
-    RotorModel(3, y="locked", roll="free"),
-    RotorModel(3, x="locked", roll="free"),
-    RotorModel(3, lag="locked"),
+    RotorModel(2, roll="free"), RotorModel(3, roll="tied"), RotorModel(4, roll="locked"), RotorModel(3, lag="locked"),
+    *(
+        pytest.param(rotor, marks=pytest.mark.slow)
+        for rotor in (
+            RotorModel(2, roll="tied"), RotorModel(2, roll="locked"), RotorModel(2, y="locked", roll="tied"),
+            RotorModel(3, roll="free"), RotorModel(3, roll="locked"), RotorModel(3, y="locked", roll="free"),
+            RotorModel(3, x="locked", roll="free"), RotorModel(4, roll="free"), RotorModel(4, roll="tied"),
+        )
+    ),
 ]  # fmt: skip
 
 

@@ -46,6 +46,7 @@ def stepped(blocks: Blocks, name: str, size: float, at: int) -> Blocks:
     return replace(blocks, theta=theta)
 
 
+@pytest.mark.slow
 def test_a_season_is_no_alarm_and_its_effects_are_found():
     found = watch(simulate_blocks(PLACE, days=365.0, seed=1))
     assert found.changes == ()

@@ -219,6 +219,7 @@ def test_an_estimate_far_from_its_prior_is_a_contradiction():
     assert "k_x and its prior contradict each other: they are 5.0 standard deviations apart" in reason
 
 
+@pytest.mark.slow
 def test_the_shift_is_measured_in_what_was_to_be_expected():
     # A prior draws θ, a measurement of variance r sees it: estimate − centre has the variance σ₀² − σ² (closed form).
     rng = np.random.default_rng(5)
@@ -372,6 +373,7 @@ def test_a_balance_without_its_loads_is_not_trusted(verne555, record):
     assert lost.startswith("damping is not positive: ")
 
 
+@pytest.mark.slow
 def test_records_of_the_reference_scenario_raise_no_false_alarm(verne555):
     # Two quick ones, none of them wrong; `python -m validation.trust` counts properly.
     for seed in range(2):

@@ -32,6 +32,7 @@ def study(told: list[str]) -> Study:
         patch.setattr(run, "SEEDS", 2)
         patch.setattr(run, "STARTS", (0.0, 500.0))
         patch.setattr(run, "FACTORS", (0.3, 3.0))
+        patch.setattr(run, "COMPARED", 1)
         return run_study(0, told.append)
 
 
