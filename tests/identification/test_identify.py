@@ -125,6 +125,37 @@ def test_a_result_prints_as_tables_and_knows_its_names(found):
         found["k_z"]
 
 
+def test_a_result_says_first_what_was_asked(found):
+    lines = str(found).splitlines()
+    places = [
+        next(i for i, line in enumerate(lines) if words in line) for words in ("tower x", "trust:", "k_x", "load_rms_x")
+    ]
+    assert places == sorted(places)
+    (row,) = (line for line in lines if "lag backward" in line)
+    frequency, speed = (
+        next(m for m in found.modes if m.name == "lag backward").frequency_hz[0],
+        found.machine.rotor_speed,
+    )
+    assert f"3P {100.0 * (frequency / (3.0 * speed / (2.0 * math.pi)) - 1.0):+.2g} %" in row
+
+
+def test_a_notebook_shows_what_the_terminal_shows(found, record):
+    html = found._repr_html_()
+    assert "<script" not in html
+    for words in (found.turbine, "tower x", "k_beta_3", str(found.diagnosis)):
+        assert words in html
+    assert "tower_x_acceleration" in record._repr_html_()
+
+
+def test_a_result_is_a_data_frame(found):
+    frame = found.to_dataframe().set_index(["name", "quantity"])
+    assert list(frame.columns) == ["unit", "estimate", "low", "high", "in_file"]
+    row = frame.loc[("k_x", "coefficient")]
+    assert (row.unit, row.estimate, row.low, row.in_file) == ("N/m", found["k_x"].estimate, found["k_x"].low, 1800.0)
+    assert frame.loc[("tower x", "damping ratio"), "high"] == found.modes[1].damping_ratio[2]
+    assert (frame.low <= frame.high).all()
+
+
 def test_a_result_plots_itself(found):
     figure = found.plot()
     labels = [axes.get_ylabel() for axes in figure.axes]

@@ -25,7 +25,6 @@ from windsysid.fleet.sisters import MIN_SISTERS, Standing, stand
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.watch import watch
 from windsysid.output.answers import Answer
-from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.results.identification import finite
 
@@ -149,8 +148,9 @@ class Overview(Answer):
     def __repr__(self) -> str:
         return f"<Overview of {len(self.glances)} turbines: {'; '.join(self.sentences)}>"
 
-    def __str__(self) -> str:
-        return render(*self.sentences, *self.tables(), *self.notes)
+    def contents(self) -> list[Table | str]:
+        """The sentences, the tables, the notes."""
+        return [*self.sentences, *self.tables(), *self.notes]
 
 
 def oversee(

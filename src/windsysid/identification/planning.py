@@ -19,7 +19,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import TurbineProblem, pose, seen_by
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
+from windsysid.output.table import Table
 from windsysid.results.budget import Budget, budget_of
 from windsysid.results.directions import describe_information, standard_deviations
 from windsysid.results.identification import finite
@@ -38,9 +39,6 @@ from windsysid.results.tolerance import Tolerance
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 __all__ = ["Plan", "plan"]
 
@@ -208,17 +206,10 @@ class Plan(Answer):
             rows.append((name, seen, "never" if math.isinf(needed) else early + spell(needed, 2)))
         return rows
 
-    def table(self) -> "Table":
-        """`rows` as a Rich table."""
-        from rich.table import Table
-
+    def table(self) -> Table:
+        """`rows`."""
         title = f"{self.turbine}: {len(self.sensors)} sensors, {spell(self.duration)} at {self.rate:g} Hz"
-        table = Table(title=title, title_justify="left")
-        for heading in self.headings:
-            table.add_column(heading, justify="left" if heading == "parameter" else "right")
-        for row in self.rows:
-            table.add_row(*row)
-        return table
+        return Table(self.headings, self.rows, title)
 
     def summary(self) -> dict[str, Any]:
         """The plan as plain values: what ``summary.json`` holds."""
@@ -248,11 +239,10 @@ class Plan(Answer):
     def __repr__(self) -> str:
         return f"<Plan of {self.turbine}: {self.sentence}; print it for the table>"
 
-    def __str__(self) -> str:
-        from windsysid.output.console import render
-
+    def contents(self) -> list[Table | str]:
+        """The sentence, the answers for each parameter, the tables, the notes."""
         budget = [self.budget.table()] if self.tolerances and self.budget.rows else []
-        return render(self.table(), *budget, self.sentence, *self.answers, *self.directions, *self.notes)
+        return [self.sentence, self.table(), *self.answers, *self.directions, *budget, *self.notes]
 
 
 def plan(

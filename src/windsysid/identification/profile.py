@@ -24,6 +24,7 @@ from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
+from windsysid.output.table import Table
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.results.identification import Identification
 from windsysid.results.posterior import SIGMAS
@@ -80,12 +81,13 @@ class Profile(Answer):
     def __repr__(self) -> str:
         return f"<Profile: {str(self).splitlines()[0]}>"
 
-    def __str__(self) -> str:
+    def contents(self) -> list[Table | str]:
+        """One line."""
         unit = unit_text(self.unit)
-        return (
+        return [
             f"{self.name}: {self.estimate:.5g} {unit}, profile {self.low:.5g} … {self.high:.5g}, "
             f"Gaussian ±2σ {self.gaussian[0]:.5g} … {self.gaussian[1]:.5g}"
-        )
+        ]
 
 
 def profile_likelihood(

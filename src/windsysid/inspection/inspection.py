@@ -11,7 +11,6 @@ from windsysid.inspection.sections import Proposal
 from windsysid.inspection.spectra import Spectrogram, Spectrum
 from windsysid.inspection.stops import Stop
 from windsysid.output.answers import Answer
-from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.record import Record
 from windsysid.units import RPM, unit_text
@@ -205,8 +204,9 @@ class Inspection(Answer):
             f"{r.name}: {r.samples} samples at {r.rate:.6g} Hz, {r.duration:.6g} s, {len(r.channels)} channels, {speed}"
         )
 
-    def __str__(self) -> str:
-        parts: list[Any] = [self.heading(), f"Verdict: {self.verdict}", ""]
+    def contents(self) -> list[Table | str]:
+        """The verdict, what is wrong, sections to use, what vibrates, the notes."""
+        parts: list[Table | str] = [self.heading(), f"Verdict: {self.verdict}", ""]
         if self.findings:
             parts += [self.table(), ""]
         if self.proposals:
@@ -218,4 +218,4 @@ class Inspection(Answer):
         if self.modes:
             listed = ", ".join(f"{name} {frequency:.4g} Hz" for name, frequency, _ in self.modes)
             parts.append(f"Expected modes of {self.turbine} at this speed, fixed frame: {listed}")
-        return render(*parts, *self.notes)
+        return [*parts, *self.notes]

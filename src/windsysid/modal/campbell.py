@@ -13,7 +13,6 @@ from windsysid._types import Array
 from windsysid.modal.stability import GroundResonance, Unstable
 from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
-from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.results.posterior import SIGMAS
@@ -336,9 +335,10 @@ class Campbell(Answer):
             f" {self.speeds[-1] * RPM:.3g} rpm; print it for the table>"
         )
 
-    def __str__(self) -> str:
+    def contents(self) -> list[Table | str]:
+        """The sentences, the tables, the notes."""
         beside = [Table(MEASURED_HEADINGS, self.measured_rows, "measured", (0, 2, 5, 7))] if self.measured else []
-        return render(self.table(), *beside, *self.sentences, *self.notes)
+        return [*self.sentences, self.table(), *beside, *self.notes]
 
 
 def _margin(name: str, order: int, frequency: Array, std: Array, speed: Array) -> Margin:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from windsysid.output.answers import Answer
-from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.units import unit_text
@@ -192,11 +191,9 @@ class Comparison(Answer):
     def __repr__(self) -> str:
         return f"<Comparison of {self.records[0]} and {self.records[1]}: {self.sentence}>"
 
-    def __str__(self) -> str:
-        """The answer, the table, the doubts."""
-        return render(
-            self.table(), self.sentence, *(f"not to be trusted: {doubt}" for doubt in self.doubts), *self.notes
-        )
+    def contents(self) -> list[Table | str]:
+        """The sentence, the doubts, the table, the notes."""
+        return [self.sentence, *(f"not to be trusted: {doubt}" for doubt in self.doubts), self.table(), *self.notes]
 
 
 HEADINGS = ("", "unit", "A", "B", "change", "±2σ band", "odds of a move", "by chance")

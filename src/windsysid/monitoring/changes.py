@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from windsysid._types import Array
 from windsysid.monitoring.series import DAY, Blocks
 from windsysid.output.answers import Answer
-from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.units import unit_text
@@ -185,9 +184,9 @@ class Watch(Answer):
     def __repr__(self) -> str:
         return f"<Watch over {len(self.blocks.time)} records: {self.sentence}>"
 
-    def __str__(self) -> str:
-        """The answer, the table, the notes."""
-        return render(*self.tables(), self.sentence, *self.notes)
+    def contents(self) -> list[Table | str]:
+        """The sentence, the tables, the notes."""
+        return [self.sentence, *self.tables(), *self.notes]
 
 
 HEADINGS = ("", "unit", "now, ±2σ", "drift, ±2σ", "wander a day", "scatter ÷ σ", "seen in a day")

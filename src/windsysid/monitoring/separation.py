@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from windsysid.output.answers import Answer
-from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.units import RPM, unit_text
@@ -190,10 +189,10 @@ class Separation(Answer):
     def __repr__(self) -> str:
         return f"<Separation: {self.sentence}>"
 
-    def __str__(self) -> str:
-        """The answer, the table, what is lacking."""
+    def contents(self) -> list[Table | str]:
+        """The sentence, what is lacking, the doubts, the table, the notes."""
         doubts = (f"not to be trusted: {doubt}" for doubt in self.doubts)
-        return render(self.table(), self.sentence, *self.lacking, *doubts, *self.notes)
+        return [self.sentence, *self.lacking, *doubts, self.table(), *self.notes]
 
 
 HEADINGS = ("", "unit", "of", "c", "±2σ band", "of critical", "±2σ band")

@@ -1,13 +1,17 @@
-"""What an answer can do: be saved with its page, and draw itself.
+"""What an answer can do: say itself in words and tables, be saved with its page, and draw itself.
 
 An answer does not know its page. `windsysid.reports` says which module writes the page of a type and which function
 draws it; it is looked up by the name of the type when somebody asks.
 """
 
+from abc import abstractmethod
+from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from windsysid.output.console import render
 from windsysid.output.folders import Saveable
+from windsysid.output.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,7 +20,20 @@ __all__ = ["Answer"]
 
 
 class Answer(Saveable):
-    """A result with a page and a figure."""
+    """A result with words, a page and a figure."""
+
+    @abstractmethod
+    def contents(self) -> Sequence[Table | str]:
+        """The answer as sentences and tables: first what was asked, then what it rests on."""
+
+    def __str__(self) -> str:
+        """The parts as text, as wide as the terminal."""
+        return render(*self.contents())
+
+    def _repr_html_(self) -> str:
+        """The parts as a notebook shows them."""
+        found: str = _reports().fragment(self.contents())
+        return found
 
     def files(self) -> dict[str, bytes]:
         """What `save` writes, by name: ``report.html``, figures, and the answer as JSON."""

@@ -304,6 +304,11 @@ class Record:
             attrs={**self.attributes, **self.marks},
         )
 
+    def _repr_html_(self) -> str:
+        """As a notebook shows it: channels with units, to be unfolded."""
+        shown: str = self.to_xarray()._repr_html_()
+        return shown
+
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Record:
         """A record from a dataset whose variables are (time,), with time [s] as numbers or dates.

@@ -5,10 +5,13 @@ A module of an answer has the function ``files(answer)``, which gives the page, 
 ``figure(answer)``, or both.
 """
 
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
-__all__ = ["MODULES", "figure", "files"]
+from windsysid.output.table import Table
+
+__all__ = ["MODULES", "figure", "files", "fragment"]
 
 MODULES = {
     "Campbell": "campbell",
@@ -35,6 +38,13 @@ def files(answer: object) -> dict[str, bytes]:
 def figure(answer: object) -> Any:
     """An answer as a Matplotlib `Figure`."""
     return _module_of(answer).figure(answer)
+
+
+def fragment(contents: Sequence[Table | str]) -> str:
+    """Sentences and tables as HTML for a notebook."""
+    from windsysid.reports import html
+
+    return html.fragment(contents)
 
 
 def _module_of(answer: object) -> Any:

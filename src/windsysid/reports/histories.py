@@ -1,7 +1,8 @@
-"""The histories of an identification as a figure."""
+"""An identification as a figure."""
 
 from matplotlib.figure import Figure
 
+from windsysid.reports.bands import coefficient_bands
 from windsysid.reports.plots import coefficient_histories
 from windsysid.results.identification import Identification
 
@@ -9,5 +10,5 @@ __all__ = ["figure"]
 
 
 def figure(found: Identification) -> Figure:
-    """The history of every coefficient with its band and reference."""
-    return coefficient_histories(found)
+    """The history of every coefficient with its band and reference; the bands alone where spectra left no history."""
+    return coefficient_bands(found) if found.formulation == "spectral" else coefficient_histories(found)

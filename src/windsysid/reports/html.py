@@ -4,16 +4,15 @@ import base64
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
 from typing import TYPE_CHECKING
 
 from windsysid.output.table import Table
 
 if TYPE_CHECKING:
+    from jinja2 import Template
     from matplotlib.figure import Figure
 
-
-__all__ = ["Section", "png", "report_page"]
+__all__ = ["Section", "fragment", "png", "report_page"]
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,6 @@ class Section:
 
 def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes:
     """Sections as one HTML file."""
-    from jinja2 import Environment
-
-    template = (resources.files("windsysid.reports") / "templates" / "report.html.j2").read_text(encoding="utf-8")
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     shown = [
         {
             "title": section.title,
@@ -49,8 +44,21 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
         }
         for section in sections
     ]
-    html = environment.from_string(template).render(title=title, subtitle=subtitle, sections=shown)
-    return html.encode()
+    return _template("report").render(title=title, subtitle=subtitle, sections=shown).encode()
+
+
+def fragment(contents: Sequence[Table | str]) -> str:
+    """Sentences and tables as a part of somebody else's page, such as a notebook's."""
+    return _template("fragment").render(contents=[part for part in contents if part != ""])
+
+
+def _template(name: str) -> "Template":
+    from jinja2 import Environment, PackageLoader
+
+    environment = Environment(
+        loader=PackageLoader("windsysid.reports"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.get_template(f"{name}.html.j2")
 
 
 def png(figure: "Figure") -> bytes:

@@ -1,18 +1,13 @@
 """Reports: one self-contained HTML file, figures inside, readable without a network."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from windsysid.output.table import Table
 from windsysid.records.moments import in_words, shift_moment
 from windsysid.records.record import Record
+from windsysid.reports.html import Section, report_page
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import Provenance
-
-if TYPE_CHECKING:
-    pass
-
-from windsysid.reports.html import Section, report_page
 
 __all__ = ["identification_report", "provenance_section"]
 
@@ -22,33 +17,36 @@ _HISTORIES = {
         "What was known on line after each sample, statistics of loads and noise learned with the coefficients; the dot"
         " is the result of the whole record."
     ),
-    "spectral": "The result of the whole record: spectra have no history.",
     "force-balance": "What the filter knew after each sample; the dot is where it ended.",
 }
 
 
 def identification_report(identification: Identification, record: Record) -> bytes:
     """The report of one identification on the section of the record that it used."""
+    from windsysid.reports.bands import CAPTION, coefficient_bands
     from windsysid.reports.plots import coefficient_histories, record_overview
 
     i = identification
     channels = [channel for channel in i.sensors if channel in record]
-    coefficients = [estimate.name for estimate in i.estimates]
-    modes_and_tolerances = [i.budget.table(leave_out=coefficients), i.tolerances_table()] if i.tolerances else []
     sections = [
         Section(
             "Result",
-            text=[*_trust(i), *i.notes],
-            tables=[*i.tables(), *modes_and_tolerances],
+            text=_trust(i),
+            tables=[*([i.modes_table()] if i.modes else []), i.table()],
+            figures=[(coefficient_bands(i), CAPTION)],
         ),
         Section(
-            "How the estimates came about",
-            figures=[
-                (
-                    coefficient_histories(i),
-                    _HISTORIES[i.formulation],
-                )
+            "What it rests on",
+            text=i.notes,
+            tables=[
+                *([i.statistics_table()] if i.statistics else []),
+                *([i.budget.table(), i.tolerances_table()] if i.tolerances else []),
             ],
+        ),
+        *(
+            [Section("How the estimates came about", figures=[(coefficient_histories(i), _HISTORIES[i.formulation])])]
+            if i.formulation in _HISTORIES
+            else []
         ),
         _explains_section(i),
         *([_load_section(i)] if i.loads is not None and i.loads.names else []),

@@ -119,14 +119,13 @@ def files(found: OperationalModes) -> dict[str, bytes]:
         Section(
             "Modes",
             text=[verdict, *found.reasons_of_record],
-            tables=[Table(found.headings, found.rows, "", (0, len(found.headings) - 2, len(found.headings) - 1))],
+            tables=[found.table("")],
         ),
         Section("Spectra", figures=[(drawn, caption)]),
     ]
     if found.parts:
         text = "Each record by itself. Where they scatter more than their bands say, the mode is not trusted."
-        table = Table(found.agreement_headings, found.agreement, "", tuple(range(1 + len(found.parts))))
-        sections.append(Section("Record by record", text=[text], tables=[table]))
+        sections.append(Section("Record by record", text=[text], tables=[found.agreement_table("")]))
     shapes = _shapes(found)
     if shapes is not None:
         text = "Shapes as accelerations, 1 where most moves. Bars: blue in phase, grey out of phase, lines ±2σ."

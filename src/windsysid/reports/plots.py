@@ -55,7 +55,7 @@ def symbol(name: str) -> str:
 
 
 def coefficient_histories(identification: Identification, names: Sequence[str] | None = None) -> Figure:
-    """Estimate, ±2σ band and reference of each coefficient over the record, its error (Eq 24) below."""
+    """Estimate, ±2σ band and reference of each coefficient over the record, off the file by (Eq 24) below."""
     names = list(names or [e.name for e in identification.estimates])
     columns = min(4 if len(names) > 6 else 3, len(names))
     rows = -(-len(names) // columns)
@@ -137,7 +137,7 @@ def _error(ax: Axes, identification: Identification, name: str) -> None:
     reference = estimate.reference or 1.0
     errors = coefficient_errors(identification.history(name)[0], reference)
     ax.semilogy(identification.time[every], np.maximum(errors[every], 1e-4), color=ERROR, lw=0.9)
-    ax.set_ylabel("error [%]")
+    ax.set_ylabel("off file [%]")
     ax.yaxis.set_major_locator(LogLocator(numticks=4))
     ax.minorticks_off()
     ax.text(

@@ -14,7 +14,6 @@ from windsysid._version import __version__
 from windsysid.errors import ConfigurationError
 from windsysid.loads.statistics import Statistic
 from windsysid.output.answers import Answer
-from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
@@ -26,9 +25,10 @@ from windsysid.results.tolerance import Tolerance
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.tables import as_tables
 from windsysid.turbine.turbine import Turbine
-from windsysid.units import unit_text
+from windsysid.units import RPM, unit_text
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 from windsysid.results.posterior import NOT_RECORDED, PRIORS, SIGMAS, Conditions, Posterior, section_name
@@ -245,6 +245,22 @@ class Identification(Answer):
         """`summary` as JSON text; what is not a finite number becomes null."""
         return json.dumps(finite(self.summary()), indent=2) + "\n"
 
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Everything that was estimated, one row each: coefficients, frequencies and damping ratios of the modes, and
+        statistics of loads and noise; with ``unit``, ``estimate``, ``low``, ``high`` (±2σ) and what the file says."""
+        import pandas as pd
+
+        rows = [
+            (e.name, "coefficient", unit_text(e.unit), e.estimate, e.low, e.high, e.reference) for e in self.estimates
+        ]
+        for mode in self.modes:
+            known = mode.reference or (None, None)
+            rows.append((mode.name, "frequency", "Hz", *mode.frequency_hz, known[0]))
+            rows.append((mode.name, "damping ratio", "1", *mode.damping_ratio, known[1]))
+        rows += [(s.name, "statistic", unit_text(s.unit), s.estimate, s.low, s.high, s.given) for s in self.statistics]
+        columns = ["name", "quantity", "unit", "estimate", "low", "high", "in_file"]
+        return pd.DataFrame(rows, columns=columns).astype({"in_file": float})
+
     def to_xarray(self) -> "xr.Dataset":
         """Histories, covariance and innovations as a labelled dataset."""
         import xarray as xr
@@ -325,11 +341,20 @@ class Identification(Answer):
             file.attrs.update(self._attributes())
         return {"summary.json": self.to_json().encode(), "identification.nc": sealed(written.getvalue())}
 
-    def tables(self) -> list[Table]:
-        """Estimates, modes, statistics of loads and noise, and the budget of the estimates, as far as there are any."""
-        more = ([self.modes_table()] if self.modes else []) + ([self.statistics_table()] if self.statistics else [])
+    def contents(self) -> list[Table | str]:
+        """The modes, whether to trust them, the estimates; then what they rest on: loads, noise, the budget, notes."""
+        title = f"{self.turbine}, {self.record}: {self.formulation}, {self.method}"
         of_modes = {row.name for row in self.budget.rows} - {e.name for e in self.estimates}
-        return [self.table(), *more, *([self.budget.table(leave_out=of_modes)] if self.tolerances else [])]
+        return [
+            title,
+            *([self.modes_table()] if self.modes else []),
+            str(self.diagnosis),
+            self.table(),
+            *([self.statistics_table()] if self.statistics else []),
+            *([self.budget.table(leave_out=of_modes)] if self.tolerances else []),
+            *self.diagnosis.remarks,
+            *self.notes,
+        ]
 
     def table(self) -> Table:
         """The estimates with their bands, and the references where any is known."""
@@ -342,17 +367,29 @@ class Identification(Answer):
                 unit = "N/m" if e.kind == "stiffness" else "N·s/m"
                 rows.append(_estimate_cells("  at the tip", unit, "", known, e.tip))
         headings = ("coefficient", "estimate", "±2σ band", "unit", "from data")
-        more = ("reference", "difference") if known else ()
-        title = f"{self.turbine}, {self.record}: {self.formulation}, {self.method}"
+        more = ("in file", "differs") if known else ()
+        title = "Stiffness and damping" if self.machine is not None else "Parameters"
         return Table((*headings, *more), rows, title, words=(0, 3))
 
     def modes_table(self) -> Table:
-        """The modes: frequencies and damping ratios."""
-        known = any(mode.reference is not None for mode in self.modes)
-        headings = ("mode", "frequency [Hz]", "±2σ band", "damping ratio [%]", "±2σ band")
-        rows = [(*mode.cells(), *(mode.reference_cells() if known else ())) for mode in self.modes]
-        more = ("reference [Hz]", "reference [%]") if known else ()
-        return Table((*headings, *more), rows, "Modes at the record's rotor speed, fixed frame")
+        """The modes: frequencies, damping ratios, and how far they are from the nearest harmonic of the rotor."""
+        orders, speed = self._harmonics(), self.machine.rotor_speed if self.machine is not None else 0.0
+        headings, rows = ["mode", "f [Hz]", "±2σ band", "ζ [%]", "±2σ band"], [[*mode.cells()] for mode in self.modes]
+        if orders:
+            headings.append("from nP")
+            rows = [[*row, mode.beside(orders, speed)] for row, mode in zip(rows, self.modes, strict=True)]
+        if any(mode.reference is not None for mode in self.modes):
+            headings.append("in file")
+            rows = [[*row, mode.reference_cells()[0]] for row, mode in zip(rows, self.modes, strict=True)]
+        at = f"at {speed * RPM:.3g} rpm" if orders else "with the rotor at rest"
+        return Table(headings, rows, f"Modes {at}, fixed frame")
+
+    def _harmonics(self) -> tuple[int, ...]:
+        """Orders n of the harmonics nP that a tower feels most: 1P and multiples of the blades; none at rest."""
+        if self.machine is None or self.machine.rotor_speed <= 0.0:
+            return ()
+        blades = self.machine.model.blades
+        return tuple(dict.fromkeys((1, blades, 2 * blades, 3 * blades)))
 
     def statistics_table(self) -> Table:
         """What was learned of loads and noise."""
@@ -367,9 +404,6 @@ class Identification(Answer):
         """What the record says of instruments and masses."""
         rows = [one.cells() for one in self.tolerances]
         return Table(("instrument or body", "tolerance (1σ)", "off by"), rows, "Instruments and masses", words=(0,))
-
-    def __str__(self) -> str:
-        return render(*self.tables(), str(self.diagnosis), *self.diagnosis.remarks, *self.notes)
 
 
 def coefficient_errors(history: Array, reference: float) -> Array:

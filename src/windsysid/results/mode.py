@@ -1,5 +1,7 @@
 """A mode of vibration."""
 
+import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 __all__ = ["Mode"]
@@ -34,8 +36,15 @@ class Mode(NamedTuple):
 
     def cells(self) -> tuple[str, str, str, str, str]:
         """Name, frequency [Hz] and damping ratio [%] with their bands, as text for a table."""
-        f, z = self.frequency_hz, [100.0 * value for value in self.damping_ratio]
-        return (self.name, f"{f[0]:.4f}", f"{f[1]:.4f} … {f[2]:.4f}", f"{z[0]:.3f}", f"{z[1]:.3f} … {z[2]:.3f}")
+        f, digits = self.frequency_hz, 3 if abs(self.damping_ratio[0]) < 0.01 else 2
+        z, low, high = (f"{100.0 * value:.{digits}f}" for value in self.damping_ratio)
+        return (self.name, f"{f[0]:.4f}", f"{f[1]:.4f} … {f[2]:.4f}", z, f"{low} … {high}")
+
+    def beside(self, orders: Sequence[int], rotor_speed: float) -> str:
+        """How far the mode is from the nearest of the harmonics n of a rotor speed [rad/s], as text: ``3P -7.7 %``."""
+        harmonics = {n: n * rotor_speed / (2.0 * math.pi) for n in orders}
+        n = min(harmonics, key=lambda n: abs(self.frequency_hz[0] / harmonics[n] - 1.0))
+        return f"{n}P {100.0 * (self.frequency_hz[0] / harmonics[n] - 1.0):+.2g} %"
 
     def reference_cells(self) -> tuple[str, str]:
         """Reference frequency [Hz] and damping ratio [%] as text for a table."""

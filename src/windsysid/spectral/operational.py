@@ -8,6 +8,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.output.answers import Answer
+from windsysid.output.table import Table
 from windsysid.results.identification import finite
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS, section_name
@@ -316,26 +317,23 @@ class OperationalModes(Answer):
         trusted = "trusted" if self.trusted else "not trusted"
         return f"<OperationalModes of {self.record}: {len(self.modes)} modes, {trusted}; print it for the table>"
 
-    def __str__(self) -> str:
-        """The table, and what speaks against it."""
-        from rich.table import Table
-
-        from windsysid.output.console import render
-
-        of = self.record if self.parts else section_name(self.record, *self.section)
-        table = Table(title=f"modes of {of}", title_justify="left")
-        last = len(self.headings) - 2
-        for i, heading in enumerate(self.headings):
-            table.add_column(heading, justify="left" if i == 0 or i >= last else "right")
-        for row in self.rows:
-            table.add_row(*row)
-        tables = [table]
-        if self.parts:
-            tables.append(Table(*self.agreement_headings, title="record by record", title_justify="left"))
-            for row in self.agreement:
-                tables[1].add_row(*row)
+    def contents(self) -> list[Table | str]:
+        """The modes, whether to trust them, record by record where there are several, the notes."""
         verdict = "trusted" if self.trusted else "not to be trusted:"
-        return render(*tables, verdict, *(f"  {reason}" for reason in self.reasons), *self.notes)
+        return [
+            self.table(), verdict, *(f"  {reason}" for reason in self.reasons),
+            *([self.agreement_table()] if self.parts else []), *self.notes,
+        ]  # fmt: skip
+
+    def table(self, caption: str | None = None) -> Table:
+        """`rows`."""
+        of = self.record if self.parts else section_name(self.record, *self.section)
+        last = len(self.headings) - 2
+        return Table(self.headings, self.rows, f"modes of {of}" if caption is None else caption, (0, last, last + 1))
+
+    def agreement_table(self, caption: str = "record by record") -> Table:
+        """`agreement`."""
+        return Table(self.agreement_headings, self.agreement, caption, tuple(range(1 + len(self.parts))))
 
     def unit(self, channel: str) -> str:
         """The unit of a channel, as text."""

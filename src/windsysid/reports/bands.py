@@ -1,0 +1,59 @@
+"""The coefficients of a result with their bands, beside what the prior and the turbine file say."""
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from windsysid.reports.plots import BAND, ESTIMATE, REFERENCE, symbol, tidy
+from windsysid.results.identification import Estimate, Identification
+from windsysid.results.posterior import SIGMAS
+from windsysid.units import unit_text
+
+__all__ = ["CAPTION", "coefficient_bands"]
+
+CAPTION = "Result with ±2σ (blue), the prior's ±2σ (pale), and the turbine file (dashed). At the right: the result."
+
+ROW, WIDTH, MARGIN = 0.32, 12.6, 0.95
+"""Inches: height of a coefficient, width of the figure, height of title and axis."""
+
+WIDER = 1.6
+"""So many times the widest band is shown; a prior that is wider is cut off."""
+
+
+def coefficient_bands(found: Identification) -> Figure:
+    """One line a coefficient, as differences from the turbine file [%], from the result where the file knows none;
+    stiffness and damping apart, as damping is known far less."""
+    kinds = [[e for e in found.estimates if e.kind == kind] for kind in ("stiffness", "damping", "parameter")]
+    kinds = [kind for kind in kinds if kind]
+    rows = max(len(kind) for kind in kinds)
+    figure = Figure(figsize=(WIDTH, MARGIN + ROW * rows), layout="constrained")
+    priors = {
+        q.name: [float(q.physical(q.prior[0] + k * q.prior[1])) for k in (-SIGMAS, SIGMAS)] for q in found.parameters
+    }
+    for ax, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
+        _draw(ax, kind, priors, rows)
+    return figure
+
+
+def _draw(ax: Axes, estimates: Sequence[Estimate], priors: dict[str, list[float]], rows: int) -> None:
+    known = all(e.reference for e in estimates)
+    half = 0.0
+    for row, e in enumerate(estimates):
+        base = (e.reference if known else e.estimate) or 1.0
+        value, low, high, before, after = (
+            100.0 * (x / base - 1.0) for x in (e.estimate, e.low, e.high, *priors[e.name])
+        )  # fmt: skip
+        half = max(half, abs(low), abs(high))
+        ax.barh(row, after - before, left=before, height=0.62, color=BAND, alpha=0.45, lw=0)
+        ax.plot([low, high], [row, row], color=ESTIMATE, lw=2.2, solid_capstyle="butt")
+        ax.plot(value, row, "o", color=ESTIMATE, ms=5)
+        told = f"{e.estimate:.4g} {unit_text(e.unit)}".removesuffix(" 1")
+        ax.text(1.01, row, told, transform=ax.get_yaxis_transform(), va="center", fontsize=8.5)
+    ax.axvline(0.0, color=REFERENCE, ls="--", lw=1)
+    ax.set(ylim=(rows - 0.5, -0.6), xlim=(-WIDER * half, WIDER * half))
+    ax.set_yticks(range(len(estimates)), [symbol(e.name) for e in estimates])
+    tidy(ax)
+    ax.tick_params(axis="y", labelsize=10, length=0)
+    ax.set_title(estimates[0].kind, fontsize=10, loc="left")
+    ax.set_xlabel("difference from the turbine file [%]" if known else "difference from the result [%]", fontsize=9)
