@@ -1,4 +1,4 @@
-# Two commands do everything: `make study` and `make test`. `make bench` compares with other libraries; `make bench SHORT=1` in minutes.
+# Two commands do everything: `make study` and `make test`. `make docs` builds the site (results/site). `make bench` compares with other libraries; `make bench SHORT=1` in minutes.
 # `make field DATA=FOLDER` takes on somebody else's records (docs/field.md): an hour and a half, interruptible; FOLDER holds openfast/ and bjorko/.
 PYTHON ?= python3
 VENV := .venv
@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 STUDY ?= results/study
 
-.PHONY: study test test-all lint bench field clean
+.PHONY: study test test-all lint bench field docs clean
 
 study: $(VENV)/.installed
 	$(BIN)/windsysid study --output $(STUDY) --overwrite
@@ -48,6 +48,14 @@ field: $(VENV)/.installed $(PEERS)/.installed
 	$(BIN)/python -m validation.field --openfast $(DATA)/openfast --output $(FIELD) > $(FIELD)/openfast.txt
 	PYTHONPATH=. $(PEERS)/bin/python benchmarks/subspace.py --openfast $(DATA)/openfast --output $(FIELD) > $(FIELD)/subspace.txt
 	@cat $(FIELD)/*.txt
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs results/site
+	@echo "site: results/site/index.html"
+
+$(VENV)/.docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	touch $@
 
 clean:
 	rm -rf $(VENV) $(PEERS) results .mypy_cache .ruff_cache .pytest_cache

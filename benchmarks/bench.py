@@ -146,7 +146,7 @@ def find(sheets: Iterable[Sheet], title: str, row: tuple[str, ...], heading: str
 
 def page(about: Iterable[str], sheets: Iterable[Sheet]) -> str:
     """The tables as Markdown."""
-    lines = ["<!-- Written by `make bench`. -->", "", *(f"- {line}" for line in about)]
+    lines = ["<!-- Written by `make bench`. -->", "", "# The tables of speed", "", *(f"- {line}" for line in about)]
     for sheet in sheets:
         lines += ["", sheet.markdown()]
     return "\n".join(lines) + "\n"

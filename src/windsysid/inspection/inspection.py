@@ -70,7 +70,7 @@ class Inspection(Answer):
 
     @property
     def verdict(self) -> str:
-        """One line: can this record be used, and which part of it?"""
+        """Whether this record can be used, and which part of it, in one line."""
         counts = {severity: sum(f.severity == severity for f in self.findings) for severity in SEVERITIES}
         listed = [
             text

@@ -1,0 +1,40 @@
+"""The site: `make docs` builds it from these pages, the docstrings and the commands' own help. Warnings are errors."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from reference import write_reference
+
+import windsysid
+
+project = "windsysid"
+author = "The windsysid developers"
+copyright = "the windsysid developers, MIT licence"
+release = version = windsysid.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+exclude_patterns = ["_build"]
+root_doc = "index"
+default_role = "py:obj"
+myst_heading_anchors = 4
+suppress_warnings = ["ref.python"]  # `name` in a docstring may be an attribute of several classes
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_type_aliases = {"Array": "numpy.ndarray"}
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+copybutton_exclude = ".linenos, .gp, .go"
+
+html_theme = "pydata_sphinx_theme"
+html_title = "windsysid"
+html_show_sourcelink = False
+html_theme_options = {
+    "navbar_end": ["theme-switcher"],
+    "secondary_sidebar_items": ["page-toc"],
+    "show_prev_next": False,
+}
+
+
+write_reference(Path(__file__).parent / "reference")  # before Sphinx looks for pages
