@@ -29,10 +29,12 @@ __all__ = [
     "add_rows",
     "claim_archive",
     "day_of",
+    "files_of",
     "is_archive",
     "known_sources",
     "place_of",
     "read_table",
+    "rows_in",
     "table_of",
     "turbines_of",
 ]
@@ -114,7 +116,7 @@ def add_rows(path: Path, rows: Sequence[Row]) -> None:
     """
     pq = _parquet("pyarrow.parquet")
     with explain_errors(str(path), "make room, and give the same command again: it goes on"):
-        by_source = {row["source"]: row for row in (_table_of(path).to_pylist() if path.exists() else [])}
+        by_source = {row["source"]: row for row in (rows_in(path) if path.exists() else [])}
         by_source |= {row["source"]: row for row in rows}
         ordered = sorted(by_source.values(), key=lambda row: (row["start"] or "", row["source"]))
         table = table_of(ordered)
@@ -136,7 +138,7 @@ def read_table(archive: str | Path, turbine: str, columns: Sequence[str] | None 
     names = turbines_of(archive)
     if turbine not in names:
         raise ConfigurationError(f"archive {archive}: no turbine '{turbine}': expected one of {', '.join(names)}")
-    return pa.concat_tables([_table_of(path, columns) for _, path in _files(Path(archive), turbine)])
+    return pa.concat_tables([_table_of(path, columns) for _, path in files_of(Path(archive), turbine)])
 
 
 def turbines_of(archive: str | Path) -> tuple[str, ...]:
@@ -159,18 +161,24 @@ def known_sources(archive: Path, turbine: str) -> dict[str, Known]:
     """What an archive has of a turbine, by the path of the record's file."""
     columns = ["source", "source_bytes", "status", "tries", "settings"]
     found: dict[str, Known] = {}
-    for day, path in _files(archive, turbine):
-        for row in _table_of(path, columns).to_pylist():
+    for day, path in files_of(archive, turbine):
+        for row in rows_in(path, columns):
             size, status, tries, settings = (row[column] for column in columns[1:])
             found[row["source"]] = Known(size, status, tries, settings, day)
     return found
 
 
-def _files(archive: Path, turbine: str) -> Iterator[tuple[str, Path]]:
-    """Day and path of every file of a turbine."""
+def files_of(archive: Path, turbine: str) -> Iterator[tuple[str, Path]]:
+    """Day and path of every file of a turbine, in order."""
     for path in sorted((archive / f"turbine={turbine}").glob("month=*/*.parquet")):
         if not path.name.startswith("."):
             yield path.stem, path
+
+
+def rows_in(path: Path, columns: Sequence[str] | None = None) -> list[Row]:
+    """The rows of one file; ConfigurationError where it is damaged."""
+    rows: list[Row] = _table_of(path, columns).to_pylist()
+    return rows
 
 
 def _table_of(path: Path, columns: Sequence[str] | None = None) -> Any:

@@ -9,14 +9,16 @@ from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from windsysid.errors import ConfigurationError, RecordError
+from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import Known, claim_archive, day_of, known_sources, place_of
 from windsysid.fleet.engine import run_here, run_on_dask
 from windsysid.fleet.guard import DeadWorkerError, HangingWorkerError, Worker
+from windsysid.fleet.joining import check_clocks, join_late, read_scadas
 from windsysid.fleet.members import Member, member_of, read_fleet, single
-from windsysid.fleet.scada import read_scada
+from windsysid.fleet.scada import Scada
 from windsysid.fleet.tasks import Task
 from windsysid.records.formats import FORMATS
+from windsysid.turbine.file import load_turbine
 
 __all__ = ["Batch", "batch"]
 
@@ -45,6 +47,10 @@ class Batch:
         Records that the archive had already.
     unmatched
         Files that fit no turbine's pattern.
+    joined
+        Records that the archive had already and that now have what SCADA says of them.
+    notes
+        What is not there yet.
     seconds
         How long the run took.
     """
@@ -53,17 +59,20 @@ class Batch:
     taken: dict[str, int] = field(default_factory=dict)
     known: int = 0
     unmatched: int = 0
+    joined: int = 0
+    notes: tuple[str, ...] = ()
     seconds: float = 0.0
 
     def __str__(self) -> str:
-        """One line."""
+        """One line, and one for each note."""
         count = sum(self.taken.values())
         words = {"ok": "identified", "refused": "refused", "failed": "failed"}
         parts = [f"{self.taken.get(status, 0)} {word}" for status, word in words.items()]
         told = f"{count} records taken in {_span(self.seconds)}: {', '.join(parts)}"
         told += f"; {self.known} were there already" if self.known else ""
         told += f"; {self.unmatched} files fit no pattern" if self.unmatched else ""
-        return f"{told}; archive: {self.archive}"
+        told += f"; SCADA joined to {self.joined} of them" if self.joined else ""
+        return "\n".join((f"{told}; archive: {self.archive}", *self.notes))
 
 
 def batch(
@@ -134,12 +143,7 @@ def batch(
         members = (single(str(turbine), **own),)
     begun, folder, say = time.monotonic(), Path(archive).resolve(), progress or (lambda _: None)
     settings = {member.name: member.settings(formulation) for member in members}
-    for member in members:
-        if member.scada is not None:
-            try:
-                read_scada(member.scada, member.scada_mapping)
-            except RecordError as error:
-                raise ConfigurationError(f"SCADA of '{member.name}': {error}") from None
+    scadas, notes = read_scadas(members)
     say("looking for records")
     theirs, unmatched = _assigned(_files(sources, folder), members)
     with claim_archive(folder):
@@ -147,15 +151,21 @@ def batch(
         _check_settings(folder, known, settings)
         new = {member: _new(theirs[member.name], known[member.name]) for member in members}
         there = sum(len(paths) for paths in theirs.values()) - sum(len(paths) for paths in new.values())
+        joined = 0
+        for member in members:
+            if member.name in scadas and known[member.name]:
+                say(f"joining SCADA to records of {member.name}")
+                joined += join_late(folder, member.name, scadas[member.name], load_turbine(member.turbine).rotor_speed)
         with closing(Worker(limit)) as looker:
-            tasks = _tasks(new, known, folder, formulation, settings, limit, looker, say)
+            tasks = _tasks(new, known, folder, formulation, settings, limit, looker, say, scadas)
             counted = _Counted(sum(len(task.sources) for task in tasks), say)
             if scheduler is None:
                 more = min(workers or _processors(), len(tasks)) - 1
                 run_here(tasks, [looker, *(Worker(limit) for _ in range(more))], counted.tell)
-        if scheduler is not None:
-            run_on_dask(tasks, scheduler, counted.tell)
-    return Batch(folder, dict(counted.taken), there, unmatched, time.monotonic() - begun)
+            else:
+                looker.close()
+                run_on_dask(tasks, scheduler, counted.tell)
+    return Batch(folder, dict(counted.taken), there, unmatched, joined, notes, time.monotonic() - begun)
 
 
 class _Counted:
@@ -245,19 +255,26 @@ def _new(paths: Sequence[Path], known: dict[str, Known]) -> list[Path]:
 def _tasks(
     new: dict[Member, list[Path]], known: dict[str, dict[str, Known]], archive: Path, formulation: str,
     settings: dict[str, str], limit: float, looker: Worker, say: Callable[[str], None],
+    scadas: dict[str, Scada],
 ) -> list[Task]:  # fmt: skip
-    """Records of a turbine and day together, the days in order."""
+    """Records of a turbine and day together, the days in order; ConfigurationError where all have another clock than
+    their SCADA: SCADA says its zone, and they do not, or the other way round."""
     days: dict[tuple[str, str], list[tuple[str, int]]] = {}
     of = {member.name: member for member in new}
     total, looked = sum(len(paths) for paths in new.values()), 0
     for member, paths in new.items():
+        starts: set[str] = set()
         for path in paths:
             row = known[member.name].get(str(path))
-            day = row.day if row is not None else day_of(_look(looker, path, member), str(path))
+            start = _look(looker, path, member) if row is None else None
+            starts |= set() if start is None else {start}
+            day = row.day if row is not None else day_of(start, str(path))
             days.setdefault((day, member.name), []).append((str(path), row.tries if row is not None else 0))
             looked += 1
             if looked % _LOOKS_PER_REPORT == 0:
                 say(f"when they began: {looked} of {total} records")
+        if member.name in scadas and starts:
+            check_clocks(member.name, scadas[member.name], starts)
     return [
         Task(of[name], day, str(place_of(archive, name, day)), tuple(sources), formulation, settings[name], limit)
         for (day, name), sources in sorted(days.items())

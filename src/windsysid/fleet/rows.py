@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.fleet.scada import SCADA_COLUMNS, Scada
+from windsysid.fleet.scada import SCADA_COLUMNS
 from windsysid.fleet.states import operation_of
 from windsysid.identification.conclude import Formulation
 from windsysid.identification.identify import identify
@@ -21,7 +21,7 @@ from windsysid.inspection.plausibility import rotor_of
 from windsysid.inspection.screening import examine
 from windsysid.mechanics.sensors import Sensor
 from windsysid.monitoring.own_information import without_prior
-from windsysid.records.moments import moment, shift_moment
+from windsysid.records.moments import shift_moment
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash
@@ -70,6 +70,8 @@ source, source_bytes
     The file and its size: what tells that it was taken already.
 start, time
     The moment of the first sample as the record says it, and the same as a date: UTC where its zone is known.
+rotor_speed_min, rotor_speed_max
+    Of the record's own rotor speed: none where `rotor_speed` is the mean that SCADA says.
 speed_bin
     Lower edge of the bin of the rotor speed, as a share of the turbine's usual one.
 covariance
@@ -102,21 +104,16 @@ def failed_row(source: str, size: int, settings: str, why: str) -> Row:
 
 
 def row_of(
-    row: Row, record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None, formulation: Formulation | str,
-    scada: Scada | None,
-) -> Row:  # fmt: skip
+    row: Row, record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None, formulation: Formulation | str
+) -> Row:
     """Fill a row from a record: identified, or the reason why that is refused."""
     row = row | {"record": record.name, "samples": record.samples, "duration": record.duration, "rate": record.rate}
     row["record_hash"] = record_hash(record)
-    known: dict[str, float] = {}
     if record.start is not None:
         row["start"] = shift_moment(record.start, float(record.time[0]))
-        if scada is not None:
-            known = scada.during(moment(row["start"]), record.duration)
-    row |= {f"scada_{name}": value for name, value in known.items()}
     row["channels"] = _channels(record)
     try:
-        row |= _operation(record, turbine, known)
+        row |= _operation(record, turbine)
         row["health"] = _health(record, turbine, sensors)
         found = identify(record, turbine, sensors=sensors, formulation=formulation)  # type: ignore[arg-type]
     except (RecordError, ConfigurationError) as error:
@@ -124,12 +121,9 @@ def row_of(
     return row | {"status": "ok"} | _found(found)
 
 
-def _operation(record: Record, turbine: Turbine, known: dict[str, float]) -> Row:
+def _operation(record: Record, turbine: Turbine) -> Row:
     rotor = rotor_of(record, set(kinds(record)))
-    speed = rotor.speed if rotor is not None else None
-    if speed is None and "rotor_speed" in known:
-        speed = np.array([known["rotor_speed"]])
-    state, at, mean, low, high = operation_of(speed, turbine.rotor_speed, known.get("power"))
+    state, at, mean, low, high = operation_of(None if rotor is None else rotor.speed, turbine.rotor_speed)
     return {"state": state, "speed_bin": at, "rotor_speed": mean, "rotor_speed_min": low, "rotor_speed_max": high}
 
 

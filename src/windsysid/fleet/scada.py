@@ -53,6 +53,11 @@ class Scada(NamedTuple):
     period: float
     columns: dict[str, Array]
 
+    def holds(self, start: datetime, seconds: float) -> bool:
+        """Whether its lines span `seconds` from `start` on, whatever is missing between."""
+        low = (start - self.begin) / timedelta(seconds=1)
+        return bool(self.time[0] <= low and low + seconds <= self.time[-1] + self.period)
+
     def during(self, start: datetime, seconds: float) -> dict[str, float]:
         """What is known of `seconds` from `start` on, by name; a name is left out where too little is known.
 

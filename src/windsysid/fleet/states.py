@@ -11,7 +11,7 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["STATES", "Operation", "operation_of"]
+__all__ = ["STATES", "Operation", "operation", "operation_of"]
 
 STATES = ("parked", "idling", "running", "transient", "unknown")
 
@@ -55,7 +55,7 @@ def operation_of(speed: Array | None, usual: float, power: float | None = None) 
     Parameters
     ----------
     speed
-        (T,) rotor speed [rad/s], or its mean alone; None where nothing says it.
+        (T,) rotor speed [rad/s]; None where nothing says it.
     usual
         The turbine's usual rotor speed [rad/s].
     power
@@ -64,7 +64,11 @@ def operation_of(speed: Array | None, usual: float, power: float | None = None) 
     known = np.empty(0) if speed is None else np.abs(speed[np.isfinite(speed)])
     if not known.size or usual <= 0.0:
         return Operation("unknown")
-    mean, low, high = float(known.mean()), float(known.min()), float(known.max())
+    return operation(float(known.mean()), float(known.min()), float(known.max()), usual, power)
+
+
+def operation(mean: float, low: float, high: float, usual: float, power: float | None) -> Operation:
+    """The state by mean and range of a rotor speed without its sign, and by the power, as `operation_of`."""
     share = mean / usual
     passes = low < PARKED_MAX_SHARE * usual and high > RUNNING_MIN_SHARE * usual
     if passes or high - low > STEADY_MAX_CHANGE * usual:

@@ -12,12 +12,13 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.fleet.joining import join
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row, empty_row, failed_row, row_of
 from windsysid.fleet.scada import Scada, read_scada
@@ -84,13 +85,16 @@ def _take(source: str, member: Member, formulation: str, settings: str, say: Say
         row = empty_row(source, size, settings)
         machine = _turbine(member.turbine)
         sensors = _sensors(member.sensors)
-        scada = _scada(member.scada, member.scada_mapping)
         try:
             record = read_record(source, mapping=_mapping(member.mapping))
         except (RecordError, ConfigurationError) as error:
             return row | {"status": "refused", "why": " ".join(str(error).split())}
         with _one_compiles(member.turbine, say):
-            return row_of(row, record, machine, sensors, formulation, scada)
+            row = row_of(row, record, machine, sensors, formulation)
+        scada = None
+        with suppress(RecordError, ConfigurationError):  # being written just now: the next run joins it
+            scada = _scada(member.scada, member.scada_mapping)
+        return row if scada is None else join(row, scada, machine.rotor_speed)
     except Exception as error:  # whatever it is: the row says so, and the run goes on
         return failed_row(source, size, settings, f"{type(error).__name__}: {' '.join(str(error).split())}")
 
@@ -132,7 +136,8 @@ def _mapping(path: str | None) -> Mapping:
 
 @lru_cache(maxsize=4)
 def _scada(path: str | None, mapping: str | None) -> Scada | None:
-    return None if path is None else read_scada(path, mapping)
+    """SCADA of a turbine; None where there is none yet: the rows get it when it is there."""
+    return None if path is None or not Path(path).exists() else read_scada(path, mapping)
 
 
 if __name__ == "__main__":
