@@ -12,7 +12,7 @@ import pytest
 
 from tests.fleet.conftest import contents, rows_of
 from windsysid.errors import ConfigurationError, OutputError, RecordError
-from windsysid.fleet.archive import add_rows, day_of
+from windsysid.fleet.archive import add_rows, day_of, place_of
 from windsysid.fleet.batch import Batch, batch
 from windsysid.fleet.engine import run_on_dask
 from windsysid.fleet.guard import Worker
@@ -74,7 +74,7 @@ def test_killed_and_in_another_order_the_archive_has_the_same_bytes(
     worker = Worker(300.0)
     killer = threading.Thread(target=kill_once, args=(worker,))
     killer.start()
-    run_task(task, worker, lambda _: None)
+    run_task(task, worker, lambda *_: None)
     killer.join()
     worker.close()
     assert batch(data, fleet=fleet, archive=tmp_path, workers=1).known == 1
@@ -97,7 +97,7 @@ def test_a_record_that_hangs_becomes_a_row_and_the_next_is_taken(data: Path, tmp
     worker.limit = 0.2
     statuses: list[str] = []
 
-    def tell(status: str) -> None:
+    def tell(status: str, _: str) -> None:
         statuses.append(status)
         worker.limit = 300.0
 
@@ -190,7 +190,7 @@ def test_a_wrong_fleet_file_is_refused(tmp_path: Path, text: str, message: str):
 def test_wrong_options_are_refused_before_any_work(tmp_path: Path, data: Path, fleet: Path):
     archive = tmp_path / "archive"
     for options, message in (
-        ({}, "expected one of turbine and fleet"),
+        ({}, "Expected one of turbine"),
         ({"turbine": "tower", "workers": 0}, "workers: expected 1"),
         ({"turbine": "tower", "formulation": "force-balance"}, "formulation: expected"),
         ({"turbine": "tower", "limit": 0.0}, "limit: expected"),
@@ -215,10 +215,51 @@ def test_the_command_says_what_it_took(run, tmp_path: Path, data: Path):
     ended = run("batch", tmp_path / "bad.csv", "--turbine", "tower", "--output", tmp_path / "archive", "--workers", 1)
     assert ended.code == 0
     assert "1 records taken" in ended.out
-    assert "1 refused" in ended.out
+    assert "1 refused: " in ended.out
+    assert "'wet' is not a number" in ended.out
     ended = run("batch", tmp_path / "none", "--turbine", "tower", "--output", tmp_path / "archive")
     assert ended.code == 2
     assert len(ended.err) == 1
+
+
+def test_a_typo_in_a_fleet_file_is_seen(tmp_path: Path, data: Path):
+    text = '[[turbine]]\nname = "{}"\npattern = "{}"\nturbine = "{}"\n'
+    path = tmp_path / "fleet.toml"
+    path.write_text(text.format("A", "T1/*", "tower"))
+    with pytest.raises(
+        ConfigurationError, match=r"no file fits a pattern, T1/\* of 'A' for one; got 5, .*a.csv for one"
+    ):
+        batch(data, fleet=path, archive=tmp_path / "archive")
+    path.write_text(text.format("A", "T01/*", "towr"))
+    with pytest.raises(ConfigurationError, match="'A': no turbine"):
+        batch(data, fleet=path, archive=tmp_path / "archive")
+    path.write_text(text.format("A", "*/d_*", "tower") + text.format("B", "T2/*", "tower"))
+    found = batch(data, fleet=path, archive=tmp_path / "archive", workers=1)
+    assert found.unmatched == 4
+    assert found.notes[1:] == ("no file fits the pattern of 'B': T2/*",)
+
+
+def test_a_turbine_with_too_few_records_does_not_keep_others_from_being_watched(run, tmp_path: Path):
+    rows = [
+        empty_row(f"/{i}", 1, "s") | {
+            "status": "ok", "start": f"2026-03-{i + 1:02d}T00:00:00Z", "trusted": True, "state": "running",
+            "duration": 600.0, "parameters": [{
+                "name": "k", "unit": "N/m", "prior_centre": 1.0, "prior_spread": 0.3, "logarithmic": True,
+                "coordinate_scale": 1.0, "own": 0.01 * (-1.0) ** i, "own_std": 0.01,
+            }],
+        }
+        for i in range(28)
+    ]  # fmt: skip
+    for row in rows:
+        add_rows(place_of(tmp_path, "T1", row["start"][:10]), [row])
+    add_rows(place_of(tmp_path, "T2", "2026-03-01"), rows[:1])
+    ended = run("monitor", tmp_path)
+    assert ended.code == 0
+    assert ended.out.splitlines()[0].startswith("T1: ")
+    assert ended.out.splitlines()[1].startswith("T2 is not watched: expected at least")
+    shutil.rmtree(tmp_path / "turbine=T1")
+    ended = run("monitor", tmp_path)
+    assert (ended.code, len(ended.err)) == (2, 1)
 
 
 def test_one_turbine_has_the_name_of_its_file():
@@ -228,4 +269,4 @@ def test_one_turbine_has_the_name_of_its_file():
 def test_without_dask_the_one_line_installs_it(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(RecordError, match=r'install it with: pip install "windsysid\[fleet\]"'):
-        run_on_dask([], "tcp://127.0.0.1:1", lambda _: None)
+        run_on_dask([], "tcp://127.0.0.1:1", lambda *_: None)

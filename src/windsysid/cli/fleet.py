@@ -100,14 +100,20 @@ def watch_archive(
     names = turbines_of(archive) if turbine is None else (turbine,)
     if output is not None and len(names) > 1:
         raise ConfigurationError("--output goes with one turbine: give --turbine, or take windsysid report")
-    found = {}
+    found, short = {}, {}
     with show_progress("monitor") as progress:
         for name in names:
             progress(name)
-            found[name] = watch(archive_blocks(archive, name), alarms_per_year=alarms_per_year)
-    if len(found) == 1:
+            try:
+                found[name] = watch(archive_blocks(archive, name), alarms_per_year=alarms_per_year)
+            except ConfigurationError as error:
+                short[name] = str(error)
+    if not found:
+        raise ConfigurationError(f"no turbine can be watched; {names[0]}: {short[names[0]]}")
+    if len(names) == 1:
         print_and_save(found[names[0]], output, write, json=json)
     elif json:
         print(dumps({name: one.summary() for name, one in found.items()}, indent=2))
     else:
         print(*(f"{name}: {one.sentence}" for name, one in found.items()), sep="\n")
+        print(*(f"{name} is not watched: {why}" for name, why in short.items()), sep="\n", end="\n" if short else "")

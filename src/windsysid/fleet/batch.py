@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
+from itertools import islice
 from pathlib import Path
 
 from windsysid.errors import ConfigurationError
@@ -32,6 +33,9 @@ FORMULATIONS = ("spectral", "joint", "auto")
 
 _LOOKS_PER_REPORT = 20
 
+REASONS = 3
+"""Reasons for no result that the answer lists."""
+
 
 @dataclass(frozen=True)
 class Batch:
@@ -50,7 +54,7 @@ class Batch:
     joined
         Records that the archive had already and that now have what SCADA says of them.
     notes
-        What is not there yet.
+        Why records have no result, and what is not there yet.
     seconds
         How long the run took.
     """
@@ -127,7 +131,10 @@ def batch(
         If the archive cannot be written: what was filed stays, and the same call goes on.
     """
     if (turbine is None) == (fleet is None):
-        raise ConfigurationError("batch: expected one of turbine and fleet: a turbine of all records, or a fleet file")
+        raise ConfigurationError(
+            "batch: whose records are they? Expected one of turbine (T, of all) and fleet (FILE, of several), got "
+            + ("none" if fleet is None else "both")
+        )
     if formulation not in FORMULATIONS:
         raise ConfigurationError(f"formulation: expected {', '.join(FORMULATIONS)}; got '{formulation}'")
     if workers is not None and workers < 1:
@@ -142,10 +149,15 @@ def batch(
     else:
         members = (single(str(turbine), **own),)
     begun, folder, say = time.monotonic(), Path(archive).resolve(), progress or (lambda _: None)
-    settings = {member.name: member.settings(formulation) for member in members}
+    settings = {member.name: _settings(member, formulation) for member in members}
     scadas, notes = read_scadas(members)
     say("looking for records")
     theirs, unmatched = _assigned(_files(sources, folder), members)
+    if unmatched:
+        bare = (member for member in members if not theirs[member.name])
+        notes += tuple(
+            f"no file fits the pattern of '{member.name}': {member.pattern}" for member in islice(bare, REASONS)
+        )
     with claim_archive(folder):
         known = {member.name: known_sources(folder, member.name) for member in members}
         _check_settings(folder, known, settings)
@@ -165,24 +177,41 @@ def batch(
             else:
                 looker.close()
                 run_on_dask(tasks, scheduler, counted.tell)
-    return Batch(folder, dict(counted.taken), there, unmatched, joined, notes, time.monotonic() - begun)
+    return Batch(
+        folder, dict(counted.taken), there, unmatched, joined, (*counted.reasons(), *notes), time.monotonic() - begun
+    )
 
 
 class _Counted:
     """Counts records as they come, and says how fast they come."""
 
     def __init__(self, total: int, say: Callable[[str], None]) -> None:
-        self.total, self.say, self.taken = total, say, Counter[str]()
+        self.total, self.say, self.taken, self.whys = total, say, Counter[str](), Counter[tuple[str, str]]()
         self.begun = time.monotonic()
 
-    def tell(self, status: str) -> None:
+    def tell(self, status: str, why: str) -> None:
         """One more."""
         self.taken[status] += 1
+        if status != "ok":
+            self.whys[status, why] += 1
         done, seconds = sum(self.taken.values()), time.monotonic() - self.begun
         rate = done / max(seconds, 1e-9)
         told = f"{done} of {self.total} records, {rate:.2g} a second, {_span((self.total - done) / rate)} left"
         bad = done - self.taken["ok"]
         self.say(f"{told}; {bad} without a result" if bad else told)
+
+    def reasons(self) -> list[str]:
+        """A sentence for each of the commonest reasons why there is no result."""
+        told = [f"{count} {status}: {why}" for (status, why), count in self.whys.most_common(REASONS)]
+        more = len(self.whys) - REASONS
+        return [*told, f"{more} other reasons: column why of the archive"] if more > 0 else told
+
+
+def _settings(member: Member, formulation: str) -> str:
+    try:
+        return member.settings(formulation)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"'{member.name}': {error}") from None
 
 
 def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[Path]:
@@ -229,7 +258,10 @@ def _assigned(files: Sequence[Path], members: Sequence[Member]) -> tuple[dict[st
         else:
             theirs[member.name].append(path)
     if not any(theirs.values()):
-        raise ConfigurationError(f"expected a file that fits a turbine's pattern, got {unmatched} that fit none")
+        raise ConfigurationError(
+            f"no file fits a pattern, {members[0].pattern} of '{members[0].name}' for one; got {len(files)},"
+            f" {files[0]} for one"
+        )
     return theirs, unmatched
 
 

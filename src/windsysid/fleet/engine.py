@@ -9,12 +9,12 @@ import logging
 import queue
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from windsysid.errors import ConfigurationError, OutputError
 from windsysid.fleet.guard import StoppedError, Worker
-from windsysid.fleet.tasks import Task, run_task
+from windsysid.fleet.tasks import Task, Tell, run_task
 from windsysid.records.formats.format import package
 
 __all__ = ["run_here", "run_on_dask"]
@@ -25,13 +25,11 @@ WINDOW = 4
 KILLED = 3
 """Times that a task is given to Dask again after workers died at it; Dask itself tries four times in each."""
 
-Tell = Callable[[str], None]
-
 
 def run_here(tasks: Iterable[Task], guarded: Sequence[Worker], tell: Tell) -> None:
     """Run tasks by worker processes of this machine; what is running is filed where this is interrupted."""
     waiting, lock = iter(tasks), threading.Lock()
-    said: queue.Queue[str | BaseException | None] = queue.Queue()
+    said: queue.Queue[tuple[str, str] | BaseException | None] = queue.Queue()
     stopping = threading.Event()
 
     def work(worker: Worker) -> None:
@@ -41,7 +39,7 @@ def run_here(tasks: Iterable[Task], guarded: Sequence[Worker], tell: Tell) -> No
                     task = next(waiting, None)
                 if task is None:
                     break
-                run_task(task, worker, said.put)
+                run_task(task, worker, lambda *news: said.put(news))
         except StoppedError:
             pass
         except BaseException as error:  # told to whoever waits
@@ -61,7 +59,7 @@ def run_here(tasks: Iterable[Task], guarded: Sequence[Worker], tell: Tell) -> No
                 raise news
             left -= news is None
             if news is not None:
-                tell(news)
+                tell(*news)
     finally:
         stopping.set()
         for worker in guarded:
@@ -90,13 +88,12 @@ def run_on_dask(tasks: Iterable[Task], address: str, tell: Tell) -> None:
         raise ConfigurationError(f"--scheduler {address}: cannot be reached ({type(error).__name__})") from None
     with client:
         for done in _on_dask(client, distributed, iter(tasks), address):
-            for status, count in done.items():
-                for _ in range(count):
-                    tell(status)
+            for one in done:
+                tell(*one)
 
 
-def _on_dask(client: Any, dask: Any, waiting: Iterator[Task], address: str) -> Iterator[Counter[str]]:
-    """How many records of each status came, task by task."""
+def _on_dask(client: Any, dask: Any, waiting: Iterator[Task], address: str) -> Iterator[list[tuple[str, str]]]:
+    """What is told of each record, task by task."""
     given: dict[str, Task] = {}
     killed: Counter[str] = Counter()
 
@@ -114,7 +111,7 @@ def _on_dask(client: Any, dask: Any, waiting: Iterator[Task], address: str) -> I
         try:
             if future.status in ("cancelled", "lost"):
                 raise gone
-            counts = future.result()
+            told = future.result()
         except dask.KilledWorker:
             killed[key] += 1
             if killed[key] > KILLED:
@@ -128,7 +125,7 @@ def _on_dask(client: Any, dask: Any, waiting: Iterator[Task], address: str) -> I
             raise gone from None
         future.release()
         del given[key]
-        yield counts
+        yield told
         following = next(waiting, None)
         if following is not None:
             completed.add(submit(following))
@@ -138,11 +135,11 @@ _own = threading.local()
 """The guarded process of each thread of a Dask worker."""
 
 
-def run_on_worker(task: Task) -> Counter[str]:
-    """What a Dask worker runs: how many records of each status came."""
+def run_on_worker(task: Task) -> list[tuple[str, str]]:
+    """What a Dask worker runs: what is told of each record."""
     if getattr(_own, "worker", None) is None:
         _own.worker = Worker(task.limit)
     _own.worker.limit = task.limit
-    found: list[str] = []
-    run_task(task, _own.worker, found.append)
-    return Counter(found)
+    told: list[tuple[str, str]] = []
+    run_task(task, _own.worker, lambda *one: told.append(one))
+    return told

@@ -11,7 +11,10 @@ from windsysid.fleet.guard import DEATHS, DeadWorkerError, HangingWorkerError, W
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row, failed_row
 
-__all__ = ["FLUSH_SECONDS", "Task", "run_task"]
+__all__ = ["FLUSH_SECONDS", "Task", "Tell", "run_task"]
+
+Tell = Callable[[str, str], None]
+"""Hears of each record: its status, and why it has no result."""
 
 FLUSH_SECONDS = 120.0
 """What was found is filed at least this often: so much work is lost where everything is killed."""
@@ -53,8 +56,8 @@ class Task:
         return f"windsysid-{self.member.name}-{self.day}-{digest}"
 
 
-def run_task(task: Task, worker: Worker, tell: Callable[[str], None]) -> None:
-    """Take the records of a task and file them; `tell` is told the status of each.
+def run_task(task: Task, worker: Worker, tell: Tell) -> None:
+    """Take the records of a task and file them; `tell` is told the status of each, and why it has no result.
 
     What was found is filed also where the worker is stopped between two records.
     """
@@ -64,7 +67,7 @@ def run_task(task: Task, worker: Worker, tell: Callable[[str], None]) -> None:
         for source, tries in task.sources:
             row = _take(task, source, worker)
             rows.append(row | {"tries": row["tries"] + tries} if row["status"] == "failed" else row)
-            tell(row["status"])
+            tell(row["status"], row["why"] or "")
             if time.monotonic() - filed > FLUSH_SECONDS:
                 add_rows(Path(task.place), rows)
                 rows, filed = [], time.monotonic()
