@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from windsysid.results.lines import find_line
+from windsysid.results.lines import PARABOLA_LOSS, find_line, line_bound, stand_out_of_a_bend
 from windsysid.results.steadiness import how_late
 from windsysid.results.whiteness import Whiteness, examine
 
@@ -74,25 +74,66 @@ def test_a_line_beside_a_resonance_is_found_and_the_resonance_is_none():
     alarms = 0
     for seed in range(20):
         z = resonance(seed, 5000, *modes[0])
-        healthy = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0, chance=1e-3)
+        healthy = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0)
         assert healthy is not None
         alarms += healthy.ratio > healthy.bound
         z[:, 0] += np.sqrt(2.0) * z.std() * np.sin(2.0 * np.pi * 1.9 * t)
-        found = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0, chance=1e-3)
+        found = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0)
         assert found is not None
         assert found.frequency == pytest.approx(1.9, abs=0.011)
         assert found.ratio > found.bound
     assert alarms <= 1
 
 
+def test_a_line_that_hides_in_the_flank_of_a_resonance_is_found():
+    # The mean of what surrounds it has the resonance's peak in it: one in six of these was missed against it.
+    modes = [(2.0, 0.04)]
+    t = np.arange(5000) / RATE
+    found, alarms = 0, 0
+    for seed in range(100, 130):
+        z = resonance(seed, 5000, *modes[0])
+        healthy = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0)
+        z[:, 0] += 1.2 * z.std() * np.sin(2.0 * np.pi * 1.87 * t)
+        beside = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0)
+        assert healthy is not None
+        assert beside is not None
+        alarms += healthy.ratio > healthy.bound
+        found += beside.ratio > beside.bound
+    assert found >= 28
+    assert alarms <= 1
+
+
+def test_a_line_amid_two_modes_is_found():
+    modes = [(1.0, 0.06), (2.0, 0.04)]
+    z = resonance(31, 5000, *modes[0]) + resonance(32, 5000, *modes[1])
+    z[:, 0] += 0.3 * z.std() * np.sin(2.0 * np.pi * 1.42 * np.arange(5000) / RATE)
+    line = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0)
+    assert line is not None
+    assert line.frequency == pytest.approx(1.42, abs=0.011)
+    assert line.ratio > line.bound
+
+
+def test_chance_over_a_parabola_is_as_the_bound_says():
+    # 150 000 points of white noise, as many beyond the bound of one in 1000, and of one in 10 000, as it says.
+    rng, surroundings, ratios = np.random.default_rng(12), 30, []
+    at = np.arange(surroundings + 2, 2046 - surroundings)
+    for _ in range(20):
+        z = np.hanning(4096)[:, None] * rng.standard_normal((4096, 4))
+        ratios.append(stand_out_of_a_bend(np.abs(np.fft.rfft(z, axis=0)) ** 2, at, surroundings).ravel())
+    ratio = np.concatenate(ratios)
+    for chance in (1e-3, 1e-4):
+        beyond = np.quantile(ratio, 1.0 - chance)
+        assert line_bound(1, surroundings, chance, PARABOLA_LOSS) == pytest.approx(beyond, rel=0.1)
+
+
 def test_what_turns_with_the_rotor_and_modes_that_are_no_broader_than_a_line_are_not_looked_at():
     t = np.arange(5000) / RATE
     z = resonance(1, 5000, 2.0, 0.04)
     z[:, 0] += z.std() * np.sin(2.0 * np.pi * 1.95 * t)
-    turning = find_line(z, NAMES[:1], rate=RATE, modes=[(2.0, 0.04)], rotor_hz=0.65, chance=1e-3)
+    turning = find_line(z, NAMES[:1], rate=RATE, modes=[(2.0, 0.04)], rotor_hz=0.65)
     assert turning is not None
     assert turning.ratio < turning.bound
-    assert find_line(z, NAMES[:1], rate=RATE, modes=[(2.0, 0.001)], rotor_hz=0.0, chance=1e-3) is None
+    assert find_line(z, NAMES[:1], rate=RATE, modes=[(2.0, 0.001)], rotor_hz=0.0) is None
 
 
 def test_blades_that_come_a_sample_late_are_found_in_their_own_frame():
@@ -108,3 +149,19 @@ def test_blades_that_come_a_sample_late_are_found_in_their_own_frame():
     late = how_late(z, psi, (0, 1), angles)
     assert late.lag == 1
     assert late.sigmas == pytest.approx(0.1 * np.sqrt(3 * 8000), abs=3.5)
+
+
+def test_blades_that_are_late_beyond_a_band_only_are_not_late_within_it():
+    rng = np.random.default_rng(8)
+    z, psi = rng.standard_normal((8000, 5)), np.linspace(0.0, 1160.0, 8000)
+    angles = {2 + i: 2.0 * np.pi * i / 3.0 for i in range(3)}
+    sharp = signal.butter(8, 0.5, "high", output="sos")  # in half the rate: a quarter of the samples
+    for column, angle in angles.items():
+        tangential = -np.sin(psi + angle) * z[:, 0] + np.cos(psi + angle) * z[:, 1]
+        z[1:, column] += 0.3 * signal.sosfiltfilt(sharp, tangential)[:-1]
+    assert how_late(z, psi, (0, 1), angles).sigmas > 10.0
+    assert how_late(z, psi, (0, 1), angles, below=0.16).sigmas < 4.0
+    for column, angle in angles.items():
+        tangential = -np.sin(psi + angle) * z[:, 0] + np.cos(psi + angle) * z[:, 1]
+        z[1:, column] += 0.3 * tangential[:-1]
+    assert how_late(z, psi, (0, 1), angles, below=0.16).sigmas > 10.0

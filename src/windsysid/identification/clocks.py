@@ -34,8 +34,8 @@ __all__ = [
     "shifted",
 ]
 
-BAND = 2.7
-"""Edge of the band that is shifted, in highest natural frequencies: all below three quarters of it passes."""
+BAND, PASSED = 2.7, 2.0
+"""Edge of the band that is shifted, and up to where all of it passes, in highest natural frequencies."""
 
 TAPS = 24.0
 """Half-length of the convolution, in samples, times the edge in radians per sample."""

@@ -5,7 +5,14 @@ in the innovations it may not, as a resonance that the fit has moved and narrowe
 where its half-power width ζf is more than a few frequencies 1/T of the periodogram; records too short for that are not
 looked at. What turns with the rotor at nP is no line of this kind.
 
-One point of white noise's periodogram over the mean of n others is x or more with probability (1 + x/n)^−n.
+Innovations are white beside a line, and the mean of what surrounds it tells their level S. Readings are not: beside a
+resonance 1/S is a parabola in frequency, S = A/(w² + (f − f₀)²). The one that surroundings I_j are likeliest to come
+from minimises Σ I_j/S_j + log S_j (Whittle 1953), which is convex in the parabola's three coefficients.
+
+One point of white noise's periodogram over the mean of n others is x or more with probability (1 + x/n)^−n; over a
+parabola through them it is as if n were smaller (`PARABOLA_LOSS`).
+
+Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-6161.1953.tb00131.x.
 """
 
 import math
@@ -17,7 +24,10 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 
-__all__ = ["Line", "find_line", "line_bound", "stand_out"]
+__all__ = ["LINE_CHANCE", "Line", "find_line", "line_bound", "stand_out", "stand_out_of_a_bend"]
+
+LINE_CHANCE = 5e-3
+"""Share of records without a line in which one is seen by chance."""
 
 LINE_REACH = 1.15
 """Factor about a natural frequency within which a line bends what is found of the mode."""
@@ -28,8 +38,23 @@ WIDTH = 2
 HANN_VARIANCE = 1.94
 """Variance of the mean of neighbouring frequencies under Hann's window over that of independent ones."""
 
-SURROUNDINGS = 15
+SURROUNDINGS = 30
 """Frequencies to either side of one that tell the level around it in readings, where resonances bend it."""
+
+READINGS_REACH = 1.6
+"""Factor about a natural frequency within which a line of the readings is looked for: it bends the level of the loads
+there, too."""
+
+PARABOLA_LOSS = 1.9
+"""By how much fewer frequencies a level seems to be told where a parabola is fitted to them: of white noise from 1.7 at
+one point in 1000 to 2.0 at one in 100 000 (``tests/results/test_steadiness.py``)."""
+
+HIGH = 4.0
+"""Over the mean of its surroundings, bent or not, what a frequency has to be to be worth a parabola: no bound is below
+8, and no resonance of `NARROWEST` falls to half that mean beside its peak."""
+
+CLIMBS = 12
+"""Steps of Newton's method for the parabola; it settles in half as many."""
 
 NARROWEST = 5.0
 """Half-power width of a resonance in frequencies of the periodogram, below which its peak and its flanks may look like
@@ -52,7 +77,7 @@ class Line(NamedTuple):
     frequency
         [Hz].
     ratio, bound
-        Power over that of its surroundings, and what chance exceeds in one record of 1000.
+        Power over that of its surroundings, and what chance exceeds in a share `LINE_CHANCE` of records.
     """
 
     channel: str
@@ -72,15 +97,36 @@ def stand_out(power: Array, at: NDArray[np.int64], surroundings: int) -> Array:
     return np.asarray(power[at] / np.maximum(level, 1e-300))
 
 
-def line_bound(tested: int, surroundings: int, chance: float) -> float:
-    """What the greatest of so many ratios of `stand_out` stays below but for that chance."""
-    n = 2 * (surroundings - WIDTH) / HANN_VARIANCE
+def stand_out_of_a_bend(power: Array, at: NDArray[np.int64], surroundings: int) -> Array:
+    """Power (F, m) at some frequencies (K,) over the level that a parabola in 1/S has there (K, m)."""
+    away = np.arange(WIDTH + 1, surroundings + 1)
+    off = np.concatenate([-away[::-1], away])
+    x = np.vander(off / surroundings, 3, increasing=True)
+    around = np.moveaxis(power[at[:, None] + off], 2, 1)
+    mean = np.maximum(around.mean(axis=2), 1e-300)
+    around = around / mean[:, :, None]
+    bend = np.zeros((*mean.shape, 3))
+    bend[..., 0] = 1.0
+    for _ in range(CLIMBS):
+        level = bend @ x.T  # 1/S in units of the mean
+        slope = (around - 1.0 / level) @ x
+        curvature = np.einsum("kmn,ni,nj->kmij", level**-2.0, x, x, optimize=True)
+        step = np.linalg.solve(curvature, slope[..., None])[..., 0]
+        length = np.sqrt(np.maximum((step * slope).sum(axis=2), 0.0))
+        bend -= step / np.where(length < 0.25, 1.0, 1.0 + length)[..., None]  # stays where 1/S > 0: self-concordant
+    return np.asarray(power[at] / mean * bend[..., 0])
+
+
+def line_bound(tested: int, surroundings: int, chance: float, loss: float = 1.0) -> float:
+    """What the greatest of so many ratios of `stand_out` stays below but for that chance, or of
+    `stand_out_of_a_bend` with `PARABOLA_LOSS`."""
+    n = 2 * (surroundings - WIDTH) / HANN_VARIANCE / loss
     return float(n * ((chance / max(tested, 1)) ** (-1.0 / n) - 1.0))
 
 
 def find_line(
     values: Array, channels: Sequence[str], *, rate: float, modes: Sequence[tuple[float, float]], rotor_hz: float,
-    chance: float,
+    chance: float = LINE_CHANCE,
 ) -> Line | None:  # fmt: skip
     """The line that stands out most of readings (T, m), beside modes of frequencies f [Hz] and damping ratios ζ.
 
@@ -92,7 +138,7 @@ def find_line(
         return None
     near = np.zeros(len(frequency), dtype=np.bool_)
     for natural, _ in modes:
-        near |= (frequency > natural / LINE_REACH) & (frequency < natural * LINE_REACH)
+        near |= (frequency > natural / READINGS_REACH) & (frequency < natural * READINGS_REACH)
     if rotor_hz:
         order = np.maximum(np.round(frequency / rotor_hz), 1.0)
         near &= np.abs(frequency - order * rotor_hz) > np.maximum(TURNING_SHARE * frequency, 3.0 * step)
@@ -104,8 +150,10 @@ def find_line(
     power = np.abs(np.fft.rfft(np.hanning(len(z))[:, None] * z, axis=0)) ** 2
     at = np.flatnonzero(near)
     ratio = stand_out(power, at, SURROUNDINGS)
+    high = ratio.max(axis=1) > HIGH
+    ratio[high] = stand_out_of_a_bend(power, at[high], SURROUNDINGS)
     row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    bound = line_bound(ratio.size, SURROUNDINGS, chance)
+    bound = line_bound(ratio.size, SURROUNDINGS, chance, PARABOLA_LOSS)
     named = [channel for channel, kept in zip(channels, whole, strict=True) if kept][int(column)]
     return Line(named, float(frequency[at[row]]), float(ratio[row, column]), bound)
 

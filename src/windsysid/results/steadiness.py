@@ -7,7 +7,8 @@ two channels share is the correlation of their innovations at lags of a few samp
 1/√N. Loads that act on two degrees of freedom at once make it, and so does an accelerometer off its axis. Blades turn:
 what a late logger on them leaves is correlated with the innovations of the tower along the blade's tangent,
 −z_x sin ψ_i + z_y cos ψ_i, one sample off and more. At lag 0 steps of finite length leave a trace there, which is left
-out.
+out. Where a clock is an unknown, readings have been moved by what it is late as far as the structure answers; only that
+band is asked then.
 """
 
 import math
@@ -122,7 +123,9 @@ def most_shared(products: Array, pairs: Array) -> Shared | None:
     return Shared(int(later[pair]), int(now[pair]), int(lag) - LAGS, correlation, float(abs(sigmas[lag, pair])))
 
 
-def how_late(z: Array, azimuth: Array, tower: tuple[int, int], blades: Mapping[int, float]) -> Late:
+def how_late(
+    z: Array, azimuth: Array, tower: tuple[int, int], blades: Mapping[int, float], *, below: float = 0.5
+) -> Late:
     """Of innovations z (T, m), NaN where missing, with variance 1: how late blades are.
 
     Parameters
@@ -133,15 +136,19 @@ def how_late(z: Array, azimuth: Array, tower: tuple[int, int], blades: Mapping[i
         Columns of the tower along x and y.
     blades
         Columns of the blades, and the angle [rad] of each at ψ = 0.
+    below
+        Frequency in cycles per sample up to which is looked.
     """
+    kept = np.fft.rfftfreq(len(z)) <= below
     lags = [lag for lag in range(-LAGS, LAGS + 1) if lag]
     z = np.nan_to_num(z)
     total, number = np.zeros(len(lags)), 0
     for column, angle in blades.items():
         tangential = -np.sin(azimuth + angle) * z[:, tower[0]] + np.cos(azimuth + angle) * z[:, tower[1]]
+        number += int(np.count_nonzero(tangential * z[:, column]))
+        tangential = np.fft.irfft(np.where(kept, np.fft.rfft(tangential), 0.0), len(z))
         for k, lag in enumerate(lags):
             first, second = slice(max(-lag, 0), len(z) - max(lag, 0)), slice(max(lag, 0), len(z) - max(-lag, 0))
             total[k] += float(tangential[first] @ z[second, column])
-        number += int(np.count_nonzero(tangential * z[:, column]))
     k = int(np.argmax(np.abs(total)))
-    return Late(lags[k], float(abs(total[k])) / math.sqrt(max(number, 1)))
+    return Late(lags[k], float(abs(total[k])) / math.sqrt(max(number * float(kept.mean()), 1.0)))

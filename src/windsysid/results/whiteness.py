@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.results.lines import line_bound
+from windsysid.results.lines import LINE_CHANCE, line_bound
 from windsysid.results.steadiness import Shared, most_shared, steadiness
 from windsysid.results.stretches import (
     LINE_SURROUNDINGS,
@@ -119,7 +119,7 @@ class Whiteness(NamedTuple):
     colour_bound
         What the colour of white noise stays below, but for one record in 1000.
     line_bound
-        The same for the ratio of a line.
+        The same for the ratio of a line, but for a share `LINE_CHANCE` of records.
     shared
         What two channels share most (`windsysid.results.steadiness`); None of one channel alone.
     """
@@ -273,7 +273,7 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
         spectrum=spectrum,
         spectrum_bound=chance_limit(FALSE_ALARM_CHANCE / max(spectrum.size, 1), freedom) / freedom,
         colour_bound=(chance_limit(FALSE_ALARM_CHANCE / m, lags) - lags) / fewest,
-        line_bound=line_bound(sums.tested, LINE_SURROUNDINGS, FALSE_ALARM_CHANCE),
+        line_bound=line_bound(sums.tested, LINE_SURROUNDINGS, LINE_CHANCE),
         shared=most_shared(sums.shared, sums.shared_pairs),
     )
 
