@@ -9,6 +9,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.filters import EKF
+from windsysid.identification.clocks import PASSED
 from windsysid.identification.outcome import Outcome
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Coefficient
@@ -22,6 +23,7 @@ from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
 from windsysid.results.steadiness import Late, how_late
+from windsysid.results.straightness import Bent, find_bent
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE
 from windsysid.turbine.turbine import Turbine
 
@@ -103,6 +105,7 @@ def conclude(
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
         line=_line(outcome, record, modes, speed) if formulation != "force-balance" else None,
         late=_late(outcome, record) if formulation == "joint" else None,
+        bent=_bent(outcome) if formulation == "joint" else None,
     )
     return Identification(
         method=_METHODS[formulation],
@@ -151,13 +154,15 @@ def _line(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float)
     known = [(m.frequency_hz[0], max(m.damping_ratio[0], z)) for m, z in zip(modes, least, strict=True)]
     readings = np.column_stack([record[channel] for channel in outcome.channels])
     return find_line(
-        readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=abs(speed) / (2.0 * math.pi),
-        chance=FALSE_ALARM_CHANCE,
+        readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=abs(speed) / (2.0 * math.pi)
     )  # fmt: skip
 
 
 def _late(outcome: Outcome, record: Record) -> Late | None:
-    """How late the blades' readings are behind the tower's along x and y; None where there are not both."""
+    """How late the blades' readings are behind the tower's along x and y; None where there are not both.
+
+    Where a clock is an unknown, readings have been moved in its band only, and what is faster is late still.
+    """
     z, names = outcome.final.whitened, outcome.model.readings
     along = {axis: [i for i, name in enumerate(names) if name.startswith(f"tower_{axis}_")] for axis in ("x", "y")}
     turbine = outcome.turbine.model
@@ -169,7 +174,24 @@ def _late(outcome: Outcome, record: Record) -> Late | None:
     }
     if not (along["x"] and along["y"] and blades and "rotor_azimuth" in record and len(z) == record.samples):
         return None
-    return how_late(z, np.nan_to_num(record["rotor_azimuth"]), (along["x"][0], along["y"][0]), blades)
+    below = 0.5
+    if any(one.group == "clock" for one in outcome.tolerances):
+        prior = {q.name: float(q.physical(q.prior[0])) for q in outcome.model.parameters}
+        before = outcome.turbine.with_values(prior)
+        highest = max(before.natural_frequency(name) for name in turbine.coordinates) / (2.0 * math.pi)
+        below = min(below, PASSED * highest / record.rate)
+    azimuth = np.nan_to_num(record["rotor_azimuth"])
+    return how_late(z, azimuth, (along["x"][0], along["y"][0]), blades, below=below)
+
+
+def _bent(outcome: Outcome) -> Bent | None:
+    """Which degree of freedom shows most that its spring or damper is no straight line."""
+    coordinates = outcome.turbine.model.coordinates
+    n, mean = len(coordinates), outcome.final.mean
+    return find_bent(
+        outcome.final.whitened, mean[:, :n], mean[:, n : 2 * n],
+        channels=outcome.model.readings, coordinates=coordinates, chance=FALSE_ALARM_CHANCE,
+    )  # fmt: skip
 
 
 def _budget(outcome: Outcome, modes: Sequence[Mode], slopes: Array, given_masses: Array) -> Budget:

@@ -35,6 +35,7 @@ from windsysid.filters import Info
 from windsysid.results.directions import describe_directions
 from windsysid.results.lines import Line
 from windsysid.results.steadiness import Late
+from windsysid.results.straightness import Bent
 from windsysid.results.stretches import MIN_REMARKED_OUTLIERS, OUTLIER_SIGMAS, band_of_interest
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE, ChannelCheck, Whiteness, chance_limit, examine
 from windsysid.statespace.parameter import Parameter
@@ -157,6 +158,7 @@ def diagnose(
     damping: Sequence[tuple[str, Band]] = (),
     line: Line | None = None,
     late: Late | None = None,
+    bent: Bent | None = None,
 ) -> Diagnosis:
     """Judge a result by its innovations and its priors.
 
@@ -187,6 +189,8 @@ def diagnose(
         What stands out most of the readings beside a mode, where that was looked for.
     late
         How late the blades seem to be, where that was looked for.
+    bent
+        What shows most that a spring or damper is no straight line, where that was looked for.
     """
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = tuple(
@@ -201,7 +205,7 @@ def diagnose(
         for verdict in (  # the most telling first
             _judge_lines(whiteness, line, rotor_hz), _judge_steadiness(whiteness),
             *((spectrum, common) if loud else (common,)), _judge_size(whiteness), _judge_lateness(late),
-            *(() if loud else (spectrum,)), _judge_outliers(whiteness),
+            _judge_straightness(bent), *(() if loud else (spectrum,)), _judge_outliers(whiteness),
         ):  # fmt: skip
             reasons += verdict.reasons
             remarks += verdict.remarks
@@ -359,6 +363,18 @@ def _judge_lateness(late: Late | None) -> _Verdict:
         [
             f"blades seem {'later' if late.lag > 0 else 'earlier'} than the tower ({late.sigmas:.1f} standard"
             " deviations): likely an instrument (a late logger, a wrong azimuth); align the clocks"
+        ],
+        [],
+    )
+
+
+def _judge_straightness(bent: Bent | None) -> _Verdict:
+    if bent is None or bent.statistic <= bent.bound:
+        return _Verdict([], [])
+    return _Verdict(
+        [
+            f"what is not explained of {bent.channel} goes with cubes of {bent.coordinate}: likely a spring that"
+            " hardens, or friction; its coefficients hold at this amplitude only"
         ],
         [],
     )
