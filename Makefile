@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 STUDY ?= results/study
 
-.PHONY: study test test-all lint bench field docs clean
+.PHONY: study test test-all lint bench field validation docs clean
 
 study: $(VENV)/.installed
 	$(BIN)/windsysid study --output $(STUDY) --overwrite
@@ -36,6 +36,13 @@ $(PEERS)/.installed: pyproject.toml constraints.txt benchmarks/peers.txt
 	test -d $(PEERS) || $(PYTHON) -m venv $(PEERS)
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . -r benchmarks/peers.txt
 	touch $@
+
+# `make validation` proves what "trust: yes" is worth (docs/adversary.md): many hours, interruptible; RUNS=1 is a first look.
+RUNS ?= 40
+
+validation: $(VENV)/.installed
+	$(BIN)/python -m validation.adversary.calibrate
+	$(BIN)/python -m validation.adversary --runs $(RUNS) --loads broadband
 
 FIELD := results/field
 

@@ -15,6 +15,10 @@ and a coefficient of a vibration listens around its natural frequency: where the
 by √S more than the bands hold. Colour out of reach of every natural frequency does little harm, as ``python -m
 validation.trust`` shows; it is a remark and no reason.
 
+Limits of chance are such that each of some ten tests condemns one healthy record in 500; ``python -m
+validation.adversary.calibrate`` prints every limit beside what healthy records show. Limits of size say what does harm,
+and lie beyond what healthy records show, too.
+
 Estimates are held against their priors: before the record was seen, estimate and centre of the prior were expected to
 differ by √(σ₀² − σ²) (the prior predictive check of Box, J. R. Statist. Soc. A 143, 1980,
 https://doi.org/10.2307/2982063).
@@ -46,8 +50,8 @@ Band = tuple[float, float, float]
 """Value, and ±2σ around it: low, high."""
 
 PEAK_MAX_LEVEL = 2.0
-"""Level of the spectrum from which a peak within reach of a natural frequency condemns a result: bands are √2 too
-narrow for what answers there."""
+"""Level of the spectrum from which a peak within reach of a natural frequency condemns a result, where it is beyond its
+bound, too: bands are √2 too narrow for what answers there. One healthy record in 500 has 2.1."""
 
 PLAIN_PEAK_LEVEL = 4.0
 """Level from which a peak tells more than what channels share because of it."""
@@ -56,16 +60,20 @@ FAR_REMARK_LEVEL = 3.0
 """Level from which a peak out of reach is remarked."""
 
 NEAR_MAX_LEVEL = 1.6
+"""The same of the average around a natural frequency, which one healthy record in 500 has."""
 
 COLOUR_REMARK_LEVEL = 0.02
 """Least sum of squared autocorrelations that is remarked as colour; a correlation of 0.14 between samples gives it."""
 
 SIZE_MAX_FACTOR, CHANNEL_MAX_FACTOR = 1.1, 1.15
 """Greatest factor on normalised innovation squared, of all channels together and of one. Levels of loads and noise are
-learned, so that healthy records scatter by 0.02; what is beyond is a channel that the levels learned do not fit."""
+learned, so that healthy records scatter by 0.02, and one in 500 is 1.06 off in all and 1.14 in one channel; what is
+beyond is a channel that the levels learned do not fit."""
 
-MAX_SIGMAS = 5.0
-"""Standard deviations of chance beyond which level, tails and what channels share count, where they are large, too."""
+MAX_SIGMAS = 4.5
+"""Standard deviations of chance beyond which level, tails, lateness and what channels share count, all but lateness
+where they are large, too. One healthy record in 500 exceeds 4.2 of the level over time and of lateness, 3.9 of
+tails, 4.5 of what channels share (``python -m validation.adversary.calibrate``)."""
 
 UNSTEADY_MAX, TAILS_MAX, SHARED_MAX = 0.25, 1.0, 0.06
 """What is large: variation of the level over the record, excess kurtosis, correlation of two channels."""
@@ -203,7 +211,7 @@ def diagnose(
         common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz)
         loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
         for verdict in (  # the most telling first
-            _judge_lines(whiteness, line, rotor_hz), _judge_steadiness(whiteness),
+            _judge_steadiness(whiteness), _judge_lines(whiteness, line, rotor_hz),
             *((spectrum, common) if loud else (common,)), _judge_size(whiteness), _judge_lateness(late),
             _judge_straightness(bent), *(() if loud else (spectrum,)), _judge_outliers(whiteness),
         ):  # fmt: skip

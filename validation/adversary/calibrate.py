@@ -1,0 +1,147 @@
+"""What the tests of the verdict show on healthy records, beside their limits.
+
+``python -m validation.adversary.calibrate [--runs N] [--first SEED]`` simulates ordinary records and filters them with
+the truth: with the coefficients, loads and noise that they were made with, and nothing to be found. A limit that
+healthy records reach is a false alarm; one far beyond them hides faults. Ten tests may condemn one record in 50
+together, so each one in 500: that quantile is told from the tail, which is taken to fall exponentially from the highest
+tenth on.
+"""
+
+import argparse
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.adversary.scenarios import SCENARIOS, record
+from windsysid.filters import EKF
+from windsysid.identification.clocks import PASSED
+from windsysid.identification.prepare import resample_for_model
+from windsysid.identification.prior import Prior
+from windsysid.identification.problem import TurbineProblem, pose
+from windsysid.loads.statistics import coordinates_of
+from windsysid.output.console import render
+from windsysid.results.diagnosis import (
+    CHANNEL_MAX_FACTOR,
+    MAX_SIGMAS,
+    NEAR_MAX_LEVEL,
+    PEAK_MAX_LEVEL,
+    SHARED_MAX,
+    SIZE_MAX_FACTOR,
+    TAILS_MAX,
+    UNSTEADY_MAX,
+)
+from windsysid.results.lines import find_line
+from windsysid.results.steadiness import how_late
+from windsysid.results.straightness import find_bent
+from windsysid.results.whiteness import FALSE_ALARM_CHANCE, examine
+from windsysid.turbine.file import load_turbine
+
+__all__ = ["KINDS", "LIMITS", "measure"]
+
+KINDS = ("reference", "levels 2:1", "levels 5:1", "11 Hz", "20 Hz", "30 s", "200 Hz", "12 bits")
+"""Healthy scenarios that take little time."""
+
+LEVELS = {"levels 2:1": (2.0, 1.0, 1.0, 1.5, 2.0), "levels 5:1": (1.0, 0.2, 0.3, 1.0, 1.0)}
+"""Of the loads, where they are not the file's."""
+
+SHARE = 1.0 / 500.0
+"""Of healthy records that one test may condemn."""
+
+LIMITS = {
+    "size of all, ln": math.log(SIZE_MAX_FACTOR),
+    "size of a channel, ln": math.log(CHANNEL_MAX_FACTOR),
+    "level over time": UNSTEADY_MAX,
+    "level over time, σ": MAX_SIGMAS,
+    "tails": TAILS_MAX,
+    "tails, σ": MAX_SIGMAS,
+    "shared by two channels": SHARED_MAX,
+    "shared by two channels, σ": MAX_SIGMAS,
+    "blades late, σ": MAX_SIGMAS,
+    "peak": PEAK_MAX_LEVEL,
+    "peak, over its bound": 1.0,
+    "around a mode": NEAR_MAX_LEVEL,
+    "line in innovations, over its bound": 1.0,
+    "line in readings, over its bound": 1.0,
+    "cubes, over their bound": 1.0,
+}
+"""What is judged. A reason needs both where a statistic is listed as it is and in standard deviations of chance."""
+
+
+def measure(name: str, seed: int) -> list[float]:
+    """The statistics of `LIMITS` of a healthy record."""
+    kind, turbine = SCENARIOS[name], load_turbine("verne555")
+    made = record(name, seed)
+    fine, steps, _ = resample_for_model(made, turbine, None, turbine.sensors)
+    problem = pose(fine, turbine, turbine.sensors, Prior())
+    model = problem.build(_truth(problem, name))
+    info = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1]
+    z = info.whitened[::steps]
+    frequencies = problem.frequencies(problem.prior[0])
+    w = examine(z, names=model.readings, rate=made.rate, frequencies=frequencies)
+    below = min(0.5, PASSED * max(frequencies) / made.rate)
+    late = how_late(z, made["rotor_azimuth"], (0, 1), {2 + i: 2.0 * math.pi * i / 3.0 for i in range(3)}, below=below)
+    v = turbine.values
+    modes = [
+        (f, math.pi * f * v[f"c_{c}"] / v[f"k_{c}"])
+        for f, c in zip(frequencies, turbine.model.coordinates, strict=True)
+    ]
+    turning = kind.machine.speed / (2.0 * math.pi)
+    line = find_line(problem.readings[::steps], model.readings, rate=made.rate, modes=modes, rotor_hz=turning)
+    n = len(frequencies)
+    bent = find_bent(
+        z, info.mean[::steps, :n], info.mean[::steps, n : 2 * n], channels=model.readings,
+        coordinates=turbine.model.coordinates, chance=FALSE_ALARM_CHANCE,
+    )  # fmt: skip
+    return [
+        abs(math.log(w.nis)),
+        max(abs(math.log(c.nis)) for c in w.channels),
+        max(c.unsteady for c in w.channels),
+        max(c.unsteady_sigmas for c in w.channels),
+        max(c.tails for c in w.channels),
+        max(c.tails_sigmas for c in w.channels),
+        0.0 if w.shared is None else abs(w.shared.correlation),
+        0.0 if w.shared is None else w.shared.sigmas,
+        late.sigmas,
+        max(c.peak for c in w.channels),
+        max(c.peak for c in w.channels) / w.spectrum_bound,
+        max(c.near for c in w.channels),
+        max(c.line for c in w.channels) / w.line_bound,
+        math.nan if line is None else line.ratio / line.bound,
+        math.nan if bent is None else bent.statistic / bent.bound,
+    ]
+
+
+def _truth(problem: TurbineProblem, name: str) -> NDArray[np.float64]:
+    """The unknowns that a record was made with."""
+    theta = [q.coordinate(SCENARIOS[name].machine.truth[q.name]) for q in problem.parameters]
+    given = {s.name: s.given for s in problem.statistics}
+    for level, of in zip(LEVELS.get(name, (1.0,) * 5), ("x", "y", "beta_1", "beta_2", "beta_3"), strict=True):
+        given[f"load_rms_{of}"] *= level
+    return np.concatenate([theta, coordinates_of(problem.statistics, given)])
+
+
+def main() -> None:
+    """Print the table."""
+    from rich.table import Table
+
+    parser = argparse.ArgumentParser(prog="python -m validation.adversary.calibrate", description=__doc__)
+    parser.add_argument("--runs", type=int, default=25, help="records of each kind (25)")
+    parser.add_argument("--first", type=int, default=7000, help="seed of the first (7000)")
+    options = parser.parse_args()
+    seeds = range(options.first, options.first + options.runs)
+    found = np.array([measure(name, seed) for seed in seeds for name in KINDS])
+    table = Table(title=f"{len(found)} healthy records, filtered with the truth", title_justify="left")
+    for heading in ("statistic", "median", "90 %", "1 in 500", "highest", "limit", "records beyond"):
+        table.add_column(heading, justify="left" if heading == "statistic" else "right")
+    for (name, limit), column in zip(LIMITS.items(), found.T, strict=True):
+        there = column[np.isfinite(column)]
+        tenth = float(np.quantile(there, 0.9))
+        far = tenth + float(np.mean(there[there > tenth] - tenth)) * math.log(0.1 / SHARE)
+        values = (float(np.median(there)), tenth, far, float(there.max()), limit)
+        table.add_row(name, *(f"{value:.3g}" for value in values), f"{np.sum(there > limit)} of {len(there)}")
+    print(render(table))
+
+
+if __name__ == "__main__":
+    main()
