@@ -3,6 +3,7 @@ are called."""
 
 import numpy as np
 import pytest
+from validation.adversary.campaign import identify_one
 from validation.adversary.loads import gauss_markov, narrow_band
 from validation.adversary.machine import Machine, accelerations
 
@@ -35,3 +36,13 @@ def test_loads_have_the_level_and_the_memory_that_they_are_given():
     power = np.abs(np.fft.rfft(line)) ** 2
     assert np.argmax(power) / 200.0 == pytest.approx(3.0, rel=0.05)
     assert np.std(line) == pytest.approx(2.0, rel=0.3)
+
+
+@pytest.mark.slow
+def test_a_late_logger_within_what_its_clock_explains_is_trusted_and_a_support_that_hardens_is_not():
+    late = identify_one("blades 2 ms late", 4000, "broadband")
+    assert late["trusted"], late["reasons"]
+    assert max(map(abs, late["z"])) < 3.0
+    hard = identify_one("support hardens", 4001, "broadband")
+    assert not hard["trusted"]
+    assert any("cubes" in reason for reason in hard["reasons"])
