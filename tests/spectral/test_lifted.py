@@ -11,7 +11,8 @@ from windsysid.mechanics.rotor import RotorModel
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
 from windsysid.simulation.record import simulate_record
 from windsysid.simulation.wind.field import WindConditions, rotating_turbulence
-from windsysid.spectral.lifted import lift
+from windsysid.spectral.dft import taper
+from windsysid.spectral.lifted import _without_lines, lift, turn_lines
 from windsysid.spectral.lifted_loads import STATIONS, WindLoads
 from windsysid.spectral.lifted_mechanics import coupled, matrix_harmonics
 from windsysid.spectral.lifted_model import LiftedModel
@@ -36,6 +37,33 @@ def test_what_repeats_in_every_turn_is_taken_out() -> None:
     azimuth = np.asarray(0.3 + 2.0 * np.pi * ROTOR_HZ * np.arange(9_000) / 100.0)
     values = 5.0 + 3.0 * np.cos(azimuth - 0.2) - 40.0 * np.sin(3.0 * azimuth)
     assert np.abs(lift(values[:, None], azimuth, 100.0, 3).data).max() < 1e-9
+
+
+def test_lines_are_those_of_least_squares_under_the_taper() -> None:
+    rng = np.random.default_rng(2)
+    psi = 0.3 + 0.1 * np.arange(900) + 0.02 * np.cumsum(rng.normal(size=900)) / 30.0
+    y, h = rng.normal(size=(900, 2)) + np.cos(3.0 * psi)[:, None], taper(900)
+    left = _without_lines(y, psi, h, 5)
+    basis = np.column_stack([np.ones(900), *(f(k * psi) for k in range(1, 6) for f in (np.cos, np.sin))])
+    fitted = np.linalg.lstsq(basis * h[:, None], y * h[:, None], rcond=None)[0]
+    assert left == pytest.approx(y - basis @ fitted, abs=1e-11)
+
+
+def test_the_lifted_vector_is_what_its_definition_says() -> None:
+    """Sample by sample, at a speed that is not quite steady; ten turns and a little."""
+    rng = np.random.default_rng(3)
+    at = np.arange(1030)
+    psi = 0.4 + 2.0 * np.pi * at / 100.0 + 0.05 * np.sin(2.0 * np.pi * at / 1000.0)
+    y = rng.normal(size=(1030, 1))
+    lifted = lift(y, psi, 10.0, 2)
+    h, samples = lifted.taper, len(lifted.taper)
+    assert round(lifted.rotor_hz * lifted.duration) == 10
+    y, psi, at = y[:samples], psi[:samples], at[:samples]
+    quiet = _without_lines(y, psi, h, turn_lines(lifted.rotor_hz, 10.0))[:, 0]
+    for row, b in zip(lifted.data[:, :, 0], np.round(lifted.base * lifted.duration), strict=True):
+        for k, found in zip(lifted.harmonics, row, strict=True):
+            expected = np.sum(h * quiet * np.exp(-2j * np.pi * b * at / samples - 1j * k * psi)) / np.sqrt(10.0 * h @ h)
+            assert found == pytest.approx(expected, abs=1e-10)
 
 
 def test_a_line_is_found_at_its_place_in_the_lifted_vector() -> None:

@@ -107,12 +107,12 @@ def _again(whole: PosedBands, found: Mode, other: PosedBands) -> Mode:
 
 def _differ(step: Array, cov: Array, names: list[str], text: str) -> list[str]:
     """Whether a step is longer than chance makes it; the parameter that it moves most goes into the text."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     values, vectors = np.linalg.eigh(cov)
     values = np.maximum(values, 1e-3 * values.max())
     size = float(np.sum((vectors.T @ step) ** 2 / values))
-    if size <= float(chi2.isf(CHANCE, len(step))):
+    if size <= float(chdtri(len(step), CHANCE)):
         return []
     worst = int(np.argmax(np.abs(step) / np.sqrt(np.diag(cov).clip(1e-300))))
     return [text.format(f"{names[worst]} ({100.0 * step[worst]:+.2g} %)")]

@@ -165,7 +165,7 @@ def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> Pose
 
 
 def _read(question: Question) -> tuple[TurnedSpectra, list[Combined]]:
-    spectra = turned_spectra(question.readings, question.inputs[:, 0], question.rate, (-1, 0, 1))
+    spectra = turned_spectra(question.readings, question.inputs[:, 0], question.rate, 1)
     return spectra, combine(question.sensors, len(WHIRLS))
 
 

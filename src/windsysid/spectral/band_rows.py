@@ -52,7 +52,7 @@ class TurnedSpectra(NamedTuple):
     Attributes
     ----------
     data
-        Y_k at the bins 0, 1, 2 … of the record, (T, m) for each k.
+        Y_k at the bins 0, 1, 2 … below half the rate (T/2, m) for each k.
     rotor_hz, duration, overlap
         Ω / 2π [Hz], T [s], c_h.
     taper
@@ -111,9 +111,9 @@ class Row(NamedTuple):
     high: float
 
 
-def turned_spectra(readings: Array, azimuth: Array, rate: float, orders: Sequence[int]) -> TurnedSpectra:
-    """Y_k of readings (T, m) without gaps at `rate` [Hz] and azimuths (T,) [rad, unwrapped], harmonics of the rotor
-    taken out."""
+def turned_spectra(readings: Array, azimuth: Array, rate: float, reach: int) -> TurnedSpectra:
+    """Y_k, |k| ≤ `reach`, of readings (T, m) without gaps at `rate` [Hz] and azimuths (T,) [rad, unwrapped], harmonics
+    of the rotor taken out."""
     samples = len(azimuth)
     duration = samples / rate
     turned = abs(float(azimuth[-1] - azimuth[0])) / (2.0 * math.pi) * samples / (samples - 1)
@@ -121,10 +121,11 @@ def turned_spectra(readings: Array, azimuth: Array, rate: float, orders: Sequenc
     h = taper(samples)
     quiet = _without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
     scale = math.sqrt(1.0 / rate / float(h @ h))
-    data = {}
-    for k in orders:
-        slip = np.exp(-1j * k * azimuth)[:, None]
-        data[k] = np.asarray(scale * np.fft.fft(quiet * slip if k else quiet, axis=0), dtype=np.complex128)
+    bins = np.arange((samples + 1) // 2)
+    data: dict[int, Complex] = {0: scale * np.fft.rfft(quiet, axis=0)[bins]}
+    for k in range(1, reach + 1):  # readings are real: Y_{−k}(f) is the complex conjugate of Y_k(−f)
+        whole = scale * np.fft.fft(quiet * np.exp(-1j * k * azimuth)[:, None], axis=0)
+        data |= {k: whole[bins], -k: whole[-bins].conj()}
     return TurnedSpectra(data, rotor_hz, duration, taper_factor(samples), h)
 
 

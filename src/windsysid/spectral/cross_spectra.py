@@ -82,13 +82,18 @@ class Rows(NamedTuple):
 
 def cross_spectra(readings: Array, rate: float, limits: tuple[float, float]) -> CrossSpectra:
     """Of one block of readings (L, m) without gaps, between two frequencies [Hz]."""
-    from scipy.signal import detrend
-
-    frequency, found = transform(detrend(readings, axis=0), rate)
+    frequency, found = transform(_level(readings), rate)
     low, high = (int(k) for k in np.searchsorted(frequency, limits, side="right"))
     first = max(low, FIRST_BIN)
     used = found[first:high]
     return CrossSpectra(used[:, :, None] * used[:, None, :].conj(), first, 1.0, len(readings), rate)
+
+
+def _level(readings: Array) -> Array:
+    """Readings (T, m) without their mean and trend."""
+    along = np.arange(len(readings)) - 0.5 * (len(readings) - 1)
+    trend = along @ readings / max(float(along @ along), 1.0)
+    return np.asarray(readings - readings.mean(axis=0) - along[:, None] * trend)
 
 
 def pool(spectra: CrossSpectra, width: Array) -> Rows:

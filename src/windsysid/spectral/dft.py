@@ -82,9 +82,9 @@ def plain_band(frequency: Array, counts: Array, power: Complex, factor: float) -
 
 def taper(samples: int) -> Array:
     """The cosine taper (T,), one period of a function that repeats, as the transform takes it."""
-    from scipy.signal.windows import tukey
-
-    return np.asarray(tukey(samples, TAPERED, sym=False), dtype=np.float64)
+    number = np.arange(samples)
+    inside = np.minimum(number, samples - number) / max(0.5 * TAPERED * samples, 1.0)
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(inside, 1.0)))
 
 
 def taper_factor(samples: int) -> float:

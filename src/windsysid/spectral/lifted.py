@@ -17,12 +17,15 @@ frequencies reach to half the sampling rate.
 """
 
 import math
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.kernels.jit import compiled
 from windsysid.spectral.dft import taper, taper_factor
 
 __all__ = ["Complex", "Lifted", "lift", "turn_lines"]
@@ -106,19 +109,71 @@ def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted
     slip = np.exp(-1j * (azimuth - azimuth[0] - 2.0 * math.pi * rotor_hz * np.arange(samples) / rate))
     start = np.exp(-1j * azimuth[0])
     scale = math.sqrt(1.0 / rate / float(h @ h))
-    for j, k in enumerate(orders):
+    for j, k in enumerate(orders[harmonics:], harmonics):
         # exp(−ikψ) = exp(−ikψ₀) · slip^k · exp(−ik Ω t), and the last factor moves the transform by k turns' bins
-        whole = np.fft.fft(quiet * (slip**k)[:, None] if k else quiet, axis=0)
+        whole = np.fft.fft(quiet * (slip**k)[:, None], axis=0) if k else np.fft.rfft(quiet, axis=0)
         data[:, j] = scale * start**k * whole[(bins + k * turns if harmonics else bins) % samples]
+        if k:  # readings are real: that of −k is the complex conjugate at −f
+            data[:, harmonics - k] = (scale * start**k * whole[(k * turns - bins) % samples]).conj()
     return Lifted(data, bins / duration, orders, rotor_hz, taper_factor(samples), h, duration, rate)
 
 
 def _without_lines(readings: Array, azimuth: Array, taper: Array, lines: int) -> Array:
-    """The readings without their mean and what repeats in every turn, fitted under the taper."""
-    columns = [np.ones_like(azimuth)]
-    for k in range(1, lines + 1):
-        columns += [np.cos(k * azimuth), np.sin(k * azimuth)]
-    basis = np.column_stack(columns)
-    weighted = basis * taper[:, None]
-    fitted = np.linalg.solve(weighted.T @ weighted, weighted.T @ (readings * taper[:, None]))
-    return np.asarray(readings - basis @ fitted)
+    """The readings without their mean and what repeats in every turn, fitted under the taper.
+
+    Σ_k c_k e^{ikψ} is fitted: the normal equations hold the sums of h² e^{−ijψ} only, j = 0 … 2 `lines`.
+    """
+    readings, weights = np.ascontiguousarray(readings, dtype=np.float64), taper**2
+    sums = np.zeros(2 * lines + 1, dtype=np.complex128)
+    seen = np.zeros((lines + 1, readings.shape[1]), dtype=np.complex128)
+    add_up, take_out = _kernels()
+    azimuth = np.ascontiguousarray(azimuth, dtype=np.float64)
+    add_up(readings, azimuth, weights, sums, seen)
+    order = np.arange(-lines, lines + 1)
+    apart = order[:, None] - order
+    gram = np.where(apart >= 0, sums[np.abs(apart)], sums[np.abs(apart)].conj())
+    fitted = np.linalg.solve(gram, np.concatenate([seen[:0:-1].conj(), seen]))
+    coefficients = np.ascontiguousarray(fitted[lines:])
+    coefficients[1:] *= 2.0  # k and −k together are twice the real part
+    out = np.empty_like(readings)
+    take_out(readings, azimuth, coefficients, out)
+    return out
+
+
+@lru_cache(maxsize=1)
+def _kernels() -> tuple[Any, Any]:
+    """The compiled loops of `_without_lines`."""
+    vector, matrix = types.float64[::1], types.float64[:, ::1]
+    complex_vector, complex_matrix = types.complex128[::1], types.complex128[:, ::1]
+    return (
+        compiled(_add_up, types.void(matrix, vector, vector, complex_vector, complex_matrix)),
+        compiled(_take_out, types.void(matrix, vector, complex_matrix, matrix)),
+    )
+
+
+def _add_up(readings: Any, azimuth: Any, weights: Any, sums: Any, seen: Any) -> None:
+    """Σ h² e^{−ijψ} (2 lines + 1,) and Σ h² y e^{−ikψ} (lines + 1, m)."""
+    lines, m = seen.shape[0] - 1, readings.shape[1]
+    for t in range(len(azimuth)):
+        turn = complex(math.cos(azimuth[t]), -math.sin(azimuth[t]))
+        power = complex(weights[t], 0.0)
+        for j in range(2 * lines + 1):
+            sums[j] += power
+            if j <= lines:
+                for i in range(m):
+                    seen[j, i] += power * readings[t, i]
+            power *= turn
+
+
+def _take_out(readings: Any, azimuth: Any, coefficients: Any, out: Any) -> None:
+    """Readings less Re Σ c_k e^{ikψ}, k = 0 … lines, by Horner's rule."""
+    highest, m = coefficients.shape[0] - 1, readings.shape[1]
+    total = np.empty(m, dtype=np.complex128)
+    for t in range(len(azimuth)):
+        turn = complex(math.cos(azimuth[t]), math.sin(azimuth[t]))
+        total[:] = coefficients[highest]
+        for k in range(highest - 1, -1, -1):
+            for i in range(m):  # side by side: one sum after the other would wait for itself
+                total[i] = total[i] * turn + coefficients[k, i]
+        for i in range(m):
+            out[t, i] = readings[t, i] - total[i].real

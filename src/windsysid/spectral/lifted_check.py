@@ -96,13 +96,15 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
     Of N complex normal entries the energy is χ² with 2N degrees of freedom, and the ratio of two energies follows
     Fisher's F.
     """
-    from scipy.stats import f
+    from scipy.special import fdtri
 
     off = []
     for a, b in zip(first, second, strict=True):
         loud, quiet = (a, b) if a.energy > b.energy else (b, a)
         factor = loud.energy / max(quiet.energy, 1e-300)
-        if factor > max(UNSTEADY, float(f.isf(CHANCE, 2.0 * loud.independent, 2.0 * quiet.independent))):
+        # 1/F follows F with the degrees of freedom exchanged
+        rare = 1.0 / float(fdtri(2.0 * quiet.independent, 2.0 * loud.independent, CHANCE))
+        if factor > max(UNSTEADY, rare):
             off.append((factor, a))
     return [
         f"{p.channel} is {factor:.2g} times as loud (squared) in one half as in the other at "

@@ -240,9 +240,9 @@ def _disagreement(track: dict[int, int], singles: Sequence[Single]) -> list[Doub
 
 
 def _chance(square: float, freedom: int) -> float:
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
-    return float(chi2.sf(square, freedom))
+    return float(chdtrc(freedom, square))
 
 
 def _mean_load(each: Sequence[OperationalMode], ratios: Sequence[Ratios], shape: Complex) -> tuple[float, float]:
