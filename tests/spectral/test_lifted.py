@@ -11,6 +11,7 @@ from windsysid.mechanics.rotor import RotorModel
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
 from windsysid.simulation.record import simulate_record
 from windsysid.simulation.wind.field import WindConditions, rotating_turbulence
+from windsysid.spectral import lifted_likelihood
 from windsysid.spectral.dft import taper
 from windsysid.spectral.lifted import _without_lines, lift, turn_lines
 from windsysid.spectral.lifted_loads import STATIONS, WindLoads
@@ -179,6 +180,20 @@ def test_information_is_fishers(kind: str) -> None:
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs(model.likelihood(at).information - expected).max() < 1e-4 * scale.max()
     assert (np.abs(model.likelihood(at).information - expected) < 1e-3 * scale).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_loops_say_what_products_of_matrices_say(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The compiled loops for few entries, taken for many as well, against NumPy's products."""
+    model = _posed(kind).model
+    at, found = _near(model), []
+    for few in (0, 100):
+        monkeypatch.setattr(lifted_likelihood, "FEW", few)
+        found.append(model.likelihood(at))
+    matrices, loops = found
+    assert loops.value == pytest.approx(matrices.value, rel=1e-11)
+    assert np.abs(loops.gradient - matrices.gradient).max() < 1e-9 * np.abs(matrices.gradient).max()
+    assert np.abs(loops.information - matrices.information).max() < 1e-9 * np.abs(matrices.information).max()
 
 
 def test_every_bin_counts_once_where_neighbours_share_a_spectrum() -> None:

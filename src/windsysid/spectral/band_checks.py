@@ -102,7 +102,7 @@ def _short(posed: PosedBands) -> list[str]:
 
 def _again(whole: PosedBands, found: Mode, other: PosedBands) -> Mode:
     """The mode of a part of the record, looked for from that of the whole."""
-    return other.model.fit(other.model.start_from(found.unknowns, whole.model)).mode
+    return other.model.fit(other.model.start_from(found.unknowns, whole.model), rough=True).mode
 
 
 def _differ(step: Array, cov: Array, names: list[str], text: str) -> list[str]:

@@ -4,7 +4,6 @@ The unknowns are those of `windsysid.spectral.lifted_model.LiftedModel`: the coe
 which all bands share, then the statistics of loads and readings, band by band.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,12 +13,15 @@ from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.band_rows import Row
 from windsysid.spectral.lifted_model import LiftedModel
-from windsysid.spectral.scoring import Mode, find_mode
+from windsysid.spectral.scoring import SETTLED, Mode, find_mode
 
 __all__ = ["Band", "BandFit", "BandModel"]
 
 ROUGH, WHOLE = ((0.2, 3),), ((1.0, 1),)
 """Weights of the likelihood, and every how many-th bin is used, stage by stage: from afar, and near the end."""
+
+COMPARED = 0.01
+"""Squared length of the last step, in standard deviations, where results are compared only."""
 
 
 class Band(NamedTuple):
@@ -91,8 +93,9 @@ class BandModel(NamedTuple):
         """
         n = len(unknowns)
         value, gradient, information = 0.0, np.zeros(n), np.zeros((n, n))
+        matrices = self.bands[0].model.matrices(unknowns[: self.shared], slopes=True)
         for band, place in zip(self.bands, self.places(), strict=True):
-            found = band.model.likelihood(unknowns[place], every)
+            found = band.model.likelihood(unknowns[place], every, matrices=matrices)
             value += found.value
             gradient[place] += found.gradient
             information[np.ix_(place, place)] += found.information
@@ -110,15 +113,18 @@ class BandModel(NamedTuple):
         mean, spread = self.prior
         return find_mode(self.likelihood, start, mean, spread, ROUGH).unknowns
 
-    def fit(self, start: Array, stages: Sequence[tuple[float, int]] = WHOLE) -> BandFit:
+    def fit(self, start: Array, *, rough: bool = False) -> BandFit:
         """The mode of the posterior, looked for from `start` (n,).
 
         What the taper's window adds to the spectra of wide modes is taken at the mode without it, and the mode found
-        anew.
+        anew. A `rough` search ends with a step that is short beside the bands: for comparing results.
         """
         mean, spread = self.prior
-        mode = find_mode(self.likelihood, start, mean, spread, stages)
-        if all(band.smoothed is None for band in self.bands):
+        blurred = any(band.smoothed is not None for band in self.bands)
+        enough = COMPARED if rough else SETTLED
+        first = COMPARED if blurred else enough
+        mode = find_mode(self.likelihood, start, mean, spread, WHOLE, enough=first)
+        if not blurred:
             return BandFit(self, mode)
         bands = []
         for band, place in zip(self.bands, self.places(), strict=True):
@@ -128,4 +134,4 @@ class BandModel(NamedTuple):
                 band = band._replace(model=band.model._replace(smear=smear))
             bands.append(band)
         whole = BandModel(tuple(bands))
-        return BandFit(whole, find_mode(whole.likelihood, mode.unknowns, mean, spread, WHOLE))
+        return BandFit(whole, find_mode(whole.likelihood, mode.unknowns, mean, spread, WHOLE, enough=enough))

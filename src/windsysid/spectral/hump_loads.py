@@ -115,6 +115,18 @@ class HumpLoads:
         ]
         return SourceSpectra(np.ascontiguousarray(np.array(own).T), np.empty((len(own[0]), 0)))
 
+    def slopes(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
+        """2 S of each term."""
+        squares = [values[s.name] ** 2 for s in self.statistics]
+        bins = len(self._terms[0][0, every // 2 :: every])
+        own = np.zeros((len(squares), bins, len(self._terms)))
+        i = 0
+        for source, terms in enumerate(self._terms):
+            for term in terms:
+                own[i, :, source] = 2.0 * squares[i] * term[every // 2 :: every]
+                i += 1
+        return SourceSpectra(own, np.empty((len(squares), bins, 0)))
+
 
 def hump_terms(
     wind: Wind, frequency: Array, low: float, high: float, rotor_hz: float, first: int, blades: int

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.spectral.lifted import Complex
+from windsysid.spectral.lifted_kernel import FEW, add_up, spectra
 from windsysid.spectral.lifted_loads import SourceSpectra
 from windsysid.spectral.lifted_mechanics import MatrixHarmonics, coupled
 
@@ -56,13 +57,13 @@ class Slopes(NamedTuple):
     mechanics
         Of the matrices, one set for each mechanical unknown.
     sources
-        Of the sources' spectra, one for each unknown of the loads.
+        Of the sources' spectra (n, B, …), one for each unknown of the loads.
     noise
         Of the noise (n, B, e), one for each unknown of the sensors.
     """
 
     mechanics: MatrixHarmonics
-    sources: tuple[SourceSpectra, ...]
+    sources: SourceSpectra
     noise: Array
 
 
@@ -101,9 +102,12 @@ def spectrum_of_bins(
     more
         What comes to S besides (B, e, e).
     whiten
-        Whether to hand the derivatives back whitened, which costs less than to whiten them later.
+        Whether to hand the derivatives back whitened, which costs less than to whiten them later; where there are few
+        entries it does not, and they are not.
     """
     bins, entries = place.left_out.shape
+    if entries <= FEW:
+        return _few_entries(place, matrices, placement, sources, noise, slopes, more)
     empty = place.left_out
     D = coupled(matrices.mechanics[:, 0], place.base, place.orders, place.rotor_hz)
     R = coupled(matrices.readings[:, 0], place.base, place.orders, place.rotor_hz)
@@ -125,13 +129,13 @@ def spectrum_of_bins(
     if L_inv is not None:
         T, T_s, Q = L_inv @ T, L_inv @ T_s, Q @ _h(L_inv)
     moved = slopes.mechanics.mechanics.shape[1]
-    A = np.zeros((moved + len(slopes.sources) + len(slopes.noise), *S.shape), dtype=np.complex128)
+    A = np.zeros((moved + len(slopes.sources.own) + len(slopes.noise), *S.shape), dtype=np.complex128)
     for a in range(moved):
         half = _mechanical(slopes.mechanics, a, place, T, Q, L_inv)
         A[a] = half + _h(half)
-    for a, slope in enumerate(slopes.sources, moved):
-        A[a] = times_sources(T_s, slope) @ _h(T_s)
-    for a, density in enumerate(slopes.noise, moved + len(slopes.sources)):
+    for a, slope in enumerate(zip(*slopes.sources, strict=True), moved):
+        A[a] = times_sources(T_s, SourceSpectra(*slope)) @ _h(T_s)
+    for a, density in enumerate(slopes.noise, moved + len(slopes.sources.own)):
         level = np.where(empty, 0.0, density)
         if L_inv is None:
             A[a, :, range(entries), range(entries)] = level.T
@@ -149,6 +153,12 @@ def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
     LinAlgError
         Where a spectrum is not positive definite.
     """
+    if data.shape[1] <= FEW:
+        g, F = np.zeros(len(model.slopes)), np.zeros((len(model.slopes), len(model.slopes)))
+        J = add_up()(model.spectrum, model.slopes, data, counts, g, F)
+        if not np.isfinite(J):
+            raise np.linalg.LinAlgError("a spectrum is not positive definite")
+        return Likelihood(float(J), g, F)
     L_inv = _whitener(model.spectrum) if model.whitener is None else model.whitener
     y = L_inv @ data
     logarithms = np.log(np.einsum("bii->bi", L_inv).real).sum(axis=1)
@@ -160,6 +170,30 @@ def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
     flat = np.ascontiguousarray(A).reshape(len(A), -1).view(np.float64)  # tr AB = Σ A_ij conj(B_ij) for Hermitian B
     weighted = (flat.reshape(len(A), len(counts), -1) * counts[:, None]).reshape(len(A), -1)
     return Likelihood(value, flat @ np.ascontiguousarray(shown).view(np.float64).ravel(), weighted @ flat.T)
+
+
+def _few_entries(
+    place: Place, matrices: MatrixHarmonics, placement: Complex, sources: SourceSpectra, noise: Array,
+    slopes: Slopes | None, more: Complex | None,
+) -> ModelSpectrum:  # fmt: skip
+    """The same by loops."""
+    bins, entries = place.left_out.shape
+    if slopes is None:
+        slopes = Slopes(
+            MatrixHarmonics(matrices.mechanics[:, :0], matrices.readings[:, :0]),
+            SourceSpectra(*(part[None][:0] for part in sources)),
+            noise[None][:0],
+        )
+    count = slopes.mechanics.mechanics.shape[1] + len(slopes.sources.own) + len(slopes.noise)
+    S = np.empty((bins, entries, entries), dtype=np.complex128)
+    A = np.empty((count, *S.shape), dtype=np.complex128)
+    omega = 2.0 * np.pi * (place.base[:, None] + place.rotor_hz * place.orders)
+    given = (
+        matrices.mechanics[:, 0], matrices.readings[:, 0], *slopes.mechanics, omega, place.entries, place.left_out,
+        placement, *sources, *slopes.sources, noise, slopes.noise,
+    )  # fmt: skip
+    spectra()(*(np.ascontiguousarray(array) for array in given), S, A)
+    return ModelSpectrum(S if more is None else S + more, A, None)
 
 
 def times_sources(matrix: Complex, sources: SourceSpectra) -> Complex:

@@ -53,6 +53,24 @@ class Sources(Protocol):
     def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
         """Spectra for values of the statistics, at every n-th base frequency from the n//2-th on."""
 
+    def slopes(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
+        """Their derivatives to the logarithm of every statistic, one after the other (n, B, …)."""
+
+
+STEP = 1e-4
+"""Of a logarithm, for central differences."""
+
+
+def slopes_by_differences(sources: Sources, values: Mapping[str, float], every: int) -> SourceSpectra:
+    """`Sources.slopes` of sources whose spectra are no simple functions of their statistics."""
+    found = []
+    for name in [s.name for s in sources.statistics]:
+        up, down = (
+            sources.spectra({**values, name: values[name] * math.exp(sign * STEP)}, every) for sign in (1.0, -1.0)
+        )
+        found.append([(a - b) / (2.0 * STEP) for a, b in zip(up, down, strict=True)])
+    return SourceSpectra(*(np.array(part) for part in zip(*found, strict=True)))
+
 
 class BroadbandLoads:
     """First-order Gauss–Markov loads, as a turbine file lists them, on degrees of freedom of their own."""
@@ -78,6 +96,10 @@ class BroadbandLoads:
             for load in moved_loads(self.statistics, values, self.loads, self._model)
         ]
         return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(frequency), 0)))
+
+    def slopes(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
+        """By central differences."""
+        return slopes_by_differences(self, values, every)
 
 
 STATIONS = 6
@@ -159,6 +181,10 @@ class WindLoads:
         G = size * per_force**2 * force + EDDY_MOMENT * outer**2 * own
         GF = size * per_force * both + outer * own
         return SourceSpectra(np.concatenate([G, size * moment + own], axis=1), GF)
+
+    def slopes(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
+        """By central differences."""
+        return slopes_by_differences(self, values, every)
 
     def _turbulence(self, time: float, decay: float, power: float, every: int) -> tuple[Array, Array, Array]:
         """Spectra GG, GF and FF of all sources (B, N (2K+3)) for σ = 1 and forces of 1 N per N·m."""
@@ -268,14 +294,31 @@ class BandLoads:
     def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
         """Power laws through the levels at the ends of each band; between bands the nearer one's."""
         amplitudes = np.log([values[s.name] for s in self.statistics]).reshape(len(self._loads), len(self._bands), 2)
+        which, part = self._parts(every)
+        own = [np.exp(2.0 * (level[which, 0] + part * (level[which, 1] - level[which, 0]))) for level in amplitudes]
+        return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(which), 0)))
+
+    def slopes(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
+        """2 S, as much as the end of a band has of each frequency."""
+        spectra, (which, part) = self.spectra(values, every).own, self._parts(every)
+        bins, count = which.shape
+        own = np.zeros((len(self._loads), len(self._bands), 2, bins, len(self._loads), count))
+        for i in range(len(self._loads)):
+            S = 2.0 * spectra[:, i * count : (i + 1) * count]
+            for band in range(len(self._bands)):
+                own[i, band, 0, :, i] = np.where(which == band, (1.0 - part) * S, 0.0)
+                own[i, band, 1, :, i] = np.where(which == band, part * S, 0.0)
+        return SourceSpectra(own.reshape(len(self.statistics), bins, -1), np.empty((len(self.statistics), bins, 0)))
+
+    def _parts(self, every: int) -> tuple[NDArray[np.intp], Array]:
+        """Which band each frequency belongs to, and how far it is from its low to its high end, 0 … 1."""
         frequency = self._frequency[every // 2 :: every]
         middles = [math.sqrt(a[1] * b[0]) for a, b in zip(self._bands[:-1], self._bands[1:], strict=True)]
         which = np.searchsorted(middles, frequency)
         low, high = (np.log([band[end] for band in self._bands])[which] for end in (0, 1))
         with np.errstate(divide="ignore"):
             part = np.clip((np.log(frequency) - low) / (high - low), -1.0, 2.0)
-        own = [np.exp(2.0 * (level[which, 0] + part * (level[which, 1] - level[which, 0]))) for level in amplitudes]
-        return SourceSpectra(np.concatenate(own, axis=1), np.empty((len(frequency), 0)))
+        return which, part
 
 
 def _ends(bands: Sequence[tuple[float, float]]) -> list[str]:

@@ -30,13 +30,16 @@ from windsysid.kernels.jit import JACOBIAN, compiled
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.spectral.lifted import Complex
 
-__all__ = ["MatrixHarmonics", "coupled", "equal_lag", "matrix_harmonics"]
+__all__ = ["MatrixHarmonics", "coupled", "element_sizes", "equal_lag", "matrix_harmonics", "without_rounding"]
 
 POINTS = 8
 """Azimuths at which the matrices are taken: harmonics up to `HIGHEST` are exact where there are none above 4."""
 
 HIGHEST = 3
 """Highest harmonic |h| of a matrix that is kept; those of a rotor's equations and readings end at 2 and 3."""
+
+ROUNDING = 1e-13
+"""Size of an element, beside that of the others of its matrix, below which it is nothing but rounding."""
 
 
 class MatrixHarmonics(NamedTuple):
@@ -90,7 +93,25 @@ def matrix_harmonics(
     direct = seen[0] - by_acceleration @ rates[0]
     mechanics = np.stack([mass, by_state[..., n:], by_state[..., :n]])
     readings = np.stack([by_acceleration, direct[..., n:], direct[..., :n]])
-    return MatrixHarmonics(_series(mechanics), _series(readings))
+    found = MatrixHarmonics(_series(mechanics), _series(readings))
+    sizes = element_sizes(MatrixHarmonics(found.mechanics[:, :1], found.readings[:, :1]))
+    return MatrixHarmonics(*(without_rounding(X, ROUNDING * size) for X, size in zip(found, sizes, strict=True)))
+
+
+def element_sizes(matrices: MatrixHarmonics) -> tuple[Array, Array]:
+    """What an element would be if it were as large as the largest of its matrix, or of its row of readings, in
+    coordinates of unit mass: (3, V, 1, n, n) and (3, V, 1, m, n)."""
+    mechanics, readings = np.abs(matrices.mechanics), np.abs(matrices.readings)
+    unit = np.sqrt(np.einsum("vii->vi", mechanics[0, :, HIGHEST]))[None, :, None, None, :]
+    both = unit * np.swapaxes(unit, -1, -2)
+    of_matrix = (mechanics / both).max(axis=(2, 3, 4), keepdims=True) * both
+    of_row = (readings / unit).max(axis=(2, 4), keepdims=True) * unit
+    return of_matrix, of_row
+
+
+def without_rounding(matrices: Complex, least: Array) -> Complex:
+    """The matrices with elements smaller than `least` set to nothing: what is not there is not multiplied out."""
+    return np.asarray(np.where(np.abs(matrices) < least, 0.0, matrices))
 
 
 def coupled(matrices: Complex, base: Array, orders: NDArray[np.intp], rotor_hz: float) -> Complex:
@@ -136,9 +157,7 @@ def _series(values: Array) -> Complex:
         out[..., HIGHEST, :, :] = values[..., 0, :, :]
         return out
     found = np.fft.fft(values, axis=-3) / points
-    found = np.take(found, np.arange(-HIGHEST, HIGHEST + 1) % points, axis=-3)
-    size = np.abs(found).max(axis=(-3,), keepdims=True)
-    return np.asarray(np.where(np.abs(found) < 1e-13 * size, 0.0, found))
+    return np.asarray(np.take(found, np.arange(-HIGHEST, HIGHEST + 1) % points, axis=-3))
 
 
 @lru_cache(maxsize=1)

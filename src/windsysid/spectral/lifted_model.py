@@ -8,12 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.loads.statistics import Statistic, values_of
+from windsysid.loads.statistics import Statistic, to_logarithms, values_of
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.spectral.lifted import Complex
+from windsysid.spectral.lifted_kernel import smooth
 from windsysid.spectral.lifted_likelihood import Likelihood, ModelSpectrum, Place, Slopes, spectrum_of_bins, whittle
 from windsysid.spectral.lifted_loads import Sources, SourceSpectra
-from windsysid.spectral.lifted_mechanics import MatrixHarmonics, equal_lag, matrix_harmonics
+from windsysid.spectral.lifted_mechanics import (
+    MatrixHarmonics,
+    element_sizes,
+    equal_lag,
+    matrix_harmonics,
+    without_rounding,
+)
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["FINER", "LAG_SPREAD", "LiftedModel", "finer_bins", "taper_window"]
@@ -23,6 +30,9 @@ LAG_SPREAD = 0.01
 
 STEP = 1e-4
 """Of an unknown, for central differences: of a logarithm, of a damping ratio; in units of its prior's spread."""
+
+UNMOVED = 1e-12
+"""Change of an element, beside the size of the others of its matrix, below which it does not move."""
 
 MOST_NUMBERS = 400_000
 """Complex numbers of derivatives that are held at once."""
@@ -36,6 +46,13 @@ REACH = 8
 
 LIKENESS = 0.25
 """Share of the bins over which neighbours are compared."""
+
+
+class Matrices(NamedTuple):
+    """A model's matrices at its unknowns, and their derivatives to the mechanical ones."""
+
+    at: MatrixHarmonics
+    slopes: MatrixHarmonics
 
 
 class LiftedModel(NamedTuple):
@@ -113,8 +130,12 @@ class LiftedModel(NamedTuple):
         mean, spread = np.array(known).T
         return mean, spread
 
-    def likelihood(self, unknowns: Array, every: int = 1, *, slopes: bool = True) -> Likelihood:
+    def likelihood(
+        self, unknowns: Array, every: int = 1, *, slopes: bool = True, matrices: Matrices | None = None
+    ) -> Likelihood:
         """J, g, F without the prior; of every n-th bin, as much as all of them would be.
+
+        `matrices` are those at the unknowns, where they are known.
 
         Raises
         ------
@@ -123,12 +144,12 @@ class LiftedModel(NamedTuple):
         """
         counts = self.counts
         if self.window is not None:
-            whole = whittle(self.data, counts, self.spectrum(unknowns, slopes=slopes))
+            whole = whittle(self.data, counts, self.spectrum(unknowns, slopes=slopes, matrices=matrices))
             return _scaled(whole, 1.0 / self.overlap)
         bins = np.arange(every // 2, len(self.place.base), every)
         parts = [
             whittle(self.data[at], counts[at], model)
-            for at, model in self._spectra(unknowns, every, slopes=slopes, whiten=slopes)
+            for at, model in self._spectra(unknowns, every, matrices, slopes=slopes, whiten=slopes)
         ]
         whole = Likelihood(
             sum(part.value for part in parts),
@@ -137,21 +158,21 @@ class LiftedModel(NamedTuple):
         )
         return _scaled(whole, float(counts.sum() / counts[bins].sum()) / self.overlap)
 
-    def spectrum(self, unknowns: Array, *, slopes: bool = False) -> ModelSpectrum:
+    def spectrum(self, unknowns: Array, *, slopes: bool = False, matrices: Matrices | None = None) -> ModelSpectrum:
         """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
-        parts = self._spectra(unknowns, 1, slopes=slopes, whiten=False)
+        parts = self._spectra(unknowns, 1, matrices, slopes=slopes, whiten=False)
         if self.window is None:
             every_part = [part for _, part in parts]
             whole = np.concatenate([part.slopes for part in every_part], axis=1)
             return ModelSpectrum(np.concatenate([part.spectrum for part in every_part]), whole, None)
         e, bins = len(self.place.entries), len(self.data)
-        S = np.zeros((bins, e * e), dtype=np.complex128)
-        A = np.zeros((len(unknowns) if slopes else 0, bins, e * e), dtype=np.complex128)
+        S = np.zeros((1, bins, e, e), dtype=np.complex128)
+        A = np.zeros((len(unknowns) if slopes else 0, bins, e, e), dtype=np.complex128)
         for at, part in parts:
-            S += self.window[at].T @ part.spectrum.reshape(len(at), -1)
-            for smooth, fine in zip(A, part.slopes, strict=True):
-                smooth += self.window[at].T @ fine.reshape(len(at), -1)
-        return self._masked(S.reshape(bins, e, e), A.reshape(-1, bins, e, e))
+            weights = np.ascontiguousarray(self.window[at])
+            smooth()(weights, part.spectrum[None], S)
+            smooth()(weights, part.slopes, A)
+        return self._masked(S[0], A)
 
     def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
         """S and its derivatives, entries that are left out with unit variance."""
@@ -196,34 +217,30 @@ class LiftedModel(NamedTuple):
         return np.asarray(self.window.T @ self.place.base)
 
     def _spectra(
-        self, unknowns: Array, every: int, *, slopes: bool, whiten: bool
+        self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool, whiten: bool
     ) -> Iterator[tuple[NDArray[np.intp], ModelSpectrum]]:
         """S and its derivatives at every n-th place, a few of them at a time."""
         bins = np.arange(every // 2, len(self.place.base), every)
-        matrices, moved = self._matrices(unknowns, slopes=slopes)
+        still, moved = self.matrices(unknowns, slopes=slopes) if matrices is None else matrices
         eta = unknowns[len(self.parameters) + self.lag :]
         spectra, noise = self._levels(eta, every)
         loads, entries = len(self.sources.statistics), len(self.place.entries)
-        steps = [self._source_slope(eta, i, every) for i in range(loads)] if slopes else []
+        steps = self._source_slopes(eta, every) if slopes else None
         densities = 2.0 * np.exp(2.0 * eta[loads:])[:, None, None] * self.noise_given
         chunk = max(8, MOST_NUMBERS // (len(unknowns) * entries**2))
         for first in range(0, len(bins), chunk):
             at, near = bins[first : first + chunk], slice(first, first + chunk)
             part = None
-            if slopes:
-                part = Slopes(
-                    moved,
-                    tuple(SourceSpectra(step.own[near], step.cross[near]) for step in steps),
-                    densities[:, at],
-                )
+            if steps is not None:
+                part = Slopes(moved, SourceSpectra(steps.own[:, near], steps.cross[:, near]), densities[:, at])
             where = self.place._replace(base=self.place.base[at], left_out=self.place.left_out[at])
             own = SourceSpectra(spectra.own[near], spectra.cross[near])
             yield at, spectrum_of_bins(
-                where, matrices, self.sources.placement, own, noise[at], part, whiten=whiten,
+                where, still, self.sources.placement, own, noise[at], part, whiten=whiten,
                 more=None if self.smear is None else self.smear[at],
             )  # fmt: skip
 
-    def _matrices(self, unknowns: Array, *, slopes: bool) -> tuple[MatrixHarmonics, MatrixHarmonics]:
+    def matrices(self, unknowns: Array, *, slopes: bool) -> Matrices:
         """The matrices at the unknowns, and their derivatives to the mechanical ones by central differences."""
         n = len(self.parameters)
         mechanical = unknowns[: n + self.lag]
@@ -240,13 +257,11 @@ class LiftedModel(NamedTuple):
         readings = self.combine @ found.readings
         at = MatrixHarmonics(found.mechanics[:, :1], readings[:, :1])
         moved = []
-        for X in (found.mechanics, readings):
-            size = np.abs(X[:, :1]).max(axis=2, keepdims=True)
+        for X, size in zip((found.mechanics, readings), element_sizes(at), strict=True):
             up, down = X[:, 1 : 1 + len(steps)], X[:, 1 + len(steps) :]
-            change = up - down if slopes else X[:, :0]
-            change = np.where(np.abs(change) > 1e-12 * size, change, 0.0)
+            change = without_rounding(up - down, UNMOVED * size) if slopes else X[:, :0]
             moved.append(change / (2.0 * steps[:, None, None, None]) if slopes else change)
-        return at, MatrixHarmonics(*moved)
+        return Matrices(at, MatrixHarmonics(*moved))
 
     def _levels(self, eta: Array, every: int) -> tuple[SourceSpectra, Array]:
         """Spectra of the sources, and of the noise of every entry (F, e)."""
@@ -255,16 +270,14 @@ class LiftedModel(NamedTuple):
         noise = np.tensordot(np.exp(2.0 * eta[loads:]), self.noise_given, 1)
         return self.sources.spectra(values, every), np.asarray(noise)
 
-    def _source_slope(self, eta: Array, which: int, every: int) -> SourceSpectra:
-        """Derivative of the sources' spectra to one statistic."""
-        loads, step = len(self.sources.statistics), np.zeros(len(self.sources.statistics))
-        step[which] = STEP
-        up, down = (
-            self.sources.spectra(values_of(self.sources.statistics, eta[:loads] + sign * step), every)
-            for sign in (1.0, -1.0)
-        )
-        own, cross = ((a - b) / (2.0 * STEP) for a, b in zip(up, down, strict=True))
-        return SourceSpectra(own, cross)
+    def _source_slopes(self, eta: Array, every: int) -> SourceSpectra:
+        """Derivatives of the sources' spectra to η, (n, F, …)."""
+        statistics = self.sources.statistics
+        found = self.sources.slopes(values_of(statistics, eta[: len(statistics)]), every)
+        factors = to_logarithms(statistics)
+        if np.array_equal(factors, np.eye(len(factors))):
+            return found
+        return SourceSpectra(*(np.tensordot(factors.T, part, 1) for part in found))
 
 
 def finer_bins(first: int, last: int) -> Array:

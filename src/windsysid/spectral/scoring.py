@@ -8,7 +8,7 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["Mode", "find_mode"]
+__all__ = ["SETTLED", "Mode", "find_mode"]
 
 STEPS, ROUGH_STEPS = 60, 8
 """Most steps of the last stage, and of a stage before it."""
@@ -51,7 +51,7 @@ class Mode(NamedTuple):
 
 def find_mode(
     evaluate: Callable[[Array, int], tuple[float, Array, Array]], start: Array, prior_mean: Array, prior_std: Array,
-    stages: Sequence[tuple[float, int]], *, rough: bool = False,
+    stages: Sequence[tuple[float, int]], *, rough: bool = False, enough: float = SETTLED,
 ) -> Mode:  # fmt: skip
     """Minimise weight · J(u) + ½ Σ ((u − m)/s)² in stages of (weight, every n-th bin).
 
@@ -62,7 +62,9 @@ def find_mode(
     start, prior_mean, prior_std
         (n,) each.
     rough
-        Whether the last stage, too, ends with a step that is short only beside the bands.
+        Whether the last stage, too, ends with a step that is short only beside the bands, and after few steps at most.
+    enough
+        Squared length in standard deviations of the step that ends the last stage.
     """
     precision, longest = prior_std**-2.0, np.minimum(prior_std, LONGEST)
     u, total, settled = start.copy(), 0, False
@@ -70,7 +72,7 @@ def find_mode(
     for stage, (weight, every) in enumerate(stages):
         J, g, F = _posterior(evaluate(u, every), u, weight, prior_mean, precision)
         last = stage == len(stages) - 1 and not rough
-        damping, enough = 1e-3, SETTLED if last else ROUGH
+        damping, short = 1e-3, enough if last else ROUGH
         for _ in range(STEPS if last else ROUGH_STEPS):
             step = np.clip(-np.linalg.solve(F + damping * np.diag(np.diag(F)), g), -longest, longest)
             length = float(step @ F @ step)
@@ -84,7 +86,7 @@ def find_mode(
                 share = (J - tried[0]) / max(0.5 * length, 1e-300)  # of the gain that a parabola promises
                 u, (J, g, F) = u + step, tried
                 damping = max(0.1 * damping, 1e-9) if share > TRUSTED else max(3.0 * damping, 1e-2)
-                settled = length < enough
+                settled = length < short
                 if settled:
                     break
             else:
