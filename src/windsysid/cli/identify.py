@@ -99,14 +99,15 @@ def identify(
     prior = Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None)
     with show_progress("identify") as progress:
         if in_pieces is not None:
-            if formulation != "joint" or section is not None or add_noise != 0.0:
+            if formulation not in ("joint", "spectral") or section is not None or add_noise != 0.0:
                 raise ConfigurationError(
-                    "--in-pieces goes with the joint formulation on a whole record: leave --section and --add-noise out"
+                    "--in-pieces goes with joint or spectral on a whole record: leave --section and --add-noise out"
                 )
             length = parse_option("--in-pieces", in_pieces, "s")
             found, used = _identify_in_pieces(
-                record, machine, listed, prior, rules, length, output, progress, rate=rate, loads=loads
-            )
+                record, machine, listed, prior, rules, length, output, progress, rate=rate, loads=loads,
+                formulation=formulation,
+            )  # fmt: skip
         else:
             recorded = data = read_record(
                 record, mapping=rules, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
@@ -154,6 +155,7 @@ def _identify_in_pieces(
     *,
     rate: float | None,
     loads: str,
+    formulation: Literal["joint", "spectral"],
 ) -> tuple["Identification", "Record"]:
     """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
     from windsysid.identification.pieces import identify_pieces
@@ -187,6 +189,7 @@ def _identify_in_pieces(
             machine,
             sensors=listed,
             prior=prior,
+            formulation=formulation,
             rate=rate,
             loads=loads,
             checkpoint=checkpoint,

@@ -17,12 +17,12 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from windsysid._version import __version__
-from windsysid.errors import RecordError
+from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.conclude import conclude
 from windsysid.identification.joint import describe_solution, first_estimate, load_models
 from windsysid.identification.load_choice import Question, choose
@@ -43,6 +43,7 @@ from windsysid.identification.recursive import (
 )
 from windsysid.identification.samples import SamplesOnDisk
 from windsysid.identification.solve import solve
+from windsysid.identification.spectral_pieces import identify_spectra_of_pieces
 from windsysid.identification.windows import Prepared, Windows
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import noted
@@ -69,8 +70,10 @@ def identify_pieces(
     sensors: Sequence[Sensor] | None = None,
     prior: Prior | None = None,
     parameters: Sequence[str] | None = None,
+    formulation: Literal["joint", "spectral"] = "joint",
     rate: float | None = None,
     loads: str = "auto",
+    memory: float | None = None,
     checkpoint: str | Path | None = None,
     keep_checkpoint: bool = False,
     progress: Progress | None = None,
@@ -89,6 +92,13 @@ def identify_pieces(
         two pieces are missing readings.
     turbine, sensors, prior, parameters, rate, loads
         As for `windsysid.identify`; sensors are chosen on the first piece.
+    formulation
+        joint, or spectral: then sums over blocks are all that is kept, pieces may be of several records of one machine
+        in one state, and the result is within a third of a standard deviation of a whole record's
+        (`windsysid.identification.spectral_pieces`).
+    memory
+        Of the spectral formulation: time [s] in which what was taken in comes to count as 1/e, so that the result is
+        that of late; None where nothing is forgotten.
     checkpoint
         Where to write what is known after each piece, and to go on from if it is there; it is deleted at the end.
     keep_checkpoint
@@ -110,6 +120,20 @@ def identify_pieces(
     started = time.perf_counter()
     checkpoint = None if checkpoint is None else Path(checkpoint)
     turbine = as_turbine(turbine)
+    if formulation == "spectral":
+        if rate is not None:
+            raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
+        if memory is not None and not memory > 0.0:
+            raise ConfigurationError(f"memory: expected seconds greater than 0, got {memory:g}")
+        return identify_spectra_of_pieces(
+            pieces, turbine, sensors=sensors, prior=prior or Prior(), parameters=parameters, loads=loads,
+            memory=memory, checkpoint=checkpoint, keep_checkpoint=keep_checkpoint, progress=progress,
+            options=options or {},
+        )  # fmt: skip
+    if formulation != "joint" or memory is not None:
+        raise ConfigurationError(
+            f"pieces: expected the formulation joint without a memory, or spectral, got '{formulation}'"
+        )
     run: _Run | None = None
     faults: list[Finding] = []
     for piece in pieces:

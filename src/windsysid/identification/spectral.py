@@ -31,10 +31,11 @@ from windsysid.spectral.band_pose import belongs_in_bands
 from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.lifted_fit import COARSE, WHOLE, Fit, fit
 from windsysid.spectral.lifted_pose import Posed, Question, pose_lifted, turns_couple
+from windsysid.spectral.lifted_sums import LiftedSums
 from windsysid.statespace.compose import compose
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["identify_by_spectrum"]
+__all__ = ["ask", "identify_by_spectrum"]
 
 STEADY, VARYING = 0.005, 0.02
 """Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
@@ -51,14 +52,18 @@ LEAST_RESONANCE = 20.0
 """As how many independent values the narrowest resonance of a turning rotor has to count: below, its bands were never
 proven."""
 
+LEAST_OF_A_BLOCK = 5.0
+"""And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
+
 
 @one_thread()
 def identify_by_spectrum(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
-    loads: str = "auto",
+    loads: str = "auto", sums: LiftedSums | None = None, speeds: Array | None = None,
 ) -> Outcome:  # fmt: skip
     """Identify the chosen parameters, or every coefficient that the sensors see, from the spectra of a uniformly
-    sampled record.
+    sampled record, or of the blocks that `sums` adds up: then `record` is the last of them, and `speeds` are the
+    blocks' rotor speeds [rad/s].
 
     Raises
     ------
@@ -76,14 +81,14 @@ def identify_by_spectrum(
             "the spectral formulation takes no measured loads: leave load_… out, or use --formulation joint"
         )
     started = time.perf_counter()
-    questions = {"broadband": _ask(record, turbine, sensors, prior, chosen, inputs, readings, "broadband")}
+    questions = {"broadband": ask(record, turbine, sensors, prior, chosen, inputs, readings, "broadband", sums)}
     coupled = turns_couple(questions["broadband"])
-    doubts = _speed(inputs[:, 1]) if coupled else []
+    doubts = _speed(inputs[:, 1] if speeds is None else speeds) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
     if coupled and belongs_in_bands(questions["broadband"]):
         return _in_bands(questions["broadband"], loads, doubts, notes)
     if "rotor-wind" in names:
-        questions["rotor-wind"] = _ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind")
+        questions["rotor-wind"] = ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind", sums)
     warming = time.perf_counter()
     poses = {name: pose_lifted(questions[name], name) for name in names}
     for posed in poses.values():  # kernels are compiled here
@@ -166,10 +171,9 @@ def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
     return ("broadband", "rotor-wind") if coupled and pushed else ("broadband",)
 
 
-def _ask(
+def ask(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
-    inputs: Array,
-    readings: Array, loads: str,
+    inputs: Array, readings: Array, loads: str, sums: LiftedSums | None = None,
 ) -> Question:  # fmt: skip
     """The question under a load model, which may bring coefficients of its own."""
     file_loads = known_loads(record, turbine)[1]
@@ -179,7 +183,15 @@ def _ask(
         supposed.turbine.model, rate=record.rate, values=supposed.turbine.values, parameters=parameters, sensors=sensors
     )
     return Question(
-        supposed.turbine, tuple(sensors), readings, record.rate, inputs, model.compiled, parameters, tuple(file_loads)
+        supposed.turbine,
+        tuple(sensors),
+        readings,
+        record.rate,
+        inputs,
+        model.compiled,
+        parameters,
+        tuple(file_loads),
+        sums,
     )
 
 
@@ -263,6 +275,8 @@ def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[st
             f"the load model does not know"
         )
     doubts += unexplained(_parts(posed, posed, found.unknowns, question))[:3]
+    if question.sums is not None:
+        return doubts + _unsteady_blocks(question, question.sums, posed)
     half = len(question.readings) // 2
     halves = []
     for part in (slice(0, half), slice(half, 2 * half)):
@@ -274,15 +288,39 @@ def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[st
     return doubts + unsteady(*halves)[:2]
 
 
+def _unsteady_blocks(question: Question, sums: LiftedSums, posed: Posed) -> list[str]:
+    """Whether the first half of the blocks is much louder or quieter than the second, and whether a block is long
+    enough."""
+    blocks, doubts = len(sums.energies), []
+    alone = posed.resonance / sums.blocks
+    if posed.smoothed is not None and alone < LEAST_OF_A_BLOCK:
+        doubts.append(
+            f"the narrowest resonance counts as {alone:.2g} independent values in a piece, expected "
+            f"{LEAST_OF_A_BLOCK:g}: choose longer pieces"
+        )
+    if blocks < 2:
+        return [*doubts, "one block only: it cannot be seen whether the record is stationary; choose a longer one"]
+    low, high = posed.bands[0][0], posed.bands[-1][1]
+    halves = [
+        [
+            Part(sensor.channel, low, high, 1.0, 1.0, float(energy), 0.5 * blocks * max(alone, 1.0))
+            for sensor, energy in zip(question.sensors, part.mean(axis=0), strict=True)
+        ]
+        for part in (sums.energies[: blocks // 2], sums.energies[blocks // 2 :])
+    ]
+    return doubts + unsteady(*halves)[:2]
+
+
 def _parts(posed: Posed, whole: Posed, unknowns: Array, question: Question) -> list[Part]:
     """Mean squares of a record, or of a part of it, by channel and frequency."""
     measured = posed.model.powers(unknowns)
     channels = [sensor.channel for sensor in question.sensors]
     entries = posed.model.place.entries % len(channels)
+    overlap = posed.model.overlap / posed.model.blocks
     parts = []
     for column, name in enumerate(channels):
         power, expected, frequency = (values[:, entries == column].ravel() for values in measured)
-        parts += parts_of(power, expected, frequency, name, _ranges(whole), posed.model.overlap, posed.resonance)
+        parts += parts_of(power, expected, frequency, name, _ranges(whole), overlap, posed.resonance)
     return parts
 
 

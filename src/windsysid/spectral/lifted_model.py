@@ -92,6 +92,10 @@ class LiftedModel(NamedTuple):
         The spectral density of each, as given, on every entry (n, F, e) [unit²/Hz]; they add up.
     shared
         How many bins share each spectrum (B,); None where all g do.
+    blocks
+        Of how many blocks `data` are: of more than one they are no bins but what has the same products Y Yᴴ.
+    recent, gusts
+        Where there are several, the bins of the last, and how much larger c_h is for what changes between them.
     """
 
     data: Complex
@@ -111,6 +115,9 @@ class LiftedModel(NamedTuple):
     noise: tuple[Statistic, ...]
     noise_given: Array
     shared: Array | None = None
+    blocks: float = 1.0
+    recent: Complex | None = None
+    gusts: float = 1.0
 
     @property
     def counts(self) -> Array:
@@ -184,12 +191,17 @@ class LiftedModel(NamedTuple):
         return ModelSpectrum(S, A, None)
 
     def powers(self, unknowns: Array) -> tuple[Array, Array, Array]:
-        """|Y|² of every entry (B g, e), NaN where nothing is said of it, S, and its unsigned frequency [Hz]."""
+        """|Y|² of every entry (B g, e), NaN where nothing is said of it, S, and its unsigned frequency [Hz]; of several
+        blocks their mean."""
         S = np.einsum("bii->bi", self.spectrum(unknowns).spectrum).real
-        beyond = np.arange(self.data.shape[2]) >= self.counts[:, None]
-        found = np.where(self.left_out[:, :, None] | beyond[:, None, :], np.nan, np.abs(self.data) ** 2)
         order = self.place.orders[self.place.entries // self.combine.shape[0]]
         frequency = np.abs(self.base[:, None] + self.place.rotor_hz * order)
+        if self.recent is not None:
+            mean = np.sum(np.abs(self.data) ** 2, axis=2) / self.counts[:, None]
+            bins = np.round(self.counts / self.blocks).astype(np.intp)
+            return np.repeat(mean, bins, axis=0), np.repeat(S, bins, axis=0), np.repeat(frequency, bins, axis=0)
+        beyond = np.arange(self.data.shape[2]) >= self.counts[:, None]
+        found = np.where(self.left_out[:, :, None] | beyond[:, None, :], np.nan, np.abs(self.data) ** 2)
         alike = self.data.shape[2]
         power = np.swapaxes(found, 1, 2).reshape(-1, found.shape[1])
         return power, np.repeat(S, alike, axis=0), np.repeat(frequency, alike, axis=0)
@@ -201,13 +213,14 @@ class LiftedModel(NamedTuple):
         what whitens to y, the mean M_d of y_b* y_{b+d} is the d-th Fourier coefficient of P over its mean, and c_h = T
         ∫P² / (∫P)² = 1 + 2 Σ |M_d|². Chance adds 1/(number of products) to each.
         """
-        y = np.linalg.solve(np.linalg.cholesky(spectrum), self.data)
-        columns = np.arange(self.data.shape[2]) < self.counts[:, None]
+        data = self.data if self.recent is None else self.recent
+        y = np.linalg.solve(np.linalg.cholesky(spectrum), data)
+        columns = np.arange(data.shape[2]) < np.round(self.counts / self.blocks)[:, None]
         bins = np.swapaxes(y, 1, 2)[columns]
         reach = int(LIKENESS * len(bins))
         products = [bins[:-d].conj() * bins[d:] for d in range(1, reach + 1)]
         shared = sum(abs(p.mean()) ** 2 - 1.0 / p.size for p in products)
-        return max(self.overlap, 1.0 + 2.0 * float(shared))
+        return self.gusts * max(self.overlap, 1.0 + 2.0 * float(shared))
 
     @property
     def base(self) -> Array:

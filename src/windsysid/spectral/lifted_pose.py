@@ -18,11 +18,12 @@ from windsysid.spectral.lifted_likelihood import Place
 from windsysid.spectral.lifted_loads import BandLoads, BroadbandLoads, Sources, WindLoads
 from windsysid.spectral.lifted_mechanics import HIGHEST, coupled, matrix_harmonics
 from windsysid.spectral.lifted_model import LiftedModel, finer_bins, taper_window
+from windsysid.spectral.lifted_sums import LiftedSums, factored
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Posed", "Question", "pose_lifted", "turns_couple"]
+__all__ = ["Posed", "Question", "harmonics_of", "pose_lifted", "turns_couple"]
 
 BAND = 1.4
 """How far the band of a mode reaches to either side of its frequency, as a factor."""
@@ -67,6 +68,8 @@ class Question(NamedTuple):
         What is identified.
     loads
         The turbine file's, those that were measured left out.
+    sums
+        What blocks of it say together, where it came in pieces: readings and inputs are then those of the last.
     """
 
     turbine: Turbine
@@ -77,6 +80,7 @@ class Question(NamedTuple):
     compiled: CompiledModel
     parameters: tuple[Parameter, ...]
     loads: tuple[GaussMarkov, ...]
+    sums: LiftedSums | None = None
 
 
 class Posed(NamedTuple):
@@ -135,12 +139,19 @@ def pose_lifted(question: Question, loads: str, bands: Sequence[tuple[float, flo
     return _pose_standing(question, bands)
 
 
-def _pose_turning(question: Question, loads: str) -> Posed:
-    """A rotor whose turns couple its motion: every harmonic up to the blades' modes, and the next."""
+def harmonics_of(question: Question) -> int:
+    """K: every harmonic up to the blades' modes, and the next; 0 where nothing turns.
+
+    Raises
+    ------
+    RecordError
+        If the rotor turns too slowly beside its modes, or the record is sampled too slowly.
+    """
+    if not turns_couple(question):
+        return 0
     turbine, rate = question.turbine, question.rate
-    speed = float(question.inputs[:, 1].mean())
-    rotor_hz = speed / (2.0 * math.pi)
-    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
+    rotor_hz = float(question.inputs[:, 1].mean()) / (2.0 * math.pi)
+    fastest = _fastest(turbine)
     K = math.ceil(fastest / rotor_hz) + 2
     if K > MOST_HARMONICS:
         raise RecordError(
@@ -152,19 +163,40 @@ def _pose_turning(question: Question, loads: str) -> Posed:
             f"sampling rate: expected {(2 * K + 1) * rotor_hz:.3g} Hz or more, got {rate:.4g}: sample faster, or use "
             f"--formulation joint"
         )
-    lifted = lift(question.readings, question.inputs[:, 0], rate, K)
+    return K
+
+
+def _fastest(turbine: Turbine) -> float:
+    """Highest natural frequency of a degree of freedom [Hz]."""
+    return max(turbine.natural_frequency(name) for name in turbine.model.coordinates) / (2.0 * math.pi)
+
+
+def _lifted(question: Question, harmonics: int) -> Lifted:
+    """The record's lifted spectrum; of several blocks the last's."""
+    if question.sums is not None:
+        return question.sums.last
+    return lift(question.readings, question.inputs[:, 0], question.rate, harmonics)
+
+
+def _pose_turning(question: Question, loads: str) -> Posed:
+    """A rotor whose turns couple its motion."""
+    turbine, K, sums = question.turbine, harmonics_of(question), question.sums
+    lifted, blocks = _lifted(question, K), 1.0 if sums is None else sums.blocks
     width = _narrowest(question) * lifted.duration
     bins, alike = len(lifted.base), max(1, int(width / ALIKE_TURNING))
     if bins < LEAST_BINS // 4 * alike:
-        turns = LEAST_BINS * 2
+        turned = lifted.duration * lifted.rotor_hz
         raise RecordError(
-            f"expected {turns} turns of the rotor or more, got {lifted.duration * rotor_hz:.3g}: choose a longer record"
+            f"expected {2 * LEAST_BINS} turns of the rotor or more, got {turned:.3g}: choose a longer record"
         )
     pools = np.array_split(np.arange(bins), -(-bins // alike))
     base = np.array([lifted.base[pool].mean() for pool in pools])
     m = len(question.sensors)
     entries = np.flatnonzero(np.repeat(np.abs(lifted.harmonics) < K, m))  # motion beyond K is missing in those of K
-    data = _pooled(lifted.data.reshape(bins, -1)[:, entries], pools)
+    data = single = _pooled(lifted.data.reshape(bins, -1)[:, entries], pools)
+    if sums is not None:
+        power = sums.power[:, entries[:, None], entries]
+        data = factored(np.array([power[pool].sum(axis=0) for pool in pools]))
     number = np.round(lifted.base * lifted.duration).astype(np.intp)
     fine = finer_bins(int(number[0]), int(number[-1])) / lifted.duration
     window = taper_window(lifted.taper, number)
@@ -174,7 +206,7 @@ def _pose_turning(question: Question, loads: str) -> Posed:
         place = Place(
             where, lifted.harmonics, lifted.rotor_hz, entries, np.zeros((len(where), len(entries)), dtype=np.bool_)
         )
-        sources = _turning_loads(question, loads, where, lifted, fastest)
+        sources = _turning_loads(question, loads, where, lifted, _fastest(turbine))
         noise, given = _noise(question, where[:, None] + lifted.rotor_hz * lifted.harmonics, entries)
         return LiftedModel(
             data,
@@ -193,12 +225,16 @@ def _pose_turning(question: Question, loads: str) -> Posed:
             sources,
             noise,
             given,
-            np.array([float(len(pool)) for pool in pools]),
+            np.array([blocks * len(pool) for pool in pools]),
+            blocks,
+            None if sums is None else single,
+            1.0 if sums is None else sums.gusts,
         )
 
     model, bands = model_at(base, None), ((float(base[0]), (K - 0.5) * lifted.rotor_hz),)
     text = "wind on the turning rotor" if loads == "rotor-wind" else "first-order Gauss–Markov"
-    return Posed(model, model_at(fine, window), model.prior[0], bands, text, 2.0 * math.pi * width / lifted.overlap)
+    resonance = 2.0 * math.pi * width * blocks / lifted.overlap
+    return Posed(model, model_at(fine, window), model.prior[0], bands, text, resonance)
 
 
 def _pooled(entries: Complex, pools: Sequence[NDArray[np.intp]]) -> Complex:
@@ -224,7 +260,8 @@ def _turning_loads(question: Question, loads: str, base: Array, lifted: Lifted, 
 
 def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]) -> Posed:
     """Matrices that do not turn: bands around the modes, with loads of any smooth spectrum in each."""
-    lifted = lift(question.readings, question.inputs[:, 0], question.rate, 0)
+    sums = question.sums
+    lifted, blocks = _lifted(question, 0), 1.0 if sums is None else sums.blocks
     lines = _on_lines(lifted, question.inputs[:, 1])
     peaks = _peaks(question, lifted, lines)
     bands = tuple(given_bands) or _bands(list(peaks.values()), lifted)
@@ -241,20 +278,17 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
             f"longer record"
         )
     width = _narrowest(question) * lifted.duration
-    data = lifted.data[used, 0]
+    m, alike = len(question.sensors), 1
     if width < NARROW:
-        base, window, alike = (
-            finer_bins(int(number[0]), int(number[-1])) / lifted.duration,
-            taper_window(lifted.taper, number),
-            1,
-        )
+        base, window = finer_bins(int(number[0]), int(number[-1])) / lifted.duration, taper_window(lifted.taper, number)
     else:
         alike = int(width / ALIKE)
         groups = len(number) // alike
         base, window = number[: groups * alike].reshape(groups, alike).mean(axis=1) / lifted.duration, None
-        data = data[: groups * alike].reshape(groups, alike, -1)
-    m = len(question.sensors)
-    data = np.swapaxes(data.reshape(-1, alike, m), 1, 2)
+    groups = len(number) // alike
+    data = single = np.swapaxes(lifted.data[used, 0][: groups * alike].reshape(groups, alike, m), 1, 2)
+    if sums is not None:
+        data = factored(sums.power[used][: groups * alike].reshape(groups, alike, m, m).sum(axis=1))
     orders = lifted.harmonics
     place = Place(base, orders, lifted.rotor_hz, np.arange(m), np.zeros((len(base), m), dtype=np.bool_))
     ends = np.array(bands).ravel()
@@ -278,6 +312,10 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
         sources,
         noise,
         levels,
+        np.full(groups, blocks * alike),
+        blocks,
+        None if sums is None else np.ascontiguousarray(single),
+        1.0 if sums is None else sums.gusts,
     )
     start = model.prior[0].copy()
     for i, q in enumerate(question.parameters):
@@ -290,7 +328,7 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
         start,
         bands,
         "any smooth spectrum in the bands around the modes",
-        2.0 * math.pi * width / lifted.overlap,
+        2.0 * math.pi * width * blocks / lifted.overlap,
     )
 
 
@@ -306,7 +344,10 @@ def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict
     )
     known = {q.name: q for q in question.parameters}
     kernel = np.full(PEAK_BINS, 1.0 / PEAK_BINS)
-    power = np.array([np.convolve(np.abs(channel) ** 2, kernel, mode="same") for channel in lifted.data[:, 0].T])
+    squares = np.abs(lifted.data[:, 0]) ** 2
+    if question.sums is not None:
+        squares = np.einsum("bii->bi", question.sums.power).real
+    power = np.array([np.convolve(channel, kernel, mode="same") for channel in squares.T])
     peaks = {}
     for i, name in enumerate(question.turbine.model.coordinates):
         middle = _frequency(question, name)

@@ -1,0 +1,257 @@
+"""Spectra of records that come in pieces: blocks are added, and nothing else is kept.
+
+A piece is cut into blocks as long as the first piece: of equal turns where the rotor's turns couple what moves, of
+equal time elsewhere. Of each block only the products Y Yᴴ are kept (`windsysid.spectral.lifted_sums`), and from their
+sums the posterior is found as from a whole record (`windsysid.identification.spectral`). Memory and the time of the
+search do not depend on how long a record is, and records of one machine in one state add.
+
+The taper takes little notice of a block's ends. So each begins before the one before it ends, by half of what the taper
+takes to rise: then every sample counts nearly alike.
+"""
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid._version import __version__
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.identification.conclude import conclude
+from windsysid.identification.outcome import known_inputs
+from windsysid.identification.prepare import check_length, screened, usable_sensors
+from windsysid.identification.prior import Prior
+from windsysid.identification.problem import seen_by
+from windsysid.identification.recursive import another_call, check_call
+from windsysid.identification.spectral import ask, identify_by_spectrum
+from windsysid.identification.spectral_readings import read_bridged
+from windsysid.inspection.health import Finding
+from windsysid.inspection.screening import noted
+from windsysid.mechanics.sensors import Sensor
+from windsysid.output.files import claim_file
+from windsysid.records.record import Record
+from windsysid.results.identification import Identification
+from windsysid.results.provenance import RecordHash, record_hash, sensor_tables, trace, turbine_hash
+from windsysid.spectral.band_pose import belongs_in_bands
+from windsysid.spectral.dft import TAPERED
+from windsysid.spectral.lifted import Lifted, lift
+from windsysid.spectral.lifted_pose import harmonics_of, turns_couple
+from windsysid.spectral.lifted_sums import LiftedSums, sums_of
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["identify_spectra_of_pieces"]
+
+_BEGINNING = 1000
+"""Samples by which another record is told at once."""
+
+
+def identify_spectra_of_pieces(
+    pieces: Iterable[Record], turbine: Turbine, *, sensors: Sequence[Sensor] | None, prior: Prior,
+    parameters: Sequence[str] | None, loads: str, memory: float | None, checkpoint: Path | None, keep_checkpoint: bool,
+    progress: Callable[[float], None] | None, options: Mapping[str, Any],
+) -> Identification:  # fmt: skip
+    """What `windsysid.identify_pieces` finds from spectra; arguments as there.
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If a piece does not hold what is needed, the rotor is one that is read in bands, or the checkpoint belongs to
+        another call.
+    """
+    started = time.perf_counter()
+    run: _Run | None = None
+    faults: list[Finding] = []
+    for piece in pieces:
+        if run is None:
+            found = usable_sensors(piece, turbine, sensors)
+            faults += screened(piece, turbine, found)
+            run = _Run(piece, turbine, found, prior, parameters, loads, memory, checkpoint, options)
+            run.take(piece)
+        else:
+            run.take(piece)
+            faults += screened(piece, turbine, found, refuse=False)
+        if progress:
+            progress(float(piece.time[-1]))
+    if run is None:
+        raise RecordError("no pieces: expected at least one, got an empty record")
+    result = run.conclude(started, noted(faults))
+    if checkpoint is not None and not keep_checkpoint:
+        checkpoint.unlink(missing_ok=True)
+    return result
+
+
+class _Run:
+    """One pass over the pieces."""
+
+    def __init__(
+        self, first: Record, turbine: Turbine, sensors: tuple[Sensor, ...], prior: Prior, chosen: Sequence[str] | None,
+        loads: str, memory: float | None, checkpoint: Path | None, options: Mapping[str, Any],
+    ) -> None:  # fmt: skip
+        listed = None if chosen is None else list(chosen)
+        beginning = replace(first, time=first.time[:_BEGINNING], values=first.values[:_BEGINNING])
+        self.options = {
+            "formulation": "spectral", "prior": asdict(prior), "parameters": listed, "loads": loads, "memory": memory,
+            **options,
+        }  # fmt: skip
+        self.call = {
+            "version": __version__, "turbine": turbine_hash(turbine), "sensors": sensor_tables(sensors),
+            "length of pieces": first.on_uniform_grid().samples, "record": record_hash(beginning), **self.options,
+        }  # fmt: skip
+        self.checkpoint, self.first, self.turbine, self.sensors = checkpoint, first, turbine, sensors
+        self.prior, self.chosen, self.loads = prior, chosen, loads
+        self.notes: list[str] = []
+        self.seen = seen_by(turbine, sensors, self.notes)
+        part = first.on_uniform_grid()
+        self.rate = part.rate
+        check_length(part.name, part.duration, part.rate, turbine)
+        inputs, readings = self._columns(part)
+        question = ask(part, self.seen, sensors, prior, chosen, inputs, readings, "broadband")
+        self.coupled = turns_couple(question)
+        if self.coupled and belongs_in_bands(question):
+            raise ConfigurationError(
+                "a rotor that is read in bands cannot come in pieces: identify a section of it, or use joint"
+            )
+        self.harmonics = harmonics_of(question)
+        self.samples = part.samples
+        self.turns = math.floor(abs(float(inputs[-1, 0] - inputs[0, 0])) / (2.0 * math.pi)) if self.coupled else 0
+        if self.coupled and self.turns < 1:
+            raise RecordError(
+                "pieces: expected at least one turn of the rotor in the first, got less: make them longer"
+            )
+        self.memory = 1.0 if memory is None else math.exp(-part.duration / memory)
+        self.sums: LiftedSums | None = None
+        self.speeds: list[float] = []
+        self.last: Record | None = None
+        self.wind, self.hash, self.taken = [0.0, 0.0], RecordHash(), 0
+        self.stopped: dict[str, Any] = {"samples": 0, "taken": ""}
+        if checkpoint is not None and checkpoint.exists():
+            self.stopped = check_call(checkpoint, self.call)
+
+    def _columns(self, part: Record) -> tuple[Array, Array]:
+        readings = read_bridged(part, [sensor.channel for sensor in self.sensors], self.notes)
+        return known_inputs(part, self.seen, self.sensors), readings
+
+    def take(self, piece: Record) -> None:
+        """The next piece as it was recorded."""
+        self.hash.take(piece)
+        self.taken += piece.samples
+        known = int(self.stopped["samples"])
+        if self.taken <= known:
+            if self.taken == known:
+                self._resume()
+            return
+        if self.taken - piece.samples < known:
+            raise self._another("record")
+        part = piece.on_uniform_grid()
+        if abs(part.rate / self.rate - 1.0) > 0.01:
+            raise RecordError(f"{part.name}: expected pieces of {self.rate:.6g} Hz, got one of {part.rate:.6g} Hz")
+        if "wind_speed" in part:
+            self.wind[0] += float(np.nansum(part["wind_speed"]))
+            self.wind[1] += float(np.isfinite(part["wind_speed"]).sum())
+        joined = _joined(self.last, part)
+        inputs, readings = self._columns(joined)
+        first = 0
+        while (count := self._length(inputs[first:, 0])) is not None:
+            self._add(inputs[first : first + count], readings[first : first + count])
+            first += round((1.0 - 0.5 * TAPERED) * count)
+        self.last = replace(joined, time=joined.time[first:], values=joined.values[first:])
+        self._save()
+
+    def _length(self, azimuth: Array) -> int | None:
+        """How many samples the next block has; None if it is not all there."""
+        if not self.coupled:
+            return self.samples if len(azimuth) >= self.samples else None
+        if len(azimuth) < 2:
+            return None
+        turned = np.abs(azimuth - azimuth[0])
+        end = int(np.searchsorted(turned, 2.0 * math.pi * self.turns))
+        return end + 1 if end < len(azimuth) else None
+
+    def _add(self, inputs: Array, readings: Array) -> None:
+        block: Lifted = lift(readings, inputs[:, 0], self.rate, self.harmonics)
+        self.sums = sums_of(block) if self.sums is None else self.sums.plus(block, self.memory)
+        self.speeds.append(float(inputs[:, 1].mean()))
+        self.inputs = inputs
+
+    def _save(self) -> None:
+        """Write what is known."""
+        if self.checkpoint is None or self.last is None:
+            return
+        arrays: dict[str, Any] = {"time": self.last.time, "values": self.last.values, "speeds": np.array(self.speeds)}
+        if self.sums is not None:
+            arrays |= {
+                "power": self.sums.power, "blocks": np.asarray(self.sums.blocks), "energies": self.sums.energies,
+                "inputs": self.inputs,
+            }  # fmt: skip
+            arrays |= {f"last_{name}": np.asarray(value) for name, value in self.sums.last._asdict().items()}
+        progress = {"samples": self.taken, "taken": str(self.hash), "wind": self.wind, "notes": self.notes}
+        progress |= {"channels": list(self.last.channels)}
+        for name, told in (("call", self.call), ("progress", progress)):
+            arrays[name] = np.asarray(json.dumps(told))
+        with claim_file(self.checkpoint, overwrite=True) as write:
+            write(lambda file: np.savez(file, **arrays))
+
+    def _resume(self) -> None:
+        """Take up what was known when the pieces so far had been taken in."""
+        if str(self.hash) != self.stopped["taken"]:
+            raise self._another("record")
+        assert self.checkpoint is not None
+        with np.load(self.checkpoint, allow_pickle=False) as archive:
+            self.last = replace(self.first, time=archive["time"], values=archive["values"])
+            self.speeds = archive["speeds"].tolist()
+            if "power" in archive:
+                last = {name: archive[f"last_{name}"] for name in Lifted._fields}
+                numbers = {name: float(last[name]) for name in ("rotor_hz", "overlap", "duration", "rate")}
+                block = Lifted(**{**last, **numbers})
+                self.sums = LiftedSums(archive["power"], float(archive["blocks"]), block, archive["energies"])
+                self.inputs = archive["inputs"]
+        self.wind, self.notes = list(self.stopped["wind"]), list(self.stopped["notes"])
+
+    def _another(self, what: str) -> ConfigurationError:
+        assert self.checkpoint is not None
+        return another_call(self.checkpoint, [what])
+
+    def conclude(self, started: float, faults: Sequence[str]) -> Identification:
+        """The result."""
+        if self.taken < int(self.stopped["samples"]):
+            raise self._another("record")
+        if self.sums is None or self.last is None:
+            raise RecordError(f"{self.first.name}: expected a whole block of turns, got less: choose longer pieces")
+        begun, ended = float(self.first.time[0]), float(self.last.time[-1])
+        inputs, sums = self.inputs, self.sums
+        outcome = identify_by_spectrum(
+            self.first.on_uniform_grid(), self.turbine, self.sensors, self.prior, self.chosen, loads=self.loads,
+            sums=sums, speeds=np.array(self.speeds),
+        )  # fmt: skip
+        seconds = sums.last.duration
+        what = f"{self.turns} turns" if self.coupled else f"{seconds:.4g} s"
+        blocks = f"taken in piece by piece: {len(sums.energies)} blocks of {what}"
+        if self.memory < 1.0:
+            blocks += f", which count as {sums.blocks:.3g}: the older, the less"
+        outcome = outcome._replace(
+            rotor=inputs, notes=tuple(dict.fromkeys([*self.notes, *outcome.notes, blocks, *faults])),
+            elapsed=time.perf_counter() - started,
+        )  # fmt: skip
+        read = replace(self.last, name=self.first.name, time=self.last.time[-2:], values=self.last.values[-2:])
+        return conclude(
+            outcome, read, "spectral", section=(begun, ended), samples=self.taken, history_time=np.array([ended]),
+            wind_speed=self.wind[0] / self.wind[1] if self.wind[1] else None,
+            provenance=trace(self.first, str(self.hash), self.turbine, self.sensors, self.options),
+        )  # fmt: skip
+
+
+def _joined(before: Record | None, piece: Record) -> Record:
+    """A piece with what is left of those before it, where it goes on from there."""
+    if before is None or not len(before.time):
+        return piece
+    step = 1.0 / piece.rate
+    if abs(float(piece.time[0] - before.time[-1]) - step) > 0.5 * step or before.channels != piece.channels:
+        return piece  # another record, or a gap
+    return replace(
+        piece, time=np.concatenate([before.time, piece.time]), values=np.vstack([before.values, piece.values])
+    )

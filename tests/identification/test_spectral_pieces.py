@@ -1,0 +1,162 @@
+"""Spectra of records in pieces: sums over blocks say what the whole says."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.identification.identify import identify
+from windsysid.identification.pieces import identify_pieces
+from windsysid.records.record import Record
+from windsysid.results.identification import Identification
+from windsysid.simulation.record import simulate_record
+from windsysid.spectral.lifted import lift
+from windsysid.spectral.lifted_sums import factored, sums_of
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+LENGTH = 300.0
+"""Of a piece of the tower's record [s]."""
+
+
+@pytest.fixture(scope="module")
+def tower() -> Turbine:
+    return load_turbine("tower")
+
+
+@pytest.fixture(scope="module")
+def whole(tower: Turbine) -> Record:
+    return simulate_record(tower, duration=1500.0, rate=5.0, seed=3)
+
+
+def pieces(record: Record, seconds: float = LENGTH) -> list[Record]:
+    n = round(seconds * record.rate)
+    firsts = range(0, record.samples - 1, n)
+    return [replace(record, time=record.time[i : i + n], values=record.values[i : i + n]) for i in firsts]
+
+
+def apart(one: Identification, other: Identification) -> np.ndarray:
+    """Differences of the estimates in standard deviations of the other."""
+    return np.array([(a.estimate - b.estimate) / b.std for a, b in zip(one.estimates, other.estimates, strict=True)])
+
+
+def test_one_piece_says_what_the_record_says(tower: Turbine, whole: Record) -> None:
+    part = pieces(whole)[0]
+    assert np.abs(apart(identify_pieces([part], tower, formulation="spectral"),
+                        identify(part, tower, formulation="spectral"))).max() < 1e-3  # fmt: skip
+
+
+def test_one_piece_of_a_rotor_says_what_the_record_says(verne555: Turbine) -> None:
+    record = simulate_record(verne555, duration=40.0, rate=50.0, seed=2)
+    found = identify_pieces([record], verne555, formulation="spectral", loads="broadband")
+    expected = identify(record, verne555, formulation="spectral", loads="broadband")
+    assert np.abs(apart(found, expected)).max() < 0.02
+    assert any("one block only" in reason for reason in found.diagnosis.reasons)
+
+
+def test_pieces_and_the_whole_agree(tower: Turbine, whole: Record) -> None:
+    """The taper takes 6 % of the whole's ends and hardly any of the blocks': by chance that is √0.06 of a standard
+    deviation."""
+    found = identify_pieces(pieces(whole), tower, formulation="spectral")
+    expected = identify(whole, tower, formulation="spectral")
+    assert np.sqrt(np.mean(apart(found, expected) ** 2)) < 0.5
+    ratio = [a.std / b.std for a, b in zip(found.estimates, expected.estimates, strict=True)]
+    assert ratio == pytest.approx(np.ones(len(ratio)), abs=0.15)
+    assert "5 blocks of 300 s" in " ".join(found.notes)
+    assert found.samples == whole.samples
+
+
+def test_records_of_one_machine_add(tower: Turbine, whole: Record) -> None:
+    """Two records a day apart, of which each has what is left at its end cut off."""
+    parts = pieces(whole)
+    day = replace(parts[1], time=parts[1].time + 86400.0)
+    one = identify_pieces(parts[:1], tower, formulation="spectral")
+    both = identify_pieces([parts[0], day], tower, formulation="spectral")
+    assert "2 blocks" in " ".join(both.notes)
+    side = [r.estimates[0] for r in (one, both)]
+    assert side[1].std == pytest.approx(side[0].std / np.sqrt(2.0), rel=0.15)
+
+
+def test_what_is_forgotten_counts_no_more(tower: Turbine, whole: Record) -> None:
+    parts = pieces(whole)
+    late = identify_pieces(parts, tower, formulation="spectral", memory=50.0)
+    last = identify_pieces(parts[-1:], tower, formulation="spectral")
+    all_of_it = identify_pieces(parts, tower, formulation="spectral")
+    assert late.estimates[0].std == pytest.approx(last.estimates[0].std, rel=0.25)
+    assert late.estimates[0].std > 1.5 * all_of_it.estimates[0].std
+    assert "the older, the less" in " ".join(late.notes)
+
+
+def _read(record: Record, turbine: Turbine) -> np.ndarray:
+    """Which channels are accelerometers."""
+    return np.isin(record.channels, [sensor.channel for sensor in turbine.sensors])
+
+
+def _stopping(of: Sequence[Record], after: int) -> Iterator[Record]:
+    yield from of[:after]
+    raise KeyboardInterrupt
+
+
+def test_an_interrupted_run_ends_where_an_uninterrupted_one_ends(tower: Turbine, whole: Record, tmp_path: Path) -> None:
+    checkpoint = tmp_path / "state.npz"
+    with pytest.raises(KeyboardInterrupt):
+        identify_pieces(_stopping(pieces(whole), 3), tower, formulation="spectral", checkpoint=checkpoint)
+    assert checkpoint.exists()
+    resumed = identify_pieces(pieces(whole), tower, formulation="spectral", checkpoint=checkpoint)
+    assert not checkpoint.exists()
+    straight = identify_pieces(pieces(whole), tower, formulation="spectral")
+    assert np.array_equal(resumed.cov, straight.cov)
+    assert [e.estimate for e in resumed.estimates] == [e.estimate for e in straight.estimates]
+    assert resumed.notes == straight.notes
+
+
+def test_another_call_does_not_take_the_state_up(tower: Turbine, whole: Record, tmp_path: Path) -> None:
+    checkpoint = tmp_path / "state.npz"
+    with pytest.raises(KeyboardInterrupt):
+        identify_pieces(_stopping(pieces(whole), 2), tower, formulation="spectral", checkpoint=checkpoint)
+    with pytest.raises(ConfigurationError, match="another call"):
+        identify_pieces(pieces(whole), tower, formulation="spectral", checkpoint=checkpoint, memory=100.0)
+    changed = replace(whole, values=np.where(_read(whole, tower), 1.1, 1.0) * whole.values)
+    changed = replace(whole, values=np.where((whole.time > 250.0)[:, None], changed.values, whole.values))
+    with pytest.raises(ConfigurationError, match="record"):
+        identify_pieces(pieces(changed), tower, formulation="spectral", checkpoint=checkpoint)
+
+
+def test_halves_that_differ_are_not_trusted(tower: Turbine, whole: Record) -> None:
+    louder = np.where(whole.time > 750.0, 5.0, 1.0)[:, None]
+    values = np.where(_read(whole, tower), louder, 1.0) * whole.values
+    found = identify_pieces(pieces(replace(whole, values=values)), tower, formulation="spectral")
+    assert any("in one half as in the other" in reason for reason in found.diagnosis.reasons)
+
+
+def test_a_rotor_that_is_read_in_bands_is_refused() -> None:
+    turbine = load_turbine("nrel5mw_full")
+    record = simulate_record(turbine, duration=60.0, rate=25.0, seed=1)
+    with pytest.raises(ConfigurationError, match="read in bands"):
+        identify_pieces([record], turbine, formulation="spectral")
+
+
+def test_options_of_the_other_formulation_are_refused(tower: Turbine, whole: Record) -> None:
+    with pytest.raises(ConfigurationError, match="rate"):
+        identify_pieces([whole], tower, formulation="spectral", rate=2.0)
+    with pytest.raises(ConfigurationError, match="memory"):
+        identify_pieces([whole], tower, memory=10.0)
+    with pytest.raises(RecordError, match="no pieces"):
+        identify_pieces([], tower, formulation="spectral")
+
+
+def test_sums_hold_the_products_of_all_blocks() -> None:
+    rng = np.random.default_rng(1)
+    psi = np.asarray(2.0 * np.pi * 0.2 * np.arange(1000) / 10.0, dtype=np.float64)
+    blocks = [lift(rng.normal(size=(1000, 2)), psi, 10.0, 1) for _ in range(3)]
+    sums = sums_of(blocks[0]).plus(blocks[1]).plus(blocks[2], memory=0.5)
+    flat = [block.data.reshape(len(block.data), -1) for block in blocks]
+    expected = sum(w * y[:, :, None] * y[:, None, :].conj() for w, y in zip((0.5, 0.5, 1.0), flat, strict=True))
+    assert sums.blocks == 2.0
+    assert sums.power == pytest.approx(expected, abs=1e-12)
+    root = factored(sums.power)
+    assert root @ np.conj(np.swapaxes(root, 1, 2)) == pytest.approx(sums.power, abs=1e-12)
+    assert sums.gusts < 1.1
