@@ -3,8 +3,8 @@
 ``python -m validation.pieces [--openfast FOLDER] [--only NAME …]`` identifies each record twice, as a whole and in
 pieces, and prints by how many standard deviations the coefficients differ at most: on stationary records (the reference
 scenario, simulated turbulent wind, one's own equations, and with FOLDER the tower under the wind of OpenFAST's record
-c2) and on loads whose rms changes threefold within the record. Then it counts what 40 s of the reference scenario cost:
-passes of single filters and of banks, and models built.
+c2), by spectra, and on loads whose rms changes threefold within the record. Then it counts what 40 s of the reference
+scenario cost: passes of single filters and of banks, and models built.
 """
 
 import argparse
@@ -169,6 +169,10 @@ def cases(openfast: Path | None) -> Iterator[Case]:
     yield _both("reference scenario", reference, scale, 37.0, STATIONARY)
     yield _both("modulated loads", modulated(scale, 100.0, 100.0, 1), scale, 10.0, MODULATED)
     yield Case("own equations, 200 s in pieces of 15 s", lambda: _own(None), lambda: _own(15.0), STATIONARY)
+    noisy, spectra = simulate_record(scale, duration=200.0, rate=50.0, seed=1), {"formulation": "spectral"}
+    yield _both("spectra, reference scenario", noisy, scale, 50.0, STATIONARY, **spectra)
+    standing = simulate_record(tower, duration=3600.0, rate=5.0, seed=1)
+    yield _both("spectra, tower", standing, tower, 600.0, STATIONARY, **spectra)
     yield _both("tower", simulate_record(tower, duration=600.0, rate=20.0, seed=1), tower, 60.0, STATIONARY)
     if openfast is not None:
         c2 = read_record(openfast / "c2_turb12_full.outb").select(["tower_x_acceleration", "tower_z_acceleration"])

@@ -9,7 +9,8 @@ Under random loads, which the model knows but for their statistics, the errors s
 (`validation.calibration.bound`). That bound knows the weight that drives the blades at 1P and the mean lag angle, which
 tell k_β and c_x. Spectra leave both open, since wind shear comes at 1P too and mean wind turns the blades.
 
-``python -m validation.spectral [--runs N] [--first SEED] [--loads wind wind-feedback random]`` prints the table.
+``python -m validation.spectral [--runs N] [--first SEED] [--loads wind wind-feedback random]
+[--in-pieces SECONDS]`` prints the table.
 """
 
 import argparse
@@ -24,8 +25,10 @@ import numpy as np
 
 from validation.calibration import bound
 from validation.mismatch import total_coefficients
+from validation.pieces import cut
 from windsysid._types import Array
 from windsysid.identification.identify import identify
+from windsysid.identification.pieces import identify_pieces
 from windsysid.output.console import render
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
@@ -64,19 +67,26 @@ class Run(NamedTuple):
     seconds: float
 
 
-def calibrate_spectra(runs: int, first: int = 0, loads: Sequence[str] = LOADS) -> Iterator[Run]:
-    """Identify `runs` records under each kind of loads, seeds `first` and on; the same on any number of processors."""
+def calibrate_spectra(
+    runs: int, first: int = 0, loads: Sequence[str] = LOADS, length: float | None = None
+) -> Iterator[Run]:
+    """Identify `runs` records under each kind of loads, seeds `first` and on, in pieces of a `length` [s] where it is
+    given; the same on any number of processors."""
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        yield from pool.map(_one_run, product(loads, range(first, first + runs)))
+        yield from pool.map(_one_run, product(loads, range(first, first + runs), [length]))
 
 
-def _one_run(which: tuple[str, int]) -> Run:
-    loads, seed = which
+def _one_run(which: tuple[str, int, float | None]) -> Run:
+    loads, seed, length = which
     turbine = load_turbine("verne555").exact()
     truth = total_coefficients(turbine, loads, seed)
     record = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed, loads=loads)
     started = time.process_time()
-    found = identify(record, truth, formulation="spectral", prior=DrawnPrior(seed=seed))
+    if length is None:
+        found = identify(record, truth, formulation="spectral", prior=DrawnPrior(seed=seed))
+    else:
+        pieces = cut(record, length)
+        found = identify_pieces(pieces, truth, formulation="spectral", prior=DrawnPrior(seed=seed))
     seconds = time.process_time() - started
     deviation, moved, error = [], [], []
     for i, q in enumerate(found.parameters):
@@ -98,8 +108,9 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=100, help="records under each kind of loads (100)")
     parser.add_argument("--first", type=int, default=0, help="first seed (0)")
     parser.add_argument("--loads", nargs="+", choices=LOADS, default=list(LOADS))
+    parser.add_argument("--in-pieces", type=float, metavar="SECONDS", help="take each record in piece by piece")
     options = parser.parse_args()
-    found = calibrate_spectra(options.runs, options.first, options.loads)
+    found = calibrate_spectra(options.runs, options.first, options.loads, options.in_pieces)
     total = options.runs * len(options.loads)
     runs = list(track(found, description="spectral", total=total, console=Console(stderr=True)))
     names = load_turbine("verne555").exact().model.coefficients
