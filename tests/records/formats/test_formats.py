@@ -419,7 +419,8 @@ def test_openfast_has_no_start_but_the_one_of_the_mapping(tmp_path, openfast):
 def test_without_openfast_io_the_reader_says_how_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "openfast_io.FAST_output_reader", None)
     with pytest.raises(RecordError, match=r'pip install "windsysid\[openfast\]"'):
-        read_record(csv_file(tmp_path, outb(), "x.outb"))
+        read_record(csv_file(tmp_path, out(ROWS / 10), "x.out"))
+    assert read_record(csv_file(tmp_path, outb(), "x.outb")).samples > 1  # that is read here
 
 
 # records that other people made

@@ -76,14 +76,14 @@ _HEADER_LINES = 8  # of a .out file: names in the seventh, units in the eighth
 
 
 def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
-    """Open OpenFAST output; a binary file is read as far as it is needed, unless `whole`, a text file always whole."""
+    """Open OpenFAST output; a binary file is read as far as it is needed, a text file always whole."""
     binary = path.suffix.lower() == ".outb"
     packed = open_packed(path) if binary else None
     table: Any = None
-    if packed is not None and not whole:
+    if packed is not None:
         names, units, description = packed.names, packed.units, packed.description
     else:
-        table, info = _read_binary(path) if binary else _read_text(path)
+        table, info = _read_text(path)
         names, units, description = info["attribute_names"], info["attribute_units"], str(info["description"])
     if not names or names[0].lower() != "time" or len(names) != len(units) or (table is not None and table.ndim != 2):
         raise RecordError("is not OpenFAST output, expected a first channel 'Time'; export it again")
@@ -171,16 +171,6 @@ def _without_rounding(time: Array) -> Array:
 
 def _reader(name: str) -> Any:
     return getattr(package("openfast_io.FAST_output_reader", "OpenFAST files", "openfast"), name)
-
-
-def _read_binary(path: Path) -> tuple[Array, dict[str, Any]]:
-    load = _reader("load_binary_output")
-    try:
-        with np.errstate(all="ignore"):
-            table, info, *_ = load(str(path))
-    except Exception as error:
-        raise RecordError(f"is damaged ({error}); run the simulation or copy the file again") from error
-    return np.asarray(table, dtype=np.float64), info
 
 
 def _read_text(path: Path) -> tuple[Array, dict[str, Any]]:

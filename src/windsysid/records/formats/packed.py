@@ -2,7 +2,7 @@
 
 A header says how many channels and samples follow, then come int16 rows with one scale and offset per channel
 (float64 rows in format 3; formats 1 has packed times before the rows). A row is as long as any other, so the rows of
-a section are one piece of the file. Whole files are read by openfast_io; this reader gives the same numbers.
+a section are one piece of the file. The numbers are those that openfast_io reads (tests/records/formats).
 """
 
 import struct
