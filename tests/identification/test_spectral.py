@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from validation.tolerances import Errors, record_of
 
 import windsysid as ws
 from windsysid.errors import ConfigurationError, RecordError
@@ -19,12 +20,68 @@ def tower_record() -> Record:
 
 
 def test_tower_is_found_from_its_spectra(tower_record: Record) -> None:
-    found = ws.identify(tower_record, "tower", formulation="spectral", prior=DrawnPrior(seed=3))
+    tower = load_turbine("tower").exact()
+    found = ws.identify(tower_record, tower, formulation="spectral", prior=DrawnPrior(seed=3))
     assert found.diagnosis.trusted
+    assert found.tolerances == ()
     for e in found.estimates:
         assert e.reference is not None
         assert abs(e.estimate - e.reference) < 3.0 * e.std
     assert found["k_side_side"].std < 0.01 * found["k_side_side"].estimate
+
+
+def test_masses_that_are_known_to_two_per_cent_widen_the_band_of_a_stiffness_by_as_much(tower_record: Record) -> None:
+    """A vibration shows k/m: var(ln k) grows by the variance of ln m, and what a frequency needs stays."""
+    exact = load_turbine("tower").exact()
+    known = ws.identify(tower_record, exact, formulation="spectral")
+    found = ws.identify(tower_record, replace(exact, mass_tolerance=0.02), formulation="spectral")
+    assert [one.name for one in found.tolerances] == ["masses of top"]
+    assert found.tolerances[0].std == pytest.approx(0.02, rel=0.02)  # the size of the loads is learned
+    for name in ("k_side_side", "k_fore_aft"):
+        i = [q.name for q in found.parameters].index(name)
+        assert found.cov[i, i] == pytest.approx(known.cov[i, i] + 0.02**2, rel=0.05)
+        assert found[name].estimate == pytest.approx(known[name].estimate, rel=2e-3)
+    for one, other in zip(found.modes, known.modes, strict=True):
+        assert np.diff(one.frequency_hz[1:]) == pytest.approx(np.diff(other.frequency_hz[1:]), rel=0.02)
+    row = next(row for row in found.budget.rows if row.name == "k_side_side")
+    assert dict(zip(found.budget.causes, row.causes, strict=True))["masses"] == pytest.approx(
+        0.02**2 / found.cov[0, 0], rel=0.05
+    )
+
+
+def test_filters_and_spectra_know_instruments_and_masses_alike(tower_record: Record) -> None:
+    record = tower_record.section(0.0, 300.0)
+    joint, spectral = (
+        ws.identify(record, "tower", formulation="joint"), ws.identify(record, "tower", formulation="spectral"),
+    )  # fmt: skip
+    assert [one.name for one in spectral.tolerances] == [one.name for one in joint.tolerances]
+    assert spectral.joint_cov is not None
+    assert len(spectral.joint_cov) == len(spectral.parameters) + len(spectral.statistics) + len(spectral.tolerances)
+    for e, other in zip(spectral.estimates, joint.estimates, strict=True):
+        assert e.std == pytest.approx(other.std, rel=0.4)
+        assert abs(e.estimate - other.estimate) < 1.5 * other.std
+    for one, known in zip(spectral.tolerances, joint.tolerances, strict=True):
+        if one.group != "alignment":  # a tower's filters also read what lies between its bands
+            assert one.std == pytest.approx(known.std, rel=0.1)
+            assert abs(one.estimate - known.estimate) < 0.2 * one.spread
+
+
+def test_an_axis_and_a_clock_that_are_off_are_found_and_said() -> None:
+    turbine = load_turbine("verne555")
+    record = record_of(turbine, Errors(turn={0: np.radians(5.0)}, late={"rotor": 0.002}), 91_700)
+    found = ws.identify(record, turbine, formulation="spectral", prior=DrawnPrior(seed=5), loads="broadband")
+    off = {one.name: one for one in found.tolerances}
+    axis, clock = off["alignment of tower_x_acceleration"], off["clock of rotor"]
+    assert axis.off
+    assert abs(axis.estimate - np.radians(5.0)) < 3.0 * axis.std
+    assert clock.off
+    assert abs(clock.estimate - 0.002) < 3.0 * clock.std
+    assert any("the logger rotor is" in note for note in found.notes)
+    for e in found.estimates:
+        assert e.reference is not None
+        assert abs(e.estimate - e.reference) < 3.0 * e.std
+    exact = ws.identify(record, turbine.exact(), formulation="spectral", prior=DrawnPrior(seed=5), loads="broadband")
+    assert max(abs(e.estimate - e.reference) / e.std for e in exact.estimates if e.reference) > 3.0
 
 
 def test_result_is_saved_and_reported(tower_record: Record, tmp_path: object) -> None:

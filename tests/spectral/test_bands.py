@@ -10,8 +10,11 @@ import pytest
 import windsysid as ws
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
+from windsysid.identification.tolerances import in_numbers, tolerances_of
+from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
+from windsysid.spectral.band_model import BandModel
 from windsysid.spectral.band_places import Place
 from windsysid.spectral.band_pose import PosedBands, belongs_in_bands, pose_bands, search_bands
 from windsysid.spectral.band_rows import bins_between, combine, turned_spectra
@@ -154,6 +157,28 @@ def test_gradient_is_the_slope_of_the_likelihood() -> None:
     assert np.isfinite(value)
 
 
+def test_bands_know_instruments_and_masses() -> None:
+    """Slopes of what all bands share, clocks of the blades' logger among them; and a stiffness known as masses are."""
+    asked = question(record())
+    names = [q.name for q in asked.parameters]
+    compiled = compile_model(TURBINE.model, asked.sensors, instruments=True)
+    tolerances = tolerances_of(TURBINE, asked.sensors, names)
+    inexact = in_numbers(tolerances, compiled.parameters, TURBINE, asked.sensors, names)
+    narrow = search_bands(asked._replace(compiled=compiled))
+    wide = BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in narrow.model.bands))
+    rng = np.random.default_rng(4)
+    at = np.insert(narrow.start, narrow.model.shared, 0.5 * rng.standard_normal(len(tolerances)))
+    _, gradient, information = wide.likelihood(at)
+    for i in range(narrow.model.shared, wide.shared):
+        off = np.zeros(len(at))
+        off[i] = 1e-3
+        slope = (wide.likelihood(at + off)[0] - wide.likelihood(at - off)[0]) / 2e-3
+        assert gradient[i] == pytest.approx(slope, rel=2e-3, abs=2e-3 * np.sqrt(information[i, i]))
+    found = ws.identify(record(), TURBINE, formulation="spectral", prior=DrawnPrior(seed=1))
+    assert len(found.tolerances) == len(tolerances)
+    assert 0.015 < found["k_beta_1"].std / found["k_beta_1"].estimate < 0.04
+
+
 def test_modes_are_looked_for_where_they_are() -> None:
     """Priors are 30 % off in stiffness: 14 % in frequency."""
     hz = {place.name: place.frequency - (place.shape or 0) * HZ for place in posed().places}
@@ -165,8 +190,8 @@ def test_modes_are_looked_for_where_they_are() -> None:
 
 @pytest.mark.parametrize("missing", ["", TIPS[1]])
 def test_rotor_in_simulated_wind_is_found(missing: str) -> None:
-    sensors = tuple(s for s in TURBINE.sensors if s.channel != missing)
-    found = ws.identify(record(), TURBINE, formulation="spectral", sensors=sensors, prior=DrawnPrior(seed=1))
+    sensors = tuple(s.exact() for s in TURBINE.sensors if s.channel != missing)
+    found = ws.identify(record(), TURBINE.exact(), formulation="spectral", sensors=sensors, prior=DrawnPrior(seed=1))
     for e in found.estimates:
         assert e.reference is not None
         if e.kind == "stiffness":

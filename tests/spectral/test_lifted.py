@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from windsysid.identification.prior import Prior
+from windsysid.identification.tolerances import in_numbers, tolerances_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
@@ -127,8 +128,8 @@ def test_transfer_of_one_degree_of_freedom_is_the_textbooks() -> None:
 
 def _posed(kind: str, duration: float = 40.0) -> Posed:
     """A small problem of each kind; its data are those of a short record."""
-    turbine = load_turbine("tower" if kind == "tower" else "verne555")
-    rate, duration = (20.0, 300.0) if kind == "tower" else (100.0, duration)
+    turbine = load_turbine("tower" if kind.startswith("tower") else "verne555")
+    rate, duration = (20.0, 300.0) if kind.startswith("tower") else (100.0, duration)
     record = simulate_record(turbine, duration=duration, rate=rate, seed=5)
     parameters = Prior(stiffness=1.1, damping=1.3).parameters(turbine, list(turbine.coefficients), linear=False)
     if kind == "rotor-wind":
@@ -136,17 +137,25 @@ def _posed(kind: str, duration: float = 40.0) -> Posed:
         model = replace(turbine.model, air_couples=True)
         turbine = replace(turbine, model=model, values={**turbine.values, "c_hub_blade": 0.0})
         parameters = (*parameters, Parameter("c_hub_blade", 0.0, 4.0, False, 8.0))
-    inputs = np.zeros((record.samples, 5 if kind == "tower" else 3))
+    inputs = np.zeros((record.samples, 5 if kind.startswith("tower") else 3))
     inputs[:, 0] = np.unwrap(record["rotor_azimuth"])
     inputs[:, 1] = turbine.rotor_speed
+    inexact = kind.endswith(", inexact")
     question = Question(
         turbine, turbine.sensors, np.column_stack([record[s.channel] for s in turbine.sensors]), rate, inputs,
-        compile_model(turbine.model, turbine.sensors), parameters, turbine.loads,
+        compile_model(turbine.model, turbine.sensors, instruments=inexact), parameters, turbine.loads,
     )  # fmt: skip
-    return pose_lifted(question, "rotor-wind" if kind == "rotor-wind" else "broadband")
+    posed = pose_lifted(question, "rotor-wind" if kind == "rotor-wind" else "broadband")
+    if not inexact:
+        return posed
+    tolerances = tolerances_of(turbine, turbine.sensors, [q.name for q in parameters])
+    numbers = in_numbers(
+        tolerances, question.compiled.parameters, turbine, turbine.sensors, [q.name for q in parameters]
+    )
+    return posed._replace(model=posed.model._replace(inexact=numbers))
 
 
-KINDS = ("tower", "broadband", "rotor-wind")
+KINDS = ("tower", "broadband", "rotor-wind", "tower, inexact", "broadband, inexact")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -194,6 +203,19 @@ def test_loops_say_what_products_of_matrices_say(kind: str, monkeypatch: pytest.
     assert loops.value == pytest.approx(matrices.value, rel=1e-11)
     assert np.abs(loops.gradient - matrices.gradient).max() < 1e-9 * np.abs(matrices.gradient).max()
     assert np.abs(loops.information - matrices.information).max() < 1e-9 * np.abs(matrices.information).max()
+
+
+def test_a_late_logger_turns_the_phase_of_its_readings() -> None:
+    """S of late readings is P S Pᴴ with P = e^{−iωκ}, noise and all, as white noise stays white."""
+    model = _posed("broadband, inexact").model
+    at = model.prior[0].copy()
+    on_time = model.spectrum(at).spectrum
+    at[model.mechanical - 1] = 2.0  # the clock of the blades' logger comes last: 2 ms
+    m, place = len(model.combine), model.place
+    frequency = place.base[:, None] + place.rotor_hz * place.orders[place.entries // m]
+    phase = np.exp(-2j * np.pi * frequency * np.where(place.entries % m >= 2, 0.002, 0.0))
+    expected = phase[:, :, None] * on_time * phase.conj()[:, None, :]
+    assert np.abs(model.spectrum(at).spectrum - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 def test_every_bin_counts_once_where_neighbours_share_a_spectrum() -> None:

@@ -199,14 +199,14 @@ def _by_what_fits(asked: _Asked) -> _Found:
 
 def _compare(one: Outcome, other: Outcome) -> tuple[str, float]:
     """The parameter on which two results differ most, in the larger of their standard deviations, with instruments and
-    masses as their files say: spectra know no tolerances, and wide bands would hide what loads do."""
-    theta, cov = one.given("gain", "alignment", "clock", "masses")
+    masses as their files say: both share them, and wide bands would hide what loads do."""
+    (theta, cov), (others, other_cov) = (found.given("gain", "alignment", "clock", "masses") for found in (one, other))
     names = [q.name for q in other.model.parameters]
     off = {}
     for i, q in enumerate(one.model.parameters):
         if q.name in names:
             j = names.index(q.name)
-            off[q.name] = abs(theta[i] - other.theta[j]) / math.sqrt(max(cov[i, i], other.cov[j, j]))
+            off[q.name] = abs(theta[i] - others[j]) / math.sqrt(max(cov[i, i], other_cov[j, j]))
     worst = max(off, key=lambda name: off[name])
     return worst, float(off[worst])
 

@@ -17,13 +17,13 @@ from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem
 from windsysid.identification.recursive import join_histories, spread_over_samples
 from windsysid.identification.solve import Solution, solve
-from windsysid.identification.tolerances import learned_tolerances
+from windsysid.identification.tolerances import doubt_tolerances, learned_tolerances, note_tolerances
 from windsysid.loads.family import candidates
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
-from windsysid.results.tolerance import MOST, Tolerance
+from windsysid.results.tolerance import Tolerance
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["describe_solution", "first_estimate", "identify_jointly", "load_models"]
@@ -96,7 +96,7 @@ def describe_solution(
         notes=(
             *problem.notes,
             *_describe_loads(problem, why),
-            *(_describe_tolerance(one) for one in tolerances if one.off),
+            *note_tolerances(tolerances),
             *solution.notes,
         ),
         statistics=learned_statistics(problem.statistics, solution.mean[n:end], solution.cov[n:end, n:end]),
@@ -107,15 +107,6 @@ def describe_solution(
         log_likelihood=solution.log_likelihood,
         hypothesis=problem.loads.name,
         tolerances=tolerances,
-    )
-
-
-def _describe_tolerance(one: Tolerance) -> str:
-    """What the record says of an instrument or a body, which the estimates take into account."""
-    if not one.contradicted:
-        return f"{one}: the estimates take it into account"
-    return (
-        f"{one}, as far as the model goes: the estimates take it into account; correct its file, or look for a coupling"
     )
 
 
@@ -131,10 +122,7 @@ def _describe_loads(problem: TurbineProblem, why: str) -> tuple[str, ...]:
 
 def _list_doubts(solution: Solution, given: Turbine, used: Turbine, tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
     """What speaks against the bands and does not show in the innovations."""
-    doubts = [
-        f"{one}: more than {MOST:g} times its tolerance; correct it, or the turbine file" for one in tolerances
-        if one.contradicted and not one.informed
-    ]  # fmt: skip
+    doubts = list(doubt_tolerances(tolerances))
     if not solution.settled:
         doubts.append(
             f"the likelihood still rose after {solution.iterations} steps: choose a longer or steadier section, or "

@@ -21,15 +21,25 @@ from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import seen_by
 from windsysid.identification.spectral_bands import read_in_bands
 from windsysid.identification.spectral_readings import read_bridged
+from windsysid.identification.tolerances import (
+    doubt_tolerances,
+    in_numbers,
+    learned_tolerances,
+    note_tolerances,
+    tolerances_of,
+)
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.family import hypothesis
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.loads.statistics import Statistic, learned_statistics
+from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.tolerance import Tolerance
 from windsysid.spectral.band_pose import belongs_in_bands
 from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
-from windsysid.spectral.lifted_fit import COARSE, WHOLE, Fit, fit
+from windsysid.spectral.lifted_fit import COARSE, WHOLE, Fit, admit, fit
+from windsysid.spectral.lifted_model import Inexact
 from windsysid.spectral.lifted_pose import Posed, Question, pose_lifted, turns_couple
 from windsysid.spectral.lifted_sums import LiftedSums
 from windsysid.statespace.compose import compose
@@ -97,6 +107,9 @@ def identify_by_spectrum(
     found = _fitted(poses)
     name, best = found.name, found.fit
     posed, question = poses[name], questions[name]
+    tolerances = _tolerances(question)
+    if tolerances:
+        best = admit(best, _inexact(question, tolerances))
     model = posed.model
     doubts += _doubts(question, posed, best, name)
     n, lag = len(question.parameters), model.lag
@@ -110,30 +123,34 @@ def identify_by_spectrum(
         f"read at {where}; what repeats in every turn was taken out",
     ]
     return _outcome(
-        question, best.unknowns, best.cov, lag, log_likelihood=best.log_likelihood, statistics=model.statistics,
-        elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
+        question, best.unknowns, best.cov, lag, tolerances, log_likelihood=best.log_likelihood,
+        statistics=model.statistics, elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
     )  # fmt: skip
 
 
 def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome:
     """The result of a rotor that is read in bands."""
     started = time.perf_counter()
-    found = read_in_bands(question, loads)
+    tolerances = _tolerances(question)
+    found = read_in_bands(question, loads, _inexact(question, tolerances) if tolerances else None)
     return _outcome(
-        question, found.unknowns, found.cov, 1, log_likelihood=found.log_likelihood, statistics=found.statistics,
-        elapsed=time.perf_counter() - started, notes=(*notes, *found.notes), doubts=(*doubts, *found.doubts),
-        hypothesis=RotorWind.name,
+        question, found.unknowns, found.cov, 1, tolerances, log_likelihood=found.log_likelihood,
+        statistics=found.statistics, elapsed=time.perf_counter() - started, notes=(*notes, *found.notes),
+        doubts=(*doubts, *found.doubts), hypothesis=RotorWind.name,
     )  # fmt: skip
 
 
 def _outcome(
-    question: Question, unknowns: Array, cov: Array, lag: int, *, log_likelihood: float,
-    statistics: Sequence[Statistic], elapsed: float, notes: Sequence[str], doubts: Sequence[str], hypothesis: str,
+    question: Question, unknowns: Array, cov: Array, lag: int, tolerances: Sequence[Tolerance], *,
+    log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[str],
+    doubts: Sequence[str], hypothesis: str,
 ) -> Outcome:  # fmt: skip
-    """What was found, from all unknowns: θ, then the mean lag angle where `lag` is 1, then η."""
-    n = len(question.parameters)
-    keep = np.r_[0:n, n + lag : len(unknowns)]
-    joint_cov = cov[np.ix_(keep, keep)]
+    """What was found, from all unknowns: θ, then the mean lag angle where `lag` is 1, then τ and η."""
+    n, end = len(question.parameters), len(question.parameters) + len(statistics)
+    first = n + lag + len(tolerances)
+    keep = np.r_[0:n, first : len(unknowns), n + lag : first]
+    mean, joint_cov = unknowns[keep], cov[np.ix_(keep, keep)]
+    learned = learned_tolerances(tolerances, mean[end:], joint_cov[end:, end:])
     return Outcome(
         turbine=question.turbine,
         model=compose(
@@ -151,12 +168,24 @@ def _outcome(
         rotor=question.inputs,
         channels=tuple(sensor.channel for sensor in question.sensors),
         elapsed=elapsed,
-        notes=tuple(notes),
-        statistics=learned_statistics(statistics, unknowns[n + lag :], joint_cov[n:, n:]),
-        doubts=tuple(doubts),
+        notes=(*notes, *note_tolerances(learned)),
+        statistics=learned_statistics(statistics, mean[n:end], joint_cov[n:end, n:end]),
+        doubts=(*doubts, *doubt_tolerances(learned)),
         joint_cov=joint_cov,
         hypothesis=hypothesis,
+        tolerances=learned,
     )
+
+
+def _tolerances(question: Question) -> tuple[Tolerance, ...]:
+    """What is known of instruments and masses within tolerances only."""
+    return tolerances_of(question.turbine, question.sensors, [q.name for q in question.parameters])
+
+
+def _inexact(question: Question, tolerances: Sequence[Tolerance]) -> Inexact:
+    """The same in numbers."""
+    names = [q.name for q in question.parameters]
+    return in_numbers(tolerances, question.compiled.parameters, question.turbine, question.sensors, names)
 
 
 def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
@@ -179,19 +208,9 @@ def ask(
     file_loads = known_loads(record, turbine)[1]
     supposed = hypothesis(loads, turbine, file_loads)
     parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *supposed.parameters)
-    model = compose(
-        supposed.turbine.model, rate=record.rate, values=supposed.turbine.values, parameters=parameters, sensors=sensors
-    )
+    compiled = compile_model(supposed.turbine.model, tuple(sensors), instruments=True)
     return Question(
-        supposed.turbine,
-        tuple(sensors),
-        readings,
-        record.rate,
-        inputs,
-        model.compiled,
-        parameters,
-        tuple(file_loads),
-        sums,
+        supposed.turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads), sums
     )
 
 
@@ -274,7 +293,7 @@ def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[st
             f"bands under wind were proven for {proven:.3g} s at most: in a longer record they are narrower than what "
             f"the load model does not know"
         )
-    doubts += unexplained(_parts(posed, posed, found.unknowns, question))[:3]
+    doubts += unexplained(_parts(_alike(posed, found), posed, found.unknowns, question))[:3]
     if question.sums is not None:
         return doubts + _unsteady_blocks(question, question.sums, posed)
     half = len(question.readings) // 2
@@ -282,7 +301,8 @@ def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[st
     for part in (slice(0, half), slice(half, 2 * half)):
         piece = question._replace(readings=question.readings[part], inputs=question.inputs[part])
         try:
-            halves.append(_parts(pose_lifted(piece, loads, posed.bands), posed, found.unknowns, question))
+            half_posed = _alike(pose_lifted(piece, loads, posed.bands), found)
+            halves.append(_parts(half_posed, posed, found.unknowns, question))
         except RecordError:
             return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
     return doubts + unsteady(*halves)[:2]
@@ -309,6 +329,11 @@ def _unsteady_blocks(question: Question, sums: LiftedSums, posed: Posed) -> list
         for part in (sums.energies[: blocks // 2], sums.energies[blocks // 2 :])
     ]
     return doubts + unsteady(*halves)[:2]
+
+
+def _alike(posed: Posed, found: Fit) -> Posed:
+    """The same with the unknowns of what was found."""
+    return posed._replace(model=posed.model._replace(inexact=found.model.inexact))
 
 
 def _parts(posed: Posed, whole: Posed, unknowns: Array, question: Question) -> list[Part]:

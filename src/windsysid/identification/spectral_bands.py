@@ -10,6 +10,7 @@ from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.band_checks import doubts_of_bands
 from windsysid.spectral.band_pose import PosedBands, centre_bands, search_bands
+from windsysid.spectral.lifted_model import Inexact
 from windsysid.spectral.lifted_pose import Question
 
 __all__ = ["ReadInBands", "read_in_bands"]
@@ -21,7 +22,7 @@ class ReadInBands(NamedTuple):
     Attributes
     ----------
     unknowns, cov
-        θ, the mean lag angle and η at the mode of the posterior (n,), and their covariance (n, n).
+        θ, the mean lag angle, τ and η at the mode of the posterior (n,), and their covariance (n, n).
     log_likelihood
         There.
     statistics
@@ -38,8 +39,8 @@ class ReadInBands(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_in_bands(question: Question, loads: str) -> ReadInBands:
-    """Coefficients and statistics from bands around the modes.
+def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None) -> ReadInBands:
+    """Coefficients and statistics from bands around the modes; with τ where instruments or masses are not exact.
 
     Raises
     ------
@@ -54,14 +55,15 @@ def read_in_bands(question: Question, loads: str) -> ReadInBands:
     try:
         posed = centre_bands(question, posed, posed.model.near(posed.start))
         fit = posed.model.fit(posed.start)
-        found = fit.mode
+        wide = fit if inexact is None else fit.model.admit(fit.mode.unknowns, inexact)
+        found = wide.mode
         cov = np.asarray(np.linalg.inv(found.information), dtype=np.float64)
     except np.linalg.LinAlgError:
         raise WindsysidError(
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
             "check units and the turbine file"
         ) from None
-    mean, spread = posed.model.prior
+    mean, spread = wide.model.prior
     off = (found.unknowns - mean) / spread
     return ReadInBands(
         found.unknowns,

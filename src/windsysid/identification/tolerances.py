@@ -12,10 +12,19 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor, instrument_parameters
-from windsysid.results.tolerance import Tolerance
+from windsysid.results.tolerance import MOST, Tolerance
+from windsysid.spectral.lifted_model import Inexact
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["learned_tolerances", "seconds_late", "tolerances_of", "with_tolerances"]
+__all__ = [
+    "doubt_tolerances",
+    "in_numbers",
+    "learned_tolerances",
+    "note_tolerances",
+    "seconds_late",
+    "tolerances_of",
+    "with_tolerances",
+]
 
 
 def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Sequence[str]) -> tuple[Tolerance, ...]:
@@ -61,6 +70,33 @@ def seconds_late(tolerances: Sequence[Tolerance], tau: Array, sensors: Sequence[
     """By how much the clock of each reading is late (m,) [s]."""
     late = {one.of: value * one.spread for one, value in zip(tolerances, tau, strict=True) if one.group == "clock"}
     return np.array([late.get(sensor.sampled_by, 0.0) for sensor in sensors])
+
+
+def in_numbers(
+    tolerances: Sequence[Tolerance], names: Sequence[str], turbine: Turbine, sensors: Sequence[Sensor],
+    identified: Sequence[str],
+) -> Inexact:  # fmt: skip
+    """What each tolerance moves at one standard deviation: parameters of the names given, and readings in time."""
+    at = np.array([turbine.values.get(name, 0.0) for name in names])
+    each = np.eye(len(tolerances))
+    moved = [with_tolerances(at, names, tolerances, tau, turbine, sensors, identified) - at for tau in each]
+    return Inexact(np.array(moved), np.array([seconds_late(tolerances, tau, sensors) for tau in each]))
+
+
+def note_tolerances(tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
+    """What a record says is off, which the estimates take into account."""
+    taken = "the estimates take it into account"
+    by_model = f", as far as the model goes: {taken}; correct its file, or look for a coupling"
+    return tuple(f"{one}{by_model if one.contradicted else f': {taken}'}" for one in tolerances if one.off)
+
+
+def doubt_tolerances(tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
+    """What a record says little of, and yet puts far off."""
+    return tuple(
+        f"{one}: more than {MOST:g} times its tolerance; correct it, or the turbine file"
+        for one in tolerances
+        if one.contradicted and not one.informed
+    )
 
 
 def learned_tolerances(tolerances: Sequence[Tolerance], tau: Array, cov: Array) -> tuple[Tolerance, ...]:

@@ -1,7 +1,7 @@
 """Several bands of a record as one function of the unknowns: their likelihoods multiply, the mechanics are shared.
 
-The unknowns are those of `windsysid.spectral.lifted_model.LiftedModel`: the coefficients θ and the mean lag angle,
-which all bands share, then the statistics of loads and readings, band by band.
+The unknowns are those of `windsysid.spectral.lifted_model.LiftedModel`: the coefficients θ, the mean lag angle and the
+tolerances τ, which all bands share, then the statistics of loads and readings, band by band.
 """
 
 from typing import NamedTuple
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.band_rows import Row
-from windsysid.spectral.lifted_model import LiftedModel
-from windsysid.spectral.scoring import SETTLED, Mode, find_mode
+from windsysid.spectral.lifted_model import Inexact, LiftedModel
+from windsysid.spectral.scoring import SETTLED, Mode, find_mode, reach_mode
 
 __all__ = ["Band", "BandFit", "BandModel"]
 
@@ -56,9 +56,8 @@ class BandModel(NamedTuple):
 
     @property
     def shared(self) -> int:
-        """How many unknowns all bands share: θ, and the mean lag angle where it is one."""
-        first = self.bands[0].model
-        return len(first.parameters) + first.lag
+        """How many unknowns all bands share: θ, the mean lag angle where it is one, τ."""
+        return self.bands[0].model.mechanical
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
@@ -107,6 +106,13 @@ class BandModel(NamedTuple):
         pairs = zip(other.statistics, self.statistics, strict=True)
         start[self.shared :] += np.log([theirs.given / ours.given for theirs, ours in pairs])
         return start
+
+    def admit(self, at: Array, inexact: Inexact) -> "BandFit":
+        """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without
+        (n,)."""
+        wide = BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in self.bands))
+        start = np.insert(at, self.shared, np.zeros(len(inexact.late)))
+        return BandFit(wide, reach_mode(wide.likelihood, start, *wide.prior))
 
     def near(self, start: Array) -> Array:
         """Unknowns (n,) roughly at the mode of the posterior, looked for from afar."""

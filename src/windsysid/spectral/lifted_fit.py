@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.spectral.lifted_model import LiftedModel
-from windsysid.spectral.scoring import find_mode
+from windsysid.spectral.lifted_model import Inexact, LiftedModel
+from windsysid.spectral.scoring import Mode, find_mode, reach_mode
 
-__all__ = ["COARSE", "WHOLE", "Fit", "fit"]
+__all__ = ["COARSE", "WHOLE", "Fit", "admit", "fit"]
 
 COARSE = ((0.03, 4), (0.2, 4), (1.0, 2))
 """Weight of the likelihood, and every how many-th bin is used, from the first stage of a search to the last but one."""
@@ -31,6 +31,8 @@ class Fit(NamedTuple):
         ln ∫ p(y | u) p(u) du by Laplace's approximation.
     steps, settled
         Steps of the search, and whether it ended by itself.
+    model
+        With what the taper's window adds at the mode.
     """
 
     unknowns: Array
@@ -39,6 +41,7 @@ class Fit(NamedTuple):
     log_evidence: float
     steps: int
     settled: bool
+    model: LiftedModel
 
 
 def fit(
@@ -62,17 +65,31 @@ def fit(
     if smoothed is None:
         mode = find_mode(_evaluator(model), start, mean, spread, stages, rough=rough)
     else:
-        mode = find_mode(_evaluator(model), start, mean, spread, stages[:-1], rough=True)
+        mode, plain = find_mode(_evaluator(model), start, mean, spread, stages[:-1], rough=True), model
         for last in (False, True):
             full = smoothed.spectrum(mode.unknowns).spectrum
-            smear = full - model.spectrum(mode.unknowns).spectrum
-            whole = model._replace(smear=smear, overlap=model.likeness(full))
-            mode = find_mode(_evaluator(whole), mode.unknowns, mean, spread, stages[-1:], rough=not last)
+            smear = full - plain.spectrum(mode.unknowns).spectrum
+            model = plain._replace(smear=smear, overlap=model.likeness(full))
+            mode = find_mode(_evaluator(model), mode.unknowns, mean, spread, stages[-1:], rough=not last)
+    return _described(model, mode)
+
+
+def admit(found: Fit, inexact: Inexact) -> Fit:
+    """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without."""
+    model = found.model._replace(inexact=inexact)
+    start = np.insert(found.unknowns, found.model.mechanical, np.zeros(len(inexact.late)))
+    mode = reach_mode(_evaluator(model), start, *model.prior)
+    return _described(model, mode._replace(settled=mode.settled and found.settled))
+
+
+def _described(model: LiftedModel, mode: Mode) -> Fit:
+    """What a mode says."""
+    mean, spread = model.prior
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
     evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])
     cov = np.linalg.inv(mode.information)
-    return Fit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, evidence, mode.steps, mode.settled)
+    return Fit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, evidence, mode.steps, mode.settled, model)
 
 
 def _evaluator(model: LiftedModel) -> Callable[[Array, int], tuple[float, Array, Array]]:

@@ -8,7 +8,8 @@ likelihood); g neighbouring bins share one S. With S = L Lᴴ, y = L⁻¹ Y and 
 
 S = T U S_s Uᴴ Tᴴ + N with the transfer T = R D⁻¹, sources S_s that U places and noise N. With Q = D⁻¹ U S_s Uᴴ Tᴴ a
 parameter of the mechanics gives dS = (dR − T dD) Q + h.c., of which only the degrees of freedom that it acts on have to
-be multiplied out; a load gives dS = T U dS_s Uᴴ Tᴴ.
+be multiplied out; a load gives dS = T U dS_s Uᴴ Tᴴ. A reading that comes κ late is turned by e^{−iωκ}, which gives
+dS = −iω (S − N) + h.c. in its rows.
 
 What a finite record shows is S smoothed by the window |H|² of its taper (Sykulski et al., Biometrika 106, 2019,
 https://doi.org/10.1093/biomet/asy071). Where a resonance is as narrow as a few bins, S and its derivatives are taken on
@@ -60,11 +61,14 @@ class Slopes(NamedTuple):
         Of the sources' spectra (n, B, …), one for each unknown of the loads.
     noise
         Of the noise (n, B, e), one for each unknown of the sensors.
+    late
+        By how much the readings of every entry are later (c, e) [s] with each unknown of the clocks.
     """
 
     mechanics: MatrixHarmonics
     sources: SourceSpectra
     noise: Array
+    late: Array
 
 
 class ModelSpectrum(NamedTuple):
@@ -85,7 +89,7 @@ class Likelihood(NamedTuple):
 
 def spectrum_of_bins(
     place: Place, matrices: MatrixHarmonics, placement: Complex, sources: SourceSpectra, noise: Array,
-    slopes: Slopes | None, *, whiten: bool, more: Complex | None = None,
+    slopes: Slopes | None, *, whiten: bool, more: Complex | None = None, late: Array | None = None,
 ) -> ModelSpectrum:  # fmt: skip
     """S and its derivatives.
 
@@ -101,12 +105,15 @@ def spectrum_of_bins(
         Derivatives; None for none.
     more
         What comes to S besides (B, e, e).
+    late
+        By how much the readings of every entry are late (e,) [s]; not at all by default.
     whiten
         Whether to hand the derivatives back whitened, which costs less than to whiten them later; where there are few
         entries it does not, and they are not.
     """
     bins, entries = place.left_out.shape
-    if entries <= FEW:
+    on_time = (late is None or not late.any()) and (slopes is None or not len(slopes.late))
+    if entries <= FEW and on_time:
         return _few_entries(place, matrices, placement, sources, noise, slopes, more)
     empty = place.left_out
     D = coupled(matrices.mechanics[:, 0], place.base, place.orders, place.rotor_hz)
@@ -114,11 +121,16 @@ def spectrum_of_bins(
     size = D.shape[1] * D.shape[2]
     seen = R.reshape(bins, -1, size)[:, place.entries]
     seen[empty] = 0.0
+    turn = -2j * np.pi * (place.base[:, None] + place.rotor_hz * place.orders[place.entries // R.shape[2]])
+    phase = None if late is None or not late.any() else np.exp(turn * late)[:, :, None]
+    if phase is not None:
+        seen *= phase
     inverse = np.asarray(np.linalg.inv(D.reshape(bins, size, size)), dtype=np.complex128)
     T = seen @ inverse
     T_s = T @ placement
     driven = times_sources(T_s, sources)
-    S = driven @ _h(T_s)
+    signal = driven @ _h(T_s)
+    S = signal.copy()
     S[:, range(entries), range(entries)] += np.where(empty, 1.0, noise)
     if more is not None:
         S += more
@@ -129,13 +141,17 @@ def spectrum_of_bins(
     if L_inv is not None:
         T, T_s, Q = L_inv @ T, L_inv @ T_s, Q @ _h(L_inv)
     moved = slopes.mechanics.mechanics.shape[1]
-    A = np.zeros((moved + len(slopes.sources.own) + len(slopes.noise), *S.shape), dtype=np.complex128)
+    clocks = moved + len(slopes.late)
+    A = np.zeros((clocks + len(slopes.sources.own) + len(slopes.noise), *S.shape), dtype=np.complex128)
     for a in range(moved):
-        half = _mechanical(slopes.mechanics, a, place, T, Q, L_inv)
+        half = _mechanical(slopes.mechanics, a, place, T, Q, L_inv, phase)
         A[a] = half + _h(half)
-    for a, slope in enumerate(zip(*slopes.sources, strict=True), moved):
+    for a, later in enumerate(slopes.late, moved):
+        half = (turn * later)[:, :, None] * signal
+        A[a] = half + _h(half) if L_inv is None else L_inv @ (half + _h(half)) @ _h(L_inv)
+    for a, slope in enumerate(zip(*slopes.sources, strict=True), clocks):
         A[a] = times_sources(T_s, SourceSpectra(*slope)) @ _h(T_s)
-    for a, density in enumerate(slopes.noise, moved + len(slopes.sources.own)):
+    for a, density in enumerate(slopes.noise, clocks + len(slopes.sources.own)):
         level = np.where(empty, 0.0, density)
         if L_inv is None:
             A[a, :, range(entries), range(entries)] = level.T
@@ -153,7 +169,7 @@ def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
     LinAlgError
         Where a spectrum is not positive definite.
     """
-    if data.shape[1] <= FEW:
+    if data.shape[1] <= FEW and model.whitener is None:
         g, F = np.zeros(len(model.slopes)), np.zeros((len(model.slopes), len(model.slopes)))
         J = add_up()(model.spectrum, model.slopes, data, counts, g, F)
         if not np.isfinite(J):
@@ -183,6 +199,7 @@ def _few_entries(
             MatrixHarmonics(matrices.mechanics[:, :0], matrices.readings[:, :0]),
             SourceSpectra(*(part[None][:0] for part in sources)),
             noise[None][:0],
+            np.empty((0, entries)),
         )
     count = slopes.mechanics.mechanics.shape[1] + len(slopes.sources.own) + len(slopes.noise)
     S = np.empty((bins, entries, entries), dtype=np.complex128)
@@ -207,9 +224,11 @@ def times_sources(matrix: Complex, sources: SourceSpectra) -> Complex:
 
 
 def _mechanical(
-    slopes: MatrixHarmonics, which: int, place: Place, T: Complex, Q: Complex, L_inv: Complex | None
-) -> Complex:
-    """(dR − T dD) Q of one mechanical unknown (B, e, e), T and Q being whitened where L⁻¹ is there."""
+    slopes: MatrixHarmonics, which: int, place: Place, T: Complex, Q: Complex, L_inv: Complex | None,
+    phase: Complex | None,
+) -> Complex:  # fmt: skip
+    """(dR − T dD) Q of one mechanical unknown (B, e, e), T and Q being whitened where L⁻¹ is there; `phase` (B, e, 1)
+    is what late clocks make of readings."""
     dM, dR = slopes.mechanics[:, which], slopes.readings[:, which]
     bins, count, n = len(place.base), len(place.orders), dM.shape[-1]
     half = np.zeros((bins, Q.shape[-1], Q.shape[-1]), dtype=np.complex128)
@@ -225,6 +244,8 @@ def _mechanical(
         sub = coupled(dR[..., columns], place.base, place.orders, place.rotor_hz)
         sub = sub.reshape(bins, -1, count * len(columns))[:, place.entries]
         sub[place.left_out] = 0.0
+        if phase is not None:
+            sub *= phase
         seen = sub @ right[:, :, columns].reshape(bins, count * len(columns), -1)
         half += seen if L_inv is None else L_inv @ seen
     return half

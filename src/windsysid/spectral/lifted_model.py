@@ -23,7 +23,7 @@ from windsysid.spectral.lifted_mechanics import (
 )
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["FINER", "LAG_SPREAD", "LiftedModel", "finer_bins", "taper_window"]
+__all__ = ["FINER", "LAG_SPREAD", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
 
 LAG_SPREAD = 0.01
 """Prior standard deviation of the mean lag angle [rad]."""
@@ -53,6 +53,30 @@ class Matrices(NamedTuple):
 
     at: MatrixHarmonics
     slopes: MatrixHarmonics
+
+
+class Inexact(NamedTuple):
+    """Instruments and masses that are known within tolerances only: τ, in standard deviations of those.
+
+    Attributes
+    ----------
+    parameters
+        By how much each τ moves all parameters (n_τ, n_p).
+    late
+        By how much it makes each reading later (n_τ, m) [s]; the clocks come last.
+    """
+
+    parameters: Array
+    late: Array
+
+    @property
+    def clocks(self) -> int:
+        """How many of them make readings late."""
+        return int(self.late.any(axis=1).sum())
+
+
+EXACT = Inexact(np.empty((0, 0)), np.empty((0, 0)))
+"""Everything is as files say."""
 
 
 class LiftedModel(NamedTuple):
@@ -96,6 +120,8 @@ class LiftedModel(NamedTuple):
         Of how many blocks `data` are: of more than one they are no bins but what has the same products Y Yᴴ.
     recent, gusts
         Where there are several, the bins of the last, and how much larger c_h is for what changes between them.
+    inexact
+        What τ stands for.
     """
 
     data: Complex
@@ -118,6 +144,12 @@ class LiftedModel(NamedTuple):
     blocks: float = 1.0
     recent: Complex | None = None
     gusts: float = 1.0
+    inexact: Inexact = EXACT
+
+    @property
+    def mechanical(self) -> int:
+        """How many unknowns come before those of loads and noise: θ, the mean lag angle where it is one, τ."""
+        return len(self.parameters) + self.lag + len(self.inexact.late)
 
     @property
     def counts(self) -> Array:
@@ -131,8 +163,9 @@ class LiftedModel(NamedTuple):
 
     @property
     def prior(self) -> tuple[Array, Array]:
-        """Mean and standard deviation of the unknowns: θ, the mean lag angle where it is one, η."""
+        """Mean and standard deviation of the unknowns: θ, the mean lag angle where it is one, τ, η."""
         known = [q.prior for q in self.parameters] + [(0.0, LAG_SPREAD)] * self.lag
+        known += [(0.0, 1.0)] * len(self.inexact.late)
         known += [(0.0, s.spread) for s in self.statistics]
         mean, spread = np.array(known).T
         return mean, spread
@@ -235,7 +268,8 @@ class LiftedModel(NamedTuple):
         """S and its derivatives at every n-th place, a few of them at a time."""
         bins = np.arange(every // 2, len(self.place.base), every)
         still, moved = self.matrices(unknowns, slopes=slopes) if matrices is None else matrices
-        eta = unknowns[len(self.parameters) + self.lag :]
+        late, later = self._late(unknowns)
+        eta = unknowns[self.mechanical :]
         spectra, noise = self._levels(eta, every)
         loads, entries = len(self.sources.statistics), len(self.place.entries)
         steps = self._source_slopes(eta, every) if slopes else None
@@ -245,27 +279,38 @@ class LiftedModel(NamedTuple):
             at, near = bins[first : first + chunk], slice(first, first + chunk)
             part = None
             if steps is not None:
-                part = Slopes(moved, SourceSpectra(steps.own[:, near], steps.cross[:, near]), densities[:, at])
+                part = Slopes(moved, SourceSpectra(steps.own[:, near], steps.cross[:, near]), densities[:, at], later)
             where = self.place._replace(base=self.place.base[at], left_out=self.place.left_out[at])
             own = SourceSpectra(spectra.own[near], spectra.cross[near])
             yield at, spectrum_of_bins(
                 where, still, self.sources.placement, own, noise[at], part, whiten=whiten,
-                more=None if self.smear is None else self.smear[at],
+                more=None if self.smear is None else self.smear[at], late=late,
             )  # fmt: skip
+
+    def _late(self, unknowns: Array) -> tuple[Array, Array]:
+        """By how much the readings of every entry are late (e,) [s], and by how much more for each clock (c, e): what
+        is combined has one clock."""
+        count, tolerances = self.inexact.clocks, len(self.inexact.late)
+        tau = unknowns[self.mechanical - tolerances : self.mechanical]
+        of = np.argmax(np.abs(self.combine), axis=1)[self.place.entries % len(self.combine)]
+        later = self.inexact.late[tolerances - count :][:, of] if count else np.empty((0, len(of)))
+        return np.asarray(tau[tolerances - count :] @ later), later
 
     def matrices(self, unknowns: Array, *, slopes: bool) -> Matrices:
         """The matrices at the unknowns, and their derivatives to the mechanical ones by central differences."""
-        n = len(self.parameters)
-        mechanical = unknowns[: n + self.lag]
-        steps = STEP * self.prior[1][: n + self.lag]
+        n, end = len(self.parameters), self.mechanical - self.inexact.clocks
+        mechanical = unknowns[:end]
+        steps = STEP * self.prior[1][:end]
         points = mechanical[None]
         if slopes:
             points = np.concatenate([points, mechanical + np.diag(steps), mechanical - np.diag(steps)])
         p = np.tile(self.given, (len(points), 1))
         for i, q in enumerate(self.parameters):
             p[:, self.compiled.parameters.index(q.name)] = q.physical(points[:, i])
+        if end > n + self.lag:
+            p += points[:, n + self.lag :] @ self.inexact.parameters[: end - n - self.lag]
         lag = equal_lag(self.coordinates, 1.0)
-        deflections = points[:, n:] * lag if self.lag else np.zeros((len(points), len(lag)))
+        deflections = points[:, n : n + 1] * lag if self.lag else np.zeros((len(points), len(lag)))
         found = matrix_harmonics(self.compiled, p, deflections, 2.0 * np.pi * self.place.rotor_hz, self.inputs)
         readings = self.combine @ found.readings
         at = MatrixHarmonics(found.mechanics[:, :1], readings[:, :1])
