@@ -84,6 +84,20 @@ def test_an_axis_and_a_clock_that_are_off_are_found_and_said() -> None:
     assert max(abs(e.estimate - e.reference) / e.std for e in exact.estimates if e.reference) > 3.0
 
 
+def test_a_prior_on_the_wrong_side_of_no_damping_does_not_end_at_the_mirror_image(tower_record: Record) -> None:
+    """A spectrum says the size of a damping and not its sign."""
+    tower = load_turbine("tower").exact()
+    found = ws.identify(tower_record, tower, formulation="spectral", prior=DrawnPrior(seed=91_005))
+    assert found.parameters[1].centre < 0.0
+    assert found["c_side_side"].estimate > 0.0
+    assert found.diagnosis.trusted
+
+
+def test_resonances_too_narrow_for_a_record_are_not_trusted(tower_record: Record) -> None:
+    found = ws.identify(tower_record.section(0.0, 120.0), "tower", formulation="spectral")
+    assert any("counts as 1.4 independent values only" in reason for reason in found.diagnosis.reasons)
+
+
 def test_result_is_saved_and_reported(tower_record: Record, tmp_path: object) -> None:
     found = ws.identify(tower_record, "tower", formulation="spectral")
     files = found.files()

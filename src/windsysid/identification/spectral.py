@@ -58,9 +58,9 @@ with the record, what the load model does not know stays. ``python -m validation
 CLEAR = 50.0
 """Log evidence by which a load model is out of the race after the first stages, which weigh the record with a fifth."""
 
-LEAST_RESONANCE = 20.0
-"""As how many independent values the narrowest resonance of a turning rotor has to count: below, its bands were never
-proven."""
+LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
+"""As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
+Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
 
 LEAST_OF_A_BLOCK = 5.0
 """And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
@@ -281,11 +281,11 @@ def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[st
             f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors "
             f"nearer to the structure"
         )
-    if posed.smoothed is not None and posed.resonance < LEAST_RESONANCE:
+    least = LEAST_STANDING if posed.smoothed is None else LEAST_RESONANCE
+    if posed.resonance < least:
         doubts.append(
             f"the narrowest resonance counts as {posed.resonance:.2g} independent values only, and bands were not "
-            f"proven below {LEAST_RESONANCE:g}: "
-            "choose a longer record"
+            f"proven below {least:g}: choose a longer record"
         )
     if loads == "rotor-wind" and posed.resonance > MOST_RESONANCE:
         proven = len(question.readings) / question.rate * MOST_RESONANCE / posed.resonance

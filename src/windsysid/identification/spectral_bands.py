@@ -63,6 +63,7 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
             "check units and the turbine file"
         ) from None
+    settled = fit.mode.settled and found.settled
     mean, spread = wide.model.prior
     off = (found.unknowns - mean) / spread
     return ReadInBands(
@@ -70,7 +71,7 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
         0.5 * (cov + cov.T),
         -(found.value - 0.5 * float(off @ off)),
         posed.model.statistics,
-        tuple(doubts_of_bands(question, posed, fit)),
+        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(settled=settled)))),
         _notes(posed, found.unknowns, cov, len(question.parameters)),
     )
 

@@ -47,6 +47,9 @@ LEAST_BINS = 12
 MOST_HARMONICS = 10
 """Highest K: a rotor that turns more slowly beside its modes makes matrices too large."""
 
+LEAST_DAMPING = 0.3
+"""Of a start, in standard deviations of the prior."""
+
 PEAK_BINS = 5
 """Bins over which a spectrum is averaged where its peak is looked for."""
 
@@ -234,7 +237,7 @@ def _pose_turning(question: Question, loads: str) -> Posed:
     model, bands = model_at(base, None), ((float(base[0]), (K - 0.5) * lifted.rotor_hz),)
     text = "wind on the turning rotor" if loads == "rotor-wind" else "first-order Gauss–Markov"
     resonance = 2.0 * math.pi * width * blocks / lifted.overlap
-    return Posed(model, model_at(fine, window), model.prior[0], bands, text, resonance)
+    return Posed(model, model_at(fine, window), _damped(question, model.prior), bands, text, resonance)
 
 
 def _pooled(entries: Complex, pools: Sequence[NDArray[np.intp]]) -> Complex:
@@ -317,7 +320,7 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
         None if sums is None else np.ascontiguousarray(single),
         1.0 if sums is None else sums.gusts,
     )
-    start = model.prior[0].copy()
+    start = _damped(question, model.prior)
     for i, q in enumerate(question.parameters):
         name = q.name.removeprefix("k_")
         if q.name.startswith("k_") and q.logarithmic and name in peaks:
@@ -330,6 +333,17 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
         "any smooth spectrum in the bands around the modes",
         2.0 * math.pi * width * blocks / lifted.overlap,
     )
+
+
+def _damped(question: Question, prior: tuple[Array, Array]) -> Array:
+    """Where to begin to look for the unknowns (n,): at the prior's mean, with damping that is not negative. A spectrum
+    says |c| and not c: from the wrong side the search ends at the mirror image."""
+    start, std = prior[0].copy(), prior[1]
+    damping = {f"c_{name}" for name in question.turbine.model.coordinates}
+    for i, q in enumerate(question.parameters):
+        if q.name in damping and not q.logarithmic:
+            start[i] = max(start[i], LEAST_DAMPING * std[i])
+    return start
 
 
 def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict[str, float]:
