@@ -137,7 +137,7 @@ def scenarios() -> dict[str, Scenario]:
 
 def judge(record: Record, turbine: Turbine, seed: int) -> Run:
     """Identify a record of a turbine whose coefficients are true, from a prior drawn with `seed`."""
-    result = identify(record, turbine, prior=DrawnPrior(seed=seed))
+    result = identify(record, turbine, formulation="joint", prior=DrawnPrior(seed=seed))
     reference = np.array([turbine.values[q.name] for q in result.parameters])
     truth, estimate = (
         np.array([q.coordinate(value) for q, value in zip(result.parameters, values, strict=True)])

@@ -82,7 +82,7 @@ def side(turbine: Turbine, seed: int, factor: float, prior: Prior) -> Posterior:
     names = [name for name in turbine.values if name.startswith("c_")]
     truth = turbine.with_values({name: factor * turbine.values[name] for name in names})
     record = simulate_record(truth, duration=DURATION, rate=RATE, seed=seed)
-    return identify(record, turbine, prior=prior, loads="broadband").posterior
+    return identify(record, turbine, formulation="joint", prior=prior, loads="broadband").posterior
 
 
 def records(turbine: Turbine, seed: int, cache: Path) -> list[Posterior]:

@@ -147,7 +147,7 @@ def campaign(name: str, seed: int) -> list[Outcome]:
         record = stop_record(seed)
         (stop,) = inspect_record(record, prior).stops
         sections = ((LEAD_IN, STOPS_AT), (stop.start, stop.end))
-        results = [identify(record, prior, section=section).posterior for section in sections]
+        results = [identify(record, prior, formulation="joint", section=section).posterior for section in sections]
         return _outcomes(
             name,
             results,
@@ -169,7 +169,7 @@ def campaign(name: str, seed: int) -> list[Outcome]:
         record = simulate_record(machine, duration=PARKED if still else RUNNING, rate=rate, seed=draw)
         read = wind * (1.0 + ANEMOMETER * np.random.default_rng(draw).standard_normal())
         record = record.with_channels({"wind_speed": (np.full(record.samples, read), "m/s")})
-        results.append(identify(record, prior).posterior)
+        results.append(identify(record, prior, formulation="joint").posterior)
         parts[_state(k + 1, rpm, f"{wind:g} m/s")] = air_of_the_tower(speed, wind)
     return _outcomes(name, results, structure(), parts)
 
@@ -262,7 +262,7 @@ def in_wind(name: str, seed: int) -> list[Outcome]:
             units=("rad", "rad/s", "m/s", *(sensor.unit for sensor in turbine.sensors)),
             name=f"{rpm:g} rpm, {kmh:g} km/h, seed {seed}",
         )
-        results.append(identify(record, turbine).posterior)
+        results.append(identify(record, turbine, formulation="joint").posterior)
         air = wind.damping[lead:].mean(axis=0).diagonal().tolist()
         parts[_state(k + 1, rpm, f"{kmh:g} km/h")] = dict(zip(names, air, strict=True))
     return _outcomes(name, results, turbine, parts)

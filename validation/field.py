@@ -302,10 +302,11 @@ def identified(case: Case, record: Record) -> Identification:
     sensors = turbine.sensors
     if case.record == "a2":
         record, added = add_noise(record, [sensor.channel for sensor in sensors], NOISE, case.seed)
-        return identify(record, turbine, sensors=with_noise(sensors, added), prior=LogUniformPrior(seed=case.seed))
+        sensors, prior = with_noise(sensors, added), LogUniformPrior(seed=case.seed)
+        return identify(record, turbine, sensors=sensors, formulation="joint", prior=prior)
     prior = LogUniformPrior(seed=case.seed, air=AIR)
     rate = None if case.turbine == TOWER else READ
-    return identify(record, turbine, section=case.section, prior=prior, rate=rate)
+    return identify(record, turbine, formulation="joint", section=case.section, prior=prior, rate=rate)
 
 
 class Result(NamedTuple):

@@ -87,7 +87,7 @@ def _one_run(which: tuple[int, str, str]) -> Run:
     turbine = load_turbine("verne555").exact()
     truth = total_coefficients(turbine, wind, seed)
     record = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed, loads=wind)
-    found = identify(record, truth, prior=DrawnPrior(seed=seed), loads=model)
+    found = identify(record, truth, formulation="joint", prior=DrawnPrior(seed=seed), loads=model)
     names = truth.model.coefficients
     estimates = [found[name] for name in names]
     true = np.array([truth.values[name] for name in names])

@@ -155,7 +155,7 @@ def _own(pieces: float | None) -> Identification:
 def _both(name: str, record: Record, turbine: Turbine, seconds: float, within: float, **more: Any) -> Case:
     return Case(
         f"{name}, {record.duration:.0f} s in pieces of {seconds:g} s",
-        lambda: identify(record, turbine, **more),
+        lambda: identify(record, turbine, formulation="joint", **more),
         lambda: identify_pieces(cut(record, seconds), turbine, **more),
         within,
     )
@@ -246,7 +246,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for heading in ("", "filter passes", "samples", "bank runs", "samples × filters", "models"):
         work.add_column(heading)
     runs: dict[str, Callable[[], object]] = {
-        "whole": lambda: identify(record, scale),
+        "whole": lambda: identify(record, scale, formulation="joint"),
         "pieces": lambda: identify_pieces(cut(record, 8.0), scale),
     }
     for name, run in runs.items():

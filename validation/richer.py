@@ -189,13 +189,14 @@ def identified(folder: Path, name: str, roll: Roll, *, flap: bool = True) -> Ide
     channels = [sensor.channel for sensor in sensors]
     if name == "a2":
         record, added = add_noise(record, channels, 1.0, 1)
-        return identify(record, turbine, sensors=with_noise(sensors, added))
+        return identify(record, turbine, sensors=with_noise(sensors, added), formulation="joint")
     windy = load_turbine("nrel5mw_full").exact()
     loads = tuple(load for load in windy.loads if load.load in turbine.model.loads)
     sensors = windy.sensors if flap else load_turbine("nrel5mw").exact().sensors
     return identify(
-        record, replace(turbine, loads=loads), sensors=sensors, section=SECTION, rate=READ, loads="rotor-wind"
-    )
+        record, replace(turbine, loads=loads), sensors=sensors, formulation="joint", section=SECTION, rate=READ,
+        loads="rotor-wind",
+    )  # fmt: skip
 
 
 class Unexplained(NamedTuple):

@@ -135,7 +135,7 @@ def run(seed: int, scenario: str, *, exact: bool = False) -> Outcome:
     turbine = load_turbine("verne555")
     errors = SCENARIOS[scenario](turbine, np.random.default_rng([seed, 7]))
     record = record_of(turbine, errors, seed)
-    result = identify(record, turbine.exact() if exact else turbine, prior=DrawnPrior(seed=seed))
+    result = identify(record, turbine.exact() if exact else turbine, formulation="joint", prior=DrawnPrior(seed=seed))
     truth, found = (
         np.array([q.coordinate(v) for q, v in zip(result.parameters, values, strict=True)])
         for values in ([turbine.values[q.name] for q in result.parameters], [e.estimate for e in result.estimates])

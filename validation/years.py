@@ -190,7 +190,8 @@ def _raw_record(which: tuple[str, int, float]) -> Posterior:
     healthy = load_turbine(name).exact()
     rate = RAW_SAMPLES * max(healthy.natural_frequency(q) for q in healthy.model.coordinates) / (2.0 * math.pi)
     damaged = healthy.with_values({"k_x": factor * healthy.values["k_x"]})
-    return identify(simulate_record(damaged, duration=BLOCK, rate=rate, seed=seed), healthy).posterior
+    record = simulate_record(damaged, duration=BLOCK, rate=rate, seed=seed)
+    return identify(record, healthy, formulation="joint").posterior
 
 
 def _memory(rng: np.random.Generator, count: int, seconds: float) -> Array:
@@ -291,7 +292,7 @@ def _fault_table() -> str:
         table.add_column(heading, justify="left" if heading == "fault" else "right")
     sound: dict[str, float] = {}
     for fault, record in cases:
-        found = identify(record, turbine)
+        found = identify(record, turbine, formulation="joint")
         values_found = {e.name: e.estimate for e in found.estimates} | {s.name: s.estimate for s in found.statistics}
         sound = sound or values_found
         changes = [

@@ -3,6 +3,8 @@
 import json
 import math
 from dataclasses import replace
+from functools import partial
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +13,24 @@ import xarray as xr
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as identify_module
-from windsysid.identification.identify import identify
 from windsysid.identification.pieces import identify_pieces
 from windsysid.identification.prepare import add_noise, usable_sensors, with_noise
 from windsysid.identification.prior import Prior
 from windsysid.identification.spectral import identify_by_spectrum
 from windsysid.mechanics import Sensor
 from windsysid.mechanics.sensors import Accelerometer
+from windsysid.modal.sweep import find_modes
+from windsysid.monitoring.comparison import compare
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
+
+identify = partial(identify_module.identify, formulation="joint")
+"""Filters, unless a test says otherwise."""
+
 
 DECAY = Path(__file__).parents[3] / "shared" / "data" / "openfast" / "a2_rot12_decay_min.outb"
 needs_decay = pytest.mark.skipif(not DECAY.is_file(), reason="the OpenFAST records are not beside this checkout")
@@ -462,3 +469,46 @@ def test_auto_goes_by_spectra_in_wind(verne555):
     found = identify(record, verne555, formulation="auto")
     assert found.formulation == "spectral"
     assert any("wind drives a turning rotor" in note for note in found.notes)
+
+
+def test_auto_is_the_default():
+    assert signature(identify_module.identify).parameters["formulation"].default == "auto"
+
+
+@pytest.fixture(scope="module")
+def tower_record() -> Record:
+    return simulate_record("tower", duration=600.0, rate=20.0, seed=96_900)
+
+
+def test_auto_goes_by_spectra_where_nothing_turns(tower_record, tmp_path):
+    """A saved result of spectra, which have neither loads nor a history, says all that others say."""
+    found = identify(tower_record, "tower", formulation="auto")
+    assert found.formulation == "spectral"
+    assert found.diagnosis.trusted
+    assert any("nothing that moves turns" in note for note in found.notes)
+    assert {one.group for one in found.tolerances} == {"gain", "alignment", "masses"}
+    found.save(tmp_path / "spectral")
+    filtered = identify(tower_record, "tower", loads="broadband")
+    other = compare(tmp_path / "spectral", filtered)
+    assert min(change.chance for change in other.coefficients) > 0.01
+    assert len(find_modes(tmp_path / "spectral").curves) == 2
+
+
+def test_auto_goes_by_filters_where_a_resonance_is_too_narrow_for_the_record(tower_record):
+    found = identify(tower_record.section(0.0, 120.0), "tower", formulation="auto", loads="broadband")
+    assert found.formulation == "joint"
+    assert any("counts as 1.4 independent values only" in note for note in found.notes)
+
+
+def test_auto_goes_by_filters_where_spectra_find_damping_below_zero(tower_record, monkeypatch):
+    by_spectrum = identify_by_spectrum
+
+    def mirrored(*asked, **options):
+        found = by_spectrum(*asked, **options)
+        return found._replace(theta=found.theta * np.where(["c_" in q.name for q in found.model.parameters], -1.0, 1.0))
+
+    monkeypatch.setattr(identify_module, "identify_by_spectrum", mirrored)
+    found = identify(tower_record, "tower", formulation="auto", loads="broadband")
+    assert found.formulation == "joint"
+    assert any("is not positive" in note for note in found.notes)
+    assert min(mode.damping_ratio[0] for mode in found.modes) > 0.0

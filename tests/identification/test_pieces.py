@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.identification.identify import identify
+from windsysid.identification import identify as front
 from windsysid.identification.pieces import identify_pieces
 from windsysid.identification.prior import Prior
 from windsysid.records.record import Record
@@ -18,6 +19,9 @@ from windsysid.results.provenance import record_hash
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
+
+identify = partial(front.identify, formulation="joint")
+"""Filters: what is tested here."""
 
 
 @pytest.fixture(scope="module")

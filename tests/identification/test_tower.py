@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from validation.trust import identify_broadband
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.identification.identify import identify
+from windsysid.identification import identify as front
 from windsysid.identification.prior import Prior
 from windsysid.mechanics import Sensor, compile_model
 from windsysid.mechanics.sensors import Accelerometer
@@ -22,6 +23,10 @@ from windsysid.simulation.random_loads import draw_loads
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
+
+identify = partial(front.identify, formulation="joint")
+"""Filters: what is tested here."""
+
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="the records to run against are not here")

@@ -4,6 +4,7 @@ import json
 import math
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.stats import multivariate_normal, norm
 
 from windsysid import cli
 from windsysid.errors import ConfigurationError
-from windsysid.identification.identify import identify
+from windsysid.identification import identify as front
 from windsysid.identification.prior import Prior
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.compile import compile_model
@@ -29,6 +30,10 @@ from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
+
+identify = partial(front.identify, formulation="joint")
+"""Filters: what is tested here."""
+
 
 SPREAD = 0.3
 NAMES = ["k_x", "c_x", "k_y", "c_y"]

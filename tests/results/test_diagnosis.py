@@ -2,6 +2,7 @@
 
 import math
 import re
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,16 @@ from scipy import signal, stats
 from validation.trust import FAULTS, faulty_record, identify_broadband
 
 from windsysid.filters import Info
-from windsysid.identification.identify import identify
+from windsysid.identification import identify as front
 from windsysid.identification.prior import Prior
 from windsysid.results.diagnosis import Diagnosis, diagnose
 from windsysid.results.whiteness import Whiteness, examine
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter
+
+identify = partial(front.identify, formulation="joint")
+"""Filters: what is tested here."""
+
 
 RATE = 50.0
 NATURAL = (1.0, 2.0)

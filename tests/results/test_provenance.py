@@ -75,7 +75,7 @@ def test_a_result_says_where_it_comes_from(found: Identification, record: Record
     assert datetime.now(UTC) - datetime.fromisoformat(about["identified"]) < timedelta(hours=1)
     assert about["record_hash"] == record_hash(record)
     assert about["options"] == {
-        "formulation": "joint", "section": [2.0, 20.0], "prior": None, "parameters": None, "rate": None,
+        "formulation": "auto", "section": [2.0, 20.0], "prior": None, "parameters": None, "rate": None,
         "loads": "auto",
     }  # fmt: skip
     assert [sensor["channel"] for sensor in about["sensors"]] == [sensor.channel for sensor in verne555.sensors]

@@ -44,11 +44,11 @@ def identify(
         Literal["joint", "spectral", "force-balance", "auto"],
         typer.Option(
             help=(
-                "joint: accelerometers, loads as states. spectral: a stationary record's spectra. "
-                "force-balance: the published study's. auto: the record decides."
+                "auto: the record decides. joint: accelerometers, loads as states. spectral: a stationary record's "
+                "spectra. force-balance: the published study's."
             )
         ),
-    ] = "joint",
+    ] = "auto",
     section: Annotated[
         tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
     ] = None,
@@ -99,14 +99,14 @@ def identify(
     prior = Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None)
     with show_progress("identify") as progress:
         if in_pieces is not None:
-            if formulation not in ("joint", "spectral") or section is not None or add_noise != 0.0:
+            if formulation == "force-balance" or section is not None or add_noise != 0.0:
                 raise ConfigurationError(
                     "--in-pieces goes with joint or spectral on a whole record: leave --section and --add-noise out"
                 )
             length = parse_option("--in-pieces", in_pieces, "s")
             found, used = _identify_in_pieces(
                 record, machine, listed, prior, rules, length, output, progress, rate=rate, loads=loads,
-                formulation=formulation,
+                formulation="spectral" if formulation == "spectral" else "joint",
             )  # fmt: skip
         else:
             recorded = data = read_record(

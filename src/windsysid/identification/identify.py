@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.conclude import Formulation, conclude
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
@@ -42,7 +44,7 @@ def identify(
     turbine: TurbineLike,
     *,
     sensors: Sequence[Sensor] | None = None,
-    formulation: Formulation | Literal["auto"] = "joint",
+    formulation: Formulation | Literal["auto"] = "auto",
     section: tuple[float, float] | None = None,
     prior: Prior | None = None,
     parameters: Sequence[str] | None = None,
@@ -65,8 +67,8 @@ def identify(
         what is missing.
     formulation
         ``"joint"``, ``"spectral"`` (stationary records; docs/spectral.md), ``"force-balance"``, or ``"auto"``: spectra
-        where the loads are wind on a turning rotor and nothing speaks against them, else joint, held against spectra
-        where the record is stationary.
+        where nothing speaks against them and wind drives a turning rotor or nothing that moves turns, else joint, held
+        against spectra where the record is stationary.
     section
         Start and end of the part to use [s]; the whole record by default.
     prior
@@ -179,14 +181,17 @@ def _by_force_balance(asked: _Asked) -> _Found:
 
 
 def _by_what_fits(asked: _Asked) -> _Found:
-    """By spectra under wind, jointly otherwise, and then held against spectra where they apply."""
+    """By spectra under wind and where nothing turns, jointly otherwise, and then held against spectra where they
+    apply."""
     try:
         spectral = _by_spectra(asked)
-    except WindsysidError as error:
+    except (WindsysidError, np.linalg.LinAlgError) as error:
         return _jointly(asked).saying(f"joint formulation, as spectra do not apply ({error})")
-    doubts = spectral.outcome.doubts
-    if spectral.outcome.hypothesis == RotorWind.name and not doubts:
+    doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
+    if not doubts and spectral.outcome.hypothesis == RotorWind.name:
         return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
+    if not doubts and not spectral.outcome.turns:
+        return spectral.saying("spectral formulation: the record is stationary, and nothing that moves turns")
     joint = _jointly(asked)
     if doubts:
         return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
@@ -195,6 +200,13 @@ def _by_what_fits(asked: _Asked) -> _Found:
         doubt = f"filters and spectra disagree on {name} by {off:.1f} standard deviations: loads are not as modelled"
         return joint.saying("joint formulation; spectra were asked, too", doubt)
     return joint.saying(f"joint formulation; spectra agree within {off:.1f} standard deviations")
+
+
+def _undamped(found: Outcome) -> list[str]:
+    """Which damping is not positive: a spectrum says its size only, and a search may end at the mirror image."""
+    damping = {f"c_{name}" for name in found.turbine.model.coordinates}
+    at = zip(found.model.parameters, found.theta.tolist(), strict=True)
+    return [f"{q.name} is not positive" for q, theta in at if q.name in damping and q.physical(theta) <= 0.0]
 
 
 def _compare(one: Outcome, other: Outcome) -> tuple[str, float]:

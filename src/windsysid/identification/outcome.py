@@ -67,6 +67,8 @@ class Outcome(NamedTuple):
     tolerances
         What is known of instruments and masses within tolerances only, as the record has it; none where they were taken
         as exact.
+    turns
+        Whether the rotor's turns couple what moves, as far as the formulation has asked.
     """
 
     turbine: Turbine
@@ -88,6 +90,7 @@ class Outcome(NamedTuple):
     log_likelihood: float | None = None
     hypothesis: str = ""
     tolerances: tuple[Tolerance, ...] = ()
+    turns: bool = True
 
     def given(self, *groups: Group) -> tuple[Array, Array]:
         """θ (n_θ,), and the covariance of all unknowns, given that what these groups of tolerances hold is as the file

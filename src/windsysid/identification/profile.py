@@ -119,7 +119,9 @@ def profile_likelihood(
     """
     record, turbine = as_record(record), as_turbine(turbine)
     progress("identifying")
-    found = identify(record, turbine, sensors=sensors, section=section, prior=prior, parameters=parameters)
+    found = identify(
+        record, turbine, sensors=sensors, formulation="joint", section=section, prior=prior, parameters=parameters
+    )
     names = [q.name for q in found.parameters]
     if name not in names:
         raise ConfigurationError(f"profile of '{name}': expected one of the identified parameters {', '.join(names)}")

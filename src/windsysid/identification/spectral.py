@@ -125,7 +125,7 @@ def identify_by_spectrum(
     return _outcome(
         question, best.unknowns, best.cov, lag, tolerances, log_likelihood=best.log_likelihood,
         statistics=model.statistics, elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
-    )  # fmt: skip
+    )._replace(turns=coupled)  # fmt: skip
 
 
 def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome:

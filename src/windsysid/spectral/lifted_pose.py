@@ -18,6 +18,7 @@ from windsysid.spectral.lifted_likelihood import Place
 from windsysid.spectral.lifted_loads import BandLoads, BroadbandLoads, Sources, WindLoads
 from windsysid.spectral.lifted_mechanics import HIGHEST, coupled, matrix_harmonics
 from windsysid.spectral.lifted_model import LiftedModel, finer_bins, taper_window
+from windsysid.spectral.lifted_start import damped_start
 from windsysid.spectral.lifted_sums import LiftedSums, factored
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
@@ -46,9 +47,6 @@ LEAST_BINS = 12
 
 MOST_HARMONICS = 10
 """Highest K: a rotor that turns more slowly beside its modes makes matrices too large."""
-
-LEAST_DAMPING = 0.3
-"""Of a start, in standard deviations of the prior."""
 
 PEAK_BINS = 5
 """Bins over which a spectrum is averaged where its peak is looked for."""
@@ -237,7 +235,7 @@ def _pose_turning(question: Question, loads: str) -> Posed:
     model, bands = model_at(base, None), ((float(base[0]), (K - 0.5) * lifted.rotor_hz),)
     text = "wind on the turning rotor" if loads == "rotor-wind" else "first-order Gauss–Markov"
     resonance = 2.0 * math.pi * width * blocks / lifted.overlap
-    return Posed(model, model_at(fine, window), _damped(question, model.prior), bands, text, resonance)
+    return Posed(model, model_at(fine, window), damped_start(question.turbine, question.parameters, *model.prior), bands, text, resonance)
 
 
 def _pooled(entries: Complex, pools: Sequence[NDArray[np.intp]]) -> Complex:
@@ -320,7 +318,7 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
         None if sums is None else np.ascontiguousarray(single),
         1.0 if sums is None else sums.gusts,
     )
-    start = _damped(question, model.prior)
+    start = damped_start(question.turbine, question.parameters, *model.prior)
     for i, q in enumerate(question.parameters):
         name = q.name.removeprefix("k_")
         if q.name.startswith("k_") and q.logarithmic and name in peaks:
@@ -333,17 +331,6 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
         "any smooth spectrum in the bands around the modes",
         2.0 * math.pi * width * blocks / lifted.overlap,
     )
-
-
-def _damped(question: Question, prior: tuple[Array, Array]) -> Array:
-    """Where to begin to look for the unknowns (n,): at the prior's mean, with damping that is not negative. A spectrum
-    says |c| and not c: from the wrong side the search ends at the mirror image."""
-    start, std = prior[0].copy(), prior[1]
-    damping = {f"c_{name}" for name in question.turbine.model.coordinates}
-    for i, q in enumerate(question.parameters):
-        if q.name in damping and not q.logarithmic:
-            start[i] = max(start[i], LEAST_DAMPING * std[i])
-    return start
 
 
 def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict[str, float]:

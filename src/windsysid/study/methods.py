@@ -168,7 +168,7 @@ def _particles(turbine: Turbine, reference: Reference) -> tuple[Array, Array]:
 
 def _mode(turbine: Turbine, record: Record, seed: int) -> tuple[Array, Array]:
     """The mode of the posterior, as a user would call for it."""
-    return _judged(turbine, identify(record, turbine, prior=DrawnPrior(seed=seed)))
+    return _judged(turbine, identify(record, turbine, formulation="joint", prior=DrawnPrior(seed=seed)))
 
 
 def _judged(turbine: Turbine, result: Identification) -> tuple[Array, Array]:
