@@ -235,7 +235,8 @@ def _pose_turning(question: Question, loads: str) -> Posed:
     model, bands = model_at(base, None), ((float(base[0]), (K - 0.5) * lifted.rotor_hz),)
     text = "wind on the turning rotor" if loads == "rotor-wind" else "first-order Gauss–Markov"
     resonance = 2.0 * math.pi * width * blocks / lifted.overlap
-    return Posed(model, model_at(fine, window), damped_start(question.turbine, question.parameters, *model.prior), bands, text, resonance)
+    start = damped_start(question.turbine, question.parameters, *model.prior)
+    return Posed(model, model_at(fine, window), start, bands, text, resonance)
 
 
 def _pooled(entries: Complex, pools: Sequence[NDArray[np.intp]]) -> Complex:
