@@ -37,7 +37,7 @@ def test_scada_that_comes_a_day_later_gives_the_same_bytes(
     archive = tmp_path / "archive"
     found = batch(data / "T01", fleet=late, archive=archive, workers=1)
     assert found.taken == {"ok": 3, "refused": 1}
-    assert len(found.notes) == 1
+    assert len(found.notes) == 2  # a record that is refused, and the file that is not there
     assert "late.csv is, the same command joins it" in str(found)
     assert {one["scada_wind_speed"] for one in rows_of(archive)} == {None}
     (tmp_path / "late.csv").write_bytes((data / "scada.csv").read_bytes())
