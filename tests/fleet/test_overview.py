@@ -109,11 +109,15 @@ def test_states_are_covariates_and_rare_ones_are_left_out(rows: dict[str, list[R
         row["state"] = "transient"
     of[50]["state"] = "unknown"
     blocks = blocks_of(table_of(of))
-    assert blocks.covariate_names == ("parked", "wind_speed", "temperature", "rotor_speed")
+    assert blocks.covariate_names == ("parked", "wind_speed", "strong_wind", "temperature", "rotor_speed")
     assert len(blocks.time) < len(of) - 40
     parked = blocks.covariates[:, 0] == 1.0
     assert np.ptp(blocks.covariates[parked, 1]) == 0.0  # the wind on a parked rotor is in the state's own effect
-    assert np.ptp(blocks.covariates[parked, 2]) > 1.0
+    assert np.ptp(blocks.covariates[parked, 3]) > 1.0
+    most = next(int(note.split()[-2]) for note in blocks.notes if note.startswith("strong_wind is what"))
+    wind, strong = blocks.covariates[~parked, 1], blocks.covariates[~parked, 2]
+    np.testing.assert_allclose(strong, np.maximum(wind - most, 0.0))
+    assert 0.02 < (strong > 0.0).mean() < 0.25
     assert any("starts or stops" in note for note in blocks.notes)
     assert any("was unknown were left out" in note for note in blocks.notes)
     assert blocks.begin is not None

@@ -28,6 +28,13 @@ __all__ = ["COVARIATES", "Pairs", "archive_blocks", "blocks_of", "numbers", "pai
 COVARIATES = ("wind_speed", "temperature", "pitch", "rotor_speed")
 """Of SCADA, where most records have them. The power follows from them, the yaw is no straight line."""
 
+STRONG_WIND = 0.9
+"""Quantile of the wind that is learned from, beyond which a coefficient may follow the wind by another slope.
+
+Blades pitch from the rated wind on, and damping levels off there. A single line would run on into winds that were never
+learned from, and what it gets wrong in a stormy month looks like a jump.
+"""
+
 MIN_SHARE = 0.9
 """Share of the records that must have a covariate for it to be used: those without are left out."""
 
@@ -174,7 +181,7 @@ def _learned(state: NDArray[np.object_], steady: NDArray[np.bool_], notes: list[
     if not steady.all():
         notes.append(f"{int((~steady).sum())} records of a rotor that starts or stops were left out")
     while steady.any():
-        learning = state[steady][: min(MAX_LEARNING_BLOCKS, max(int(steady.sum()) // 2, 1))]
+        learning = state[steady][: _learning(int(steady.sum()))]
         counts = Counter(learning.tolist())
         least = max(MIN_STATE_SHARE * len(learning), MIN_STATE_RECORDS)
         usual = counts.most_common(1)[0][0]
@@ -200,10 +207,28 @@ def _covariates(table: Any, state: NDArray[np.object_], notes: list[str]) -> tup
         if there >= MIN_SHARE:
             among = float(np.nanmean(values[state == usual]))
             columns[name] = values if name == "temperature" else np.where(state == usual, values, among)
+            if name == "wind_speed":
+                columns |= _strong_wind(values, state == usual, notes)
         elif there > 0.0:
             notes.append(f"{name} was left out: only {100.0 * there:.0f} % of the records have it")
     empty = np.empty((len(state), 0))
     return np.column_stack(list(columns.values())) if columns else empty, tuple(columns)
+
+
+def _strong_wind(values: Array, usual: NDArray[np.bool_], notes: list[str]) -> dict[str, Array]:
+    """By how much the wind (T,) is stronger than most that is learned from [m/s], in the commonest state."""
+    learning = values[: _learning(len(values))]
+    learned = learning[usual[: len(learning)] & np.isfinite(learning)]
+    if not learned.size:
+        return {}
+    most = round(float(np.quantile(learned, STRONG_WIND)))  # whole, so that sisters have the same
+    notes.append(f"strong_wind is what the wind has above {most} m/s")
+    return {"strong_wind": np.where(usual, np.maximum(values - most, 0.0), 0.0)}
+
+
+def _learning(count: int) -> int:
+    """How many of so many records are learned from before the first alarm."""
+    return min(MAX_LEARNING_BLOCKS, max(count // 2, 1))
 
 
 def _begin(starts: Sequence[str]) -> datetime:
