@@ -6,6 +6,8 @@ the workers are those of a Dask scheduler on this machine, which is killed once,
 twice, and the files of both archives must have the same bytes.
 
 ``python -m validation.fleet_work --speed 1000``: so many records by one and by two workers.
+
+``python -m validation.fleet_work --cost 5``: what ten minutes of a tower at 100 Hz cost, and a year of 100 towers.
 """
 
 import argparse
@@ -27,8 +29,11 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from windsysid.fleet.archive import read_table
+from windsysid.fleet.archive import add_rows, read_table
 from windsysid.fleet.batch import batch
+from windsysid.fleet.members import single
+from windsysid.fleet.rows import Row
+from windsysid.fleet.worker import take
 from windsysid.records.formats import write_record
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
@@ -40,6 +45,8 @@ RECORDS = 16
 """Good records of a campaign of kills, beside a damaged one."""
 
 TURBINES = ("T01", "T02")
+DAY_RECORDS = 144
+YEAR_RECORDS = 100 * 365 * DAY_RECORDS
 RUN_KILLED = 0.15
 """Share of the kills that end the run, and not a worker; they are not counted among the workers'."""
 
@@ -296,6 +303,43 @@ def speed(count: int, home: Path) -> str:
     return "\n".join(told)
 
 
+def cost(count: int, home: Path) -> str:
+    """Processor time and storage of ten-minute records at 100 Hz, and of a year of 100 towers."""
+    member, machine, told = single("tower"), load_turbine("tower"), []
+    rows: list[Row] = []
+    for first, ending in enumerate(("csv", "parquet")):
+        seconds, size = [], 0
+        for i in range(count + 1):
+            start = (BEGIN + timedelta(minutes=10 * i)).isoformat().replace("+00:00", "Z")
+            path = home / f"{i}.{ending}"
+            write_record(
+                replace(simulate_record(machine, duration=600.0, rate=100.0, seed=1000 * first + i), start=start), path
+            )
+            begun = time.process_time()
+            row = take(str(path), member, "spectral", "", lambda _: None)
+            seconds.append(time.process_time() - begun)
+            size = path.stat().st_size
+            rows.append(row)
+        usual = sorted(seconds[1:])[count // 2]  # the first one compiles
+        year = YEAR_RECORDS * usual / 3600.0
+        told.append(
+            f"{ending}: {usual:.2f} s of processor time a record, {size / 1e6:.1f} MB; a year of 100 towers:"
+            f" {year:.0f} h of one processor, {YEAR_RECORDS * size / 1e12:.0f} TB to be read,"
+            f" {8.0 * size / usual / 1e6:.0f} Mbit/s by each worker"
+        )
+    sizes = {}
+    for many in (len(rows) // 2, len(rows)):
+        add_rows(home / f"{many}.parquet", rows[:many])
+        sizes[many] = (home / f"{many}.parquet").stat().st_size
+    (few, small), (many, large) = sizes.items()
+    row_size = (large + (DAY_RECORDS - many) * (large - small) / (many - few)) / DAY_RECORDS  # equal rows hide the size
+    told.append(
+        f"archive: {row_size / 1e3:.1f} kB a row in a day of {DAY_RECORDS}, {YEAR_RECORDS * row_size / 1e9:.1f} GB in"
+        f" {YEAR_RECORDS // DAY_RECORDS} files"
+    )
+    return "\n".join(told)
+
+
 def _measured(work: Callable[[], object]) -> _Run:
     """Run something that starts workers, and look at them meanwhile."""
     waits: dict[int, float] = {}
@@ -337,6 +381,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, metavar="N", help="kill so many workers")
     parser.add_argument("--dask", action="store_true", help="of a Dask scheduler, which is killed, too")
     parser.add_argument("--speed", type=int, metavar="N", help="take so many records by one and by two workers")
+    parser.add_argument("--cost", type=int, metavar="N", help="take so many records of ten minutes at 100 Hz")
     parser.add_argument("--seed", type=int, default=0, help="of the instants")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as home:
@@ -347,6 +392,8 @@ def main() -> int:
                 return 1
         if options.speed is not None:
             print(speed(options.speed, Path(home) / "speed"))
+        if options.cost is not None:
+            print(cost(options.cost, Path(home) / "cost"))
     return 0
 
 

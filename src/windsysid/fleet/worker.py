@@ -34,7 +34,7 @@ from windsysid.results.identification import finite
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["main"]
+__all__ = ["main", "take"]
 
 POLL_SECONDS = 0.2
 """How often a lock that another process holds is asked for."""
@@ -61,7 +61,7 @@ def main() -> None:
         if request["do"] == "look":
             say({"event": "done", "start": _start_of(Path(request["source"]), member)})
         else:
-            row = _take(request["source"], member, request["formulation"], request["settings"], say)
+            row = take(request["source"], member, request["formulation"], request["settings"], say)
             say({"event": "done", "row": finite(row)})
 
 
@@ -77,7 +77,7 @@ def _start_of(source: Path, member: Member) -> str | None:
         return None
 
 
-def _take(source: str, member: Member, formulation: str, settings: str, say: Say) -> Row:
+def take(source: str, member: Member, formulation: str, settings: str, say: Say) -> Row:
     """The row of a record, whatever happens."""
     size = -1
     try:
