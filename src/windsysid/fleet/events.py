@@ -140,5 +140,5 @@ def _went(name: str, first: Change, second: Change, one: Watch, seconds: Array, 
     if mean is None:
         return Event(name, "turbine", told)
     if mean > ICE_MAX_TEMPERATURE or first.percent > 0.0:
-        return Event(name, "turbine", f"{told}, at {mean:.0f} °C")
-    return Event(name, "ice", f"{told}, at {mean:.0f} °C: as ice on blades does")
+        return Event(name, "turbine", f"{told}, at {round(mean)} °C")
+    return Event(name, "ice", f"{told}, at {round(mean)} °C: as ice on blades does")

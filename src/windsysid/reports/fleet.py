@@ -127,7 +127,7 @@ def files(overview: Overview) -> dict[str, bytes]:
             )
             for name, one in overview.watches.items() for c in one.changes
         ],
-        words=(0, 1, 5),
+        words=(0, 1, 2, 5),
     )  # fmt: skip
     refused = Table(
         ("turbine", "records", "why they have no result"),
