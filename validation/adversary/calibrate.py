@@ -37,7 +37,7 @@ from windsysid.results.straightness import find_bent
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE, examine
 from windsysid.turbine.file import load_turbine
 
-__all__ = ["KINDS", "LIMITS", "measure"]
+__all__ = ["KINDS", "LIMITS", "is_condemned", "measure"]
 
 KINDS = ("reference", "levels 2:1", "levels 5:1", "11 Hz", "20 Hz", "30 s", "200 Hz", "12 bits")
 """Healthy scenarios that take little time."""
@@ -65,7 +65,12 @@ LIMITS = {
     "line in readings, over its bound": 1.0,
     "cubes, over their bound": 1.0,
 }
-"""What is judged. A reason needs both where a statistic is listed as it is and in standard deviations of chance."""
+"""What is judged."""
+
+TOGETHER = (("level over time", "level over time, σ"), ("tails", "tails, σ"),
+            ("shared by two channels", "shared by two channels, σ"), ("peak", "peak, over its bound"),
+            ("around a mode", "peak, over its bound"))  # fmt: skip
+"""Of these both have to be beyond their limits; of all others each condemns by itself."""
 
 
 def measure(name: str, seed: int) -> list[float]:
@@ -112,6 +117,15 @@ def measure(name: str, seed: int) -> list[float]:
     ]
 
 
+def is_condemned(row: NDArray[np.float64]) -> bool:
+    """Whether one test or another condemns a record with these statistics."""
+    beyond = {name: value > limit for (name, limit), value in zip(LIMITS.items(), row, strict=True)}
+    paired = {name for pair in TOGETHER for name in pair}
+    return any(beyond[a] and beyond[b] for a, b in TOGETHER) or any(
+        beyond[name] for name in beyond if name not in paired
+    )
+
+
 def _truth(problem: TurbineProblem, name: str) -> NDArray[np.float64]:
     """The unknowns that a record was made with."""
     theta = [q.coordinate(SCENARIOS[name].machine.truth[q.name]) for q in problem.parameters]
@@ -141,6 +155,7 @@ def main() -> None:
         values = (float(np.median(there)), tenth, far, float(there.max()), limit)
         table.add_row(name, *(f"{value:.3g}" for value in values), f"{np.sum(there > limit)} of {len(there)}")
     print(render(table))
+    print(f"{sum(is_condemned(row) for row in found)} of {len(found)} records condemned by one or another")
 
 
 if __name__ == "__main__":
