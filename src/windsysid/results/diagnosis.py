@@ -16,8 +16,7 @@ by √S more than the bands hold. Colour out of reach of every natural frequency
 validation.trust`` shows; it is a remark and no reason.
 
 Limits of chance are such that each of some ten tests condemns one healthy record in 500; ``python -m
-validation.adversary.calibrate`` prints every limit beside what healthy records show. Limits of size say what does harm,
-and lie beyond what healthy records show, too.
+validation.adversary.calibrate`` prints every limit beside what healthy records show. Limits of size say what does harm.
 
 Estimates are held against their priors: before the record was seen, estimate and centre of the prior were expected to
 differ by √(σ₀² − σ²) (the prior predictive check of Box, J. R. Statist. Soc. A 143, 1980,
