@@ -148,11 +148,11 @@ def _outer(left: Any, right: Any, out: Any) -> None:
 
 @called
 def _halves(
-    d_mechanics: Any, d_readings: Any, omega: Any, entries: Any, left_out: Any, T: Any, Q: Any, half: Any
+    d_mechanics: Any, d_readings: Any, omega: Any, entries: Any, left_out: Any, T: Any, Q: Any, moved: Any, half: Any
 ) -> None:
-    """(dR − T dD) Q of one parameter (e, e)."""
+    """(dR − T dD) Q of one parameter (e, e); `moved` (e, q) holds dR − T dD."""
     count, n, r, e = omega.shape[0], d_mechanics.shape[2], d_readings.shape[2], len(entries)
-    half[:] = 0.0
+    moved[:], half[:] = 0.0, 0.0
     for h in range(d_mechanics.shape[1]):
         shift = h - HIGHEST
         for i in range(n):
@@ -162,18 +162,19 @@ def _halves(
                 for k in range(max(0, -shift), min(count, count - shift)):
                     value = _at(d_mechanics, h, i, j, omega[k])
                     for x in range(e):
-                        share = T[x, (k + shift) * n + i] * value
-                        for y in range(e):
-                            half[x, y] -= share * Q[k * n + j, y]
+                        moved[x, k * n + j] -= T[x, (k + shift) * n + i] * value
         for x in range(e):
             k, i = entries[x] // r - shift, entries[x] % r
             if left_out[x] or k < 0 or k >= count:
                 continue
             for j in range(n):
                 if not _nothing(d_readings, h, i, j):
-                    value = _at(d_readings, h, i, j, omega[k])
-                    for y in range(e):
-                        half[x, y] += value * Q[k * n + j, y]
+                    moved[x, k * n + j] += _at(d_readings, h, i, j, omega[k])
+    for x in range(e):
+        for c in range(count * n):
+            if moved[x, c] != 0.0:
+                for y in range(e):
+                    half[x, y] += moved[x, c] * Q[c, y]
 
 
 def _spectra(
@@ -187,7 +188,7 @@ def _spectra(
     D, order = np.empty((size, size), dtype=np.complex128), np.empty(size, dtype=np.int64)
     T, Q = np.empty((e, size), dtype=np.complex128), np.empty((size, e), dtype=np.complex128)
     T_s, driven = np.empty((e, sources), dtype=np.complex128), np.empty((e, sources), dtype=np.complex128)
-    half = np.empty((e, e), dtype=np.complex128)
+    turned, half = np.empty((e, size), dtype=np.complex128), np.empty((e, e), dtype=np.complex128)
     for b in range(bins):
         D[:], T[:], T_s[:], Q[:] = 0.0, 0.0, 0.0, 0.0
         for h in range(mechanics.shape[1]):
@@ -225,7 +226,7 @@ def _spectra(
                         Q[i, x] += placement[i, s] * driven[x, s].conjugate()
         _solve_right(D, order, Q)
         for a in range(moved):
-            _halves(d_mechanics[:, a], d_readings[:, a], omega[b], entries, left_out[b], T, Q, half)
+            _halves(d_mechanics[:, a], d_readings[:, a], omega[b], entries, left_out[b], T, Q, turned, half)
             for x in range(e):
                 for y in range(e):
                     A[a, b, x, y] = half[x, y] + half[y, x].conjugate()
@@ -240,11 +241,11 @@ def _spectra(
 
 
 def _smooth(weights: Any, fine: Any, out: Any) -> None:
-    for a in range(fine.shape[0]):
-        for b in range(weights.shape[1]):
-            for f in range(weights.shape[0]):
-                weight = weights[f, b]
-                if weight != 0.0:
+    for b in range(weights.shape[1]):
+        for f in range(weights.shape[0]):
+            weight = weights[f, b]
+            if weight != 0.0:
+                for a in range(fine.shape[0]):
                     for x in range(fine.shape[2]):
                         for y in range(fine.shape[3]):
                             out[a, b, x, y] += weight * fine[a, f, x, y]
