@@ -243,7 +243,9 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
     try:
         if len(poses) == 1:
             ((name, posed),) = poses.items()
-            return _Found(name, fit(posed.model, posed.start, smoothed=posed.smoothed), "")
+            return _Found(name, _fit_alone(posed), "")
+        if any(posed.model.blocks > 1.0 for posed in poses.values()):
+            return _after_all(poses)
         tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
         rivals = _rivals(tried)
         later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
@@ -258,6 +260,23 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
             "check units and the turbine file"
         ) from None
+
+
+def _fit_alone(posed: Posed) -> Fit:
+    """The mode from the prior's centre; of a block, which has few bins, on all of them from the first stage on."""
+    whole = posed.model.blocks <= 1.0
+    stages = [(weight, every if whole else 1) for weight, every in (*COARSE, *WHOLE)]
+    return fit(posed.model, posed.start, stages, posed.smoothed)
+
+
+def _after_all(poses: dict[str, Posed]) -> _Found:
+    """The load model of the greatest evidence where all have been fitted to the end: what the taper of a short block
+    does to spectra can look like another load."""
+    tried = {name: _fit_alone(posed) for name, posed in poses.items()}
+    overlap = max(found.model.overlap for found in tried.values())
+    tried = {name: found._replace(log_evidence=found.evidence_at(overlap)) for name, found in tried.items()}
+    name = _rivals(tried)[0]
+    return _Found(name, tried[name], f" (log evidence over {_margins(tried)})")
 
 
 def _rivals(tried: dict[str, Fit]) -> list[str]:

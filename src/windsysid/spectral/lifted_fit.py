@@ -43,6 +43,10 @@ class Fit(NamedTuple):
     settled: bool
     model: LiftedModel
 
+    def evidence_at(self, overlap: float) -> float:
+        """The log evidence if as many bins counted as one: only so are two models compared."""
+        return self.log_evidence + (self.model.overlap / overlap - 1.0) * self.log_likelihood
+
 
 def fit(
     model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = (*COARSE, *WHOLE),
