@@ -62,7 +62,7 @@ LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
 """As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
 Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
 
-LEAST_OF_A_BLOCK = 5.0
+LEAST_OF_A_BLOCK = 20.0
 """And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
 
 
