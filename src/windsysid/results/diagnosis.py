@@ -1,8 +1,7 @@
 """Diagnostics: is this result to be trusted, and if not, why not.
 
 Where the model explains the record, its whitened innovations z are white noise of variance 1 (Bar-Shalom, Li &
-Kirubarajan 2001, §5.4). What may be wrong is seen in three ways, each against what white noise of that length would
-show:
+Kirubarajan 2001, §5.4). Each test is against what white noise of that length would show:
 
     normalised innovation squared   Σ z² over N readings is χ² with N degrees of freedom
     autocorrelation                 N Σ r_k² over L lags is χ² with L degrees of freedom (Box & Pierce 1970)
@@ -62,17 +61,15 @@ NEAR_MAX_LEVEL = 1.6
 """The same of the average around a natural frequency, which one healthy record in 500 has."""
 
 COLOUR_REMARK_LEVEL = 0.02
-"""Least sum of squared autocorrelations that is remarked as colour; a correlation of 0.14 between samples gives it."""
+"""Least sum of squared autocorrelations that is remarked as colour: a correlation of 0.14 between samples."""
 
 SIZE_MAX_FACTOR, CHANNEL_MAX_FACTOR = 1.1, 1.15
 """Greatest factor on normalised innovation squared, of all channels together and of one. Levels of loads and noise are
-learned, so that healthy records scatter by 0.02, and one in 500 is 1.06 off in all and 1.14 in one channel; what is
-beyond is a channel that the levels learned do not fit."""
+learned: healthy records scatter by 0.02, and one in 500 is 1.06 off in all and 1.14 in one channel."""
 
 MAX_SIGMAS = 4.5
 """Standard deviations of chance beyond which level, tails, lateness and what channels share count, all but lateness
-where they are large, too. One healthy record in 500 exceeds 4.2 of the level over time and of lateness, 3.9 of
-tails, 4.5 of what channels share (``python -m validation.adversary.calibrate``)."""
+where they are large, too. One healthy record in 500 exceeds 4.2, 3.9, 4.2 and 4.5 of them."""
 
 UNSTEADY_MAX, TAILS_MAX, SHARED_MAX = 0.25, 1.0, 0.06
 """What is large: variation of the level over the record, excess kurtosis, correlation of two channels."""
@@ -435,10 +432,8 @@ def _judge_outliers(w: Whiteness) -> _Verdict:
     verdict = _Verdict([], [])
     for c in w.channels:
         if c.gated > GATED_MAX_SHARE:
-            verdict.reasons.append(
-                f"{100.0 * c.gated:.0f} % of the readings of {c.name} were left out as outliers: so many are none, and"
-                " the model is wrong"
-            )
+            share = f"{100.0 * c.gated:.0f} % of the readings of {c.name}"
+            verdict.reasons.append(f"{share} were left out as outliers: so many are none, and the model is wrong")
         elif c.gated > 0.0:
             verdict.remarks.append(f"{100.0 * c.gated:.2g} % of the readings of {c.name} were left out as outliers")
         if c.outliers >= MIN_REMARKED_OUTLIERS:

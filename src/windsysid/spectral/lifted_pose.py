@@ -335,8 +335,7 @@ def _pose_standing(question: Question, given_bands: Sequence[tuple[float, float]
 
 
 def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict[str, float]:
-    """For each degree of freedom the frequency [Hz] within the prior's reach at which the channel that sees most of it
-    is loudest."""
+    """For each degree of freedom where [Hz], within the prior's reach, the channel that sees most of it is loudest."""
     found = matrix_harmonics(
         question.compiled,
         _centres(question)[None],

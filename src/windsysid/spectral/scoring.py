@@ -119,7 +119,7 @@ def reach_mode(
         if tried[0] > J:
             break
         u, (J, g, F) = u + step, tried
-    return find_mode(evaluate, u, prior_mean, prior_std, ((1.0, 1),), rough=True)
+    return find_mode(evaluate, u, prior_mean, prior_std, ((1.0, 1),), enough=ROUGH)
 
 
 def _posterior(
