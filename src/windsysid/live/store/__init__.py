@@ -1,0 +1,1 @@
+"""What is known of every turbine, on disk: SQLite or PostgreSQL."""
