@@ -78,7 +78,7 @@ class Change(NamedTuple):
             how = f"rose from about zero (odds {_odds(self.log_odds)})"
         else:
             verb = "rose" if self.percent > 0.0 else "fell"
-            how = f"{verb} by {abs(self.percent):.3g} % (±2σ: {_band(self)}; odds {_odds(self.log_odds)})"
+            how = f"{verb} by {abs(self.percent):.3g} % (±2σ: {_band(self)} %; odds {_odds(self.log_odds)})"
         return f"{self.name} {how}"
 
 
@@ -164,8 +164,9 @@ class Comparison(Answer):
         return [
             (
                 change.name, unit_text(change.unit), f"{change.before:.5g}", f"{change.after:.5g}",
-                f"{_percent(change.percent)} %" if change.told else "not told", _band(change),
-                "" if math.isnan(change.log_odds) else _odds(change.log_odds), f"{change.chance:.2g}",
+                _percent(change.percent) if change.told else "not told",
+                _band(change).replace(" ", "") if change.told else "",
+                "" if math.isnan(change.log_odds) else _odds(change.log_odds).replace(" ", ""),
             )
             for change in (*self.coefficients, *self.modes, *self.statistics)
         ]  # fmt: skip
@@ -196,7 +197,8 @@ class Comparison(Answer):
         return [self.sentence, *(f"not to be trusted: {doubt}" for doubt in self.doubts), self.table(), *self.notes]
 
 
-HEADINGS = ("", "unit", "A", "B", "change", "±2σ band", "odds of a move", "by chance")
+HEADINGS = ("", "unit", "A", "B", "change %", "±2σ %", "odds")
+"""Seven columns: 80 signs of a terminal hold no more."""
 
 
 def _half_width(change: Change) -> float:
@@ -207,7 +209,7 @@ def _half_width(change: Change) -> float:
 
 
 def _band(change: Change) -> str:
-    return f"{_percent(change.low)} … {_percent(change.high)} %"
+    return f"{_percent(change.low)} … {_percent(change.high)}"
 
 
 def _percent(value: float) -> str:

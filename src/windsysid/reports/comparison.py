@@ -75,11 +75,10 @@ def files(comparison: Comparison) -> dict[str, bytes]:
 
 READING = (
     "A and B are the two results, priors included. The change is what the records say without the priors; where a"
-    " record says little, it differs from B − A. Change and band are of B over A; a band from −100 % to ∞ tells"
-    " nothing. Odds compare no change with one of the size that damage makes (10 % of a stiffness, half of a damping, a"
-    " load or a noise); before the records they are even. The last column is the probability of a difference this large"
-    " without any change. Frequencies are those of the models at the mean of the two rotor speeds: they move because"
-    " coefficients do. Loads and noise also differ between records of a sound turbine."
+    " record says little, it differs from B − A. Change and band are of B over A. Odds compare no change with one of"
+    " the size that damage makes (10 % of a stiffness, half of a damping, a load or a noise); before the records they"
+    " are even. Frequencies are those of the models at the mean of the two rotor speeds: they move because coefficients"
+    " do. Loads and noise also differ between records of a sound turbine."
 )
 
 
