@@ -64,9 +64,15 @@ class Store(Protocol):
         ...
 
     def results(
-        self, turbine: str, *, since: int | None = None, until: int | None = None, newest: int | None = None
+        self,
+        turbine: str,
+        *,
+        since: int | None = None,
+        until: int | None = None,
+        newest: int | None = None,
+        most: int | None = None,
     ) -> list[Result]:
-        """In order of time; checkpoints are empty."""
+        """In order of time; checkpoints are empty. Of more than `most` windows, every so manieth, as of `levels`."""
         ...
 
     def levels(
