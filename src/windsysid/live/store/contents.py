@@ -142,8 +142,9 @@ class Alarm(NamedTuple):
     Attributes
     ----------
     key
-        What makes it one: turbine, kind, series or channel, and when it was found. One that is there is replaced: it
-        was acknowledged, or it ended.
+        What makes it one: turbine, series or channel, and when it was found. One that is there is replaced: it was
+        measured again, put down to another cause, acknowledged, or it ended. A replacement that is not acknowledged
+        leaves the acknowledgement that is there as it is.
     kind
         ``structure``, ``sensor`` or ``data``.
     about
