@@ -18,7 +18,7 @@ class Block:
         The turbine's name in the service.
     sequence
         The sender's number of this block: from one block to the next it grows. Where the sender has none, `start`.
-        Turbine and sequence together are the block's key: a block that comes again changes nothing.
+        Turbine, stream and sequence together are the block's key: a block that comes again changes nothing.
     start
         When the first sample was taken, by the logger's clock [ns since 1970, UTC].
     rate
@@ -27,6 +27,8 @@ class Block:
         As in a `windsysid.Record`, in the units that it holds.
     values
         (n, m), float32 or float64 as they were sent; NaN where a sample is missing.
+    stream
+        Which of the turbine's loggers sent it: each numbers its blocks by itself. Empty where there is one only.
     """
 
     turbine: str
@@ -36,3 +38,4 @@ class Block:
     channels: tuple[str, ...]
     units: tuple[str, ...]
     values: NDArray[np.floating]
+    stream: str = ""

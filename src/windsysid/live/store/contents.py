@@ -23,6 +23,9 @@ Severity = Literal["notice", "warning", "alarm"]
 class StoredBlock(NamedTuple):
     """A block, and the window that it belongs to: they wait here until the window has its result.
 
+    A block that reaches over a boundary is kept twice, once for each window: what a store holds it by is turbine,
+    window, stream and sequence.
+
     Attributes
     ----------
     window
@@ -38,8 +41,9 @@ class Status(NamedTuple):
 
     Attributes
     ----------
-    sequence
-        The highest below which no block is missing that will still come: publishers may forget up to here.
+    sequences
+        Of each stream, the highest up to which no block is missing that will still be used: publishers may forget up
+        to here.
     stream
         Time of the newest sample.
     received
@@ -52,7 +56,7 @@ class Status(NamedTuple):
     """
 
     turbine: str
-    sequence: int
+    sequences: Mapping[str, int]
     stream: int
     received: int
     state: str

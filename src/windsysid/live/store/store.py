@@ -33,8 +33,8 @@ class Store(Protocol):
 
     # what the engine asks at its start
 
-    def waiting(self, turbine: str) -> Iterator[tuple[int, Block]]:
-        """Blocks whose window has no result yet, by window and sequence."""
+    def waiting(self, turbine: str, window: int | None = None) -> Iterator[tuple[int, Block]]:
+        """Blocks whose window has no result yet, by window, stream and sequence; of one window where it is given."""
         ...
 
     def checkpoint(self, turbine: str) -> tuple[int, bytes] | None:
