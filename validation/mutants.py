@@ -653,8 +653,8 @@ _CHANGES = (
     ),
     Mutant(
         "tolerated jump", "jumps.py",
-        "excess = abs(product[c]) - tolerated * energy[c]",
-        "excess = abs(product[c]) - tolerated",
+        "excess = abs(product) - tolerated * energy",
+        "excess = abs(product) - tolerated",
         "a tolerated jump is not weighed by what is known of it",
     ),
     Mutant(

@@ -191,3 +191,35 @@ def test_a_jump_is_looked_for_ninety_days_back_and_no_longer():
     # too old.
     assert abs(done.since[jump + ninety_days - ninety_days // 5] - jump) < 0.1 * ninety_days
     assert done.since[-1] >= count - ninety_days > jump
+
+
+@pytest.mark.parametrize("slopes", [(), (0.5,), (0.5, -0.2, 0.1, 0.3)])
+def test_blocks_one_by_one_give_bit_for_bit_what_they_give_together(slopes: tuple[float, ...]):
+    y, r, x = series(700, slopes=slopes, wander=1e-4, seed=9)
+    y[300:] += 1.0
+    y[[50, 51, 310]] = np.nan
+    freed = np.zeros((700, 1 + len(slopes)))
+    freed[450] = 2.0
+    rates = Rates(1e-4, 1.1)
+    whole = track(y, r, x, vague(1 + len(slopes)), rates, tolerated=0.1, freed=freed)
+    past: Belief | glr.Progress = vague(1 + len(slopes))
+    for t in range(700):
+        part = slice(t, t + 1)
+        one = track(y[part], r[part], x[part], past, rates, tolerated=0.1, freed=freed[part])
+        for name in ("level", "std", "whitened", "statistic", "since"):
+            np.testing.assert_array_equal(getattr(one, name)[0], getattr(whole, name)[t])
+        past = one.progress
+    np.testing.assert_array_equal(one.belief.cov, whole.belief.cov)
+    np.testing.assert_array_equal(one.progress.sums, whole.progress.sums)
+    assert one.progress.blocks == 700
+
+
+def test_a_track_that_stopped_at_a_jump_goes_on_from_there():
+    y, r, x = series(300, seed=1)
+    y[200:] += 8.0
+    limit, rates = threshold(1e-6), Rates(0.0, 1.0)
+    stopped = track(y, r, x, vague(1), rates, limit=limit)
+    assert 200 < stopped.stopped < 210
+    rest = slice(stopped.stopped + 1, None)
+    further = track(y[rest], r[rest], x[rest], stopped.progress, rates)
+    np.testing.assert_array_equal(further.statistic, track(y, r, x, vague(1), rates).statistic[rest])

@@ -36,6 +36,7 @@ __all__ = [
     "INNOVATION_LIMIT_SIGMAS",
     "MAX_JUMP_AGE_BLOCKS",
     "Belief",
+    "Progress",
     "Rates",
     "Track",
     "learn_rates",
@@ -86,6 +87,27 @@ class Rates(NamedTuple):
     scatter: float
 
 
+class Progress(NamedTuple):
+    """How far a track came: what it takes to go on as if there had been no end.
+
+    Attributes
+    ----------
+    belief
+        After the last block.
+    blocks
+        How many were taken in.
+    begun
+        Blocks k that are kept (c,), counted from the first of all.
+    sums
+        Of each of them Σ G², Σ G z and the trace e(k) (c, 2 + d).
+    """
+
+    belief: Belief
+    blocks: int
+    begun: NDArray[np.int64]
+    sums: Array
+
+
 class Track(NamedTuple):
     """What the filter and the test made of T blocks.
 
@@ -98,13 +120,13 @@ class Track(NamedTuple):
     statistic
         ℓ_t (T,).
     since
-        The block k of the maximum (T,); −1 where there is none.
+        The block k of the maximum (T,), counted from the first of all that were taken in; −1 where there is none.
     log_likelihood
         Of the innovations, Huber's beyond `INNOVATION_LIMIT_SIGMAS`.
     stopped
         The first block, from `first` on, whose statistic passed the threshold; −1 if none did.
-    belief
-        After the last block that was taken in.
+    progress
+        What another track goes on from.
     """
 
     level: Array
@@ -114,14 +136,19 @@ class Track(NamedTuple):
     since: NDArray[np.int64]
     log_likelihood: float
     stopped: int
-    belief: Belief
+    progress: Progress
+
+    @property
+    def belief(self) -> Belief:
+        """After the last block that was taken in."""
+        return self.progress.belief
 
 
 def track(
     y: Array,
     r: Array,
     x: Array,
-    prior: Belief,
+    prior: Belief | Progress,
     rates: Rates,
     *,
     limit: float = math.inf,
@@ -137,7 +164,8 @@ def track(
     y, r, x
         Blocks (T,), their variances (T,), covariates (T, m).
     prior, rates
-        Of [level, slopes] before the first block, d = 1 + m.
+        Of [level, slopes] before the first block, d = 1 + m; or how far a track came that goes on: T blocks one by one
+        give what they give together.
     limit, first
         Stop at the first block from `first` on with ℓ_t above `limit`.
     tolerated
@@ -151,15 +179,27 @@ def track(
     count = len(y)
     level, std, whitened = np.full((3, count), np.nan)
     statistic, since = np.zeros(count), np.full(count, -1, dtype=np.int64)
-    mean, cov = prior.mean.copy(), np.ascontiguousarray(prior.cov.copy())
     h = np.column_stack([np.ones(count), x])
     freed = np.zeros(h.shape) if freed is None else freed
+    before = prior if isinstance(prior, Progress) else Progress(prior, 0, *_no_candidates(h.shape[1]))
+    mean, cov = before.belief.mean.copy(), np.ascontiguousarray(before.belief.cov.copy())
+    kept = len(before.begun)
+    begun, sums = np.empty(MAX_CANDIDATES, dtype=np.int64), np.empty((MAX_CANDIDATES, 2 + h.shape[1]))
+    begun[:kept], sums[:kept] = before.begun, before.sums
     rest = np.array(
         [rates.wander, rates.scatter, limit, INNOVATION_LIMIT_SIGMAS, CANDIDATE_SPACING, tolerated, PULL_LIMIT_SIGMAS]
     )
-    whole = np.array([first, MAX_JUMP_AGE_BLOCKS if test else 0, MAX_CANDIDATES], dtype=np.int64)
-    log_likelihood, stopped = _kernel()(y, r, h, freed, rest, whole, mean, cov, level, std, whitened, statistic, since)
-    return Track(level, std, whitened, statistic, since, log_likelihood, stopped, Belief(mean, cov))
+    whole = np.array([first, MAX_JUMP_AGE_BLOCKS if test else 0, before.blocks, kept], dtype=np.int64)
+    log_likelihood, stopped, kept = _kernel()(
+        y, r, h, freed, rest, whole, mean, cov, begun, sums, level, std, whitened, statistic, since
+    )
+    taken = before.blocks + (count if stopped < 0 else stopped + 1)
+    progress = Progress(Belief(mean, cov), taken, begun[:kept].copy(), sums[:kept].copy())
+    return Track(level, std, whitened, statistic, since, log_likelihood, stopped, progress)
+
+
+def _no_candidates(d: int) -> tuple[NDArray[np.int64], Array]:
+    return np.empty(0, dtype=np.int64), np.empty((0, 2 + d))
 
 
 def learn_rates(y: Array, r: Array, x: Array, prior: Belief, freed: Array | None = None) -> Rates:
@@ -225,14 +265,18 @@ def _kernel() -> Any:
     from windsysid.kernels.jit import compiled
 
     v, m, i = types.float64[::1], types.float64[:, ::1], types.int64[::1]
-    return compiled(_run, types.Tuple((types.float64, types.int64))(v, v, m, m, v, i, v, m, v, v, v, v, i))
+    found = types.Tuple((types.float64, types.int64, types.int64))
+    return compiled(_run, found(v, v, m, m, v, i, v, m, i, m, v, v, v, v, i))
 
 
 def _run(
-    y: Array, r: Array, h: Array, freed: Array, rest: Array, whole: Array, mean: Array, cov: Array,
-    level: Array, std: Array, whitened: Array, statistic: Array, since: Array,
-) -> tuple[float, int]:  # fmt: skip
-    """`track`, compiled; `mean` and `cov` become those after the last block."""
+    y: Array, r: Array, h: Array, freed: Array, rest: Array, whole: Array, mean: Array, cov: Array, begun: Array,
+    sums: Array, level: Array, std: Array, whitened: Array, statistic: Array, since: Array,
+) -> tuple[float, int, int]:  # fmt: skip
+    """`track`, compiled; `mean`, `cov`, `begun` and `sums` become those after the last block.
+
+    It gives the likelihood, the block that it stopped at, and how many blocks k are kept.
+    """
     wander, scatter, limit, clip, spacing, tolerated, pull = (
         rest[0],
         rest[1],
@@ -242,12 +286,9 @@ def _run(
         rest[5],
         rest[6],
     )
-    first, window, most = whole[0], whole[1], whole[2]
+    first, window, before, kept = whole[0], whole[1], whole[2], whole[3]
     d = h.shape[1]
     gain, cross = np.zeros(d), np.zeros(d)
-    trace, energy, product = np.zeros((most, d)), np.zeros(most), np.zeros(most)
-    begun = np.zeros(most, np.int64)
-    kept = 0
     log_likelihood = 0.0
     for t in range(len(y)):
         cov[0, 0] += wander
@@ -256,12 +297,10 @@ def _run(
             for j in range(d):
                 cov[j, j] += freed[t, j]
         if window > 0:
-            for j in range(d):
-                trace[kept, j] = 0.0
-            trace[kept, 0] = 1.0
-            energy[kept] = 0.0
-            product[kept] = 0.0
-            begun[kept] = t
+            for j in range(2 + d):
+                sums[kept, j] = 0.0
+            sums[kept, 2] = 1.0
+            begun[kept] = before + t
             kept += 1
         if not np.isnan(y[t]):
             variance, innovation = scatter * r[t], y[t]
@@ -290,32 +329,33 @@ def _run(
             for c in range(kept):
                 seen = 0.0
                 for j in range(d):
-                    seen += h[t, j] * trace[c, j]
+                    seen += h[t, j] * sums[c, 2 + j]
                 for j in range(d):
-                    trace[c, j] -= gain[j] * seen
-                energy[c] += seen * seen / variance
-                product[c] += seen * small / root
+                    sums[c, 2 + j] -= gain[j] * seen
+                sums[c, 0] += seen * seen / variance
+                sums[c, 1] += seen * small / root
         level[t] = mean[0]
         std[t] = math.sqrt(cov[0, 0])
         if window == 0:
             continue
         for c in range(kept):
-            excess = abs(product[c]) - tolerated * energy[c]
-            if energy[c] > 0.0 and excess > 0.0 and excess * excess > statistic[t] * energy[c]:
-                statistic[t] = excess * excess / energy[c]
+            energy, product = sums[c, 0], sums[c, 1]
+            excess = abs(product) - tolerated * energy
+            if energy > 0.0 and excess > 0.0 and excess * excess > statistic[t] * energy:
+                statistic[t] = excess * excess / energy
                 since[t] = begun[c]
-        if t >= first and statistic[t] > limit:
-            return log_likelihood, t
         last = -1  # thinning: the blocks kept lie about `spacing` of their age apart
         for c in range(kept):
-            age = t - begun[c] + 1
+            age = before + t - begun[c] + 1
             crowded = last >= 0 and 0 < c < kept - 1 and begun[c + 1] - begun[last] <= spacing * age
             if age >= window or crowded:  # one older by the next block
                 continue
             last += 1
             if last != c:
-                begun[last], energy[last], product[last] = begun[c], energy[c], product[c]
-                for j in range(d):
-                    trace[last, j] = trace[c, j]
+                begun[last] = begun[c]
+                for j in range(2 + d):
+                    sums[last, j] = sums[c, j]
         kept = last + 1
-    return log_likelihood, -1
+        if t >= first and statistic[t] > limit:
+            return log_likelihood, t, kept
+    return log_likelihood, -1, kept
