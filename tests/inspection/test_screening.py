@@ -10,8 +10,10 @@ import pytest
 
 import windsysid as ws
 from windsysid.errors import RecordError
+from windsysid.fleet.rows import empty_row, row_of
 from windsysid.identification.pieces import identify_pieces
 from windsysid.identification.prepare import screened, usable_sensors
+from windsysid.inspection import health, screening
 from windsysid.inspection.screening import noted, screen
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -172,3 +174,22 @@ def test_a_load_in_another_unit_is_refused(verne555, healthy):
     loaded = healthy.with_channels({"load_x": (np.zeros(healthy.samples), "1")})
     with pytest.raises(RecordError, match="'load_x': expected N, got 1"):
         usable_sensors(loaded, verne555, None)
+
+
+def test_a_row_of_an_archive_looks_at_its_record_once(monkeypatch):
+    looks: list[tuple[str, ...]] = []
+
+    def counted(record: Record) -> list[health.Finding]:
+        looks.append(record.channels)
+        return health.clock_faults(record)
+
+    monkeypatch.setattr(screening, "clock_faults", counted)
+    tower = ws.load_turbine("tower")
+    record = simulate_record(tower, duration=60.0, rate=20.0, seed=4)
+    windy = record.with_channels({"wind_speed": (np.full(record.samples, 8.0), "m/s")})
+    row = row_of(empty_row("a.csv", 1, ""), windy, tower, None, "auto")
+    assert row["status"] == "ok"
+    assert len(looks) == 1
+    assert "wind_speed" in looks[0]
+    row_of(empty_row("a.csv", 1, ""), replace(windy), tower, None, "auto")
+    assert len(looks) == 2

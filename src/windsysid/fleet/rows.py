@@ -18,14 +18,13 @@ from windsysid.identification.conclude import Formulation
 from windsysid.identification.identify import identify
 from windsysid.inspection.channels import kinds
 from windsysid.inspection.plausibility import rotor_of
-from windsysid.inspection.screening import examine
+from windsysid.inspection.screening import findings_of, read_besides
 from windsysid.mechanics.sensors import Sensor
 from windsysid.monitoring.own_information import without_prior
 from windsysid.records.moments import shift_moment
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash
-from windsysid.signals.inputs import TURNING
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
@@ -142,15 +141,15 @@ def _channels(record: Record) -> list[Row]:
 
 
 def _health(record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None) -> list[Row]:
-    """Warnings and worse of the channels that are read."""
+    """Warnings and worse of the channels that an identification reads."""
     listed = turbine.sensors if sensors is None else sensors
-    read = [name for name in (*(sensor.channel for sensor in listed), *TURNING) if name in record]
+    measured = [sensor.channel for sensor in listed if sensor.channel in record]
+    read = [*measured, *read_besides(record, turbine)]
     if not read:
         return []
-    findings, _, _ = examine(record.select(list(dict.fromkeys(read))), turbine)
     return [
         {key: getattr(finding, key) for key in ("channel", "kind", "severity", "text", "count")}
-        for finding in findings
+        for finding in findings_of(record, read, turbine)
         if finding.severity != "note"
     ]
 

@@ -11,12 +11,11 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import Info
 from windsysid.identification.outcome import Outcome
 from windsysid.inspection.health import Finding
-from windsysid.inspection.screening import screen
+from windsysid.inspection.screening import read_besides, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.load_history import Loads
 from windsysid.signals import resample
-from windsysid.signals.inputs import TURNING
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
@@ -125,7 +124,7 @@ def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, ref
     where it makes estimates wrong."""
     return screen(
         record, turbine, [sensor.channel for sensor in sensors],
-        others=(*TURNING, "wind_speed", *turbine.model.loads),
+        others=read_besides(record, turbine),
         offsets={sensor.channel: sensor.bias for sensor in sensors},
         refuse=refuse,
     )  # fmt: skip

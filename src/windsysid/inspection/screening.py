@@ -4,8 +4,9 @@ A unit that is evidently wrong and a channel that is dead make every estimate wr
 clipping, gaps and stuck stretches make it worse by an amount that the data do not tell: they are noted in the result.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -14,11 +15,12 @@ from windsysid.inspection.channels import VIBRATION, Kind, kinds
 from windsysid.inspection.health import SEVERITIES, Finding, channel_faults, clock_faults
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor, implausible, rotor_of
 from windsysid.records.record import Record
+from windsysid.signals.inputs import TURNING
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["examine", "noted", "screen"]
+__all__ = ["examine", "findings_of", "noted", "read_besides", "screen"]
 
 _DEAD = ("constant", "frozen")
 _MAX_VALUE = 1e100
@@ -57,6 +59,32 @@ def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], d
     return findings, usable, rotor
 
 
+def findings_of(record: Record, channels: Iterable[str], turbine: "Turbine | None") -> Sequence[Finding]:
+    """What `examine` finds in these channels; remembered as long as the record lives, since several parts of a program
+    ask the same of it.
+
+    Raises
+    ------
+    RecordError
+        As `examine`.
+    """
+    read = tuple(dict.fromkeys(channels))
+    rotor_speed = None if turbine is None else (turbine.name, turbine.rotor_speed)
+    known = _FOUND.setdefault(record, {})
+    if (read, rotor_speed) not in known:
+        known[read, rotor_speed] = tuple(examine(record.select(read), turbine)[0])
+    return known[read, rotor_speed]
+
+
+_FOUND: "WeakKeyDictionary[Record, dict[object, tuple[Finding, ...]]]" = WeakKeyDictionary()
+
+
+def read_besides(record: Record, turbine: "Turbine") -> list[str]:
+    """Channels of a record that an identification reads beside those of its sensors: how the rotor turned, wind,
+    loads."""
+    return [name for name in (*TURNING, "wind_speed", *turbine.model.loads) if name in record]
+
+
 def screen(
     record: Record, turbine: "Turbine | None", sensors: Iterable[str], *,
     others: Iterable[str] = (), offsets: Mapping[str, float] | None = None, refuse: bool = True,
@@ -89,8 +117,8 @@ def screen(
         If a unit is evidently wrong, or a sensor's channel does not move.
     """
     measured = list(sensors)
-    read = list(dict.fromkeys([*measured, *(channel for channel in others if channel in record)]))
-    findings, _, _ = examine(record.select(read), turbine)
+    read = [*measured, *(channel for channel in others if channel in record)]
+    findings = findings_of(record, read, turbine)
     known = kinds(record)
     for finding in findings if refuse else ():
         channel = finding.channel

@@ -13,6 +13,7 @@ import json
 import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -122,12 +123,12 @@ class Record:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
 
-    @property
+    @cached_property
     def rate(self) -> float:
         """Sampling rate [Hz]: the mean of all steps that are nearer to the median step than to a gap."""
         return 1.0 / _step(self.time)
 
-    @property
+    @cached_property
     def is_uniform(self) -> bool:
         """Whether every sample lies on one uniform time grid, to a thousandth of a step."""
         step = self.duration / (self.samples - 1)
