@@ -185,6 +185,12 @@ def test_measured_loads_are_refused(tower_record: Record) -> None:
         ws.identify(record, "tower", formulation="spectral")
 
 
+def test_short_record_is_refused_for_its_length_and_for_no_rate(tower_record: Record) -> None:
+    for formulation in ("auto", "joint"):
+        with pytest.raises(RecordError, match="expected at least one revolution"):
+            ws.identify(tower_record.section(0.0, 3.0), "tower", formulation=formulation)
+
+
 def test_short_record_is_refused(tower_record: Record) -> None:
     with pytest.raises(RecordError, match="choose a longer record"):
         ws.identify(replace(tower_record).section(0.0, 40.0), "tower", formulation="spectral")

@@ -156,6 +156,7 @@ def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float 
     ConfigurationError
         If the rate that is asked for takes every mode out of the record, or leaves next to no readings.
     """
+    asked = rate is not None
     if rate is None and turbine.model.samples_per_period is not None:
         fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
         rate = min(turbine.model.samples_per_period * fastest / (2.0 * math.pi), recorded)
@@ -163,7 +164,8 @@ def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float 
         raise ConfigurationError(f"rate: expected more than 0 and at most the record's {recorded:.4g} Hz, got {rate:g}")
     if rate is None or rate > 0.95 * recorded:
         return None
-    _check_rate(duration, turbine, rate)
+    if asked:  # of a record too short for a rate that nobody asked for, its length is what is wrong
+        _check_rate(duration, turbine, rate)
     return rate
 
 
