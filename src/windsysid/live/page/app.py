@@ -1,0 +1,270 @@
+"""The page and its API: what the store knows, for people and for programs.
+
+Everything is read from the store when it is asked for. The one thing that is written is an acknowledgement.
+"""
+
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path as FilePath
+from typing import Annotated, Any, cast
+
+from fastapi import APIRouter, Depends, FastAPI, Header, HTTPException, Path, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from fastapi.staticfiles import StaticFiles
+
+from windsysid._version import __version__
+from windsysid.errors import WindsysidError
+from windsysid.live.page import models
+from windsysid.live.page.access import Access, Role
+from windsysid.live.page.door import Door
+from windsysid.live.page.guard import Guard, Limits
+from windsysid.live.page.metrics import MEDIA_TYPE, metrics_text
+from windsysid.live.page.newest import Newest
+from windsysid.live.page.states import Engine
+from windsysid.live.page.streams import Streams, TooManyStreams
+from windsysid.live.page.views import (
+    NS_PER_MS,
+    alarm_seen,
+    detail_of,
+    levels_of,
+    overview_of,
+    results_of,
+    turbine_of,
+)
+from windsysid.live.store.store import Store
+
+__all__ = ["app", "streams_of"]
+
+STATIC = FilePath(__file__).parent / "static"
+
+MOST_POINTS = 4000
+"""Windows that a chart is given at most."""
+
+MOST_MOMENT = 9.2e12
+"""Milliseconds that are still nanoseconds of 64 bits: the year 2261."""
+
+MOST_EVENT = 2**63 - 1
+
+Name = Annotated[str, Path(pattern=r"^[\w. -]*\w$", max_length=200, description="of a turbine")]
+Moment = Annotated[float | None, Query(ge=0.0, le=MOST_MOMENT, allow_inf_nan=False, description="ms since 1970, UTC")]
+Most = Annotated[int, Query(ge=2, le=MOST_POINTS, description="of more windows, every so manieth")]
+Key = Annotated[str, Path(max_length=500, pattern=r"^[^\x00-\x1f\x7f]+$", description="of an alarm")]
+
+
+def _errors(**of: str) -> dict[int | str, dict[str, Any]]:
+    """Statuses, and what they say."""
+    return {int(status[1:]): {"model": models.Problem, "description": text} for status, text in of.items()}
+
+
+ERRORS = _errors(
+    _401="a token is wanted",
+    _403="the token does not allow it, or the origin is another's",
+    _413="the body is too large",
+    _429="too many requests, or too many wrong tokens",
+    _503="the store does not answer",
+)
+UNKNOWN = _errors(_404="there is none of this name")
+
+
+def app(store: Store, engine: Engine | None = None, access: Access = Access(), *, limits: Limits = Limits()) -> FastAPI:
+    """The page over a store.
+
+    Parameters
+    ----------
+    engine
+        What runs behind it: its state is shown, and acknowledgements go through it. None: a page over a store that
+        nothing writes into; an acknowledgement goes to the store.
+    access
+        Who may look and act. None of both tokens: whoever reaches the page, which then answers to names of this machine
+        only. `Access.check` says whether an address may be listened on.
+    limits
+        Of sizes and rates.
+
+    Returns
+    -------
+    fastapi.FastAPI
+        Whoever stops its server calls ``streams_of(app).close()`` first: a server waits for answers that are open.
+    """
+    page = FastAPI(
+        title="windsysid live", version=__version__, docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
+        description="What is known of every turbine: estimates, alarms, health. Moments are ms since 1970, UTC.",
+        responses=ERRORS,
+    )  # fmt: skip
+    page.state.streams = streams = Streams(store, limits.streams)
+    door = Door(access, limits)
+    overview = _Overviews(store, engine, door)
+    page.include_router(_turbines(store, engine, overview.newest, door))
+    page.include_router(_alarms(store, engine, door))
+    page.include_router(_events(streams, door))
+    page.include_router(_service(store, overview, streams, door))
+    page.include_router(door.routes())
+    page.add_exception_handler(WindsysidError, _store_is_away)
+    page.add_exception_handler(RequestValidationError, _invalid)
+    page.add_middleware(Guard, access=access, limits=limits)
+    page.mount("/static", StaticFiles(directory=STATIC), name="static")
+    return page
+
+
+def streams_of(page: FastAPI) -> Streams:
+    """The event streams of a page."""
+    return cast(Streams, page.state.streams)
+
+
+class _Overviews:
+    """Overviews of one store."""
+
+    def __init__(self, store: Store, engine: Engine | None, door: Door) -> None:
+        self.newest = Newest(store)
+        self._store, self._engine, self._door = store, engine, door
+
+    def __call__(self, role: Role) -> models.Overview:
+        return overview_of(self._store, self._engine, self.newest, role, self._door.asks)
+
+
+def _service(store: Store, overview: _Overviews, streams: Streams, door: Door) -> APIRouter:
+    """The page itself, the overview, health and metrics."""
+    router = APIRouter()
+
+    @router.get("/", include_in_schema=False)
+    def index() -> FileResponse:
+        return FileResponse(STATIC / "index.html")
+
+    @router.get("/api/overview")
+    def read_overview(role: Annotated[Role, Depends(door)]) -> models.Overview:
+        """All turbines, the worst first."""
+        return overview(role)
+
+    @router.get("/health")
+    def health() -> models.Health:
+        """Whether the service and its store answer; no token is asked for."""
+        store.last_event()
+        return models.Health(status="ok", version=__version__)
+
+    @router.get("/metrics", response_class=PlainTextResponse, dependencies=[Depends(door)])
+    def metrics() -> Response:
+        """For Prometheus."""
+        return Response(metrics_text(overview("reader"), store.size(), streams.count), media_type=MEDIA_TYPE)
+
+    return router
+
+
+def _turbines(store: Store, engine: Engine | None, newest: Newest, door: Door) -> APIRouter:
+    """One turbine, now and over time."""
+    router = APIRouter(prefix="/api/turbines/{turbine}", dependencies=[Depends(door)], responses=UNKNOWN)
+
+    def known(turbine: Name) -> str:
+        if turbine not in store.turbines():
+            raise HTTPException(404, "there is no turbine of this name")
+        return turbine
+
+    @router.get("")
+    def turbine(turbine: Name) -> models.TurbinePage:
+        """What is known of it now."""
+        try:
+            return turbine_of(store, engine, newest, turbine)
+        except KeyError:
+            raise HTTPException(404, "there is no turbine of this name") from None
+
+    @router.get("/levels")
+    def levels(
+        turbine: Annotated[str, Depends(known)], since: Moment = None, until: Moment = None, most: Most = 2000
+    ) -> models.Levels:
+        """Watched series over time."""
+        return levels_of(store.levels(turbine, since=_ns(since), until=_ns(until), most=most))
+
+    @router.get("/results")
+    def results(
+        turbine: Annotated[str, Depends(known)], since: Moment = None, until: Moment = None, most: Most = 1000
+    ) -> models.Results:
+        """Modes, loads, rotor speed and trust over time."""
+        return results_of(store.results(turbine, since=_ns(since), until=_ns(until), most=most))
+
+    @router.get("/results/{window}")
+    def result(
+        turbine: Annotated[str, Depends(known)],
+        window: Annotated[float, Path(ge=0.0, le=MOST_MOMENT, allow_inf_nan=False, description="its begin, ms")],
+    ) -> models.Detail:
+        """Everything of one window."""
+        begin = round(window * NS_PER_MS)
+        found = store.results(turbine, since=begin, until=begin + NS_PER_MS, newest=1)
+        if not found:
+            raise HTTPException(404, "there is no result of a window that begins then")
+        return detail_of(found[0])
+
+    return router
+
+
+def _alarms(store: Store, engine: Engine | None, door: Door) -> APIRouter:
+    """Alarms, and their acknowledgement."""
+    router = APIRouter(prefix="/api/alarms")
+
+    @router.get("", dependencies=[Depends(door)])
+    def alarms(
+        turbine: Annotated[str | None, Query(pattern=r"^[\w. -]*\w$", max_length=200)] = None,
+        open_only: bool = False,
+        most: Annotated[int, Query(ge=1, le=MOST_POINTS)] = 200,
+    ) -> list[models.AlarmSeen]:
+        """The newest first."""
+        return [alarm_seen(alarm) for alarm in store.alarms(turbine=turbine, open_only=open_only, most=most)]
+
+    @router.post("/{key:path}/acknowledge", dependencies=[Depends(door.operator)], responses=UNKNOWN)
+    def acknowledge(key: Key, said: models.Acknowledgement) -> models.AlarmSeen:
+        """Say that somebody knows; of operators only. To acknowledge again changes nothing."""
+        try:
+            at = time.time_ns()
+            if engine is None:
+                return alarm_seen(store.acknowledge(key, by=said.by, remark=said.remark, at=at))
+            return alarm_seen(engine.acknowledge(key, said.by, said.remark))
+        except KeyError:
+            raise HTTPException(404, "there is no alarm of this key") from None
+
+    return router
+
+
+def _events(streams: Streams, door: Door) -> APIRouter:
+    """What changes, as it changes."""
+    router = APIRouter()
+
+    async def counted_in() -> AsyncIterator[None]:
+        try:
+            streams.enter()
+        except TooManyStreams:
+            raise HTTPException(503, "as many pages listen as may", {"Retry-After": "10"}) from None
+        try:
+            yield
+        finally:
+            streams.leave()
+
+    @router.get("/api/events", response_class=EventSourceResponse, dependencies=[Depends(door), Depends(counted_in)])
+    async def events(
+        after: Annotated[int | None, Query(ge=0, le=MOST_EVENT, description="an event: what came after it")] = None,
+        last_event_id: Annotated[str | None, Header(description="as `after`; it goes before it")] = None,
+    ) -> AsyncIterator[ServerSentEvent]:
+        """What changed, as server-sent events; ids are those of the store's journal."""
+        begin = int(last_event_id) if last_event_id and _is_event(last_event_id) else after
+        yield ServerSentEvent(comment="windsysid live", retry=2000)
+        async for told, changes in streams.follow(begin):
+            yield ServerSentEvent(data=changes, event="changes", id=str(told))
+
+    return router
+
+
+def _is_event(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) < 19
+
+
+def _ns(ms: float | None) -> int | None:
+    return None if ms is None else round(ms * NS_PER_MS)
+
+
+def _store_is_away(request: Request, error: Exception) -> JSONResponse:
+    return JSONResponse({"detail": "the store does not answer: see the service's log"}, 503, {"Retry-After": "5"})
+
+
+def _invalid(request: Request, error: Exception) -> JSONResponse:
+    """What is wrong with a request, without what it said: an answer repeats nothing of a client."""
+    found = cast(RequestValidationError, error).errors()
+    detail = [{"type": one["type"], "loc": list(one["loc"]), "msg": one["msg"]} for one in found]
+    return JSONResponse({"detail": detail}, 422)

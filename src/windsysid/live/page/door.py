@@ -1,0 +1,82 @@
+"""Who asks: a token or a session at every request, and the login form."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Form, HTTPException, Request
+from fastapi.responses import RedirectResponse
+
+from windsysid.live.page.access import COOKIE, SESSION_SECONDS, Access, Role
+from windsysid.live.page.guard import Buckets, Limits, client_of
+
+__all__ = ["Door"]
+
+CHALLENGE = {"WWW-Authenticate": "Bearer"}
+
+SEE_OTHER = 303
+
+
+class Door:
+    """Finds out who asks; calling it is a dependency of FastAPI."""
+
+    def __init__(self, access: Access, limits: Limits) -> None:
+        self._access = access
+        self._guesses = Buckets(limits.guesses / 60.0, limits.guesses, limits.clients)
+
+    @property
+    def asks(self) -> bool:
+        """Whether a token is asked for."""
+        return self._access.asked
+
+    def __call__(self, request: Request) -> Role:
+        """The role of a request; HTTPException 401 without a token that is known, 429 after too many wrong ones."""
+        if not self._access.asked:
+            return "operator"
+        scheme, _, token = request.headers.get("authorization", "").partition(" ")
+        if scheme.lower() == "bearer":
+            found = self._role_of(token.strip(), request)
+            if found is None:
+                raise HTTPException(401, "the token is not known here", CHALLENGE)
+            return found
+        session = self._access.role_of_session(request.cookies.get(COOKIE, ""))
+        if session is None:
+            raise HTTPException(401, "expected a token: log in, or send Authorization: Bearer …", CHALLENGE)
+        return session
+
+    def operator(self, request: Request) -> Role:
+        """As calling it, for operators only; HTTPException 403 for readers."""
+        role = self(request)
+        if role != "operator":
+            raise HTTPException(403, "expected the operator's token: this one may only look")
+        return role
+
+    def routes(self) -> APIRouter:
+        """Login and logout, for browsers."""
+        router = APIRouter(include_in_schema=False)
+
+        @router.post("/login")
+        def login(token: Annotated[str, Form(max_length=1000)], request: Request) -> RedirectResponse:
+            role = self._role_of(token.strip(), request) if self._access.asked else None
+            answer = RedirectResponse("/" if role else "/#login-failed", SEE_OTHER)
+            if role is not None:
+                answer.set_cookie(
+                    COOKIE, self._access.session(role), max_age=SESSION_SECONDS, httponly=True, samesite="strict",
+                    secure=request.url.scheme == "https",
+                )  # fmt: skip
+            return answer
+
+        @router.post("/logout")
+        def logout() -> RedirectResponse:
+            answer = RedirectResponse("/", SEE_OTHER)
+            answer.delete_cookie(COOKIE, httponly=True, samesite="strict")
+            return answer
+
+        return router
+
+    def _role_of(self, token: str, request: Request) -> Role | None:
+        client = client_of(request.scope)
+        if self._guesses.left(client) < 1.0:
+            raise HTTPException(429, "too many wrong tokens: wait a minute", {"Retry-After": "60"})
+        found = self._access.role(token)
+        if found is None:
+            self._guesses.take(client)
+        return found

@@ -1,0 +1,184 @@
+"""What stands before the page: bounds of sizes and rates, foreign origins, headers that tell browsers what to refuse.
+
+Nothing of a request is logged. A request beyond a bound gets a status and one line, before anything reads it.
+"""
+
+import json
+import time
+from collections import OrderedDict
+from collections.abc import Awaitable, Callable, MutableMapping
+from dataclasses import dataclass
+from typing import Any
+
+from windsysid.live.page.access import COOKIE, LOOPBACK, Access
+
+__all__ = ["Buckets", "Guard", "Limits", "client_of"]
+
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Message, Receive, Send], Awaitable[None]]
+
+HEADERS = (
+    (
+        b"content-security-policy",
+        b"default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'",
+    ),
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"permissions-policy", b"camera=(), geolocation=(), microphone=()"),
+)
+
+SAFE = ("GET", "HEAD", "OPTIONS")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of what clients may ask.
+
+    Attributes
+    ----------
+    body, headers, address
+        Bytes of a request's body, of all its headers, of its path and query.
+    rate, burst
+        Requests a second of one address that are answered in the long run, and at once.
+    guesses
+        Wrong tokens of one address in a minute.
+    streams
+        Event streams at once.
+    clients
+        Addresses that are remembered.
+    """
+
+    body: int = 16_384
+    headers: int = 16_384
+    address: int = 4_096
+    rate: float = 50.0
+    burst: float = 400.0
+    guesses: float = 10.0
+    streams: int = 64
+    clients: int = 4096
+
+
+class Buckets:
+    """Token buckets of addresses, the longest unused forgotten first."""
+
+    def __init__(self, rate: float, burst: float, clients: int) -> None:
+        self._rate, self._burst, self._clients = rate, burst, clients
+        self._left: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def left(self, client: str) -> float:
+        """How many a client has left."""
+        count, at = self._left.get(client, (self._burst, 0.0))
+        return min(self._burst, count + (time.monotonic() - at) * self._rate)
+
+    def take(self, client: str) -> bool:
+        """Take one; whether there was one."""
+        left = self.left(client)
+        self._left[client] = (left - 1.0 if left >= 1.0 else left, time.monotonic())
+        self._left.move_to_end(client)
+        if len(self._left) > self._clients:
+            self._left.popitem(last=False)
+        return left >= 1.0
+
+
+class _TooLargeError(Exception):
+    """A body that grew beyond its bound while it came."""
+
+
+class Guard:
+    """ASGI middleware."""
+
+    def __init__(self, app: App, access: Access, limits: Limits) -> None:
+        self._app, self._access, self._limits = app, access, limits
+        self._requests = Buckets(limits.rate, limits.burst, limits.clients)
+
+    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Answer a request that is refused, pass on any other."""
+        if scope["type"] == "lifespan":
+            return await self._app(scope, receive, send)
+        if scope["type"] != "http":
+            return None  # there are no web sockets
+        started = False
+
+        async def send_guarded(message: Message) -> None:
+            nonlocal started
+            if message["type"] == "http.response.start":
+                started = True
+                message["headers"] = [*message.get("headers", ()), *HEADERS]
+                if scope["path"].startswith(("/api", "/metrics", "/health", "/login")):
+                    message["headers"].append((b"cache-control", b"no-store"))
+            await send(message)
+
+        refused = self._refusal(scope)
+        if refused is not None:
+            return await _answer(send_guarded, *refused)
+        got = 0
+
+        async def receive_bounded() -> Message:
+            nonlocal got
+            message = await receive()
+            got += len(message.get("body", b""))
+            if got > self._limits.body:
+                raise _TooLargeError
+            return message
+
+        try:
+            await self._app(scope, receive_bounded, send_guarded)
+        except _TooLargeError:
+            if not started:
+                await _answer(send_guarded, 413, f"body: expected {self._limits.body} bytes or less")
+        return None
+
+    def _refusal(self, scope: Message) -> tuple[int, str] | None:
+        limits = self._limits
+        if not self._requests.take(client_of(scope)):
+            return 429, f"too many requests: expected {limits.rate:g} a second or fewer"
+        if len(scope.get("raw_path") or b"") + len(scope.get("query_string", b"")) > limits.address:
+            return 414, f"address: expected {limits.address} bytes or less"
+        headers = scope["headers"]
+        if sum(len(name) + len(value) for name, value in headers) > limits.headers:
+            return 431, f"headers: expected {limits.headers} bytes or less"
+        said = {name.lower(): value.decode("latin-1") for name, value in headers}
+        length = said.get(b"content-length", "0")
+        if not length.isdecimal() or int(length) > limits.body:
+            return 413, f"body: expected {limits.body} bytes or less"
+        host = said.get(b"host", "")
+        if not self._access.asked and _name(host) not in LOOPBACK:
+            return 403, "host: expected localhost or 127.0.0.1: for another name, give the page tokens"
+        if scope["method"] not in SAFE and not _same_site(said, host):
+            return 403, "origin: expected this page's own"
+        return None
+
+
+def client_of(scope: Message) -> str:
+    """The address that a request comes from."""
+    client = scope.get("client")
+    return client[0] if client else ""
+
+
+def _name(host: str) -> str:
+    """A host without its port."""
+    return host[: host.rfind(":")] if host.rpartition(":")[2].isdecimal() and not host.endswith("]") else host
+
+
+def _same_site(said: dict[bytes, str], host: str) -> bool:
+    """Whether a request that changes something comes from this page or from no page at all."""
+    if said.get(b"sec-fetch-site", "same-origin") not in ("same-origin", "none"):
+        return False
+    origin = said.get(b"origin")
+    if origin is None:
+        return b"sec-fetch-site" in said or COOKIE not in said.get(b"cookie", "")
+    return origin.partition("://")[2] == host
+
+
+async def _answer(send: Send, status: int, text: str) -> None:
+    body = json.dumps({"detail": text}).encode()
+    headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
+    if status == 429:
+        headers.append((b"retry-after", b"1"))
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})

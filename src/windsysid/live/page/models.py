@@ -1,0 +1,289 @@
+"""What the API answers. Moments are milliseconds since 1970, UTC; whatever is not known is null."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field
+
+__all__ = [
+    "Acknowledgement",
+    "AlarmSeen",
+    "Changes",
+    "ChannelHealth",
+    "Configuration",
+    "Detail",
+    "Excitation",
+    "FoundMode",
+    "Health",
+    "Levels",
+    "Loads",
+    "ModeTrack",
+    "Overview",
+    "Problem",
+    "Results",
+    "Series",
+    "Service",
+    "Share",
+    "TurbinePage",
+    "TurbineSummary",
+    "Verdict",
+    "WindowHealth",
+]
+
+Verdict = Literal["moved", "sensor", "silent", "unsure", "learning", "waiting", "steady"]
+"""The answer to "is it as it was?", the worst first.
+
+``moved``: a structural change was found. ``sensor``: a sensor has a fault. ``silent``: nothing comes, or too late.
+``unsure``: the newest estimate is not to be trusted or there is none. ``learning``: the watch does not know yet what is
+usual. ``waiting``: no window has ended yet. ``steady``: as it was.
+"""
+
+Numbers = list[float | None]
+
+
+class Problem(BaseModel):
+    """Why a request was not answered."""
+
+    detail: str
+
+
+class Health(BaseModel):
+    """That the service answers."""
+
+    status: Literal["ok"]
+    version: str
+
+
+class ChannelHealth(BaseModel):
+    """How a channel is now."""
+
+    channel: str
+    state: Annotated[str, Field(description="good, or the kind of fault")]
+    since: float
+    text: Annotated[str, Field(description="what it is and what to do")]
+
+
+class AlarmSeen(BaseModel):
+    """An alarm."""
+
+    key: str
+    turbine: str
+    kind: Literal["structure", "sensor", "data"]
+    severity: Literal["notice", "warning", "alarm"]
+    about: Annotated[str, Field(description="the series or the channel; empty for the stream")]
+    title: Annotated[str, Field(description="the series or the channel in words")]
+    opened: float
+    earliest: Annotated[float, Field(description="it happened between this moment and `latest`")]
+    latest: float
+    ended: float | None
+    text: str
+    acknowledged: float | None
+    by: str
+    remark: str
+
+
+class TurbineSummary(BaseModel):
+    """One line of the overview."""
+
+    name: str
+    verdict: Verdict
+    answer: Annotated[str, Field(description="the verdict in a sentence")]
+    state: Annotated[str, Field(description="of the rotor or of the stream: running, parked, silent …")]
+    rotor_speed: Annotated[float | None, Field(description="rad/s")]
+    stream: Annotated[float | None, Field(description="when the newest sample was taken")]
+    received: Annotated[float | None, Field(description="when it came")]
+    window: Annotated[float | None, Field(description="begin of the newest window that has a result")]
+    until: Annotated[float | None, Field(description="its end")]
+    trusted: Annotated[bool | None, Field(description="of the newest result; null where there is none")]
+    reasons: Annotated[list[str], Field(description="why it is not trusted, or why there is no estimate")]
+    windows_waiting: Annotated[int | None, Field(description="windows that ended and have no result yet")]
+    behind: Annotated[float | None, Field(description="seconds by which the results are behind the samples")]
+    alarms: Annotated[list[AlarmSeen], Field(description="that are open, the worst first")]
+    faults: Annotated[list[ChannelHealth], Field(description="channels that are not good")]
+
+
+class Service(BaseModel):
+    """How the service does; null where no engine runs behind the page."""
+
+    blocks_per_second: float | None
+    cost_per_sample: Annotated[float | None, Field(description="µs of processor time")]
+
+
+class Overview(BaseModel):
+    """All turbines, the worst first."""
+
+    at: Annotated[float, Field(description="the service's clock")]
+    event: Annotated[int, Field(description="of the journal, when this was read: follow /api/events after it")]
+    role: Literal["reader", "operator"]
+    login: Annotated[bool, Field(description="whether tokens are asked for")]
+    version: str
+    turbines: list[TurbineSummary]
+    service: Service | None
+
+
+class FoundMode(BaseModel):
+    """A mode of the newest estimate, ±2σ, and how far it is from what the rotor excites."""
+
+    name: str
+    frequency: Annotated[float | None, Field(description="Hz")]
+    frequency_low: float | None
+    frequency_high: float | None
+    damping_ratio: Annotated[float | None, Field(description="1")]
+    damping_ratio_low: float | None
+    damping_ratio_high: float | None
+    nearest: Annotated[str | None, Field(description="1P, or a multiple of the blades: 3P, 6P …")]
+    distance: Annotated[float | None, Field(description="to it, as a share of the mode's frequency; negative below it")]
+
+
+class Excitation(BaseModel):
+    """A multiple of the rotor speed."""
+
+    name: str
+    frequency: Annotated[float, Field(description="Hz")]
+
+
+class Share(BaseModel):
+    """What makes a coefficient's band as wide as it is."""
+
+    name: str
+    title: str
+    unit: str
+    estimate: float | None
+    low: float | None
+    high: float | None
+    informed: Annotated[float | None, Field(description="share of the prior's variance that the data removed")]
+    loads: Annotated[float | None, Field(description="share of the variance that knowing loads and noise would remove")]
+    instruments: Annotated[
+        float | None, Field(description="share that knowing gains, alignment, clocks and masses would remove")
+    ]
+    rest: Annotated[float | None, Field(description="share that is left: the window's length, and the prior")]
+
+
+class WindowHealth(BaseModel):
+    """What the window's own inspection says of a channel."""
+
+    channel: str
+    kind: str
+    severity: str
+    text: str
+
+
+class Detail(BaseModel):
+    """Everything that one window gave."""
+
+    window: float
+    until: float
+    status: str
+    why: str
+    trusted: bool | None
+    reasons: list[str]
+    remarks: list[str]
+    notes: list[str]
+    state: str
+    rotor_speed: float | None
+    rate: Annotated[float | None, Field(description="Hz")]
+    samples: int | None
+    formulation: str
+    modes: list[FoundMode]
+    excitations: list[Excitation]
+    budget: list[Share]
+    health: list[WindowHealth]
+
+
+class Configuration(BaseModel):
+    """By which settings a turbine is followed since when."""
+
+    at: float
+    settings: str
+
+
+class TurbinePage(BaseModel):
+    """What is known of one turbine now."""
+
+    at: float
+    event: int
+    summary: TurbineSummary
+    counts: Annotated[dict[str, int], Field(description="since the first block: blocks, samples, late …")]
+    channels: list[ChannelHealth]
+    newest: Annotated[Detail | None, Field(description="the newest window that has a result")]
+    first: Annotated[float | None, Field(description="begin of the oldest window that the store has")]
+    configurations: list[Configuration]
+
+
+class Series(BaseModel):
+    """A watched series; all lists are as long as `Levels.windows`."""
+
+    name: str
+    title: str
+    unit: str
+    kind: Annotated[str, Field(description="k stiffness, c damping, f frequency, noise")]
+    estimate: Annotated[Numbers, Field(description="of the window alone")]
+    low: Numbers
+    high: Numbers
+    level: Annotated[Numbers, Field(description="as known after the window")]
+    level_low: Numbers
+    level_high: Numbers
+    statistic: Annotated[Numbers, Field(description="of the test for a jump")]
+    limit: Annotated[Numbers, Field(description="beyond it the test alarms")]
+
+
+class Levels(BaseModel):
+    """Watched series of a turbine over time."""
+
+    windows: Annotated[list[float], Field(description="begins of windows")]
+    series: list[Series]
+
+
+class ModeTrack(BaseModel):
+    """A mode over time, ±2σ; all lists are as long as `Results.windows`."""
+
+    name: str
+    frequency: Annotated[Numbers, Field(description="Hz")]
+    frequency_low: Numbers
+    frequency_high: Numbers
+    damping_ratio: Annotated[Numbers, Field(description="1")]
+    damping_ratio_low: Numbers
+    damping_ratio_high: Numbers
+
+
+class Loads(BaseModel):
+    """A statistic of the loads over time, ±2σ; all lists are as long as `Results.windows`."""
+
+    name: str
+    title: str
+    unit: str
+    estimate: Numbers
+    low: Numbers
+    high: Numbers
+
+
+class Results(BaseModel):
+    """What the windows of a turbine gave."""
+
+    windows: list[float]
+    until: list[float]
+    status: Annotated[list[str], Field(description="ok, refused, failed")]
+    trusted: list[bool | None]
+    state: list[str]
+    why: Annotated[list[str], Field(description="why there is no estimate, or why it is not trusted")]
+    rotor_speed: Annotated[Numbers, Field(description="rad/s")]
+    blades: Annotated[int | None, Field(description="of the rotor: 1P and its multiples are what excites")]
+    modes: list[ModeTrack]
+    loads: list[Loads]
+
+
+class Acknowledgement(BaseModel):
+    """Who acknowledges, and what there is to say."""
+
+    model_config = {"extra": "forbid"}
+
+    by: Annotated[str, Field(max_length=80, pattern=r"^[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$")]
+    remark: Annotated[str, Field(max_length=1000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f]*$")] = ""
+
+
+class Changes(BaseModel):
+    """What changed since the last message: read again what you show of it."""
+
+    turbines: Annotated[list[str], Field(description="whose status, health or results changed")]
+    results: Annotated[list[str], Field(description="that have a new result")]
+    alarms: Annotated[list[str], Field(description="keys of alarms that opened, ended or were acknowledged")]
+    all: Annotated[bool, Field(description="so much changed that everything must be read again")]

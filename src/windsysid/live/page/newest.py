@@ -1,0 +1,41 @@
+"""The newest result of every turbine, read again only after a new one came."""
+
+import threading
+from collections.abc import Iterable
+
+from windsysid.live.store.contents import Result
+from windsysid.live.store.store import Store
+
+__all__ = ["Newest"]
+
+MOST_EVENTS = 5000
+"""Events that are gone through to see what is new; where there are more, everything is read again."""
+
+
+class Newest:
+    """A row has some 10 kB: an overview of 1000 turbines reads those that changed only."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._lock = threading.Lock()
+        self._results: dict[str, Result | None] = {}
+        self._event = 0
+
+    def of(self, turbines: Iterable[str]) -> dict[str, Result | None]:
+        """The newest results; None where a turbine has none yet."""
+        with self._lock:
+            self._forget_changed()
+            for turbine in turbines:
+                if turbine not in self._results:
+                    self._results[turbine] = next(iter(self._store.results(turbine, newest=1)), None)
+            return {turbine: self._results[turbine] for turbine in turbines}
+
+    def _forget_changed(self) -> None:
+        last = self._store.last_event()
+        if last - self._event > MOST_EVENTS:
+            self._results.clear()
+        elif last > self._event:
+            for event in self._store.events(self._event, most=MOST_EVENTS):
+                if event.kind == "result":
+                    self._results.pop(event.turbine, None)
+        self._event = last

@@ -1,0 +1,394 @@
+"""From the store's contents to what the API answers: no decision of the service is made here."""
+
+import math
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from windsysid._version import __version__
+from windsysid.configuration import parse_toml
+from windsysid.live.page import models
+from windsysid.live.page.newest import Newest
+from windsysid.live.page.states import Engine, TurbineState
+from windsysid.live.store.contents import Alarm, Health, Level, Result, Status
+from windsysid.live.store.store import Store
+from windsysid.results.held import hold
+from windsysid.units import unit_text
+
+__all__ = [
+    "NS_PER_MS",
+    "alarm_seen",
+    "detail_of",
+    "levels_of",
+    "overview_of",
+    "results_of",
+    "series_title",
+    "turbine_of",
+]
+
+NS_PER_MS = 1_000_000
+
+VERDICTS: tuple[models.Verdict, ...] = ("moved", "sensor", "silent", "unsure", "learning", "waiting", "steady")
+
+SEVERITIES = ("alarm", "warning", "notice")
+
+MULTIPLES = 4
+"""Multiples of the number of blades that are looked at beside 1P."""
+
+TWO_PI = 2.0 * math.pi
+
+_KINDS = {"k": "stiffness", "c": "damping", "f": "frequency"}
+
+_WORDS = (("side_side", "side-side"), ("fore_aft", "fore-aft"))
+
+
+def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, login: bool) -> models.Overview:
+    """All turbines, the worst first."""
+    event = store.last_event()
+    state = None if engine is None else engine.state()
+    turbines = state.turbines if state is not None else {}
+    statuses = {status.turbine: status for status in store.statuses()}
+    healths = _by_turbine(store.healths())
+    alarms = _by_turbine(store.alarms(open_only=True))
+    names = sorted({*store.turbines(), *turbines})
+    results = newest.of(names)
+    summaries = [
+        _summary(name, statuses.get(name), healths.get(name, ()), alarms.get(name, ()), results[name], turbines)
+        for name in names
+    ]
+    summaries.sort(key=_how_bad)
+    service = None
+    if state is not None:
+        service = models.Service(
+            blocks_per_second=_number(state.blocks_per_second), cost_per_sample=_number(state.cost_per_sample)
+        )
+    return models.Overview(
+        at=_now(), event=event, role="operator" if role == "operator" else "reader", login=login,
+        version=__version__, turbines=summaries, service=service,
+    )  # fmt: skip
+
+
+def turbine_of(store: Store, engine: Engine | None, newest: Newest, name: str) -> models.TurbinePage:
+    """What is known of a turbine now; KeyError where there is none of this name."""
+    event = store.last_event()
+    state = {} if engine is None else engine.state().turbines
+    if name not in state and name not in store.turbines():
+        raise KeyError(name)
+    status = next((one for one in store.statuses() if one.turbine == name), None)
+    healths = store.healths(name)
+    alarms = store.alarms(turbine=name, open_only=True)
+    result = newest.of([name])[name]
+    oldest = store.results(name, most=2)
+    return models.TurbinePage(
+        at=_now(), event=event,
+        summary=_summary(name, status, healths, alarms, result, state),
+        counts={} if status is None else dict(status.counts),
+        channels=[_channel(health) for health in healths],
+        newest=None if result is None else detail_of(result),
+        first=_ms(oldest[0].window) if oldest else None,
+        configurations=[
+            models.Configuration(at=_ms(one["at"]), settings=str(one["settings"])) for one in store.configurations(name)
+        ],
+    )  # fmt: skip
+
+
+def levels_of(found: Sequence[tuple[int, Level]]) -> models.Levels:
+    """Levels as columns: windows that a series has no level of have null."""
+    windows = sorted({window for window, _ in found})
+    at = {window: i for i, window in enumerate(windows)}
+    fields = (
+        "estimate", "low", "high", "level", "level_low", "level_high", "statistic", "limit",
+    )  # fmt: skip
+    columns: dict[str, dict[str, list[float | None]]] = {}
+    shown: dict[str, Level] = {}
+    for window, level in found:
+        if level.name not in columns:
+            columns[level.name] = {field: [None] * len(windows) for field in fields}
+        for field in fields:
+            columns[level.name][field][at[window]] = _number(getattr(level, field))
+        shown[level.name] = level
+    return models.Levels(
+        windows=[_ms(window) for window in windows],
+        series=[
+            models.Series(
+                name=name, title=series_title(name, level.kind), unit=unit_text(level.unit), kind=level.kind,
+                **columns[name],
+            )
+            for name, level in shown.items()
+        ],
+    )  # fmt: skip
+
+
+def results_of(results: Sequence[Result]) -> models.Results:
+    """Results as columns."""
+    rows = [result.row for result in results]
+    return models.Results(
+        windows=[_ms(result.window) for result in results],
+        until=[_ms(result.until) for result in results],
+        status=[str(row.get("status") or "") for row in rows],
+        trusted=[row.get("trusted") for row in rows],
+        state=[str(row.get("state") or "unknown") for row in rows],
+        why=["; ".join(_reasons(row)) for row in rows],
+        rotor_speed=[_number(row.get("rotor_speed")) for row in rows],
+        blades=_blades(rows[-1]) if rows else None,
+        modes=_modes_over_time(rows),
+        loads=_loads_over_time(rows),
+    )
+
+
+def detail_of(result: Result) -> models.Detail:
+    """Everything of one window."""
+    row = result.row
+    excitations = _excitations(row)
+    return models.Detail(
+        window=_ms(result.window), until=_ms(result.until),
+        status=str(row.get("status") or ""), why=str(row.get("why") or ""), trusted=row.get("trusted"),
+        reasons=_texts(row, "reasons"), remarks=_texts(row, "remarks"), notes=_texts(row, "notes"),
+        state=str(row.get("state") or "unknown"), rotor_speed=_number(row.get("rotor_speed")),
+        rate=_number(row.get("rate")), samples=row.get("samples"), formulation=str(row.get("formulation") or ""),
+        modes=[_mode(mode, excitations) for mode in _rows(row, "modes")],
+        excitations=excitations,
+        budget=_budget(row),
+        health=[
+            models.WindowHealth(**{key: str(one.get(key) or "") for key in ("channel", "kind", "severity", "text")})
+            for one in _rows(row, "health")
+        ],
+    )  # fmt: skip
+
+
+def alarm_seen(alarm: Alarm) -> models.AlarmSeen:
+    """An alarm as the API has it."""
+    return models.AlarmSeen(
+        key=alarm.key, turbine=alarm.turbine, kind=alarm.kind, severity=alarm.severity, about=alarm.about,
+        title=series_title(alarm.about), opened=_ms(alarm.opened), earliest=_ms(alarm.earliest),
+        latest=_ms(alarm.latest), ended=_ms_or_none(alarm.ended), text=alarm.text,
+        acknowledged=_ms_or_none(alarm.acknowledged), by=alarm.by, remark=alarm.remark,
+    )  # fmt: skip
+
+
+def series_title(name: str, kind: str = "") -> str:
+    """A coefficient in words: ``k_side_side`` → stiffness, side-side."""
+    for spelled, said in _WORDS:
+        name = name.replace(spelled, said)
+    first, _, rest = name.partition("_")
+    if first == "noise" and rest:
+        return f"noise, {rest.replace('_', ' ')}"
+    if first in _KINDS and rest:
+        return f"{_KINDS[first]}, {rest.replace('_', ' ')}"
+    return name.replace("_", " ") if kind not in _KINDS else f"{_KINDS[kind]}, {name.replace('_', ' ')}"
+
+
+def _summary(
+    name: str,
+    status: Status | None,
+    healths: Iterable[Health],
+    alarms: Iterable[Alarm],
+    result: Result | None,
+    engine: Mapping[str, TurbineState],
+) -> models.TurbineSummary:
+    row: Mapping[str, Any] = {} if result is None else result.row
+    seen = sorted((alarm_seen(alarm) for alarm in alarms), key=_alarm_order)
+    faults = [_channel(health) for health in healths if health.state != "good"]
+    state = engine.get(name)
+    behind = None if state is None else _number(state.seconds_behind)
+    silent = status is not None and status.state == "silent"
+    verdict, answer = _verdict(seen, faults, silent, result)
+    return models.TurbineSummary(
+        name=name, verdict=verdict, answer=answer,
+        state="waiting" if status is None else status.state,
+        rotor_speed=None if status is None else _number(status.rotor_speed),
+        stream=None if status is None or not status.stream else _ms(status.stream),
+        received=None if status is None or not status.received else _ms(status.received),
+        window=None if result is None else _ms(result.window),
+        until=None if result is None else _ms(result.until),
+        trusted=None if result is None else row.get("status") == "ok" and bool(row.get("trusted")),
+        reasons=_reasons(row),
+        windows_waiting=None if state is None else state.windows_waiting,
+        behind=behind, alarms=seen, faults=faults,
+    )  # fmt: skip
+
+
+def _verdict(
+    alarms: Sequence[models.AlarmSeen],
+    faults: Sequence[models.ChannelHealth],
+    silent: bool,
+    result: Result | None,
+) -> tuple[models.Verdict, str]:
+    """The worst that is known of a turbine, and a sentence that says it."""
+    first = {kind: next((alarm for alarm in alarms if alarm.kind == kind), None) for kind in _ALARM_KINDS}
+    if (moved := first["structure"]) is not None:
+        return "moved", moved.text
+    if (sensor := first["sensor"]) is not None:
+        return "sensor", sensor.text
+    if faults:
+        return "sensor", faults[0].text or f"{faults[0].channel}: {faults[0].state}"
+    if (data := first["data"]) is not None:
+        return "silent", data.text
+    if silent:
+        return "silent", "No samples come: see the logger and the link."
+    if result is None:
+        return "waiting", "No estimate yet: the first comes when the first window has ended."
+    if result.row.get("status") != "ok":
+        return (
+            "unsure",
+            f"The newest window has no estimate: {'; '.join(_reasons(result.row)) or 'no reason is known'}.",
+        )
+    if not result.row.get("trusted"):
+        why = "; ".join(_reasons(result.row)) or "no reason is known"
+        return "unsure", f"The newest estimate is not to be trusted: {why}."
+    if not any(math.isfinite(level.limit) and level.limit > 0.0 for level in result.levels):
+        return "learning", "Nothing is watched yet: the service learns what is usual here."
+    return "steady", "As it was: nothing moved beyond what is usual."
+
+
+_ALARM_KINDS = ("structure", "sensor", "data")
+
+
+def _how_bad(summary: models.TurbineSummary) -> tuple[int, bool, int, str]:
+    """The worst verdict first, in it what nobody acknowledged, then the severest."""
+    worst = min((SEVERITIES.index(alarm.severity) for alarm in summary.alarms), default=len(SEVERITIES))
+    seen = all(alarm.acknowledged is not None for alarm in summary.alarms)
+    return VERDICTS.index(summary.verdict), seen, worst, summary.name
+
+
+def _alarm_order(alarm: models.AlarmSeen) -> tuple[bool, int, float]:
+    return alarm.acknowledged is not None, SEVERITIES.index(alarm.severity), -alarm.opened
+
+
+def _channel(health: Health) -> models.ChannelHealth:
+    return models.ChannelHealth(channel=health.channel, state=health.state, since=_ms(health.since), text=health.text)
+
+
+def _reasons(row: Mapping[str, Any]) -> list[str]:
+    """Why a row is not to be trusted, or has no estimate."""
+    why = [str(row["why"])] if row.get("why") else []
+    return why + ([] if row.get("trusted") else _texts(row, "reasons"))
+
+
+def _mode(mode: Mapping[str, Any], excitations: Sequence[models.Excitation]) -> models.FoundMode:
+    values = {key: _number(mode.get(key)) for key in _MODE_NUMBERS}
+    frequency = values["frequency"]
+    nearest, distance = None, None
+    if frequency and excitations:
+        at = min(excitations, key=lambda one: abs(one.frequency - frequency))
+        nearest, distance = at.name, (frequency - at.frequency) / frequency
+    return models.FoundMode(name=str(mode.get("name") or ""), **values, nearest=nearest, distance=distance)
+
+
+_MODE_NUMBERS = (
+    "frequency", "frequency_low", "frequency_high", "damping_ratio", "damping_ratio_low", "damping_ratio_high",
+)  # fmt: skip
+
+
+def _excitations(row: Mapping[str, Any]) -> list[models.Excitation]:
+    """1P and the multiples of the blades; none where the rotor does not turn or its blades are not known."""
+    speed, blades = _number(row.get("rotor_speed")), _blades(row)
+    if not speed or blades is None:
+        return []
+    orders = [1, *(blades * k for k in range(1, MULTIPLES + 1))]
+    return [models.Excitation(name=f"{order}P", frequency=order * speed / TWO_PI) for order in orders]
+
+
+def _blades(row: Mapping[str, Any]) -> int | None:
+    """The number of blades in the turbine file that a row keeps."""
+    try:
+        blades = parse_toml(str(row.get("turbine_file") or ""))["model"]["blades"]
+    except (KeyError, TypeError, ValueError):
+        return None
+    return blades if isinstance(blades, int) else None
+
+
+def _modes_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.ModeTrack]:
+    columns = _over_time(rows, "modes", _MODE_NUMBERS)
+    return [models.ModeTrack(name=name, **found) for name, (found, _) in columns.items()]
+
+
+def _loads_over_time(rows: Sequence[Mapping[str, Any]]) -> list[models.Loads]:
+    columns = _over_time(rows, "statistics", ("estimate", "low", "high"))
+    return [
+        models.Loads(name=name, title=name.replace("_", " "), unit=unit_text(str(first.get("unit") or "")), **found)
+        for name, (found, first) in columns.items()
+        if not name.startswith("noise_")
+    ]
+
+
+def _over_time(
+    rows: Sequence[Mapping[str, Any]], column: str, fields: Sequence[str]
+) -> dict[str, tuple[dict[str, list[float | None]], Mapping[str, Any]]]:
+    """A list column as lists by name and field, with the first entry of each name."""
+    found: dict[str, tuple[dict[str, list[float | None]], Mapping[str, Any]]] = {}
+    for i, row in enumerate(rows):
+        for entry in _rows(row, column):
+            name = str(entry.get("name") or "")
+            if name not in found:
+                found[name] = {field: [None] * len(rows) for field in fields}, entry
+            for field in fields:
+                found[name][0][field][i] = _number(entry.get(field))
+    return found
+
+
+def _budget(row: Mapping[str, Any]) -> list[models.Share]:
+    """What makes the bands as wide as they are, from the row's covariance of all unknowns."""
+    parameters, triangle = _rows(row, "parameters"), row.get("covariance") or []
+    n, count = len(parameters), round((math.sqrt(8 * len(triangle) + 1) - 1) / 2)
+    if not n or count < n or count * (count + 1) // 2 != len(triangle):
+        return []
+    cov = np.zeros((count, count))
+    cov[np.tril_indices(count)] = triangle
+    cov += np.tril(cov, -1).T
+    if not np.isfinite(cov).all():
+        return []
+    first = min(n + len(_rows(row, "statistics")), count)
+    held = {
+        "loads": hold(np.zeros(count), cov, list(range(n, first)))[1],
+        "instruments": hold(np.zeros(count), cov, list(range(first, count)))[1],
+    }
+    rest = hold(np.zeros(count), cov, list(range(n, count)))[1]
+    return [
+        models.Share(
+            name=str(one["name"]), title=series_title(str(one["name"])), unit=unit_text(str(one.get("unit") or "")),
+            **{key: _number(one.get(key)) for key in ("estimate", "low", "high")},
+            informed=_number(one.get("informed_by_data")),
+            **{cause: _number(1.0 - known[i, i] / cov[i, i]) for cause, known in held.items()},
+            rest=_number(rest[i, i] / cov[i, i]),
+        )
+        for i, one in enumerate(parameters)
+        if cov[i, i] > 0.0
+    ]  # fmt: skip
+
+
+def _by_turbine(found: Iterable[Any]) -> dict[str, list[Any]]:
+    grouped: dict[str, list[Any]] = {}
+    for one in found:
+        grouped.setdefault(one.turbine, []).append(one)
+    return grouped
+
+
+def _rows(row: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    return list(row.get(key) or ())
+
+
+def _texts(row: Mapping[str, Any], key: str) -> list[str]:
+    return [str(text) for text in row.get(key) or ()]
+
+
+def _number(value: Any) -> float | None:
+    """A finite number, or None: JSON has neither NaN nor ∞."""
+    if value is None:
+        return None
+    value = float(value)
+    return value if math.isfinite(value) else None
+
+
+def _ms(ns: int) -> float:
+    return ns / NS_PER_MS
+
+
+def _ms_or_none(ns: int | None) -> float | None:
+    return None if ns is None else _ms(ns)
+
+
+def _now() -> float:
+    return time.time_ns() / NS_PER_MS
