@@ -1,6 +1,6 @@
 """The errors windsysid raises on bad input: what was wrong, what was expected, what was got, what to do."""
 
-__all__ = ["ConfigurationError", "OutputError", "RecordError", "WindsysidError"]
+__all__ = ["ConfigurationError", "OutputError", "RecordError", "StoreError", "WindsysidError"]
 
 
 class WindsysidError(Exception):
@@ -17,3 +17,7 @@ class ConfigurationError(WindsysidError, ValueError):
 
 class OutputError(WindsysidError, OSError):
     """A result cannot be written where it was asked for."""
+
+
+class StoreError(WindsysidError):
+    """The store of a live service cannot be opened, read or written."""

@@ -19,8 +19,16 @@ class Store(Protocol):
         From every method, where the database refuses: one line, without the URL's password.
     """
 
+    @property
+    def trouble(self) -> str:
+        """Why nothing can be written at this moment, in one line; empty where nothing hinders.
+
+        While the disk is full or the database restarts, what was submitted waits.
+        """
+        ...
+
     def submit(self, commit: Commit) -> Future[None]:
-        """Queue a commit; the future ends when it is on disk.
+        """Queue a commit; the future ends when it is on disk. Its callbacks run in the writer: they must not wait.
 
         Several that wait are one transaction, in their order. What is there already (block, result) is left as it is,
         so that a commit may come again. A result takes the blocks of its window away.

@@ -1,0 +1,104 @@
+"""Commits as rows of tables: several that wait become one transaction, in their order."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from windsysid.live.store import statements as sql
+from windsysid.live.store.contents import Commit
+from windsysid.live.store.encoding import columns_of, pack_levels, pack_row, pack_text
+
+__all__ = ["Batch", "Prepared", "prepare"]
+
+Values = tuple[Any, ...]
+
+
+class Prepared(NamedTuple):
+    """A commit whose rows are encoded, in the thread that submits it.
+
+    Attributes
+    ----------
+    blocks, statuses, healths, alarms, results
+        Values of their statements, as far as the writer need not add to them.
+    windows
+        Turbine and window of every result.
+    """
+
+    blocks: list[Values]
+    statuses: list[Values]
+    healths: list[Values]
+    alarms: list[Values]
+    results: list[tuple[Values, bytes, bytes, bytes]]
+    windows: list[tuple[str, int]]
+
+
+def prepare(commit: Commit) -> Prepared:
+    """Encode the rows of a commit."""
+    windows = [(result.turbine, result.window) for result in commit.results]
+    of = dict(windows)
+    return Prepared(
+        [(*columns_of(stored.block), stored.window, stored.block.turbine, stored.window) for stored in commit.blocks],
+        [(*status[:-1], pack_text(dict(status.counts))) for status in commit.statuses],
+        [tuple(health) for health in commit.healths],
+        [(*alarm, alarm.turbine, of.get(alarm.turbine)) for alarm in commit.alarms],
+        [
+            (
+                (result.turbine, result.window, result.until, result.closed),
+                pack_row(result.row),
+                pack_levels(result.levels),
+                bytes(result.checkpoint),
+            )
+            for result in commit.results
+        ],
+        windows,
+    )
+
+
+class Batch:
+    """Commits that are written together.
+
+    Attributes
+    ----------
+    event
+        The number of the last event.
+    """
+
+    def __init__(self, commits: Sequence[Prepared], event: int) -> None:
+        self.event = event
+        self._blocks: list[Values] = []
+        self._statuses: dict[str, Values] = {}
+        self._healths: list[Values] = []
+        self._alarms: list[Values] = []
+        self._results: dict[tuple[str, int], tuple[Values, bytes, bytes, bytes]] = {}
+        self._events: list[int] = []
+        for commit in commits:
+            self._add(commit)
+
+    def _next(self) -> int:
+        self.event += 1
+        return self.event
+
+    def _add(self, commit: Prepared) -> None:
+        self._blocks += commit.blocks
+        for status in commit.statuses:
+            self._statuses[status[0]] = (*status, self._next())
+        self._healths += [(*health, self._next()) for health in commit.healths]
+        if commit.windows and self._results.keys() >= set(commit.windows):
+            return  # it came twice
+        self._alarms += [(*alarm[:-2], self._next(), *alarm[-2:]) for alarm in commit.alarms]
+        for window, result in zip(commit.windows, commit.results, strict=True):
+            self._results.setdefault(window, ((*result[0], self._next()), *result[1:]))
+
+    def statements(self) -> Iterator[tuple[str, list[Values]]]:
+        """Statements and the rows for each. Results come after all that asks whether they are there already."""
+        results = self._results.values()
+        written: tuple[tuple[str, list[Values]], ...] = (
+            (sql.BLOCK, self._blocks),
+            (sql.STATUS, list(self._statuses.values())),
+            (sql.HEALTH, self._healths),
+            (sql.ALARM, self._alarms),
+            (sql.LEVELS, [(*key[:2], levels, *key[:2]) for key, _, levels, _ in results]),
+            (sql.RESULT, [(*key, row) for key, row, _, _ in results]),
+            (sql.CHECKPOINT, [(*key[:3], checkpoint) for key, _, _, checkpoint in results]),
+            (sql.DONE, [key[:2] for key, _, _, _ in results]),
+        )
+        return ((statement, rows) for statement, rows in written if rows)

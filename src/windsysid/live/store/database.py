@@ -1,0 +1,102 @@
+"""What SQLite and PostgreSQL do differently: open, lock, say what passes, and count bytes. All else is the same SQL."""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from typing import Any, Protocol
+
+from windsysid.errors import StoreError
+from windsysid.live.store.schema import STEPS
+
+__all__ = ["Database", "bring_up_to_date", "one_line"]
+
+
+class Database(Protocol):
+    """One kind of database. Connections are those of its driver, each statement a transaction unless `begin` was said.
+
+    Attributes
+    ----------
+    name
+        For messages: without its password.
+    errors
+        What its driver raises.
+    begin
+        The statement that begins to write.
+    """
+
+    name: str
+    errors: type[Exception]
+    begin: str
+
+    def sql(self, statement: str) -> str:
+        """A statement in its dialect."""
+        ...
+
+    def connect(self) -> Any:
+        """A connection to write by, which nobody else has.
+
+        Raises
+        ------
+        StoreError
+            If another service has it, or what is there is no store.
+        """
+        ...
+
+    def reader(self) -> AbstractContextManager[Any]:
+        """A connection to read by."""
+        ...
+
+    def passes(self, error: Exception) -> bool:
+        """Whether an error may be over if one waits: a full disk, a server that restarts."""
+        ...
+
+    def explain(self, error: Exception) -> str:
+        """What its driver says, in one line, without its password."""
+        ...
+
+    def bytes(self, connection: Any) -> int:
+        """What the store takes on disk."""
+        ...
+
+    def tidy(self, connection: Any) -> None:
+        """Give back to the disk what was thinned."""
+        ...
+
+    def release(self) -> None:
+        """Let another service have it."""
+        ...
+
+
+def one_line(error: BaseException) -> str:
+    """What a driver says, in one line."""
+    return " ".join(str(error).split())[:80] or type(error).__name__
+
+
+def bring_up_to_date(
+    connection: Any, name: str, tables: Sequence[str], sql: Callable[[str], str], *, begin: str, read_only: bool
+) -> None:
+    """Make the tables of a new store, or those of an older version into today's: all in one transaction.
+
+    Raises
+    ------
+    StoreError
+        If there are tables but no store, it is of a newer version, or it may not be changed and is not of today's.
+    """
+    today = len(STEPS)
+    if tables and "windsysid_store" not in tables:
+        raise StoreError(f"{name} holds tables of something else: choose another place for the store")
+    version = connection.execute("SELECT version FROM windsysid_store").fetchone()[0] if tables else 0
+    if version > today:
+        raise StoreError(
+            f"{name} was written by a newer windsysid (form {version}, expected up to {today}): install that version"
+        )
+    if version == today:
+        return
+    if read_only:
+        state = "is empty" if not tables else f"is of an older form ({version}, expected {today})"
+        raise StoreError(f"{name} {state}: start windsysid live on it once")
+    connection.execute(begin)
+    for step in STEPS[version:]:
+        for statement in step:
+            connection.execute(sql(statement))
+    connection.execute(f"UPDATE windsysid_store SET version = {today}")
+    connection.execute("COMMIT")

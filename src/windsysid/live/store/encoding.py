@@ -1,0 +1,82 @@
+"""Blocks, rows and levels as the store's columns hold them. Every number comes back with the bits that it had."""
+
+import json
+import math
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+
+from windsysid.live.block import Block
+from windsysid.live.store.contents import Level
+
+__all__ = ["block_of", "columns_of", "levels_of", "pack_levels", "pack_row", "pack_text", "row_of"]
+
+NUMBERS = ("estimate", "low", "high", "level", "level_low", "level_high", "statistic", "limit")
+TEXTS = ("name", "unit", "kind")
+
+
+def columns_of(block: Block) -> tuple[Any, ...]:
+    """Turbine, sequence, start, rate, channels, units, type and content of a block.
+
+    Samples of one second are mostly noise in their lower bits: compression would take a tenth off and cost more than
+    the disk.
+    """
+    little = np.ascontiguousarray(block.values, dtype=block.values.dtype.newbyteorder("<"))
+    return (
+        block.turbine, int(block.sequence), int(block.start), float(block.rate), pack_text(block.channels),
+        pack_text(block.units), little.dtype.str, little.tobytes(),
+    )  # fmt: skip
+
+
+def block_of(columns: Sequence[Any]) -> Block:
+    """The block of `columns_of`."""
+    turbine, sequence, start, rate, channels, units, dtype, content = columns
+    names = tuple(json.loads(channels))
+    values = np.frombuffer(content, dtype=dtype)
+    values = values.astype(values.dtype.newbyteorder("="), copy=False).reshape(-1, max(len(names), 1))
+    return Block(turbine, sequence, start, rate, names, tuple(json.loads(units)), values)
+
+
+def pack_text(value: Any) -> str:
+    """As JSON; NumPy's scalars as the numbers that they are."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"), default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"a store holds numbers, text, lists and mappings of them, got {type(value).__name__}")
+
+
+def pack_row(row: Mapping[str, Any]) -> bytes:
+    """A row of `windsysid.fleet.rows`: compressed, it takes a third."""
+    return zlib.compress(pack_text(row).encode())
+
+
+def row_of(content: bytes) -> dict[str, Any]:
+    """The row of `pack_row`."""
+    return cast(dict[str, Any], json.loads(zlib.decompress(content)))
+
+
+def pack_levels(levels: Sequence[Level]) -> bytes:
+    """All series of one window: names, units and kinds, then their numbers; NaN stands for None."""
+    head = pack_text([[getattr(level, key) for key in TEXTS] for level in levels]).encode()
+    numbers = np.array([[_number(getattr(level, key)) for key in NUMBERS] for level in levels], dtype="<f8")
+    return zlib.compress(len(head).to_bytes(4, "little") + head + numbers.tobytes())
+
+
+def levels_of(content: bytes) -> list[Level]:
+    """The levels of `pack_levels`."""
+    whole = zlib.decompress(content)
+    end = 4 + int.from_bytes(whole[:4], "little")
+    numbers = np.frombuffer(whole, "<f8", offset=end).reshape(-1, len(NUMBERS)).tolist()
+    return [
+        Level(*texts, *(None if math.isnan(value) else value for value in values[:-2]), *values[-2:])
+        for texts, values in zip(json.loads(whole[4:end]), numbers, strict=True)
+    ]
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)

@@ -1,0 +1,381 @@
+"""A store in a database of SQL: one thread that writes, and readers that come and go."""
+
+import json
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from typing import Any, NamedTuple
+
+from windsysid.errors import StoreError
+from windsysid.live.block import Block
+from windsysid.live.store import statements as sql
+from windsysid.live.store.batch import Batch, Prepared, prepare
+from windsysid.live.store.contents import Alarm, Commit, Event, Health, Level, Result, Status
+from windsysid.live.store.database import Database
+from windsysid.live.store.encoding import block_of, levels_of, pack_text, row_of
+from windsysid.live.store.keep import DAY, Keep, span
+
+__all__ = ["SqlStore"]
+
+MOST = 1000
+"""Commits of one transaction."""
+
+PAUSE, LONGEST = 0.05, 2.0
+"""Between attempts while the database refuses, doubled from the first to the second [s]."""
+
+SLICE = 1000
+"""Rows that thinning takes away in one transaction, so that commits need not wait for it."""
+
+FIRST, LAST = -(2**63), 2**63 - 1
+ALL = 10**9
+
+
+class _Job(NamedTuple):
+    """What the writer does: a commit, or a call with its connection."""
+
+    done: "Future[Any]"
+    work: "Prepared | Callable[[Any], Any]"
+
+
+class SqlStore:
+    """What `windsysid.live.store.Store` says, in a database.
+
+    While the database refuses to write for a reason that may pass (the disk is full, the server restarts), what was
+    submitted waits, `trouble` says why, and the store tries again. After anything else the future has the error.
+
+    Parameters
+    ----------
+    database
+        An open one.
+    keep
+        What `thin` leaves.
+    read_only
+        No writer: what would write raises StoreError.
+    """
+
+    def __init__(self, database: Database, keep: Keep, *, read_only: bool = False) -> None:
+        self._database = database
+        self._keep = keep
+        self._trouble = ""
+        self._jobs: deque[_Job] = deque()
+        self._changed = threading.Condition()
+        self._closing = read_only
+        self._connection: Any = None
+        self._event = self.last_event()
+        self._writer = threading.Thread(target=self._run, name="store", daemon=True)
+        if not read_only:
+            self._writer.start()
+
+    # writing
+
+    @property
+    def trouble(self) -> str:
+        """Why nothing can be written at this moment; empty where nothing hinders."""
+        return self._trouble
+
+    def submit(self, commit: Commit) -> "Future[None]":
+        """Queue a commit; the future ends when it is on disk. Its callbacks run in the writer: they must not wait."""
+        return self._queue(prepare(commit))
+
+    def _queue(self, work: "Prepared | Callable[[Any], Any]") -> "Future[Any]":
+        done: Future[Any] = Future()
+        done.set_running_or_notify_cancel()  # what is queued is written: nobody cancels it
+        with self._changed:
+            if self._closing:
+                raise StoreError(f"{self._database.name} is closed, or open for reading only")
+            self._jobs.append(_Job(done, work))
+            self._changed.notify()
+        return done
+
+    def close(self) -> None:
+        """Write what is queued and end. What cannot be written now has a StoreError."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        if self._writer.is_alive():
+            self._writer.join()
+        self._database.release()
+
+    def _run(self) -> None:
+        """The writer thread: what waits is one transaction."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._jobs or self._closing)
+                if not self._jobs:
+                    break
+                jobs = [self._jobs.popleft()]
+                while (
+                    self._jobs
+                    and len(jobs) < MOST
+                    and isinstance(jobs[0].work, Prepared)
+                    and isinstance(self._jobs[0].work, Prepared)
+                ):
+                    jobs.append(self._jobs.popleft())
+            self._attempt(jobs)
+        self._disconnect()
+
+    def _attempt(self, jobs: Sequence[_Job]) -> None:
+        """Write jobs as one transaction, now or as soon as the database takes it."""
+        pause = PAUSE
+        while True:
+            try:
+                values = self._transact([job.work for job in jobs])
+            except Exception as error:  # also what a driver raises that is none of its own errors
+                self._disconnect()
+                refused = isinstance(error, StoreError)  # by another service, while the server was away
+                if refused or (isinstance(error, self._database.errors) and self._database.passes(error)):
+                    if not self._wait(error, pause):
+                        return self._fail(jobs, error)
+                    pause = min(2 * pause, LONGEST)
+                elif len(jobs) > 1:  # one of them is wrong, not all
+                    for job in jobs:
+                        self._attempt([job])
+                    return None
+                else:
+                    return self._fail(jobs, error)
+            else:
+                break
+        if self._trouble:
+            logging.getLogger("windsysid").warning("%s is written again", self._database.name)
+            self._trouble = ""
+        for job, value in zip(jobs, values, strict=True):
+            job.done.set_result(value)
+        return None
+
+    def _transact(self, works: Sequence["Prepared | Callable[[Any], Any]"]) -> list[Any]:
+        if self._connection is None:
+            self._connection = self._database.connect()
+        connection = self._connection
+        connection.execute(self._database.begin)
+        values: list[Any] = [None]
+        if isinstance(works[0], Prepared):
+            batch = Batch([work for work in works if isinstance(work, Prepared)], self._event)
+            self._event = batch.event
+            cursor = connection.cursor()
+            for statement, rows in batch.statements():
+                cursor.executemany(self._database.sql(statement), rows)
+            values = [None] * len(works)
+        else:
+            values = [works[0](connection)]
+        connection.execute(f"UPDATE windsysid_store SET last_event = {self._event}")
+        connection.execute("COMMIT")
+        return values
+
+    def _wait(self, error: Exception, pause: float) -> bool:
+        """Wait before the next attempt; False where the store is being closed."""
+        trouble = f"{self._database.name} cannot be written: {self._database.explain(error)}"
+        if not self._trouble:
+            logging.getLogger("windsysid").warning("%s; what comes waits", trouble)
+        self._trouble = trouble
+        with self._changed:
+            return not self._changed.wait_for(lambda: self._closing, pause)
+
+    def _fail(self, jobs: Sequence[_Job], error: Exception) -> None:
+        for job in jobs:
+            job.done.set_exception(
+                StoreError(f"{self._database.name} cannot be written: {self._database.explain(error)}")
+            )
+
+    def _disconnect(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            try:
+                connection.close()
+            except self._database.errors:
+                logging.getLogger("windsysid").debug("%s: its connection was lost", self._database.name)
+
+    def configure(self, turbine: str, settings: str, tables: dict[str, Any]) -> None:
+        """Write down by which settings a turbine is followed from now on; nothing where they are as they were."""
+        text = pack_text(tables)
+
+        def write(connection: Any) -> None:
+            newest = self._rows(
+                connection, "SELECT settings, at FROM configurations WHERE turbine = ? ORDER BY at DESC LIMIT 1",
+                (turbine,),
+            )  # fmt: skip
+            if newest and newest[0][0] == settings:
+                return
+            at = max(time.time_ns(), newest[0][1] + 1 if newest else 0)
+            connection.execute(self._database.sql(sql.CONFIGURATION), (turbine, at, settings, text))
+
+        self._queue(write).result()
+
+    def acknowledge(self, key: str, *, by: str, remark: str = "", at: int) -> Alarm:
+        """Acknowledge an alarm; KeyError if there is none of this key. Acknowledging again changes nothing."""
+
+        def write(connection: Any) -> None:
+            self._event += 1
+            connection.execute(
+                self._database.sql(
+                    "UPDATE alarms SET acknowledged = ?, acknowledged_by = ?, remark = ?, event = ?"
+                    " WHERE key = ? AND acknowledged IS NULL"
+                ),
+                (at, by, remark, self._event, key),
+            )
+
+        self._queue(write).result()
+        found = self._read(f"SELECT {ALARM_COLUMNS} FROM alarms WHERE key = ?", (key,))
+        if not found:
+            raise KeyError(key)
+        return Alarm(*found[0])
+
+    # reading
+
+    def _rows(self, connection: Any, statement: str, values: Sequence[Any]) -> list[Any]:
+        rows: list[Any] = connection.execute(self._database.sql(statement), values).fetchall()
+        return rows
+
+    def _read(self, statement: str, values: Sequence[Any] = ()) -> list[Any]:
+        """All rows; asked once more where the connection was lost meanwhile."""
+        for last in (False, True):
+            try:
+                with self._database.reader() as connection:
+                    return self._rows(connection, statement, values)
+            except self._database.errors as error:
+                if last or not self._database.passes(error):
+                    raise StoreError(f"{self._database.name} cannot be read: {self._database.explain(error)}") from None
+        raise AssertionError
+
+    def waiting(self, turbine: str) -> Iterator[tuple[int, Block]]:
+        """Start of the window and block, of those whose window has no result yet, by window and sequence."""
+        found = self._read(
+            "SELECT window_start, turbine, sequence, start, rate, channels, units, dtype, content FROM blocks"
+            " WHERE turbine = ? ORDER BY window_start, sequence",
+            (turbine,),
+        )
+        return ((window, block_of(columns)) for window, *columns in found)
+
+    def checkpoint(self, turbine: str) -> tuple[int, bytes] | None:
+        """The newest result's `until` and checkpoint."""
+        found = self._read("SELECT window_end, content FROM checkpoints WHERE turbine = ?", (turbine,))
+        return (found[0][0], bytes(found[0][1])) if found else None
+
+    def configurations(self, turbine: str) -> list[dict[str, Any]]:
+        """``at``, ``settings`` and ``tables`` of every configuration, the newest first."""
+        found = self._read(
+            "SELECT at, settings, tables FROM configurations WHERE turbine = ? ORDER BY at DESC", (turbine,)
+        )
+        return [{"at": at, "settings": settings, "tables": json.loads(tables)} for at, settings, tables in found]
+
+    def turbines(self) -> list[str]:
+        """Names of those that were configured or that something came of, in order."""
+        found = self._read(
+            "SELECT turbine FROM configurations UNION SELECT turbine FROM statuses"
+            " UNION SELECT turbine FROM checkpoints"
+        )
+        return sorted(row[0] for row in found)
+
+    def statuses(self) -> list[Status]:
+        """One of every turbine."""
+        found = self._read(
+            "SELECT turbine, sequence, stream, received, state, rotor_speed, counts FROM statuses ORDER BY turbine"
+        )
+        return [Status._make((*columns, json.loads(counts))) for *columns, counts in found]
+
+    def healths(self, turbine: str | None = None) -> list[Health]:
+        """One of every channel."""
+        found = self._read(
+            "SELECT turbine, channel, state, since, text FROM healths WHERE turbine = coalesce(?, turbine)"
+            " ORDER BY turbine, channel",
+            (turbine,),
+        )
+        return [Health(*columns) for columns in found]
+
+    def results(
+        self,
+        turbine: str,
+        *,
+        since: int | None = None,
+        until: int | None = None,
+        newest: int | None = None,
+        most: int | None = None,
+    ) -> list[Result]:
+        """Of windows that begin at `since` or later and before `until`, in order of time; checkpoints are empty."""
+        windows, values = self._windows("results", turbine, since, until, most)
+        found = self._read(
+            sql.RESULTS_OF.format(windows=windows), (turbine, *values, ALL if newest is None else newest)
+        )
+        return [
+            Result(turbine, start, end, closed, row_of(row), levels_of(levels) if levels else [], b"")
+            for start, end, closed, row, levels in reversed(found)
+        ]
+
+    def levels(
+        self, turbine: str, *, since: int | None = None, until: int | None = None, most: int = 2000
+    ) -> list[tuple[int, Level]]:
+        """Start of the window and level, in order of time; of more than `most` windows, every so manieth."""
+        windows, values = self._windows("levels", turbine, since, until, most)
+        found = self._read(sql.LEVELS_OF.format(windows=windows), (turbine, *values))
+        return [(window, level) for window, content in found for level in levels_of(content)]
+
+    def _windows(
+        self, table: str, turbine: str, since: int | None, until: int | None, most: int | None
+    ) -> tuple[str, tuple[Any, ...]]:
+        """A condition for windows of a turbine, and its values."""
+        between = (FIRST if since is None else since, LAST if until is None else until)
+        if most is None:
+            return "window_start BETWEEN ? AND ? - 1", between
+        return sql.EVERY_SO_MANIETH.format(table=table), (turbine, *between, most, most)
+
+    def alarms(self, *, turbine: str | None = None, open_only: bool = False, most: int = 500) -> list[Alarm]:
+        """The newest first."""
+        found = self._read(
+            f"SELECT {ALARM_COLUMNS} FROM alarms WHERE turbine = coalesce(?, turbine)"
+            f" {'AND ended IS NULL' if open_only else ''} ORDER BY opened DESC, key LIMIT ?",
+            (turbine, most),
+        )
+        return [Alarm(*columns) for columns in found]
+
+    def events(self, after: int, *, most: int = 500) -> list[Event]:
+        """Those with a higher id, in order; of a row that changed several times, the last."""
+        return [Event(*columns) for columns in self._read(sql.EVENTS, (after, after, after, after, most, most))]
+
+    def last_event(self) -> int:
+        """The highest id; 0 where there is none."""
+        return int(self._read("SELECT last_event FROM windsysid_store")[0][0])
+
+    # housekeeping
+
+    def thin(self, *, now: int) -> None:
+        """Take away what is older than the store was told to keep, in slices between which commits are written."""
+        results, levels, alarms = (span(kept) for kept in (self._keep.results, self._keep.levels, self._keep.alarms))
+        for turbine in self.turbines():
+            if results is not None:
+                self._thin_results(turbine, now - results)
+            if levels is not None:
+                cut = max(now - levels, 0)
+                self._change(sql.THIN_LEVELS, (turbine, cut, cut, DAY, DAY))
+        if alarms is not None:
+            self._change("DELETE FROM alarms WHERE ended < ?", (max(now - alarms, 0),))
+        self._queue(self._database.tidy).result()
+
+    def _thin_results(self, turbine: str, before: int) -> None:
+        before = max(before, 0)
+        while True:
+            later = self._read(
+                "SELECT window_start FROM results WHERE turbine = ? AND window_start < ?"
+                " ORDER BY window_start LIMIT 1 OFFSET ?",
+                (turbine, before, SLICE),
+            )
+            cut = later[0][0] if later else before
+            self._change("DELETE FROM results WHERE turbine = ? AND window_start < ?", (turbine, cut))
+            if not later:
+                return
+
+    def _change(self, statement: str, values: Sequence[Any]) -> None:
+        self._queue(lambda connection: connection.execute(self._database.sql(statement), values) and None).result()
+
+    def size(self) -> dict[str, int]:
+        """Rows of every table, and ``bytes``."""
+        counts = {table: int(self._read(f"SELECT count(*) FROM {table}")[0][0]) for table in TABLES}
+        with self._database.reader() as connection:
+            return counts | {"bytes": self._database.bytes(connection)}
+
+
+ALARM_COLUMNS = (
+    "key, turbine, kind, severity, about, opened, earliest, latest, ended, text, acknowledged, acknowledged_by, remark"
+)
+TABLES = ("configurations", "blocks", "statuses", "healths", "results", "levels", "checkpoints", "alarms")
