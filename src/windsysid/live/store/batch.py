@@ -37,7 +37,10 @@ def prepare(commit: Commit) -> Prepared:
     of = dict(windows)
     return Prepared(
         [(*columns_of(stored.block), stored.window, stored.block.turbine, stored.window) for stored in commit.blocks],
-        [(*status[:-1], pack_text(dict(status.counts))) for status in commit.statuses],
+        [
+            (status[0], pack_text(dict(status.sequences)), *status[2:-1], pack_text(dict(status.counts)))
+            for status in commit.statuses
+        ],
         [tuple(health) for health in commit.healths],
         [(*alarm, alarm.turbine, of.get(alarm.turbine)) for alarm in commit.alarms],
         [

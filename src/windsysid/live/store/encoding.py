@@ -18,25 +18,25 @@ TEXTS = ("name", "unit", "kind")
 
 
 def columns_of(block: Block) -> tuple[Any, ...]:
-    """Turbine, sequence, start, rate, channels, units, type and content of a block.
+    """Turbine, stream, sequence, start, rate, channels, units, type and content of a block.
 
     Samples of one second are mostly noise in their lower bits: compression would take a tenth off and cost more than
     the disk.
     """
     little = np.ascontiguousarray(block.values, dtype=block.values.dtype.newbyteorder("<"))
     return (
-        block.turbine, int(block.sequence), int(block.start), float(block.rate), pack_text(block.channels),
-        pack_text(block.units), little.dtype.str, little.tobytes(),
+        block.turbine, block.stream, int(block.sequence), int(block.start), float(block.rate),
+        pack_text(block.channels), pack_text(block.units), little.dtype.str, little.tobytes(),
     )  # fmt: skip
 
 
 def block_of(columns: Sequence[Any]) -> Block:
     """The block of `columns_of`."""
-    turbine, sequence, start, rate, channels, units, dtype, content = columns
+    turbine, stream, sequence, start, rate, channels, units, dtype, content = columns
     names = tuple(json.loads(channels))
     values = np.frombuffer(content, dtype=dtype)
     values = values.astype(values.dtype.newbyteorder("="), copy=False).reshape(-1, max(len(names), 1))
-    return Block(turbine, sequence, start, rate, names, tuple(json.loads(units)), values)
+    return Block(turbine, sequence, start, rate, names, tuple(json.loads(units)), values, stream)
 
 
 def pack_text(value: Any) -> str:

@@ -15,11 +15,11 @@ STEPS: tuple[tuple[str, ...], ...] = (
             turbine TEXT NOT NULL, at BIGINT NOT NULL, settings TEXT NOT NULL, tables TEXT NOT NULL,
             PRIMARY KEY (turbine, at))""",
         """CREATE TABLE blocks (
-            turbine TEXT NOT NULL, sequence BIGINT NOT NULL, window_start BIGINT NOT NULL, start BIGINT NOT NULL,
-            rate DOUBLE PRECISION NOT NULL, channels TEXT NOT NULL, units TEXT NOT NULL, dtype TEXT NOT NULL,
-            content BYTES NOT NULL, PRIMARY KEY (turbine, sequence))""",
+            turbine TEXT NOT NULL, window_start BIGINT NOT NULL, stream TEXT NOT NULL, sequence BIGINT NOT NULL,
+            start BIGINT NOT NULL, rate DOUBLE PRECISION NOT NULL, channels TEXT NOT NULL, units TEXT NOT NULL,
+            dtype TEXT NOT NULL, content BYTES NOT NULL, PRIMARY KEY (turbine, window_start, stream, sequence))""",
         """CREATE TABLE statuses (
-            turbine TEXT NOT NULL PRIMARY KEY, sequence BIGINT NOT NULL, stream BIGINT NOT NULL,
+            turbine TEXT NOT NULL PRIMARY KEY, sequences TEXT NOT NULL, stream BIGINT NOT NULL,
             received BIGINT NOT NULL, state TEXT NOT NULL, rotor_speed DOUBLE PRECISION, counts TEXT NOT NULL,
             event BIGINT NOT NULL)""",
         """CREATE TABLE healths (

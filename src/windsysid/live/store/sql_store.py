@@ -239,13 +239,14 @@ class SqlStore:
                     raise StoreError(f"{self._database.name} cannot be read: {self._database.explain(error)}") from None
         raise AssertionError
 
-    def waiting(self, turbine: str) -> Iterator[tuple[int, Block]]:
-        """Start of the window and block, of those whose window has no result yet, by window and sequence."""
+    def waiting(self, turbine: str, window: int | None = None) -> Iterator[tuple[int, Block]]:
+        """Start of the window and block, of those whose window has no result yet, by window, stream and sequence."""
         found = self._read(
-            "SELECT window_start, turbine, sequence, start, rate, channels, units, dtype, content FROM blocks"
-            " WHERE turbine = ? ORDER BY window_start, sequence",
-            (turbine,),
+            "SELECT window_start, turbine, stream, sequence, start, rate, channels, units, dtype, content FROM blocks"
+            " WHERE turbine = ? AND window_start BETWEEN ? AND ?",
+            (turbine, FIRST if window is None else window, LAST if window is None else window),
         )
+        found.sort(key=lambda row: (row[0], row[2], row[3]))  # databases differ in how they order text
         return ((window, block_of(columns)) for window, *columns in found)
 
     def checkpoint(self, turbine: str) -> tuple[int, bytes] | None:
@@ -271,9 +272,12 @@ class SqlStore:
     def statuses(self) -> list[Status]:
         """One of every turbine."""
         found = self._read(
-            "SELECT turbine, sequence, stream, received, state, rotor_speed, counts FROM statuses ORDER BY turbine"
+            "SELECT turbine, sequences, stream, received, state, rotor_speed, counts FROM statuses ORDER BY turbine"
         )
-        return [Status._make((*columns, json.loads(counts))) for *columns, counts in found]
+        return [
+            Status(turbine, json.loads(sequences), stream, received, state, rotor_speed, json.loads(counts))
+            for turbine, sequences, stream, received, state, rotor_speed, counts in found
+        ]
 
     def healths(self, turbine: str | None = None) -> list[Health]:
         """One of every channel."""

@@ -22,14 +22,14 @@ __all__ = [
 
 NEW = "NOT EXISTS (SELECT 1 FROM results WHERE turbine = ? AND window_start = ?)"
 
-BLOCK = f"""INSERT INTO blocks (turbine, sequence, start, rate, channels, units, dtype, content, window_start)
-    SELECT CAST(? AS TEXT), CAST(? AS BIGINT), CAST(? AS BIGINT), CAST(? AS DOUBLE PRECISION), CAST(? AS TEXT),
-        CAST(? AS TEXT), CAST(? AS TEXT), CAST(? AS BYTES), CAST(? AS BIGINT)
-    WHERE {NEW} ON CONFLICT (turbine, sequence) DO NOTHING"""
+BLOCK = f"""INSERT INTO blocks (turbine, stream, sequence, start, rate, channels, units, dtype, content, window_start)
+    SELECT CAST(? AS TEXT), CAST(? AS TEXT), CAST(? AS BIGINT), CAST(? AS BIGINT), CAST(? AS DOUBLE PRECISION),
+        CAST(? AS TEXT), CAST(? AS TEXT), CAST(? AS TEXT), CAST(? AS BYTES), CAST(? AS BIGINT)
+    WHERE {NEW} ON CONFLICT (turbine, window_start, stream, sequence) DO NOTHING"""
 """A block of a window that has its result would wait for ever."""
 
-STATUS = """INSERT INTO statuses (turbine, sequence, stream, received, state, rotor_speed, counts, event)
-    VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (turbine) DO UPDATE SET sequence = excluded.sequence,
+STATUS = """INSERT INTO statuses (turbine, sequences, stream, received, state, rotor_speed, counts, event)
+    VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (turbine) DO UPDATE SET sequences = excluded.sequences,
         stream = excluded.stream, received = excluded.received, state = excluded.state,
         rotor_speed = excluded.rotor_speed, counts = excluded.counts, event = excluded.event"""
 
@@ -44,7 +44,8 @@ ALARM = f"""INSERT INTO alarms (key, turbine, kind, severity, about, opened, ear
     SELECT CAST(? AS TEXT), CAST(? AS TEXT), CAST(? AS TEXT), CAST(? AS TEXT), CAST(? AS TEXT), CAST(? AS BIGINT),
         CAST(? AS BIGINT), CAST(? AS BIGINT), CAST(? AS BIGINT), CAST(? AS TEXT), CAST(? AS BIGINT), CAST(? AS TEXT),
         CAST(? AS TEXT), CAST(? AS BIGINT)
-    WHERE {NEW} ON CONFLICT (key) DO UPDATE SET severity = excluded.severity, earliest = excluded.earliest,
+    WHERE {NEW} ON CONFLICT (key) DO UPDATE SET kind = excluded.kind, severity = excluded.severity,
+        about = excluded.about, earliest = excluded.earliest,
         latest = excluded.latest, ended = excluded.ended, text = excluded.text, event = excluded.event,
         acknowledged = coalesce(alarms.acknowledged, excluded.acknowledged),
         acknowledged_by = CASE WHEN alarms.acknowledged IS NULL THEN excluded.acknowledged_by
