@@ -43,5 +43,6 @@ STEPS: tuple[tuple[str, ...], ...] = (
         "CREATE INDEX alarms_by_time ON alarms (opened)",
         "CREATE INDEX alarms_by_event ON alarms (event)",
     ),
+    ("CREATE TABLE recipients (name TEXT NOT NULL PRIMARY KEY, event BIGINT NOT NULL)",),
 )
 """What makes a store of one version one of the next; a store's version is the number of steps that made it."""

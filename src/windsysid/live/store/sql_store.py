@@ -222,6 +222,10 @@ class SqlStore:
             raise KeyError(key)
         return Alarm(*found[0])
 
+    def tell(self, recipient: str, event: int) -> None:
+        """Write down up to which event somebody was told of alarms."""
+        self._change(sql.TOLD, (recipient, event))
+
     # reading
 
     def _rows(self, connection: Any, statement: str, values: Sequence[Any]) -> list[Any]:
@@ -253,6 +257,11 @@ class SqlStore:
         """The newest result's `until` and checkpoint."""
         found = self._read("SELECT window_end, content FROM checkpoints WHERE turbine = ?", (turbine,))
         return (found[0][0], bytes(found[0][1])) if found else None
+
+    def told(self, recipient: str) -> int | None:
+        """Up to which event somebody was told of alarms; None where it was never."""
+        found = self._read("SELECT event FROM recipients WHERE name = ?", (recipient,))
+        return int(found[0][0]) if found else None
 
     def configurations(self, turbine: str) -> list[dict[str, Any]]:
         """``at``, ``settings`` and ``tables`` of every configuration, the newest first."""

@@ -18,6 +18,7 @@ __all__ = [
     "RESULTS_OF",
     "STATUS",
     "THIN_LEVELS",
+    "TOLD",
 ]
 
 NEW = "NOT EXISTS (SELECT 1 FROM results WHERE turbine = ? AND window_start = ?)"
@@ -69,6 +70,8 @@ CHECKPOINT = """INSERT INTO checkpoints (turbine, window_start, window_end, cont
 DONE = "DELETE FROM blocks WHERE turbine = ? AND window_start = ?"
 
 CONFIGURATION = "INSERT INTO configurations (turbine, at, settings, tables) VALUES (?, ?, ?, ?)"
+
+TOLD = "INSERT INTO recipients (name, event) VALUES (?, ?) ON CONFLICT (name) DO UPDATE SET event = excluded.event"
 
 EVENTS = """SELECT event, at, turbine, kind, key FROM (
         SELECT event, received AS at, turbine, 'status' AS kind, '' AS key FROM statuses WHERE event > ?

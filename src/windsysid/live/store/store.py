@@ -53,6 +53,16 @@ class Store(Protocol):
         """Write down by which settings (a hash, and the tables behind it) a turbine is followed from now on."""
         ...
 
+    # what notices of alarms ask
+
+    def told(self, recipient: str) -> int | None:
+        """Up to which event somebody was told of alarms; None where it was never."""
+        ...
+
+    def tell(self, recipient: str, event: int) -> None:
+        """Write down up to which event somebody was told of alarms."""
+        ...
+
     # what pages and exports ask
 
     def configurations(self, turbine: str) -> list[dict[str, Any]]:
