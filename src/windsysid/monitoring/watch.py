@@ -23,48 +23,42 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.changes import Change, Series, Watch
-from windsysid.monitoring.jumps import Belief, Rates, Track, learn_rates, threshold, track
+from windsysid.monitoring.jumps import Rates, Track, learn_rates, threshold, track
+from windsysid.monitoring.locating import (
+    JUMP_SLOPE_PRIOR,
+    MAX_HINDSIGHT_BLOCKS,
+    Jump,
+    first_belief,
+    freedom,
+    locate,
+    without_bad,
+)
 from windsysid.monitoring.series import DAY, MIN_BLOCKS, Blocks
 from windsysid.results.posterior import SIGMAS
 
-__all__ = ["TOLERATED_DRIFT", "YEAR", "watch"]
+__all__ = ["TOLERATED_DRIFT", "YEAR", "percent_of", "tell", "was_lost", "watch"]
 
 
 MAX_LEARNING_BLOCKS = 1008
 """Blocks before the first alarm: a week of 10 minutes; half of the blocks where there are fewer than twice as many."""
 
-SLOPE_PRIOR = {"k": 0.05, "f": 0.025, "c": 0.5, "noise": 0.5}
-"""Relative prior standard deviation of a covariate's effect: on stiffness (and anything else), frequency, damping,
-noise.
-
-The effect is that of one standard deviation of the covariate.
-"""
-
-JUMP_SLOPE_PRIOR = {"k": 0.3, "f": 0.15, "c": 1.0, "noise": 1.0}
-"""Prior standard deviation of what a jump does to the effects of covariates, relative, and a third of its own."""
-
 TOLERATED_DRIFT = {"k": 0.005, "f": 0.0025, "c": 0.1, "noise": 0.1}
 """Jumps up to this size, relative, are no alarm however sure they are: they are drift."""
-
-OUTLIER_SIGMAS = 5.0
-"""Standard deviations from the median of five beyond which a block near a jump is left out.
-
-It would be taken for the new level.
-"""
-
-MAX_JUMP_PLACES = 200
-"""Blocks at which a jump is tried, where it may have happened before any of more."""
-
-MAX_HINDSIGHT_BLOCKS = 144
-"""Blocks after an alarm, where there are any, that help to tell when and how much: a day."""
 
 YEAR = 365.25 * DAY
 
 SENSOR, STRUCTURE, NOISE = "check the sensor first", "the turbine", "the sensor"
+
+UNEXPLAINED, HEARD, SOUND, UNWATCHED = (
+    "the model does not explain the records any more", "a sensor, its cable, or what it hears",
+    "the sensors are as they were", "the noise of sensors is not watched here",
+)  # fmt: skip
+"""Why a jump is put down to a sensor or to the structure."""
 
 
 def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[str, float] = TOLERATED_DRIFT) -> Watch:
@@ -121,26 +115,11 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
     return Watch(blocks, tuple(series), changes, alarms_per_year, begins, tuple(notes))
 
 
-class _Jump(NamedTuple):
-    """A jump in filter coordinates.
-
-    It says the likeliest block, the interval of blocks, the block that found it, size, σ and the level before.
-    """
-
-    at: int
-    earliest: int
-    latest: int
-    found: int
-    size: float
-    std: float
-    before: float
-
-
 class _Followed(NamedTuple):
     track: Track
     rates: Rates
     limit: float
-    jumps: list[_Jump]
+    jumps: list[Jump]
     scale: float
     learned: float
     least: float
@@ -152,14 +131,9 @@ def _follow(
     """Level, rates and jumps of one series from its blocks (T,) and standardised covariates (T, m)."""
     count = len(y)
     y, r = y.copy(), np.where(np.isfinite(y), blocks.std[:, i], 1.0) ** 2
-    known = y[np.isfinite(y)][:25]
-    usual = math.sqrt(float(np.median(r[np.isfinite(y)])))
-    centre = float(np.median(known))
-    scale = 1.0 if blocks.logarithmic[i] else max(abs(centre), usual)
     kind = blocks.kind(i)
-    slopes = np.full(x.shape[1], (SLOPE_PRIOR[kind] * scale) ** 2)
-    prior = Belief(np.append(centre, np.zeros(len(slopes))), np.diag(np.append((10.0 * usual) ** 2, slopes)))
-    jump, freed, jumps = JUMP_SLOPE_PRIOR[kind] * scale, np.zeros((count, 1 + len(slopes))), []
+    prior, scale = first_belief(y, r, x.shape[1], kind, blocks.logarithmic[i])
+    jump, freed, jumps = JUMP_SLOPE_PRIOR[kind] * scale, np.zeros((count, 1 + x.shape[1])), []
     begin, first, least = begins, begins, tolerated[kind] * scale
     tested = np.zeros(count)
     while True:
@@ -181,67 +155,18 @@ def _follow(
             tested[first:upto] = whole.statistic[first:upto]
             if whole.stopped < 0:
                 break
-            found = _locate(y, r, x, prior, rates, freed, whole, jump, scale)
+            likely = int(whole.since[whole.stopped])
+            found = locate(y, r, x, prior, rates, freed, whole.stopped, likely, jump, scale)
             jumps.append(found)
             near = slice(max(0, found.earliest - MAX_HINDSIGHT_BLOCKS), found.found + 1)
-            y[near] = _without_bad(y[near], rates.scatter * r[near])
+            y[near] = without_bad(y[near], rates.scatter * r[near])
             y[found.earliest : found.latest] = np.nan  # nobody knows on which side these are
-            freed[found.latest] = _freedom(whole.belief.mean, jump, scale)
+            freed[found.latest] = freedom(whole.belief.mean, jump, scale)
             first = whole.stopped + 1
         if end == count:
             learned = float(whole.level[begins - 1])
             return _Followed(whole._replace(statistic=tested), rates, limit, jumps, scale, learned, least)
         begin = first = end
-
-
-def _locate(
-    y: Array, r: Array, x: Array, prior: Belief, rates: Rates, freed: Array, alarm: Track, jump: float, scale: float
-) -> _Jump:
-    """Date and measure a jump.
-
-    Jumps of level and slopes are more coefficients, tried before every block where they may have happened.
-    """
-    found, likely = alarm.stopped, int(alarm.since[alarm.stopped])
-    age = found - likely + 1
-    since = int(np.flatnonzero(freed[: found + 1, 0])[-1]) + 1 if freed[: found + 1].any() else 0
-    start = max(since, likely - max(2 * age, MAX_HINDSIGHT_BLOCKS))
-    end = min(found + max(age, MAX_HINDSIGHT_BLOCKS), len(y))
-    before = track(y[:start], r[:start], x[:start], prior, rates, freed=freed[:start], test=False).belief
-    d = len(before.mean)
-    mean, cov = np.append(before.mean, np.zeros(d)), np.zeros((2 * d, 2 * d))
-    cov[:d, :d] = before.cov
-    cov[range(d, 2 * d), range(d, 2 * d)] = _freedom(before.mean, jump, scale)
-    places = np.arange(max(start, likely - 2 * age), found + 1)
-    places = places[:: -(-len(places) // MAX_JUMP_PLACES)]
-    part = slice(start, end)
-    good = _without_bad(y[part], rates.scatter * r[part])
-    levels = np.empty((len(places), 3))
-    likelihoods = np.empty(len(places))
-    for row, place in enumerate(places):
-        after = (np.arange(start, end) >= place)[:, None]
-        stepped = np.hstack([x[part], after, after * x[part]])
-        tried = track(good, r[part], stepped, Belief(mean, cov), rates, test=False)
-        levels[row] = tried.belief.mean[d], tried.belief.cov[d, d], tried.belief.mean[0]
-        likelihoods[row] = tried.log_likelihood
-    weight = np.exp(likelihoods - likelihoods.max())
-    weight /= weight.sum()
-    cumulated, tail = np.cumsum(weight), 0.5 * math.erfc(SIGMAS / math.sqrt(2.0))
-    earliest, latest = (int(places[np.searchsorted(cumulated, p).clip(0, len(places) - 1)]) for p in (tail, 1.0 - tail))
-    size = float(weight @ levels[:, 0])
-    std = math.sqrt(float(weight @ (levels[:, 1] + np.square(levels[:, 0] - size))))
-    return _Jump(int(places[weight.argmax()]), earliest, latest, found, size, std, float(weight @ levels[:, 2]))
-
-
-def _without_bad(y: Array, variance: Array) -> Array:
-    """Blocks (T,), NaN for what is `OUTLIER_SIGMAS` beside its neighbours; a step is none."""
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(y, 2, constant_values=np.nan), 5)
-    middle = np.array([np.median(five[np.isfinite(five)]) if np.isfinite(five).any() else np.nan for five in around])
-    return np.where(np.abs(y - middle) > OUTLIER_SIGMAS * np.sqrt(variance), np.nan, y)
-
-
-def _freedom(mean: Array, jump: float, scale: float) -> Array:
-    """Prior variances (d,) of what a jump does to level and slopes: effects are expected to grow with the level."""
-    return np.append(3.0 * jump, jump * mean[1:] / max(abs(mean[0]), scale)) ** 2
 
 
 def _describe(
@@ -295,7 +220,7 @@ def _smallest(blocks: Blocks, i: int, one: _Followed, within: int) -> float:
     return one.least + (math.sqrt(one.limit) + 1.28) / math.sqrt(energy)
 
 
-def _change(blocks: Blocks, i: int, jump: _Jump, jumps: Sequence[tuple[int, _Jump]]) -> Change:
+def _change(blocks: Blocks, i: int, jump: Jump, jumps: Sequence[tuple[int, Jump]]) -> Change:
     """A jump in words, percent and seconds, and where to look for its cause."""
     name = blocks.names[i]
     percent, low, high = _percent(blocks, i, jump.size, jump.std, jump.before)
@@ -306,29 +231,30 @@ def _change(blocks: Blocks, i: int, jump: _Jump, jumps: Sequence[tuple[int, _Jum
         if blocks.kind(j) == "noise" and other.earliest <= jump.found and jump.earliest <= other.found
     ]
     if blocks.kind(i) == "noise":
-        cause, why = NOISE, "a sensor, its cable, or what it hears"
+        cause, why = NOISE, HEARD
     elif noisy:
         cause, why = SENSOR, f"{SENSOR}: {', '.join(noisy)} changed with it"
-    elif _lost_trust(blocks, jump):
-        cause, why = SENSOR, f"{SENSOR}: the model does not explain the records any more"
+    elif blocks.trusted is not None and was_lost(blocks.trusted, jump):
+        cause, why = SENSOR, f"{SENSOR}: {UNEXPLAINED}"
     elif any(blocks.kind(j) == "noise" for j in range(len(blocks.names))):
-        cause, why = STRUCTURE, "the sensors are as they were"
+        cause, why = STRUCTURE, SOUND
     else:
-        cause, why = STRUCTURE, "the noise of sensors is not watched here"
-    verb = "rose" if percent > 0.0 else "fell"
-    told = (
-        f"{name} {verb} by {abs(percent):.3g} % ({low:+.3g} … {high:+.3g} %) on {blocks.between(earliest, latest)},"
-        f" found on {blocks.when(found)}: {why}"
-    )
+        cause, why = STRUCTURE, UNWATCHED
+    told = tell(name, (percent, low, high), blocks.between(earliest, latest), blocks.when(found), why)
     return Change(name, time, earliest, latest, found, percent, low, high, cause, told)
 
 
-def _lost_trust(blocks: Blocks, jump: _Jump) -> bool:
-    """Whether most results were trusted before the jump and most are not after it."""
-    if blocks.trusted is None:
-        return False
-    before = blocks.trusted[max(0, jump.earliest - MAX_HINDSIGHT_BLOCKS) : jump.earliest]
-    after = blocks.trusted[jump.latest : jump.found + 1]
+def tell(name: str, percent: tuple[float, float, float], when: str, found: str, why: str) -> str:
+    """A jump in a sentence: by how much and its ±2σ band [%], when, when it was found, and where to look."""
+    verb = "rose" if percent[0] > 0.0 else "fell"
+    size, low, high = abs(percent[0]), percent[1], percent[2]
+    return f"{name} {verb} by {size:.3g} % ({low:+.3g} … {high:+.3g} %) on {when}, found on {found}: {why}"
+
+
+def was_lost(good: NDArray[np.bool_], jump: Jump) -> bool:
+    """Whether most blocks (T,) were good before the jump and most are not after it."""
+    before = good[max(0, jump.earliest - MAX_HINDSIGHT_BLOCKS) : jump.earliest]
+    after = good[jump.latest : jump.found + 1]
     return bool(len(before) and len(after) and before.mean() > 0.5 > after.mean())
 
 
@@ -355,7 +281,11 @@ def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[Array, list[st
 
 
 def _percent(blocks: Blocks, i: int, part: float, std: float, of: float) -> tuple[float, float, float]:
+    return percent_of(part, std, of, blocks.logarithmic[i])
+
+
+def percent_of(part: float, std: float, of: float, logarithmic: bool) -> tuple[float, float, float]:
     """A change in filter coordinates and its ±2σ band in percent of the value at coordinate `of`."""
     steps = part + std * np.array([0.0, -SIGMAS, SIGMAS])
-    percent = 100.0 * (np.expm1(steps) if blocks.logarithmic[i] else steps / max(abs(of), 1e-300))
+    percent = 100.0 * (np.expm1(steps) if logarithmic else steps / max(abs(of), 1e-300))
     return float(percent[0]), float(percent[1]), float(percent[2])
