@@ -1,7 +1,7 @@
 """The process that opens records: it may hang or die, and nobody else does.
 
-It reads one request a line from standard input and writes one answer a line: JSON, paths in, rows out. ``python -m
-windsysid.fleet.worker`` is started by `windsysid.fleet.guard` only.
+It reads one request a line from standard input and writes one answer a line: JSON, paths or samples in, rows out.
+``python -m windsysid.fleet.worker`` is started by `windsysid.fleet.guard` only.
 
 Models are compiled once a host: the first identification of each turbine is made under a lock, one process at a time.
 The one that waits says so, since waiting is not hanging.
@@ -11,11 +11,14 @@ import json
 import os
 import sys
 import time
+from base64 import b64decode, b64encode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.fleet.joining import join
@@ -30,11 +33,12 @@ from windsysid.records.formats import format_of, load_mapping, read_record
 from windsysid.records.formats.files import named_after
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.moments import shift_moment
+from windsysid.records.record import Record
 from windsysid.results.identification import finite
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["main", "take"]
+__all__ = ["main", "pack_samples", "take", "take_samples"]
 
 POLL_SECONDS = 0.2
 """How often a lock that another process holds is asked for."""
@@ -60,6 +64,10 @@ def main() -> None:
         member = Member(**request["member"])
         if request["do"] == "look":
             say({"event": "done", "start": _start_of(Path(request["source"]), member)})
+        elif request["do"] == "samples":
+            begun = time.process_time()
+            row = take_samples(request, member, request["formulation"], request["settings"], say)
+            say({"event": "done", "row": finite(row), "seconds": time.process_time() - begun})
         else:
             row = take(request["source"], member, request["formulation"], request["settings"], say)
             say({"event": "done", "row": finite(row)})
@@ -96,6 +104,33 @@ def take(source: str, member: Member, formulation: str, settings: str, say: Say)
             scada = _scada(member.scada, member.scada_mapping)
         return row if scada is None else join(row, scada, machine.rotor_speed)
     except Exception as error:  # whatever it is: the row says so, and the run goes on
+        return failed_row(source, size, settings, f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def pack_samples(record: Record, rate: float) -> dict[str, Any]:
+    """A record whose times are k/rate, as a request that `take_samples` takes."""
+    return {
+        "do": "samples", "source": record.name, "channels": record.channels, "units": record.units,
+        "rate": rate, "start": record.start, "values": b64encode(record.values.data).decode(),
+    }  # fmt: skip
+
+
+def take_samples(request: dict[str, Any], member: Member, formulation: str, settings: str, say: Say) -> Row:
+    """The row of samples that came with the request, whatever happens; without SCADA of files."""
+    source, size = request["source"], -1
+    try:
+        values = np.frombuffer(b64decode(request["values"])).reshape(-1, len(request["channels"]))
+        size = values.nbytes
+        row = empty_row(source, size, settings)
+        machine = _turbine(member.turbine)
+        sensors = _sensors(member.sensors)
+        record = Record(
+            np.arange(len(values)) / request["rate"], values, request["channels"], request["units"], name=source,
+            start=request["start"],
+        )  # fmt: skip
+        with _one_compiles(member.turbine, say):
+            return row_of(row, record, machine, sensors, formulation)
+    except Exception as error:  # as `take`
         return failed_row(source, size, settings, f"{type(error).__name__}: {' '.join(str(error).split())}")
 
 

@@ -1,0 +1,593 @@
+"""The engine: blocks in, rows and levels and alarms into the store, nothing lost.
+
+A block's way: it is checked, placed in its windows, looked at for faults of sensors, and handed to the store; the
+sender hears that it is there when it is on disk. A window that the stream has left behind is closed, read back from the
+store, and estimated in a worker process. Rows of one turbine are taken in by its watch in the order of windows, and
+row, levels, alarms and the watch's checkpoint are one transaction that also takes the window's blocks away.
+
+So what is lost when the engine is killed is nothing but work: blocks wait in the store until their window has its
+result, and a result is a function of the window's blocks and of the checkpoint before it.
+"""
+
+import contextlib
+import json
+import queue
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from windsysid.fleet.guard import StoppedError
+from windsysid.live.block import Block
+from windsysid.live.codec import BlockRefused, Limits, check
+from windsysid.live.estimate import Estimator, Here, InWorker
+from windsysid.live.follower import Followed, Follower, WindowTask
+from windsysid.live.store.contents import Alarm, Commit, Result, StoredBlock
+from windsysid.live.store.store import Store
+from windsysid.live.streams import StreamHealth, Verdict, drifts, sensor_alarm
+from windsysid.live.timeline import SECOND, gather
+from windsysid.live.watching import resume, start
+from windsysid.records.moments import moment_text
+from windsysid.turbine.file import load_turbine
+
+__all__ = ["Engine", "EngineState", "Followed", "TurbineState"]
+
+AHEAD = 300 * SECOND
+"""How far a block may lie ahead of the service's clock [ns]."""
+
+BOUND, BOUND_BYTES = 4096, 128_000_000
+"""Blocks, and their bytes, that may be on their way to the store: `Engine.push` waits beyond."""
+
+WITHHELD_WINDOWS = 4
+"""Windows of a turbine that may wait for a worker: beyond, blocks are stored and not acknowledged."""
+
+BEHIND_WINDOWS = 2
+"""Windows' lengths by which a turbine's oldest waiting window may be behind before that is an alarm."""
+
+QUIET = 600 * SECOND
+"""A stream without a refused or late block for so long [ns] has none any more."""
+
+TICK = 1.0
+"""How often silent turbines are looked for [s]."""
+
+
+class TurbineState(NamedTuple):
+    """Where one turbine stands.
+
+    Attributes
+    ----------
+    windows
+        That wait for a worker or are with one.
+    behind
+        Seconds since the oldest of them was closed.
+    """
+
+    windows: int
+    behind: float
+
+
+class EngineState(NamedTuple):
+    """Where the engine stands.
+
+    Attributes
+    ----------
+    turbines
+        By name.
+    blocks, samples, windows
+        Taken since the start; samples are rows, not values.
+    rate
+        Blocks a second, in the last seconds.
+    pending
+        Blocks on their way to the store.
+    seconds
+        Of processor time since the start: ``blocks`` (check, place, health), ``windows`` (reading back and joining),
+        ``estimates`` and ``watch``.
+    workers
+        At once.
+    """
+
+    turbines: dict[str, TurbineState]
+    blocks: int
+    samples: int
+    windows: int
+    rate: float
+    pending: int
+    seconds: dict[str, float]
+    workers: int
+
+
+class Engine:
+    """Follows turbines: the one mutable thing beside its store.
+
+    Parameters
+    ----------
+    turbines
+        That are followed; blocks of others are refused.
+    store
+        Where everything goes, and from where the engine goes on.
+    workers
+        Processes that estimate, one for each processor by default; 0 estimates in a thread of this process.
+    lateness
+        Seconds of stream time that a window is kept open after its end, for blocks out of order.
+    silence
+        Seconds without a block after which a turbine is called silent.
+    patience
+        Seconds without a block after which the windows of a silent turbine are closed as they are: what is sent for
+        them afterwards is too late.
+    now
+        The service's clock [ns since 1970].
+    on_event
+        Told what happens, for logs: its name, and what belongs to it by keyword.
+    limits
+        Of a block.
+
+    Raises
+    ------
+    ConfigurationError
+        If a turbine's files are wrong.
+    StoreError
+        If the store refuses.
+    """
+
+    def __init__(
+        self,
+        turbines: Sequence[Followed],
+        store: Store,
+        *,
+        workers: int | None = None,
+        lateness: float = 30.0,
+        silence: float = 300.0,
+        patience: float = 3600.0,
+        now: Callable[[], int] = time.time_ns,
+        on_event: Callable[..., None] | None = None,
+        limits: Limits = Limits(),
+    ) -> None:
+        self._store, self._now, self._limits = store, now, limits
+        self._lateness, self._silence, self._patience = (round(x * SECOND) for x in (lateness, silence, patience))
+        self._tell = on_event or (lambda *_, **__: None)
+        self._followers: dict[str, Follower] = {}
+        self._tasks: queue.Queue[WindowTask | None] = queue.Queue()
+        self._stopping = threading.Event()
+        self._space = threading.Condition()
+        self._pending = self._pending_bytes = 0
+        self._idle = threading.Condition()
+        self._sums, self._summing = Counter[str](), threading.Lock()
+        self._rate = 0.0
+        statuses = {status.turbine: status for status in store.statuses()}
+        for followed in turbines:
+            follower = self._follower(followed)
+            if follower.name in statuses:
+                follower.restore(statuses[follower.name])
+            self._followers[follower.name] = follower
+        for alarm in store.alarms(open_only=True, most=100_000):
+            if alarm.turbine in self._followers and alarm.ended is None and alarm.kind != "structure":
+                self._followers[alarm.turbine].alarms[_about(alarm)] = alarm
+        for follower in self._followers.values():
+            self._go_on(follower)
+        count = threads_of(workers)
+        self._estimators: list[Estimator] = [Here()] if workers == 0 else [InWorker() for _ in range(count)]
+        self._threads = [
+            threading.Thread(target=self._work, args=(estimator,), name=f"window-{i}", daemon=True)
+            for i, estimator in enumerate(self._estimators)
+        ]
+        self._threads.append(threading.Thread(target=self._watch_clock, name="clock", daemon=True))
+        for thread in self._threads:
+            thread.start()
+
+    # blocks
+
+    def push(self, block: Block) -> Future[None]:
+        """Take a block; the future ends when it is on disk, or was before.
+
+        It waits while `BOUND` blocks are on their way to the store. Where a turbine's windows wait in a row, its
+        blocks are stored and the futures end when the row is shorter: senders that wait for them are slowed down.
+
+        Raises
+        ------
+        BlockRefused
+            If it can never be taken: not a block, of a turbine that is not followed, or of the future.
+        """
+        begun = time.thread_time()
+        follower = self._followers.get(block.turbine)
+        if follower is None:
+            raise BlockRefused(f"turbine {block.turbine[:60]!r} is not followed: list it in the settings")
+        if self._stopping.is_set():
+            raise RuntimeError("the engine was ended: no more blocks")
+        try:
+            block = check(block, self._limits)
+            if block.start > self._now() + AHEAD:
+                raise BlockRefused(
+                    f"block starts at {moment_text(block.start, 0)}, ahead of the service's clock: set the logger's"
+                    " clock, or the service's"
+                )
+            size = self._reserve(block)
+            try:
+                with follower.lock:
+                    done = self._take(follower, block)
+            except BaseException:
+                self._release(size)
+                raise
+        except BlockRefused as error:
+            with follower.lock:
+                follower.counts["refused"] += 1
+                self._data_alarm(follower, "refused", "notice", f"a block was refused: {error}"[:400])
+            raise
+        done.add_done_callback(lambda _: self._release(size))
+        self._count(blocks=1, samples=len(block.values), blocks_ns=int(1e9 * (time.thread_time() - begun)))
+        return done
+
+    def _take(self, follower: Follower, block: Block) -> "Future[None]":
+        """Place a block, look at its sensors, and hand it to the store."""
+        placed = follower.place(block, self._silence)
+        now = self._now()
+        follower.received = now
+        follower.counts["blocks"] += 1
+        follower.counts["samples"] += len(block.values)
+        alarms: list[Alarm] = []
+        if placed.arrival != "new":
+            follower.counts[placed.arrival] += 1
+            if placed.arrival == "too late":
+                follower.counts["late samples"] += len(block.values)
+                self._data_alarm(follower, "too late", "notice", _TOO_LATE)
+            return follower.last if follower.last is not None and not follower.last.done() else _done()
+        if placed.sequence != block.sequence:
+            block = replace(block, sequence=placed.sequence)
+        health = follower.streams[block.stream].health
+        if health is None:
+            health = follower.streams[block.stream].health = StreamHealth()
+        verdicts = health.take(block)
+        alarms = [alarm for verdict in verdicts for alarm in self._sensor_alarms(follower, verdict)]
+        if follower.state in ("waiting", "silent"):
+            follower.state = "running"
+            alarms += self._ended(follower, "silent", now)
+        statuses = []
+        if now - follower.told >= SECOND or verdicts:
+            follower.told = now
+            statuses.append(follower.status())
+        stored = self._store.submit(
+            Commit(
+                blocks=[StoredBlock(window, block) for window in placed.windows], statuses=statuses,
+                healths=[verdict.health(follower.name) for verdict in verdicts], alarms=alarms,
+            )
+        )  # fmt: skip
+        follower.last = stored
+        done: Future[None] = Future()
+
+        def committed(future: Future[None]) -> None:
+            error = future.exception()
+            if error is not None:
+                with follower.lock:
+                    follower.forget(block, placed)
+                done.set_exception(error)
+                return
+            with follower.lock:
+                withhold = len(follower.order) > WITHHELD_WINDOWS and not self._stopping.is_set()
+                if withhold:
+                    follower.withheld.append(done)
+            if not withhold:
+                done.set_result(None)
+
+        stored.add_done_callback(committed)
+        for window in follower.over(self._lateness):
+            self._close(follower, window)
+        return done
+
+    def _reserve(self, block: Block) -> int:
+        size = block.values.nbytes
+        with self._space:
+            self._space.wait_for(
+                lambda: (self._pending < BOUND and self._pending_bytes < BOUND_BYTES) or self._stopping.is_set()
+            )
+            self._pending += 1
+            self._pending_bytes += size
+        return size
+
+    def _release(self, size: int) -> None:
+        with self._space:
+            self._pending -= 1
+            self._pending_bytes -= size
+            self._space.notify_all()
+
+    # windows
+
+    def _close(self, follower: Follower, window: int) -> None:
+        self._tasks.put(follower.close(window, self._now()))
+
+    def _work(self, estimator: Estimator) -> None:
+        """Take closed windows until the engine ends."""
+        while not self._stopping.is_set():
+            task = self._tasks.get()
+            if task is None:
+                return
+            follower = self._followers[task.turbine]
+            try:
+                row = self._row(follower, task, estimator)
+                with follower.lock:
+                    follower.rows[task.window] = row
+                self._take_rows(follower)
+            except StoppedError:
+                return
+            except Exception as error:  # the store failed: the window waits there
+                self._tell("window failed", turbine=task.turbine, window=task.window, why=str(error))
+                if self._stopping.wait(1.0):
+                    return
+                self._tasks.put(task)
+
+    def _row(self, follower: Follower, task: WindowTask, estimator: Estimator) -> dict[str, Any]:
+        begun = time.thread_time()
+        if follower.last is not None:
+            follower.last.exception()  # all blocks of the window are on disk
+        blocks = [block for _, block in self._store.waiting(task.turbine, task.window)]
+        source = f"{task.turbine} {moment_text(task.window, 0)}"
+        gathered = gather(blocks, task.window, task.until, source)
+        del blocks
+        followed = follower.followed
+        read = time.thread_time()
+        found = estimator.take(gathered, source, followed.member, followed.formulation, follower.settings)
+        with follower.lock:
+            for name, count in (
+                ("missing samples", gathered.missing), ("repeated samples", gathered.repeated),
+                ("samples cut by a clock jump", gathered.cut),
+            ):  # fmt: skip
+                if count:
+                    follower.counts[name] += count
+        here = isinstance(estimator, Here)
+        self._count(
+            windows_ns=int(1e9 * (read - begun + (0.0 if here else time.thread_time() - read))),
+            estimates_ns=int(1e9 * found.seconds),
+        )
+        return found.row
+
+    def _take_rows(self, follower: Follower) -> None:
+        """Let the watch take in the rows that are next in line."""
+        with follower.taking:
+            while True:
+                with follower.lock:
+                    task = follower.order[0] if follower.order else None
+                    row = None if task is None else follower.rows.get(task.window)
+                if task is None or row is None:
+                    return
+                begun = time.thread_time()
+                if follower.taken is None or follower.taken[0].window != task.window:
+                    taken = follower.watching.take(row, task.window)
+                    means, verdicts = drifts(follower.means, row, task.window, task.until)
+                    checkpoint = _pack(means, taken.checkpoint)
+                    follower.taken = (
+                        Result(task.turbine, task.window, task.until, self._now(), row, taken.levels, checkpoint),
+                        taken.alarms, means, verdicts,
+                    )  # fmt: skip
+                result, structural, means, verdicts = follower.taken
+                with follower.lock:
+                    state = str(row["state"] or "unknown")
+                    follower.state = "running" if state == "unknown" else state
+                    follower.rotor_speed = row["rotor_speed"]
+                    follower.counts["windows"] += 1
+                    alarms = [*structural, *(a for v in verdicts for a in self._sensor_alarms(follower, v))]
+                    stored = self._store.submit(
+                        Commit(
+                            statuses=[follower.status()], healths=[v.health(follower.name) for v in verdicts],
+                            results=[result], alarms=alarms,
+                        )
+                    )  # fmt: skip
+                self._count(windows=1, watch_ns=int(1e9 * (time.thread_time() - begun)))
+                stored.result()
+                with follower.lock:
+                    follower.means, follower.taken = means, None
+                    del follower.rows[task.window]
+                    follower.order.popleft()
+                    free = follower.withheld if len(follower.order) <= WITHHELD_WINDOWS else []
+                    if free:
+                        follower.withheld = []
+                for future in free:
+                    future.set_result(None)
+                self._tell("window", turbine=task.turbine, window=task.window, status=row["status"], why=row["why"])
+                with self._idle:
+                    self._idle.notify_all()
+
+    # alarms
+
+    def _sensor_alarms(self, follower: Follower, verdict: Verdict) -> list[Alarm]:
+        about = f"sensor:{verdict.channel}"
+        drifting = f"drift:{verdict.channel}"
+        self._tell("sensor", turbine=follower.name, channel=verdict.channel, state=verdict.state, text=verdict.text)
+        ended = self._ended(follower, about, verdict.at)
+        if verdict.state == "good":
+            return ended + self._ended(follower, drifting, verdict.at)
+        alarm = sensor_alarm(follower.name, verdict)
+        follower.alarms[drifting if verdict.state == "drift" else about] = alarm
+        return [*ended, alarm]
+
+    def _ended(self, follower: Follower, about: str, at: int) -> list[Alarm]:
+        alarm = follower.alarms.pop(about, None)
+        return [] if alarm is None else [alarm._replace(ended=at)]
+
+    def _data_alarm(self, follower: Follower, about: str, severity: Any, text: str) -> None:
+        """Open an alarm of kind data, once; it ends when nothing of its kind was heard for a while."""
+        now = self._now()
+        follower.heard[about] = now
+        if about not in follower.alarms:
+            alarm = Alarm(
+                f"{follower.name}:data:{about}:{now}", follower.name, "data", severity, "", now, now, now, None, text
+            )
+            follower.alarms[about] = alarm
+            self._tell("data", turbine=follower.name, about=about, text=text)
+            self._store.submit(Commit(statuses=[follower.status()], alarms=[alarm]))
+
+    def acknowledge(self, key: str, by: str, remark: str = "") -> Alarm:
+        """Acknowledge an alarm; KeyError if there is none of this key."""
+        return self._store.acknowledge(key, by=by, remark=remark, at=self._now())
+
+    # the clock
+
+    def _watch_clock(self) -> None:
+        """Look for turbines that fell silent or behind."""
+        last, before = 0, time.monotonic()
+        while not self._stopping.wait(TICK):
+            since = time.monotonic()
+            self._rate = (self._sums["blocks"] - last) / max(since - before, 1e-9)
+            last, before = self._sums["blocks"], since
+            for follower in self._followers.values():
+                try:
+                    with follower.lock:
+                        self._look_at(follower)
+                except Exception as error:  # the store failed: the next look may be luckier
+                    self._tell("store failed", turbine=follower.name, why=str(error))
+
+    def _look_at(self, follower: Follower) -> None:
+        now = self._now()
+        quiet = now - follower.received
+        if follower.received and quiet > self._silence and follower.state != "silent":
+            follower.state = "silent"
+            text = f"no block for {quiet / SECOND:.0f} s: check logger, network and broker"
+            self._data_alarm(follower, "silent", "warning", text)
+        if quiet > self._patience:
+            for window in sorted(follower.open):
+                if window + follower.windows.length < now:
+                    self._close(follower, window)
+        behind = now - follower.order[0].closed if follower.order else 0
+        if behind > BEHIND_WINDOWS * follower.windows.length:
+            text = (
+                f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait: this machine is too"
+                " slow for its turbines; nothing is lost"
+            )
+            self._data_alarm(follower, "behind", "warning", text)
+        over = [about for about in ("refused", "too late") if now - follower.heard.get(about, 0) > QUIET]
+        if behind <= follower.windows.length:
+            over.append("behind")
+        ended = [alarm for about in over for alarm in self._ended(follower, about, now)]
+        if ended:
+            self._store.submit(Commit(statuses=[follower.status()], alarms=ended))
+
+    # waiting and ending
+
+    def wait_idle(self, timeout: float | None = None) -> bool:
+        """Wait until no closed window waits; False where it took longer than `timeout` [s]."""
+        with self._idle:
+            return self._idle.wait_for(lambda: not any(f.order for f in self._followers.values()), timeout)
+
+    def finish(self, timeout: float | None = None) -> bool:
+        """Close all windows as they are and wait for them: a replay is over. What comes for them later is too late."""
+        for follower in self._followers.values():
+            with follower.lock:
+                for window in sorted(follower.open):
+                    self._close(follower, window)
+        return self.wait_idle(timeout)
+
+    def drain(self, timeout: float = 4.0) -> bool:
+        """End within `timeout` [s]: open windows stay open in the store, and those not yet estimated wait there.
+
+        Returns whether no closed window was left waiting.
+        """
+        until = time.monotonic() + timeout
+        idle = self.wait_idle(max(0.0, timeout - 1.5))
+        self._stopping.set()
+        with self._space:
+            self._space.notify_all()
+        for _ in self._estimators:
+            self._tasks.put(None)
+        for estimator in self._estimators:
+            estimator.close()
+        statuses = []
+        for follower in self._followers.values():
+            with follower.lock:
+                statuses.append(follower.status())
+                free, follower.withheld = follower.withheld, []
+            for future in free:
+                future.set_result(None)
+        last = self._store.submit(Commit(statuses=statuses))
+        for thread in self._threads:
+            thread.join(max(0.0, until - time.monotonic()))
+        with contextlib.suppress(TimeoutError):
+            last.exception(max(0.1, until - time.monotonic()))
+        return idle
+
+    def state(self) -> EngineState:
+        """Where everything stands."""
+        now, turbines = self._now(), {}
+        for name, follower in self._followers.items():
+            with follower.lock:
+                behind = now - follower.order[0].closed if follower.order else 0
+                turbines[name] = TurbineState(len(follower.order), max(0.0, behind / SECOND))
+        with self._summing:
+            sums = Counter(self._sums)
+        seconds = {part: sums[f"{part}_ns"] / SECOND for part in ("blocks", "windows", "estimates", "watch")}
+        return EngineState(
+            turbines, sums["blocks"], sums["samples"], sums["windows"], self._rate, self._pending, seconds,
+            len(self._estimators),
+        )  # fmt: skip
+
+    def _count(self, **numbers: int) -> None:
+        with self._summing:
+            for name, number in numbers.items():
+                self._sums[name] += number
+
+    # the start
+
+    def _follower(self, followed: Followed) -> Follower:
+        member = followed.member
+        settings = member.settings(followed.formulation)
+        options = followed.options._replace(window=followed.window)
+        known = self._store.checkpoint(member.name)
+        if known is None:
+            follower = Follower(followed, settings, start(member.name, options))
+        else:
+            until, checkpoint = known
+            means, watch = _unpack(checkpoint)
+            follower = Follower(followed, settings, resume(watch, member.name, options))
+            follower.means, follower.closed_until = means, until
+        tables = {"turbine": load_turbine(member.turbine).name, "formulation": followed.formulation}
+        self._store.configure(member.name, settings, tables | {"window": followed.window, **options._asdict()})
+        return follower
+
+    def _go_on(self, follower: Follower) -> None:
+        """Take up the windows that the store has blocks of."""
+        for window, block in self._store.waiting(follower.name):
+            follower.note(block, block.sequence, [window])
+            follower.see(block)
+        # a window of other boundaries was cut by settings that were changed since
+        foreign = [window for window in follower.open if follower.windows.start(window) != window]
+        with follower.lock:
+            for window in sorted({*foreign, *follower.over(self._lateness)}):
+                self._close(follower, window)
+
+
+def threads_of(workers: int | None) -> int:
+    """How many windows are estimated at once."""
+    import os
+
+    if workers is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, workers)
+
+
+def _about(alarm: Alarm) -> str:
+    """What the engine knows an alarm by."""
+    if alarm.kind == "data":
+        return alarm.key.split(":")[-2]
+    return f"{'drift' if ':drift:' in alarm.key else 'sensor'}:{alarm.about}"
+
+
+def _done() -> "Future[None]":
+    future: Future[None] = Future()
+    future.set_result(None)
+    return future
+
+
+def _pack(means: dict[str, list[float]], watch: bytes) -> bytes:
+    """A checkpoint: what the channels' means are known to be, and the watch's own."""
+    head = json.dumps(means, sort_keys=True, allow_nan=False).encode()
+    return len(head).to_bytes(4, "big") + head + watch
+
+
+def _unpack(checkpoint: bytes) -> tuple[dict[str, list[float]], bytes]:
+    size = int.from_bytes(checkpoint[:4], "big")
+    return json.loads(checkpoint[4 : 4 + size]), checkpoint[4 + size :]
+
+
+_TOO_LATE = (
+    "blocks came for windows that have their results already, and were not used: the logger's clock was set back, or"
+    " they were held up too long; set the clock, or raise lateness"
+)

@@ -1,0 +1,98 @@
+"""From a window's record to its row: in a worker process of its own, or here.
+
+The row is the one that `windsysid batch` gives of a file with the same samples (`windsysid.fleet.rows.row_of`), bit for
+bit. A worker that dies is started again and the window tried again; one that hangs is ended. What cannot be estimated
+is a row that says why.
+"""
+
+import time
+from typing import NamedTuple, Protocol
+
+from windsysid.fleet.guard import DEATHS, DeadWorkerError, HangingWorkerError, Worker
+from windsysid.fleet.members import Member
+from windsysid.fleet.rows import Row, empty_row, failed_row
+from windsysid.fleet.worker import pack_samples, take_samples
+from windsysid.live.timeline import Gathered
+from windsysid.results.identification import finite
+
+__all__ = ["LIMIT_SECONDS", "Estimated", "Estimator", "Here", "InWorker"]
+
+LIMIT_SECONDS = 600.0
+"""Time that a window may take before its worker counts as hanging."""
+
+
+class Estimated(NamedTuple):
+    """A window's row, and the processor time that it took [s]."""
+
+    row: Row
+    seconds: float
+
+
+class Estimator(Protocol):
+    """What takes windows, one after the other."""
+
+    def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
+        """The row of a window, whatever happens."""
+        ...
+
+    def close(self) -> None:
+        """End what is under way: `take` raises `windsysid.fleet.guard.StoppedError`."""
+        ...
+
+
+class Here:
+    """Windows taken in the caller's thread: for tests, and where a process is too much."""
+
+    def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
+        """The row of a window, whatever happens."""
+        if gathered.record is None:
+            return Estimated(_too_short(source, settings), 0.0)
+        begun = time.thread_time()
+        request = pack_samples(gathered.record, gathered.rate)
+        row: Row = finite(take_samples(request, member, formulation, settings, lambda _: None))
+        return Estimated(row, time.thread_time() - begun)
+
+    def close(self) -> None:
+        """There is nothing to end."""
+
+
+class InWorker:
+    """Windows taken in a process of their own, which may hang or die.
+
+    Parameters
+    ----------
+    limit
+        Seconds that a window may take.
+    """
+
+    def __init__(self, limit: float = LIMIT_SECONDS) -> None:
+        self._worker = Worker(limit)
+
+    def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
+        """The row of a window, whatever happens."""
+        if gathered.record is None:
+            return Estimated(_too_short(source, settings), 0.0)
+        from dataclasses import asdict
+
+        asked = {"member": asdict(member), "formulation": formulation, "settings": settings}
+        request = pack_samples(gathered.record, gathered.rate) | asked
+        why = ""
+        for _ in range(DEATHS):
+            try:
+                answer = self._worker.ask(request)
+                return Estimated(answer["row"], answer["seconds"])
+            except HangingWorkerError as error:
+                why = str(error)
+                break
+            except DeadWorkerError as error:
+                why = f"{error}, {DEATHS} times"
+        return Estimated(failed_row(source, gathered.record.values.nbytes, settings, why), 0.0)
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        self._worker.close()
+
+
+def _too_short(source: str, settings: str) -> Row:
+    why = "the window holds fewer than 2 samples: expected a record"
+    return empty_row(source, 0, settings) | {"status": "refused", "why": why}

@@ -1,0 +1,220 @@
+"""One turbine's stream as the engine follows it: what came, what is open, what waits.
+
+A follower is small and does not grow: numbers of the blocks of open windows, clocks, counts. The samples are in the
+store. Its methods are called under its lock.
+"""
+
+import threading
+from collections import Counter, deque
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+from windsysid.fleet.members import Member
+from windsysid.fleet.rows import Row
+from windsysid.live.block import Block
+from windsysid.live.codec import BlockRefused
+from windsysid.live.store.contents import Alarm, Result, Status
+from windsysid.live.streams import Drift, StreamHealth, Verdict
+from windsysid.live.timeline import SECOND, Windows, sample_time
+from windsysid.live.watching import Options, Watching
+
+__all__ = ["Followed", "Follower", "Placed", "WindowTask"]
+
+STREAMS = 16
+"""Loggers that a turbine may have."""
+
+LONGEST = 2
+"""Windows that a block may have samples of."""
+
+Arrival = Literal["new", "repeated", "too late"]
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A turbine that the engine follows.
+
+    Attributes
+    ----------
+    member
+        Name, turbine file and sensors. Its mapping and its SCADA are of files: blocks come with names and units.
+    window
+        Length of a window [s].
+    formulation
+        As of `windsysid.identify`.
+    options
+        How its watch is set; the window's length there is this one.
+    """
+
+    member: Member
+    window: float = 600.0
+    formulation: str = "spectral"
+    options: Options = field(default_factory=Options)
+
+
+class WindowTask(NamedTuple):
+    """A window that is closed, and when it was, by the service's clock [ns since 1970]."""
+
+    turbine: str
+    window: int
+    until: int
+    closed: int
+
+
+class Placed(NamedTuple):
+    """A block that came: what it is, the number that it is kept by, and the windows that it is kept for."""
+
+    arrival: Arrival
+    sequence: int
+    windows: tuple[int, ...] = ()
+
+
+@dataclass
+class _Stream:
+    """One logger: the newest sample, one that may be out of the way, and up to where all blocks came."""
+
+    newest: int | None = None
+    ahead: int | None = None
+    committed: int | None = None
+    health: StreamHealth | None = None
+
+
+class Follower:
+    """What the engine knows of one turbine."""
+
+    def __init__(self, followed: Followed, settings: str, watching: Watching) -> None:
+        self.followed, self.settings, self.watching = followed, settings, watching
+        self.name = followed.member.name
+        self.windows = Windows.of(self.name, followed.window)
+        self.lock, self.taking = threading.RLock(), threading.Lock()
+        self.streams: dict[str, _Stream] = {}
+        self.open: dict[int, dict[str, set[int]]] = {}
+        self.order: deque[WindowTask] = deque()
+        self.rows: dict[int, Row] = {}
+        self.closed_until = 0
+        self.counts: Counter[str] = Counter()
+        self.received = 0
+        self.state = "waiting"
+        self.rotor_speed: float | None = None
+        self.last: Future[None] | None = None
+        self.told = 0
+        self.withheld: list[Future[None]] = []
+        self.means: Drift = {}
+        self.taken: tuple[Result, Sequence[Alarm], Drift, list[Verdict]] | None = None
+        self.alarms: dict[str, Alarm] = {}
+        self.heard: dict[str, int] = {}
+
+    def place(self, block: Block, jump: int) -> Placed:
+        """What a block is; one that is new is written down.
+
+        Parameters
+        ----------
+        jump
+            A block that lies so far ahead of all others [ns] moves the stream's clock when a second one says the same.
+
+        Raises
+        ------
+        BlockRefused
+            If it is longer than two windows, or there are too many loggers.
+        """
+        windows = self.windows.of_block(block)
+        if len(windows) > LONGEST:
+            raise BlockRefused(
+                f"block of {len(block.values) / block.rate:.6g} s: expected no longer than a window of"
+                f" {self.windows.length / SECOND:g} s; send shorter blocks"
+            )
+        if block.stream not in self.streams and len(self.streams) >= STREAMS:
+            raise BlockRefused(f"stream '{block.stream}': the turbine has {STREAMS} loggers already, expected no more")
+        stream = self.streams.setdefault(block.stream, _Stream())
+        still = tuple(window for window in windows if window >= self.closed_until)
+        sequence = block.sequence
+        if not still:
+            known = stream.committed is not None and sequence <= stream.committed
+            return Placed("repeated" if known else "too late", sequence)
+        if self._has(block.stream, sequence):
+            if stream.newest is None or block.start <= stream.newest:
+                return Placed("repeated", sequence)
+            self.counts["numbering restarted"] += 1
+            sequence = block.start  # the sender counts from the beginning again: its starts go on growing
+            if self._has(block.stream, sequence):
+                return Placed("repeated", sequence)
+        self.note(block, sequence, still)
+        self._move_clock(stream, block, jump)
+        return Placed("new", sequence, still)
+
+    def note(self, block: Block, sequence: int, windows: Iterable[int]) -> None:
+        """Write down that a block is known."""
+        for window in windows:
+            self.open.setdefault(window, {}).setdefault(block.stream, set()).add(sequence)
+        stream = self.streams.setdefault(block.stream, _Stream())
+        if stream.committed is None:
+            stream.committed = sequence
+        while self._has(block.stream, stream.committed + 1):
+            stream.committed += 1
+
+    def forget(self, block: Block, placed: Placed) -> None:
+        """A block did not get to the store: it may come again."""
+        for window in placed.windows:
+            self.open.get(window, {}).get(block.stream, set()).discard(placed.sequence)
+
+    def _has(self, stream: str, sequence: int) -> bool:
+        return any(sequence in window.get(stream, ()) for window in self.open.values())
+
+    def _move_clock(self, stream: _Stream, block: Block, jump: int) -> None:
+        end = sample_time(block, len(block.values) - 1)
+        if stream.newest is None or block.start <= stream.newest + jump:
+            if stream.newest is not None and block.start < stream.newest - self.windows.length:
+                self.counts["clock jumps"] += 1
+            stream.newest, stream.ahead = max(end, stream.newest or 0), None
+        elif stream.ahead is None:
+            stream.ahead = end
+        else:
+            self.counts["clock jumps"] += 1
+            stream.newest, stream.ahead = max(min(stream.ahead, end), stream.newest), None
+
+    def see(self, block: Block) -> None:
+        """Let the stream's clock run up to a block that was believed before."""
+        stream = self.streams.setdefault(block.stream, _Stream())
+        stream.newest = max(sample_time(block, len(block.values) - 1), stream.newest or 0)
+
+    @property
+    def clock(self) -> int | None:
+        """Time of the newest sample that is believed [ns since 1970]."""
+        return max((stream.newest for stream in self.streams.values() if stream.newest is not None), default=None)
+
+    def over(self, lateness: int) -> list[int]:
+        """Open windows that the stream has left behind by `lateness` [ns], in order."""
+        clock = self.clock
+        if clock is None:
+            return []
+        return sorted(window for window in self.open if window + self.windows.length + lateness <= clock)
+
+    def close(self, window: int, now: int) -> WindowTask:
+        """Close an open window: what comes for it from now on is too late."""
+        until = window + self.windows.length
+        for stream, numbers in self.open.pop(window).items():
+            known = self.streams[stream]
+            if numbers:  # what is missing before them would be too late
+                known.committed = max(known.committed or 0, max(numbers))
+            while known.committed is not None and self._has(stream, known.committed + 1):
+                known.committed += 1
+        self.closed_until = max(self.closed_until, until)
+        task = WindowTask(self.name, window, until, now)
+        self.order.append(task)
+        return task
+
+    def restore(self, status: Status) -> None:
+        """Go on from what the store knows."""
+        self.counts.update(status.counts)
+        self.received, self.state = status.received, status.state
+        self.rotor_speed = status.rotor_speed
+        for name, sequence in status.sequences.items():
+            self.streams[name] = _Stream(newest=status.stream or None, committed=sequence)
+
+    def status(self) -> Status:
+        """As the store keeps it."""
+        sequences = {name: s.committed for name, s in self.streams.items() if s.committed is not None}
+        return Status(
+            self.name, sequences, self.clock or 0, self.received, self.state, self.rotor_speed, dict(self.counts)
+        )

@@ -1,0 +1,345 @@
+"""How the sensors of a stream are: told within seconds from the blocks, and drift from windows.
+
+The tests are those of `windsysid.inspection.health` with a memory of fixed size instead of the whole record: a channel
+is judged by what it is used to. A fault is told at once; it is over when the channel has been good for a while.
+
+``dead``      no number for 10 s, and for 20 of its usual intervals
+``missing``   a fifth more samples missing than usual, over about a minute
+``stuck``     one value for 10 s (what measures vibration) or 5 min (speeds), and ten times as long as it ever was
+``clipping``  samples pile up at the largest or the least value of a minute
+``spikes``    three excursions within about a minute that jump out and straight back
+``drift``     the mean of three windows in a row lies far outside of where it was in a day or more
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.fleet.rows import Row
+from windsysid.inspection.channels import VIBRATION, Kind, kind_of
+from windsysid.inspection.health import MAX_SPIKE_SAMPLES
+from windsysid.live.block import Block
+from windsysid.live.store.contents import Alarm, Health
+from windsysid.live.timeline import SECOND
+from windsysid.units import unit_text
+
+__all__ = ["Drift", "StreamHealth", "Verdict", "drifts", "sensor_alarm"]
+
+EVERY = 5.0
+"""Seconds of samples that are looked at together."""
+
+MEMORY = 60.0
+"""Seconds in which what was is forgotten to 1/e, and over which clipping is counted."""
+
+DEAD, DEAD_INTERVALS = 10.0, 20.0
+STUCK: dict[Kind, float] = {**dict.fromkeys(VIBRATION, 10.0), "wind speed": 300.0, "rotor speed": 300.0}
+STUCK_FACTOR = 10.0
+CONSTANT = 60.0
+"""Seconds after which a vibration channel that never changed is stuck."""
+MORE_MISSING = 0.2
+SPIKE_SIGMAS, SPIKES = 10.0, 3.0
+RECOVERY = 120.0
+"""Seconds without the fault after which a channel is good again."""
+
+DRIFT_LEARN, DRIFT_WINDOWS, DRIFT_GIVE_UP = 144, 3, 1008
+"""Windows to learn from, windows in a row that lie outside, and windows after which that is the new usual."""
+DRIFT_SIGMAS, DRIFT_RANGES, DRIFT_SHARE = 8.0, 3.0, 0.5
+"""Of the spread of the means, of their largest deviation yet, and of the channel's own standard deviation."""
+
+_LIVELY = 100
+"""Changes of value after which it is known how long a channel may repeat one."""
+
+_ADVICE = {
+    "dead": "gives no samples: check sensor, cable and logger",
+    "missing": "lacks more samples than usual: check cable and logger",
+    "stuck": "repeats one value: check sensor and cable; its samples say nothing",
+    "clipping": "is cut off at its largest values: lower the gain, or take a sensor of a wider range",
+    "spikes": "jumps out and straight back: check plugs, cable and shield",
+    "drift": "has moved away from its usual mean: check mounting and supply of the sensor",
+}
+
+
+class Verdict(NamedTuple):
+    """What became of a channel.
+
+    Attributes
+    ----------
+    state
+        ``good`` or a fault, as the module lists them.
+    since
+        Stream time [ns since 1970].
+    at
+        When it was found.
+    text
+        What it is and what to do.
+    """
+
+    channel: str
+    state: str
+    since: int
+    at: int
+    text: str
+
+    def health(self, turbine: str) -> Health:
+        """As the store keeps it."""
+        return Health(turbine, self.channel, self.state, self.since, self.text)
+
+
+def sensor_alarm(turbine: str, verdict: Verdict) -> Alarm:
+    """The alarm of a fault."""
+    return Alarm(
+        key=f"{turbine}:sensor:{verdict.channel}:{verdict.state}:{verdict.at}", turbine=turbine, kind="sensor",
+        severity="notice" if verdict.state == "missing" else "warning", about=verdict.channel, opened=verdict.at,
+        earliest=verdict.since, latest=verdict.at, ended=None, text=verdict.text,
+    )  # fmt: skip
+
+
+class StreamHealth:
+    """The channels of one logger; its size does not grow with time."""
+
+    def __init__(self) -> None:
+        self._channels: dict[str, _Channel] = {}
+        self._held: list[Block] = []
+        self._seconds = 0.0
+
+    def take(self, block: Block) -> list[Verdict]:
+        """Take in a block; what has changed since."""
+        changed: list[Verdict] = []
+        if self._held and (block.rate != self._held[0].rate or block.channels != self._held[0].channels):
+            changed = self._examine()
+        self._held.append(block)
+        self._seconds += len(block.values) / block.rate
+        return changed + self._examine() if self._seconds >= EVERY else changed
+
+    def _examine(self) -> list[Verdict]:
+        blocks, self._held, self._seconds = self._held, [], 0.0
+        first = blocks[0]
+        values = np.concatenate([block.values for block in blocks]) if len(blocks) > 1 else first.values
+        names = {name: i for i, name in enumerate(first.channels)}
+        for name, unit in zip(first.channels, first.units, strict=True):
+            if name not in self._channels:
+                self._channels[name] = _Channel(name, unit, kind_of(name, unit))
+        changed = []
+        for name, channel in self._channels.items():
+            at = names.get(name)
+            x = np.asarray(values[:, at], dtype=np.float64) if at is not None else np.full(len(values), np.nan)
+            verdict = channel.take(x, 1.0 / first.rate, first.start)
+            if verdict is not None:
+                changed.append(verdict)
+        return changed
+
+
+@dataclass
+class _Side:
+    """The largest values of a minute: how often the very largest came, and what came just below."""
+
+    top: float = -math.inf
+    at: int = 0
+    runs: int = 0
+    beside: Array = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass
+class _Channel:
+    """What one channel is used to, and how it is."""
+
+    name: str
+    unit: str
+    kind: Kind
+    state: str = "good"
+    good: float = 0.0
+    seen: float = 0.0
+    samples: int = 0
+    lost: float = 0.0
+    missing: float = 0.0
+    usual_missing: float = 0.0
+    last: float = math.nan
+    run: float = 0.0
+    longest: float = 0.0
+    changes: int = 0
+    scale: float = 0.0
+    spread: float = 0.0
+    spikes: float = 0.0
+    sides: tuple[_Side, _Side] = field(default_factory=lambda: (_Side(), _Side()))
+    counted: float = 0.0
+    clipped: bool = False
+
+    def take(self, x: Array, step: float, start: int) -> Verdict | None:
+        """Take in samples `x` (n,) that are `step` [s] apart; the verdict where it changed."""
+        seconds = len(x) * step
+        end = start + round(seconds * SECOND)
+        known = np.isfinite(x)
+        y = x if known.all() else x[known]
+        self._count_missing(len(y) / len(x), seconds)
+        self.samples += len(y)
+        if len(y):
+            self.lost = 0.0
+            self._count_changes(y, seconds)
+            if self.kind in VIBRATION and len(y) > 2 * MAX_SPIKE_SAMPLES:
+                self._look_at_steps(y, seconds)
+            self.last = float(y[-1])
+        else:
+            self.lost += seconds
+        fault, since = self._fault(end)
+        if fault is None:
+            self.good += seconds
+            if self.state == "good" or self.good < RECOVERY:
+                return None
+            fault, since = "good", end - round(self.good * SECOND)
+        else:
+            self.good = 0.0
+            if fault == self.state:
+                return None
+        self.state = fault
+        return Verdict(self.name, fault, since, end, "" if fault == "good" else self._told(fault))
+
+    def _told(self, fault: str) -> str:
+        value = f" {self.last:.4g} {unit_text(self.unit)}".removesuffix(" 1") if fault == "stuck" else ""
+        advice = _ADVICE[fault].replace("repeats one value", f"repeats{value}") if value else _ADVICE[fault]
+        return f"{self.name} {advice}"
+
+    def _fault(self, end: int) -> tuple[str | None, int]:
+        """The worst fault that is there now, and since when."""
+        interval = self.seen / self.samples if self.samples else 0.0
+        if self.lost >= max(DEAD, DEAD_INTERVALS * interval):
+            return "dead", end - round(self.lost * SECOND)
+        limit = STUCK.get(self.kind)
+        lively = self.changes >= _LIVELY
+        if limit is not None and (lively or (self.changes == 0 and self.kind in VIBRATION)):
+            shortest = max(limit, STUCK_FACTOR * self.longest) if lively else CONSTANT
+            if self.run >= shortest and (self.kind in VIBRATION or self.last != 0.0):
+                return "stuck", end - round(self.run * SECOND)
+        recent = end - round(MEMORY * SECOND)
+        if self.seen > MEMORY and self.missing > self.usual_missing + MORE_MISSING:
+            return "missing", recent
+        if self.clipped:
+            return "clipping", recent
+        if self.spikes >= (SPIKES if self.state != "spikes" else 0.5):
+            return "spikes", recent
+        return None, end
+
+    def _count_missing(self, there: float, seconds: float) -> None:
+        self.seen += seconds
+        weight = 1.0 - math.exp(-seconds / MEMORY)
+        if self.seen <= 2.0 * MEMORY:  # what it does at first is what it is used to
+            self.usual_missing += (1.0 - there - self.usual_missing) * min(1.0, seconds / self.seen)
+            self.missing = self.usual_missing
+        else:
+            self.missing += (1.0 - there - self.missing) * weight
+
+    def _count_changes(self, y: Array, seconds: float) -> None:
+        """How long the newest value has been repeated, and how long one ever was."""
+        step = seconds / len(y)
+        changes = np.flatnonzero(np.diff(y, prepend=self.last) != 0.0)  # NaN at first: a change
+        if not len(changes):
+            self.run += seconds
+            return
+        ended = max(self.run + changes[0] * step, float(np.diff(changes).max(initial=0)) * step)
+        fault = self.state == "stuck"
+        self.longest = max(self.longest * math.exp(-seconds / 86400.0), 0.0 if fault else ended)
+        self.changes += len(changes) - (1 if math.isnan(self.last) else 0)
+        self.run = (len(y) - changes[-1]) * step
+
+    def _look_at_steps(self, y: Array, seconds: float) -> None:
+        """Spikes and clipping."""
+        d = np.diff(y)
+        a = np.abs(d)
+        moving = a[a > 0.0]
+        self.spikes *= math.exp(-seconds / MEMORY)
+        if moving.size < 10:
+            return
+        rank = int(0.9 * moving.size)
+        now = float(np.partition(moving, rank)[rank]) / 1.645
+        quarter = len(y) // 4
+        ordered = np.partition(y, (quarter, 3 * quarter))
+        spread = 0.7413 * float(ordered[3 * quarter] - ordered[quarter])
+        weight = 1.0 - math.exp(-seconds / MEMORY)
+        first = self.scale == 0.0
+        self.scale = now if first else self.scale + (now - self.scale) * weight
+        self.spread = spread if first else self.spread + (spread - self.spread) * weight
+        lsb = float(moving.min())
+        least = max(SPIKE_SIGMAS * max(self.scale, now), 0.5 * max(self.spread, spread), 4.0 * lsb)
+        self.spikes += sum(1 for _ in _spikes(y, d, np.flatnonzero(a > least)[:100]))
+        self._count_ends(y, lsb, seconds)
+
+    def _count_ends(self, y: Array, lsb: float, seconds: float) -> None:
+        """Samples at the ends of the range, as `windsysid.inspection.health` counts them, over a minute."""
+        span = float(y.max() - y.min())
+        level = max(lsb, span / 2000.0)
+        near = 0.5 * lsb if lsb > 1e-3 * span else 1e-9 * span
+        for side, x in zip(self.sides, (y, -y), strict=True):
+            top = float(x.max())
+            if top > side.top + near:
+                side.top, side.at, side.runs, side.beside = top, 0, 0, np.zeros(3)
+            elif top < side.top - 4.0 * level:
+                continue
+            depth = side.top - x
+            at = np.flatnonzero(depth <= near)
+            side.at += len(at)
+            side.runs += int(np.sum(np.diff(at) > 1)) + (1 if len(at) else 0)
+            side.beside += [np.sum((depth > (i - 0.5) * level) & (depth <= (i + 0.5) * level)) for i in (1, 2, 3)]
+        self.counted += seconds
+        if self.counted >= MEMORY:
+            self.clipped = any(
+                side.at >= 10 and side.runs >= 3 and side.at > 5 * float(side.beside.max()) for side in self.sides
+            )
+            self.sides, self.counted = (_Side(), _Side()), 0.0
+
+
+def _spikes(y: Array, d: Array, jumps: Any) -> Iterator[int]:
+    """Where `y` jumps out and straight back, of the places where it jumps at all."""
+    end = -1
+    for k in jumps:
+        if k <= end:
+            continue  # the way back is no way out
+        height = abs(float(d[k]))
+        for w in range(1, MAX_SPIKE_SAMPLES + 1):
+            if k + w + 1 >= len(y) or abs(float(y[k + w] - y[k])) <= 0.5 * height:
+                break
+            if abs(float(y[k + w + 1] - y[k])) < 0.4 * height:
+                end = k + w
+                yield int(k)
+                break
+
+
+Drift = dict[str, list[float]]
+"""Of each channel: windows learned, mean and variance of their means, largest deviation, windows outside in a row."""
+
+
+def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) -> tuple[Drift, list[Verdict]]:
+    """What is known of the channels' means after one more window, and which began or ceased to drift.
+
+    A function of values: the engine keeps what is known in its checkpoints.
+    """
+    after: Drift = dict(known)
+    changed = []
+    for channel in row["channels"]:
+        name, mean, own = channel["name"], channel["mean"], channel["std"]
+        if mean is None or not own or kind_of(name, channel["unit"]) not in VIBRATION:
+            continue
+        n, centre, variance, largest, outside = known.get(name, [0.0, 0.0, 0.0, 0.0, 0.0])
+        off = mean - centre
+        limit = max(DRIFT_SIGMAS * math.sqrt(variance), DRIFT_RANGES * largest, DRIFT_SHARE * own)
+        if n >= DRIFT_LEARN and abs(off) > limit:
+            outside += 1.0
+            if outside == DRIFT_WINDOWS:
+                text = f"{name} {_ADVICE['drift']}: {mean:.4g} {unit_text(channel['unit'])} instead of {centre:.4g}"
+                since = window - (DRIFT_WINDOWS - 1) * (until - window)
+                changed.append(Verdict(name, "drift", since, until, text))
+            if outside < DRIFT_GIVE_UP:
+                after[name] = [n, centre, variance, largest, outside]
+                continue
+            n = centre = variance = largest = 0.0
+            off = mean
+        if outside >= DRIFT_WINDOWS:
+            changed.append(Verdict(name, "good", until, until, ""))
+        n += 1.0
+        weight = 1.0 / min(n, 1000.0)
+        if n > DRIFT_LEARN // 2:  # by then the centre is known
+            largest = max(largest, abs(off))
+        after[name] = [n, centre + weight * off, (1.0 - weight) * (variance + weight * off * off), largest, 0.0]
+    return after, changed
