@@ -1,0 +1,277 @@
+"""Who is told of alarms: a web address, or a broker.
+
+Every recipient has a place in the store: up to which event it was told. It moves when the recipient has confirmed, so
+that a restart loses nothing. What changes while a recipient is away is told as it is when it comes back. Recipients
+wait for themselves only: none holds up the engine, nor another.
+"""
+
+import asyncio
+import hashlib
+import json
+import logging
+import time
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from typing import Any, Protocol
+from urllib.parse import quote, urlsplit
+
+from windsysid._version import __version__
+from windsysid.errors import WindsysidError
+from windsysid.live.settings import SEVERITIES, Broker, MqttNotice, NoticeSettings, WebhookNotice
+from windsysid.live.store.contents import Alarm, Event
+from windsysid.live.store.store import Store
+
+__all__ = ["MqttRecipient", "Recipient", "UndeliveredError", "Webhook", "notice_of", "recipient_of", "tell_alarms"]
+
+POLL_SECONDS = 1.0
+"""How often the journal is looked at."""
+
+EVENTS_AT_ONCE = 1000
+ALARMS_AT_ONCE = 100_000
+
+ANSWER_SECONDS = 10.0
+"""In which a recipient must confirm."""
+
+FIRST_PAUSE, LONGEST_PAUSE = 1.0, 300.0
+"""Between tries [s]: each pause is twice the one before."""
+
+REFUSALS = (400, 413, 422)
+"""By these a web address says that it will never take this message: it is logged, and the next one is told."""
+
+_log = logging.getLogger("windsysid")
+
+
+class UndeliveredError(WindsysidError):
+    """A recipient did not confirm.
+
+    Attributes
+    ----------
+    for_good
+        Whether it will never take this message.
+    """
+
+    def __init__(self, why: str, *, for_good: bool = False) -> None:
+        super().__init__(why)
+        self.for_good = for_good
+
+
+class Recipient(Protocol):
+    """Somebody who is told of alarms.
+
+    Attributes
+    ----------
+    key
+        Under which the store remembers it; it shows no secret.
+    severity
+        From this one on it is told.
+    """
+
+    key: str
+    severity: str
+
+    async def send(self, alarm: Alarm) -> None:
+        """Tell of an alarm as it is now; `UndeliveredError` where it is not confirmed."""
+        ...
+
+    async def close(self) -> None:
+        """Let go of connections."""
+        ...
+
+
+def notice_of(alarm: Alarm) -> dict[str, Any]:
+    """What is told of an alarm, as plain values; moments in ISO 8601, UTC.
+
+    ``text`` is one line that stands alone, as chat programs show it. ``key`` is the same for all that is told of one
+    alarm, and ``state`` is ``open``, ``acknowledged`` or ``ended``.
+    """
+    state = "ended" if alarm.ended is not None else "acknowledged" if alarm.acknowledged is not None else "open"
+    heading = alarm.severity if state == "open" else f"{alarm.severity}, {state}"
+    return {
+        "text": f"{alarm.turbine}: {heading}: {alarm.text}",
+        "key": alarm.key, "state": state, "turbine": alarm.turbine, "kind": alarm.kind, "severity": alarm.severity,
+        "about": alarm.about, "what": alarm.text, "opened": _moment(alarm.opened), "earliest": _moment(alarm.earliest),
+        "latest": _moment(alarm.latest), "ended": _moment(alarm.ended), "acknowledged": _moment(alarm.acknowledged),
+        "by": alarm.by, "remark": alarm.remark, "windsysid": __version__,
+    }  # fmt: skip
+
+
+def _moment(ns: int | None) -> str | None:
+    if ns is None:
+        return None
+    return datetime.fromtimestamp(ns / 1e9, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
+def recipient_of(settings: NoticeSettings) -> Recipient:
+    """The recipient that a table [[notify]] means."""
+    if isinstance(settings, WebhookNotice):
+        return Webhook(settings.url.value, settings.token.value if settings.token else None, settings.severity)
+    return MqttRecipient(settings)
+
+
+async def tell_alarms(store: Store, recipient: Recipient, stop: asyncio.Event) -> None:
+    """Tell a recipient of every alarm that opens, changes, is acknowledged or ends, until `stop` is set.
+
+    A recipient that is new is told of the alarms that are open.
+    """
+    place = await _in_thread(stop, store.told, recipient.key)
+    if place is None:
+        place = await _in_thread(stop, store.last_event)
+        fresh = await _in_thread(stop, store.alarms, open_only=True, most=ALARMS_AT_ONCE)
+        await _send_all(recipient, reversed(fresh or []), stop)
+        if not stop.is_set():
+            await _in_thread(stop, store.tell, recipient.key, place)
+    while not stop.is_set():
+        events: list[Event] = await _in_thread(stop, store.events, place, most=EVENTS_AT_ONCE) or []
+        changed = {event.key for event in events if event.kind == "alarm"}
+        if changed:
+            known = await _in_thread(stop, store.alarms, most=ALARMS_AT_ONCE) or []
+            await _send_all(recipient, [alarm for alarm in reversed(known) if alarm.key in changed], stop)
+        if stop.is_set():
+            break
+        if events:
+            place = events[-1].id
+        if changed:
+            await _in_thread(stop, store.tell, recipient.key, place)
+        if len(events) < EVENTS_AT_ONCE:
+            await _pause(stop, POLL_SECONDS)
+    await recipient.close()
+
+
+async def _in_thread(stop: asyncio.Event, ask: Any, *given: Any, **options: Any) -> Any:
+    """What the store answers; asked again while its database is away."""
+    while True:
+        try:
+            return await asyncio.to_thread(ask, *given, **options)
+        except WindsysidError as error:
+            _log.warning("notices wait for the store: %s", error)
+            await _pause(stop, LONGEST_PAUSE / 10.0)
+            if stop.is_set():
+                return None
+
+
+async def _send_all(recipient: Recipient, alarms: Iterable[Alarm], stop: asyncio.Event) -> None:
+    least = SEVERITIES.index(recipient.severity)
+    for alarm in alarms:
+        if SEVERITIES.index(alarm.severity) >= least and not stop.is_set():
+            await _send(recipient, alarm, stop)
+
+
+async def _send(recipient: Recipient, alarm: Alarm, stop: asyncio.Event) -> None:
+    pause = FIRST_PAUSE
+    while not stop.is_set():
+        try:
+            await recipient.send(alarm)
+            return
+        except UndeliveredError as error:
+            if error.for_good:
+                _log.error("%s refuses alarm %s for good: %s", recipient.key, alarm.key, error)
+                return
+            if pause in (FIRST_PAUSE, LONGEST_PAUSE):
+                _log.warning("%s was not told of alarm %s, and will be: %s", recipient.key, alarm.key, error)
+        await _pause(stop, pause)
+        pause = min(2.0 * pause, LONGEST_PAUSE)
+
+
+async def _pause(stop: asyncio.Event, seconds: float) -> None:
+    try:
+        await asyncio.wait_for(stop.wait(), seconds)
+    except TimeoutError:
+        return
+
+
+class Webhook:
+    """A web address that takes alarms as JSON."""
+
+    def __init__(self, url: str, token: str | None, severity: str) -> None:
+        import httpx
+
+        self.severity = severity
+        self.key = f"webhook {urlsplit(url).hostname} {hashlib.sha256(url.encode()).hexdigest()[:12]}"
+        headers = {"User-Agent": f"windsysid/{__version__}"}
+        if token is not None:
+            headers["Authorization"] = f"Bearer {token}"
+        self._url = url
+        self._client = httpx.AsyncClient(headers=headers, timeout=ANSWER_SECONDS, follow_redirects=False)
+
+    async def send(self, alarm: Alarm) -> None:
+        """Post an alarm as it is now; `UndeliveredError` without an answer of 2xx."""
+        import httpx
+
+        try:
+            answer = await self._client.post(self._url, json=notice_of(alarm))
+        except (httpx.HTTPError, httpx.InvalidURL) as error:  # its text may hold the address, which may be a secret
+            raise UndeliveredError(f"no answer ({type(error).__name__})") from None
+        if not answer.is_success:
+            raise UndeliveredError(f"answered {answer.status_code}", for_good=answer.status_code in REFUSALS)
+
+    async def close(self) -> None:
+        """Let go of connections."""
+        await self._client.aclose()
+
+
+class MqttRecipient:
+    """A broker that keeps every open alarm as a retained message.
+
+    The message of an alarm that ended is sent once more, and no longer kept.
+    """
+
+    def __init__(self, settings: MqttNotice) -> None:
+        from paho.mqtt import client as mqtt
+        from paho.mqtt.enums import CallbackAPIVersion
+
+        self.severity, self._topic, self._broker = settings.severity, settings.topic, settings.broker
+        address = urlsplit(settings.broker.url)
+        self.key = f"mqtt {address.hostname} {settings.topic}"
+        self._client = mqtt.Client(CallbackAPIVersion.VERSION2, protocol=mqtt.MQTTv5)
+        _prepare(self._client, settings.broker)
+        self._client.on_connect = self._on_connect
+        self._started, self._refused = False, ""
+
+    async def send(self, alarm: Alarm) -> None:
+        """Publish an alarm as it is now; `UndeliveredError` where the broker does not confirm."""
+        await asyncio.to_thread(self._publish, alarm)
+
+    def _publish(self, alarm: Alarm) -> None:
+        topic = self._topic.replace("{turbine}", alarm.turbine).replace("{alarm}", quote(alarm.key, safe=" "))
+        payload, ended = json.dumps(notice_of(alarm)).encode(), alarm.ended is not None
+        try:
+            self._connect()
+            for content, retain in ((payload, not ended), *(((b"", True),) if ended else ())):
+                sent = self._client.publish(topic, content, qos=1, retain=retain)
+                sent.wait_for_publish(ANSWER_SECONDS)
+                if not sent.is_published():
+                    raise UndeliveredError(f"no confirmation within {ANSWER_SECONDS:g} s")
+        except (OSError, ValueError, RuntimeError) as error:
+            raise UndeliveredError(" ".join(str(error).split()) or type(error).__name__) from None
+
+    def _connect(self) -> None:
+        """Be connected: from the first time on, the client's own thread connects again where it must."""
+        if not self._started:
+            address = urlsplit(self._broker.url)
+            self._client.connect(address.hostname or "", address.port or (8883 if _is_tls(self._broker) else 1883))
+            self._client.loop_start()
+            self._started = True
+        until = time.monotonic() + ANSWER_SECONDS
+        while not self._client.is_connected():
+            if time.monotonic() > until:
+                raise UndeliveredError(self._refused or "no connection")
+            time.sleep(POLL_SECONDS / 20.0)
+
+    def _on_connect(self, client: Any, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:
+        self._refused = f"the broker says: {reason}" if reason.is_failure else ""
+
+    async def close(self) -> None:
+        """Let go of connections."""
+        self._client.disconnect()
+        self._client.loop_stop()
+
+
+def _is_tls(broker: Broker) -> bool:
+    return broker.url.startswith("mqtts:")
+
+
+def _prepare(client: Any, broker: Broker) -> None:
+    if broker.user:
+        client.username_pw_set(broker.user, broker.password.value if broker.password else None)
+    if _is_tls(broker):
+        client.tls_set(ca_certs=None if broker.ca is None else str(broker.ca))
