@@ -1,0 +1,1 @@
+"""Where a live service's blocks come from: a broker, a folder, a SCADA server, a record that is played."""

@@ -1,0 +1,137 @@
+"""A record that is played as if it were measured now: no broker, nothing else running."""
+
+import asyncio
+import logging
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+
+from windsysid.errors import WindsysidError
+from windsysid.live.block import Block
+from windsysid.live.sources.cutting import SECOND, begin_of, blocks_of
+from windsysid.live.sources.source import Push, SourceState, is_refused, stopped_within
+from windsysid.records.formats import iterate_record
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.record import Record
+
+__all__ = ["Replay", "record_blocks"]
+
+logger = logging.getLogger(__name__)
+
+_PIECE = 600.0
+"""Of a file that is in memory at once [s]."""
+
+_AHEAD = 32
+"""Blocks that wait for their commit at most."""
+
+
+class Replay:
+    """Plays a record at any speed.
+
+    Parameters
+    ----------
+    record
+        A record, or the path of a file of one.
+    turbine
+        Its name in the service.
+    speed
+        How many times faster than it was recorded; 0 is as fast as its blocks are taken.
+    seconds
+        Length of a block [s].
+    begin
+        The moment of the record's time 0 [ns since 1970]; by default what the record says, and now where it says none.
+    stream
+        Which of the turbine's loggers it is of.
+    mapping
+        What the columns of the file are.
+    """
+
+    def __init__(
+        self,
+        record: Record | str | Path,
+        turbine: str,
+        *,
+        speed: float = 1.0,
+        seconds: float = 1.0,
+        begin: int | None = None,
+        stream: str = "",
+        mapping: str | Path | Mapping | None = None,
+    ) -> None:
+        self.record, self.turbine, self.speed = record, turbine, speed
+        self.seconds, self.begin, self.stream, self.mapping = seconds, begin, stream, mapping
+        self.state = SourceState()
+
+    def describe(self) -> str:
+        """The record, and how fast it is played."""
+        name = self.record.name if isinstance(self.record, Record) else str(self.record)
+        return f"replay of {name} as {self.turbine}" + (f", {self.speed:g} ×" if self.speed else "")
+
+    async def run(self, push: Push, stop: asyncio.Event) -> None:
+        """Play the record once.
+
+        Raises
+        ------
+        RecordError, ConfigurationError
+            If the record cannot be read.
+        """
+        blocks = record_blocks(
+            self.record, self.turbine, begin=self.begin, seconds=self.seconds, stream=self.stream, mapping=self.mapping
+        )
+        self.state = self.state._replace(state="running")
+        waiting: deque[asyncio.Future[None]] = deque()  # commits of blocks, in the order of the blocks
+        began = first = None
+        while (block := await asyncio.to_thread(next, blocks, None)) is not None and not stop.is_set():
+            if began is None or first is None:
+                began, first = time.monotonic(), block.start
+            if self.speed:
+                end = (block.start - first) / SECOND + len(block.values) / block.rate
+                if await stopped_within(stop, began + end / self.speed - time.monotonic()):
+                    break
+            try:
+                waiting.append(asyncio.wrap_future(await asyncio.to_thread(push, block)))
+            except WindsysidError as error:
+                self._refused(error)
+            while len(waiting) >= _AHEAD or (waiting and waiting[0].done()):
+                await self._committed(waiting.popleft())
+        while waiting:
+            await self._committed(waiting.popleft())
+        self.state = self.state._replace(state="ended")
+
+    async def _committed(self, future: asyncio.Future[None]) -> None:
+        try:
+            await future
+            self.state = self.state._replace(blocks=self.state.blocks + 1)
+        except WindsysidError as error:
+            self._refused(error)
+
+    def _refused(self, error: WindsysidError) -> None:
+        if not is_refused(error):
+            raise error
+        logger.warning("%s: block refused: %s", self.describe(), error)
+        self.state = self.state._replace(refused=self.state.refused + 1, text=str(error))
+
+
+def record_blocks(
+    record: Record | str | Path,
+    turbine: str,
+    *,
+    begin: int | None = None,
+    seconds: float = 1.0,
+    stream: str = "",
+    mapping: str | Path | Mapping | None = None,
+) -> Iterator[Block]:
+    """The blocks of a record or of a file of one, which is never wholly in memory; parameters as of `Replay`.
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If it cannot be read.
+    """
+    pieces = [record] if isinstance(record, Record) else iterate_record(record, _PIECE, mapping=mapping)
+    for piece in pieces:
+        if begin is None:
+            begin = begin_of(piece)
+        if begin is None:
+            begin = time.time_ns() - round(float(piece.time[0]) * SECOND)
+        yield from blocks_of(piece, turbine, begin, seconds=seconds, stream=stream)

@@ -1,0 +1,103 @@
+"""What every source does: it brings blocks until it is told to stop, and lets go of none before it is committed."""
+
+import asyncio
+import contextlib
+import random
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Future
+from typing import NamedTuple, Protocol
+
+from windsysid.errors import WindsysidError
+from windsysid.live.block import Block
+
+__all__ = ["Push", "Source", "SourceState", "deliver", "is_refused", "retries", "stopped_within"]
+
+Push = Callable[[Block], Future[None]]
+"""Takes a block in: the future ends when it is committed. It may wait, and goes with any thread."""
+
+LONGEST_PAUSE = 30.0
+"""Between two attempts to reach what a source reads from [s]."""
+
+
+class SourceState(NamedTuple):
+    """How a source is.
+
+    Attributes
+    ----------
+    state
+        ``waiting``, ``running``, ``trying`` (what it reads from cannot be reached), ``ended``.
+    text
+        Why it is not running; empty where it is.
+    blocks
+        That were taken in.
+    refused
+        Blocks, messages or files that can never be taken.
+    """
+
+    state: str = "waiting"
+    text: str = ""
+    blocks: int = 0
+    refused: int = 0
+
+
+class Source(Protocol):
+    """Brings blocks of one turbine or of many."""
+
+    state: SourceState
+
+    def describe(self) -> str:
+        """What it reads from, in a few words without secrets."""
+        ...
+
+    async def run(self, push: Push, stop: asyncio.Event) -> None:
+        """Bring blocks until `stop` is set or there are no more.
+
+        What cannot be reached is tried again by the source itself; an error that comes out of here is one that trying
+        again does not mend.
+        """
+        ...
+
+
+async def deliver(push: Push, block: Block) -> str:
+    """Wait until a block is committed; why it was refused, or an empty text.
+
+    Raises
+    ------
+    Exception
+        What kept the block from being committed: it may be taken later.
+    """
+    try:
+        await asyncio.wrap_future(await asyncio.to_thread(push, block))
+    except WindsysidError as error:
+        if not is_refused(error):
+            raise
+        return str(error)
+    return ""
+
+
+def is_refused(error: BaseException) -> bool:
+    """Whether a block can never be taken, as against one that could not be taken now."""
+    return isinstance(error, WindsysidError) and isinstance(error, ValueError)
+
+
+async def stopped_within(stop: asyncio.Event, seconds: float) -> bool:
+    """Wait for `stop`, `seconds` [s] at most; whether it is set."""
+    with contextlib.suppress(TimeoutError):
+        await asyncio.wait_for(stop.wait(), seconds)
+    return stop.is_set()
+
+
+async def retries(stop: asyncio.Event, first: float = 0.5) -> AsyncIterator[Callable[[], None]]:
+    """Attempts until `stop` is set, at growing pauses from `first` to 30 s; each yields what to call when it succeeded,
+    so that the next pause is the shortest again."""
+    pause = first
+
+    def succeeded() -> None:
+        nonlocal pause
+        pause = first
+
+    while not stop.is_set():
+        yield succeeded
+        if await stopped_within(stop, pause * random.uniform(0.5, 1.0)):  # not all at once when a broker comes back
+            return
+        pause = min(2.0 * pause, LONGEST_PAUSE)
