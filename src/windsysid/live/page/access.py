@@ -54,7 +54,7 @@ class Access:
         for name, token in (("read-only", self.read), ("operator", self.operate)):
             if token is not None and (len(token) < MIN_TOKEN or not token.isascii() or not token.isprintable()):
                 raise ConfigurationError(
-                    f"{name} token: expected {MIN_TOKEN} or more printable ASCII characters, got {len(token)} or others:"
+                    f"{name} token: expected {MIN_TOKEN} or more printable ASCII characters, got {len(token)}:"
                     " make one by `openssl rand -hex 32`"
                 )
         if self.read is not None and self.read == self.operate:

@@ -176,7 +176,7 @@ def _turbines(store: Store, engine: Engine | None, newest: Newest, door: Door) -
 
     @router.get("/results")
     def results(
-        turbine: Annotated[str, Depends(known)], since: Moment = None, until: Moment = None, most: Most = 1000
+        turbine: Annotated[str, Depends(known)], since: Moment = None, until: Moment = None, most: Most = 2000
     ) -> models.Results:
         """Modes, loads, rotor speed and trust over time."""
         return results_of(store.results(turbine, since=_ns(since), until=_ns(until), most=most))

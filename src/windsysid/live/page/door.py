@@ -1,8 +1,8 @@
 """Who asks: a token or a session at every request, and the login form."""
 
-from typing import Annotated
+from urllib.parse import parse_qs
 
-from fastapi import APIRouter, Form, HTTPException, Request
+from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import RedirectResponse
 
 from windsysid.live.page.access import COOKIE, SESSION_SECONDS, Access, Role
@@ -54,8 +54,10 @@ class Door:
         router = APIRouter(include_in_schema=False)
 
         @router.post("/login")
-        def login(token: Annotated[str, Form(max_length=1000)], request: Request) -> RedirectResponse:
-            role = self._role_of(token.strip(), request) if self._access.asked else None
+        async def login(request: Request) -> RedirectResponse:
+            form = parse_qs((await request.body()).decode("utf-8", "replace"))
+            token = form.get("token", [""])[0].strip()
+            role = self._role_of(token, request) if self._access.asked else None
             answer = RedirectResponse("/" if role else "/#login-failed", SEE_OTHER)
             if role is not None:
                 answer.set_cookie(

@@ -1,0 +1,62 @@
+// All turbines, the worst first.
+
+import { badge, h, table } from "/static/dom.js";
+import { VERDICTS, plural, rpm, span, when } from "/static/words.js";
+
+export const pathOf = (name) => `#/turbine/${encodeURIComponent(name)}`;
+
+export function overviewPage(overview) {
+  const { turbines } = overview;
+  if (!turbines.length) {
+    return [h("h1", {}, "Turbines"), h("p", { class: "note" },
+      "No turbine has sent anything yet. Once the first block of samples is here, its turbine is listed, and its first estimate comes when its first window has ended.")];
+  }
+  const counts = Object.entries(VERDICTS)
+    .map(([verdict, said]) => [verdict, said, turbines.filter((one) => one.verdict === verdict).length])
+    .filter(([, , count]) => count);
+  const steady = turbines.every((one) => one.verdict === "steady");
+  const columns = [
+    ["Turbine"], ["Is it as it was?"], ["Rotor"], ["Newest estimate"], ["Sensors"], ["Data"],
+  ];
+  return [
+    h("h1", {}, steady ? `${plural(turbines.length, "turbine")}, as it was` : plural(turbines.length, "turbine")),
+    h("ul", { class: "summary", "aria-label": "How many turbines are how" },
+      counts.map(([verdict, [shape, word], count]) => h("li", {}, badge([shape, `${count} ${word}`], verdict)))),
+    table("The worst first. What follows is as of now; a turbine's page has its history.", columns,
+      turbines.map((one) => row(one, overview.at)), { stacked: true, kind: "turbines" }),
+  ];
+}
+
+function row(one, now) {
+  return [
+    [h("a", { class: "name", href: pathOf(one.name), id: `turbine-${one.name}` }, one.name), " ", badge(VERDICTS[one.verdict], one.verdict)],
+    h("div", { class: "answer" }, one.answer, moreAlarms(one)),
+    [one.state, one.rotor_speed === null ? "" : `, ${rpm(one.rotor_speed)}`],
+    estimate(one),
+    one.faults.length
+      ? one.faults.map((fault) => h("div", {}, `◆ ${fault.channel}: ${fault.state}`))
+      : one.received === null ? "nothing yet" : "good",
+    stream(one, now),
+  ];
+}
+
+function moreAlarms(one) {
+  const waiting = one.alarms.filter((alarm) => alarm.acknowledged === null).length;
+  if (!one.alarms.length) return null;
+  const text = waiting ? `${plural(waiting, "alarm")} to acknowledge` : "acknowledged";
+  return h("div", { class: "quiet" }, text);
+}
+
+function estimate(one) {
+  if (one.until === null) return "none yet";
+  const trust = one.trusted ? "trusted" : "not trusted";
+  return [h("div", {}, trust), h("div", { class: "quiet" }, when(one.until))];
+}
+
+function stream(one, now) {
+  if (one.received === null) return "nothing yet";
+  const parts = [h("div", {}, `last block ${span(now - one.received)} ago`)];
+  if (one.behind !== null && one.behind > 0) parts.push(h("div", { class: "quiet" }, `${span(1000 * one.behind)} behind`));
+  if (one.windows_waiting > 1) parts.push(h("div", { class: "quiet" }, `${one.windows_waiting} windows wait`));
+  return parts;
+}

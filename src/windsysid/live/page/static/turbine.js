@@ -1,0 +1,301 @@
+// One turbine: is it as it was, what moved, when, by how much, and can it be trusted?
+
+import { alarmList } from "/static/alarms.js";
+import { ask, turbinePath } from "/static/api.js";
+import { Chart } from "/static/charts.js";
+import { badge, h, show, table } from "/static/dom.js";
+import { VERDICTS, change, digits, percent, plural, rpm, span, when, withBand, zone } from "/static/words.js";
+
+const HOUR = 3600e3;
+const RANGES = [["6 h", 6 * HOUR], ["1 day", 24 * HOUR], ["7 days", 168 * HOUR], ["30 days", 720 * HOUR], ["all", null]];
+const RPM = 30 / Math.PI;
+
+export class TurbineView {
+  constructor(main, name, role) {
+    this.main = main;
+    this.name = name;
+    this.role = role;
+    this.length = 168 * HOUR; // null: all
+    this.end = null; // null: the newest
+    this.charts = new Map();
+    this.head = h("div", {});
+    this.known = h("div", {});
+    this.rangeLine = h("div", {});
+    this.groups = h("div", {});
+    this.rest = h("div", {});
+    this.built = false;
+    this.texts = new Map();
+    this.dark = matchMedia("(prefers-color-scheme: dark)");
+    this.redraw = () => this.drawCharts();
+    this.dark.addEventListener("change", this.redraw);
+  }
+
+  close() {
+    this.dark.removeEventListener("change", this.redraw);
+    for (const chart of this.charts.values()) chart.close();
+    this.closed = true;
+  }
+
+  async read(changes) {
+    const ours = changes.all || changes.results.includes(this.name);
+    this.page = await ask(turbinePath(this.name));
+    if (ours || !this.built) await this.readHistory();
+    if (this.closed) return;
+    if (!this.built) {
+      show(this.main, this.head, this.known, h("h2", { id: "history" }, "History"), this.rangeLine, this.groups, this.rest);
+      this.built = true;
+      this.drawCharts();
+    } else if (ours) this.drawCharts();
+    this.put(this.head, this.headPart());
+    this.put(this.known, this.knownPart());
+    this.put(this.rangeLine, this.rangePart());
+    this.put(this.rest, this.restPart());
+  }
+
+  // Only what changed is replaced.
+  put(place, children) {
+    const made = h("div", {}, children);
+    if (this.texts.get(place) === made.innerHTML) return;
+    this.texts.set(place, made.innerHTML);
+    const open = [...place.querySelectorAll("details[open]")].map((one) => one.id);
+    show(place, [...made.childNodes]);
+    for (const id of open) if (id) document.getElementById(id)?.setAttribute("open", "");
+  }
+
+  get range() {
+    const newest = this.page.summary.until ?? this.page.at;
+    const first = this.page.first ?? newest - 24 * HOUR;
+    const end = this.end ?? newest;
+    return [this.length === null ? first : end - this.length, end];
+  }
+
+  async readHistory() {
+    const [from, to] = this.range;
+    const query = `?since=${Math.max(0, from)}&until=${to + 1}`;
+    [this.levels, this.results, this.alarms] = await Promise.all([
+      ask(turbinePath(this.name, `/levels${query}`)), ask(turbinePath(this.name, `/results${query}`)),
+      ask(`/api/alarms?turbine=${encodeURIComponent(this.name)}`),
+    ]);
+  }
+
+  async go(length, end) {
+    this.length = length;
+    this.end = end;
+    await this.readHistory();
+    this.drawCharts();
+    this.put(this.known, this.knownPart());
+    this.put(this.rangeLine, this.rangePart());
+  }
+
+  headPart() {
+    const { summary, newest, at, counts } = this.page;
+    const facts = [
+      ["Can it be trusted?", summary.trusted === null ? "no estimate yet" : summary.trusted ? "yes, the newest estimate" : "no, not the newest estimate"],
+      ["Rotor", [summary.state, summary.rotor_speed === null ? "" : `, ${rpm(summary.rotor_speed)}`]],
+      ["Newest estimate", summary.until === null ? "none yet" : [h("span", { class: "quiet" }, "window until "), when(summary.until)]],
+      ["Newest block", summary.received === null ? "none yet" : `${span(at - summary.received)} ago`],
+      ["Behind", summary.behind === null ? "not known" : `${span(1000 * summary.behind)}${summary.windows_waiting ? `, ${plural(summary.windows_waiting, "window")} in work` : ""}`],
+      ["Sensors", summary.faults.length ? `${plural(summary.faults.length, "channel")} not good` : this.page.channels.length ? `all ${this.page.channels.length} good` : "nothing known yet"],
+    ];
+    const good = summary.verdict === "steady";
+    const bad = ["moved", "sensor"].includes(summary.verdict);
+    return [
+      h("p", {}, h("a", { href: "#/", id: "to-all" }, "← All turbines")),
+      h("h1", {}, this.name, " ", badge(VERDICTS[summary.verdict], summary.verdict)),
+      h("p", { class: `note ${good ? "good" : bad ? "bad" : ""}` }, summary.answer),
+      summary.reasons.length && !summary.answer.includes(summary.reasons[0]) ? h("p", { class: "note" }, `Not trusted: ${summary.reasons.join("; ")}.`) : null,
+      h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))),
+      summary.alarms.length ? [h("h2", {}, plural(summary.alarms.length, "open alarm")), alarmList(summary.alarms, this.role(), false)] : null,
+      newest === null ? h("p", { class: "note" }, `No estimate yet: the first is here when the first window has ended and was worked out.${counts.samples ? ` ${counts.samples} samples came so far.` : ""}`) : null,
+    ];
+  }
+
+  knownPart() {
+    const { newest } = this.page;
+    if (newest === null) return null;
+    const watched = this.levels.series.map((series) => this.seriesRow(series));
+    const modes = newest.modes.map((mode) => [
+      mode.name,
+      withBand(mode.frequency, mode.frequency_low, mode.frequency_high, "Hz"),
+      mode.damping_ratio === null ? "not known" : withBand(100 * mode.damping_ratio, 100 * mode.damping_ratio_low, 100 * mode.damping_ratio_high, "%"),
+      mode.nearest === null ? "the rotor speed is not known" : `${mode.nearest}: the mode is ${percent(Math.abs(mode.distance))} ${mode.distance > 0 ? "above" : "below"}`,
+    ]);
+    return [
+      h("h2", {}, "What is known now"),
+      watched.length ? table("All bands are ±2σ. The level is what all windows say together; it follows slow changes. The change is over the range that is shown below.",
+        [["Coefficient"], ["Level", true], ["Newest window", true], ["Change", true], ["Test for a jump"]], watched, { stacked: true }) : null,
+      modes.length ? h("h3", { class: "spaced" }, "Modes of the newest window") : null,
+      modes.length ? table("±2σ; excitation by the rotor: 1P and multiples of the blades.",
+        [["Mode"], ["Frequency", true], ["Damping ratio", true], ["Nearest excitation"]], modes, { stacked: true }) : null,
+    ];
+  }
+
+  seriesRow(series) {
+    const known = series.level.map((v, i) => i).filter((i) => series.level[i] !== null);
+    const own = series.estimate.findLastIndex((v) => v !== null);
+    const [first, last] = [known[0], known.at(-1)];
+    const at = series.limit.findLastIndex((v) => v !== null && v > 0);
+    const share = at < 0 ? null : series.statistic[at] / series.limit[at];
+    const meter = share === null ? null : h("meter", { min: "0", max: "1", value: String(Math.min(share, 1)), "aria-hidden": "true" });
+    return [
+      series.title,
+      last === undefined ? "learning" : withBand(series.level[last], series.level_low[last], series.level_high[last], series.unit),
+      own < 0 ? "says nothing" : withBand(series.estimate[own], series.low[own], series.high[own], series.unit),
+      last === undefined || first === last ? "–" : this.changeOf(series, first, last),
+      share === null ? "learns what is usual" : [meter, ` ${share >= 1 ? "beyond its limit" : `at ${percent(share)} of its limit`}`],
+    ];
+  }
+
+  changeOf(series, first, last) {
+    const by = (series.level[last] - series.level[first]) / series.level[first];
+    const half = Math.hypot(series.level_high[last] - series.level_low[last], series.level_high[first] - series.level_low[first]) / 2;
+    return `${change(by)} ± ${percent(half / Math.abs(series.level[first]), 1)}`;
+  }
+
+  rangePart() {
+    const [from, to] = this.range;
+    const width = to - from;
+    const newest = this.page.summary.until ?? this.page.at;
+    const button = (id, text, act, { pressed, off } = {}) =>
+      h("button", { type: "button", id: `range-${id}`, "aria-pressed": pressed === undefined ? null : String(pressed), disabled: off, onclick: act }, text);
+    const move = (by) => {
+      const end = Math.min(newest, to + by * width);
+      return this.go(width, end >= newest ? null : end);
+    };
+    const zoom = (by) => this.go(width * by, by < 1 && this.end === null ? null : Math.min(newest, (from + to + width * by) / 2) >= newest ? null : (from + to + width * by) / 2);
+    return [
+      h("div", { class: "ranges", role: "group", "aria-label": "Range of the charts" },
+        RANGES.map(([text, length], i) => button(i, text, () => this.go(length, null), { pressed: this.length === length && this.end === null })),
+        button("earlier", "◀ earlier", () => move(-0.5), { off: this.page.first !== null && from <= this.page.first }),
+        button("later", "later ▶", () => move(0.5), { off: this.end === null }),
+        button("in", "zoom in", () => zoom(0.5), { off: width <= HOUR }),
+        button("out", "zoom out", () => zoom(2))),
+      h("p", { class: "quiet shown", "aria-live": "polite" }, `${when(from)} to ${when(to)}. Axes are in ${zone()}. Drag over a chart to see a part of it.`),
+    ];
+  }
+
+  drawCharts() {
+    if (!this.built || this.closed) return;
+    const range = this.range;
+    const groups = [
+      ["Stiffness and damping", this.coefficientCharts(), true],
+      ["Frequencies and damping ratios", this.modeCharts(), true],
+      ["Rotor speed and excitation", this.rotorCharts(), true],
+      ["Loads", this.loadCharts(), false],
+      ["Noise of the sensors", this.noiseCharts(), false],
+    ].filter(([, charts]) => charts.length);
+    for (const [name, charts, open] of groups) {
+      const id = name.toLowerCase().replace(/\W+/g, "-");
+      let group = document.getElementById(id);
+      if (!group || !this.groups.contains(group)) {
+        group = h("details", { class: "group", id, open, ontoggle: () => this.fillGroup(id) }, h("summary", { id: `${id}-title` }, name), h("div", { class: "charts" }));
+        this.groups.append(group);
+      }
+      group.charts = charts;
+      group.range = range;
+      this.fillGroup(id);
+    }
+    if (!groups.length) show(this.groups, h("p", { class: "note" }, "There is no history yet: charts begin with the first estimate."));
+    else this.groups.querySelector(":scope > p")?.remove();
+  }
+
+  fillGroup(id) {
+    const group = document.getElementById(id);
+    if (!group?.open) return;
+    const place = group.querySelector(".charts");
+    for (const shown of group.charts) {
+      const at = `${id}/${shown.title}`;
+      if (!this.charts.has(at)) {
+        const chart = new Chart(`${id}-${this.charts.size}`, (from, to) => this.go(to - from, to));
+        this.charts.set(at, chart);
+        place.append(chart.figure);
+      }
+      this.charts.get(at).update(shown, group.range);
+    }
+  }
+
+  marksOf(name) {
+    return this.alarms.filter((one) => one.kind === "structure" && one.about === name).map((one) => ({ from: one.earliest, to: one.latest, text: one.text }));
+  }
+
+  seriesCharts(wanted) {
+    return this.levels.series.filter(wanted).map((series) => ({
+      title: capital(series.title), unit: series.unit, windows: this.levels.windows, marks: this.marksOf(series.name),
+      points: [{ name: "window", values: series.estimate, low: series.low, high: series.high }],
+      lines: [{ name: "level", values: series.level, low: series.level_low, high: series.level_high }],
+    }));
+  }
+
+  coefficientCharts() {
+    return this.seriesCharts((series) => series.kind !== "noise");
+  }
+
+  noiseCharts() {
+    return this.seriesCharts((series) => series.kind === "noise");
+  }
+
+  modeCharts() {
+    const { windows, modes } = this.results;
+    const times100 = (values) => values.map((v) => (v === null ? null : 100 * v));
+    return modes.flatMap((mode) => [
+      { title: `Frequency, ${mode.name}`, unit: "Hz", windows, points: [{ name: "window", values: mode.frequency, low: mode.frequency_low, high: mode.frequency_high }] },
+      {
+        title: `Damping ratio, ${mode.name}`, unit: "%", windows,
+        points: [{ name: "window", values: times100(mode.damping_ratio), low: times100(mode.damping_ratio_low), high: times100(mode.damping_ratio_high) }],
+      },
+    ]);
+  }
+
+  rotorCharts() {
+    const { windows, modes, rotor_speed: speed, blades } = this.results;
+    if (speed.every((v) => v === null)) return [];
+    const charts = [{ title: "Rotor speed", unit: "rpm", factor: 1, windows, points: [{ name: "window", values: speed.map((v) => (v === null ? null : v * RPM)) }] }];
+    if (blades && modes.length) {
+      const most = 1.6 * Math.max(...modes.flatMap((mode) => mode.frequency));
+      const orders = [1, ...[1, 2, 3, 4].map((k) => k * blades)];
+      const lines = orders.map((n) => ({ name: `${n}P`, dashed: true, colour: "--rule-strong", values: speed.map((v) => (v === null ? null : (n * v) / (2 * Math.PI))) }))
+        .filter((line) => Math.min(...line.values.filter((v) => v !== null)) < most);
+      charts.push({
+        title: "Modes and what the rotor excites", unit: "Hz", windows, lines,
+        about: "A mode that a dashed line crosses is excited at every turn.",
+        points: modes.map((mode) => ({ name: mode.name, values: mode.frequency })),
+      });
+    }
+    return charts;
+  }
+
+  loadCharts() {
+    const { windows, loads } = this.results;
+    return loads.map((one) => ({ title: capital(one.title), unit: one.unit, windows, logarithmic: true, points: [{ name: "window", values: one.estimate, low: one.low, high: one.high }] }));
+  }
+
+  restPart() {
+    const { channels, newest, counts, configurations } = this.page;
+    return [
+      h("h2", {}, "Sensors"),
+      channels.length ? table("As their samples show them now.", [["Channel"], ["State"], ["Since"], ["What to do"]],
+        channels.map((one) => [one.channel, one.state === "good" ? badge(["●", "good"], "steady") : badge(["◆", one.state], "sensor"), when(one.since), one.text || "nothing"]), { stacked: true })
+        : h("p", { class: "quiet" }, "Nothing is known of the channels yet."),
+      newest?.budget.length ? [h("h2", {}, "What makes the bands as wide as they are"),
+        table("Of the newest window: by what share the variance would fall, if something were known exactly.",
+          [["Coefficient"], ["Estimate", true], ["Loads and noise", true], ["Instruments and masses", true], ["Left: length of the window, prior", true], ["Told by the data", true]],
+          newest.budget.map((one) => [one.title, withBand(one.estimate, one.low, one.high, one.unit), percent(one.loads), percent(one.instruments), percent(one.rest), percent(one.informed)]), { stacked: true })] : null,
+      newest ? this.windowPart(newest) : null,
+      h("details", { id: "stream" }, h("summary", { id: "stream-title" }, "The stream since its first block"),
+        table("Counts.", [["What"], ["How many", true]], Object.entries(counts).map(([name, count]) => [name, count.toLocaleString("en").replaceAll(",", "\u202f")])),
+        configurations.length ? table("Settings.", [["Since"], ["Settings"]], configurations.map((one) => [when(one.at), one.settings])) : null),
+    ];
+  }
+
+  windowPart(newest) {
+    const lines = [
+      newest.why, ...newest.reasons.map((text) => `Not trusted: ${text}`), ...newest.remarks, ...newest.notes,
+      ...newest.health.map((one) => `${one.channel}: ${one.text}`),
+    ].filter((text) => text);
+    return h("details", { id: "window" }, h("summary", { id: "window-title" }, "What the newest window says of itself"),
+      h("p", {}, `${when(newest.window)} to ${when(newest.until)}, ${digits(newest.samples ?? 0, 6)} samples at ${digits(newest.rate)} Hz, ${newest.formulation || "no estimate"}.`),
+      h("ul", {}, lines.map((text) => h("li", {}, text))));
+  }
+}
+
+const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -1,0 +1,78 @@
+// Numbers, moments and verdicts in words.
+
+export const VERDICTS = {
+  moved: ["▲", "moved"], sensor: ["◆", "sensor fault"], silent: ["■", "no data"], unsure: ["?", "not sure"],
+  learning: ["…", "learning"], waiting: ["○", "waiting"], steady: ["●", "as it was"],
+};
+
+export const SEVERITIES = { alarm: ["▲", "alarm"], warning: ["◆", "warning"], notice: ["●", "notice"] };
+
+export const KINDS = { structure: "structure", sensor: "sensor", data: "data" };
+
+const RPM = 30 / Math.PI;
+
+export const rpm = (speed) => (speed === null ? "not known" : `${digits(speed * RPM)} rpm`);
+
+export function digits(value, count = 4) {
+  if (value === null || value === undefined) return "–";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-4) return value.toExponential(count - 2).replace("e+", "e").replace("-", "−");
+  const places = Math.max(0, count - 1 - Math.floor(Math.log10(size)));
+  return value.toFixed(Math.min(places, 8)).replace("-", "−");
+}
+
+// The prefix that makes values of a unit short: 1 787 260 N/m is 1.787 MN/m.
+export function scaled(unit, size) {
+  if (!/^(N|W|Pa)/.test(unit) || !size) return { factor: 1, unit };
+  const [factor, prefix] = size >= 1e9 ? [1e-9, "G"] : size >= 1e6 ? [1e-6, "M"] : size >= 1e3 ? [1e-3, "k"] : [1, ""];
+  return { factor, unit: prefix + unit };
+}
+
+// A value and its band with as many places as the band has to say.
+export function withBand(value, low, high, unit) {
+  if (value === null || value === undefined) return "not known";
+  const by = scaled(unit, Math.abs(value));
+  const half = ((high - low) / 2) * by.factor;
+  const shown = unit === "1" ? "" : ` ${by.unit}`;
+  if (!(half > 0)) return `${digits(value * by.factor)}${shown}`;
+  const places = Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(half))));
+  const text = (value * by.factor).toFixed(places).replace("-", "−");
+  return `${text} ± ${half.toFixed(places)}${shown}`;
+}
+
+export const percent = (share, count = 2) => (share === null ? "–" : `${digits(100 * share, count)} %`);
+
+// Signed: 0.031 → +3.1 %.
+export const change = (share) => (share > 0 ? "+" : "") + percent(share);
+
+const local = new Intl.DateTimeFormat("en-GB", { day: "numeric", month: "short", hour: "2-digit", minute: "2-digit" });
+const localYear = new Intl.DateTimeFormat("en-GB", {
+  day: "numeric", month: "short", year: "numeric", hour: "2-digit", minute: "2-digit",
+});
+const utc = new Intl.DateTimeFormat("en-GB", { timeZone: "UTC", hour: "2-digit", minute: "2-digit" });
+const utcDay = new Intl.DateTimeFormat("en-GB", {
+  timeZone: "UTC", day: "numeric", month: "short", hour: "2-digit", minute: "2-digit",
+});
+
+// In the reader's zone, with UTC beside where it differs.
+export function when(ms) {
+  if (ms === null || ms === undefined) return "not known";
+  const at = new Date(ms);
+  const here = (at.getFullYear() === new Date().getFullYear() ? local : localYear).format(at);
+  if (at.getTimezoneOffset() === 0) return `${here} UTC`;
+  const there = at.getUTCDate() === at.getDate() ? utc.format(at) : utcDay.format(at);
+  return `${here} (${there} UTC)`;
+}
+
+export function span(ms) {
+  const s = Math.max(0, ms / 1000);
+  if (s < 90) return `${Math.round(s)} s`;
+  if (s < 5400) return `${Math.round(s / 60)} min`;
+  if (s < 172800) return `${Math.round(s / 3600)} h`;
+  return `${Math.round(s / 86400)} days`;
+}
+
+export const zone = () => Intl.DateTimeFormat().resolvedOptions().timeZone || "local time";
+
+export const plural = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;
