@@ -183,6 +183,7 @@ class SqlStore:
         connection, self._connection = self._connection, None
         if connection is not None:
             try:
+                connection.rollback()  # an SQLite connection that statements still refer to would keep its lock
                 connection.close()
             except self._database.errors:
                 logging.getLogger("windsysid").debug("%s: its connection was lost", self._database.name)

@@ -1,0 +1,93 @@
+"""A PostgreSQL server of the tests' own, in a temporary folder, reached through a socket in it."""
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+PLACES = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
+USER = "postgres" if hasattr(os, "geteuid") and os.geteuid() == 0 else None  # the server refuses to run as root
+
+
+def program(name: str) -> str | None:
+    return shutil.which(name, path=os.pathsep.join([os.environ.get("PATH", ""), *map(str, PLACES)]))
+
+
+def _lives(process: int) -> bool:
+    with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+class Server:
+    """A server, which may be stopped as a power cut does and started again."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.url = f"postgresql://postgres@/postgres?host={folder}"
+        self._run(
+            "initdb", "-D", "data", "-U", "postgres", "-A", "trust", "-E", "UTF8", "--no-sync", "--locale=C.UTF-8"
+        )
+
+    def _run(self, name: str, *arguments: str) -> None:
+        found = program(name)
+        assert found
+        as_user = ["runuser", "-u", USER, "--"] if USER else []
+        subprocess.run([*as_user, found, *arguments], cwd=self.folder, check=True, stdout=subprocess.DEVNULL)
+
+    def start(self) -> None:
+        options = f"-c listen_addresses='' -k {self.folder} -c shared_buffers=16MB -c fsync=off"
+        self._run("pg_ctl", "-D", "data", "-w", "-t", "120", "-l", "log", "-o", options, "start")
+
+    def kill(self) -> None:
+        """Nothing is written, nobody is told: every process of the server is killed."""
+        lock = self.folder / "data" / "postmaster.pid"
+        postmaster = int(lock.read_text().split()[0])
+        workers = Path(f"/proc/{postmaster}/task/{postmaster}/children").read_text().split()
+        processes = [postmaster, *map(int, workers)]
+        for process in processes:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+        deadline = time.monotonic() + 60
+        while any(_lives(process) for process in processes) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        lock.unlink()  # where nobody has collected the dead server, the next one would take it for alive
+        for left in self.folder.glob(".s.PGSQL.*"):
+            left.unlink()
+
+    def stop(self) -> None:
+        self._run("pg_ctl", "-D", "data", "-m", "immediate", "-w", "stop")
+
+    def emptied(self) -> str:
+        """The URL of a database in which no store is."""
+        import psycopg
+
+        with psycopg.connect(self.url, autocommit=True) as connection:
+            connection.execute("DROP SCHEMA IF EXISTS windsysid CASCADE")
+        return self.url
+
+
+@contextmanager
+def postgres() -> Iterator[Server]:
+    """A server that runs."""
+    pytest.importorskip("psycopg", reason="psycopg is not installed")
+    if program("initdb") is None or (USER and shutil.which("runuser") is None):
+        pytest.skip("no PostgreSQL server is installed")
+    with tempfile.TemporaryDirectory(prefix="windsysid-postgres-", ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        if USER:
+            shutil.chown(folder, USER)
+        server = Server(folder)
+        server.start()
+        try:
+            yield server
+        finally:
+            server.stop()
