@@ -12,13 +12,13 @@ class TurbineState(Protocol):
     """How the engine does with one turbine."""
 
     @property
-    def windows_waiting(self) -> int:
-        """Windows that are over and have no result."""
+    def windows(self) -> int:
+        """That are over and have no result."""
         ...
 
     @property
-    def seconds_behind(self) -> float:
-        """By how much the results are behind the samples [s]."""
+    def behind(self) -> float:
+        """How long the oldest of them has waited [s]."""
         ...
 
 
@@ -31,13 +31,18 @@ class EngineState(Protocol):
         ...
 
     @property
-    def blocks_per_second(self) -> float:
-        """Committed of late [1/s]."""
+    def samples(self) -> int:
+        """Taken since the start."""
         ...
 
     @property
-    def cost_per_sample(self) -> float:
-        """Processor time a sample [µs]."""
+    def rate(self) -> float:
+        """Blocks a second, committed of late."""
+        ...
+
+    @property
+    def seconds(self) -> Mapping[str, float]:
+        """Processor time since the start, by part [s]."""
         ...
 
 

@@ -61,9 +61,8 @@ def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, 
     summaries.sort(key=_how_bad)
     service = None
     if state is not None:
-        service = models.Service(
-            blocks_per_second=_number(state.blocks_per_second), cost_per_sample=_number(state.cost_per_sample)
-        )
+        cost = 1e6 * sum(state.seconds.values()) / state.samples if state.samples else None
+        service = models.Service(blocks_per_second=_number(state.rate), cost_per_sample=_number(cost))
     return models.Overview(
         at=_now(), event=event, role="operator" if role == "operator" else "reader", login=login,
         version=__version__, turbines=summaries, service=service,
@@ -192,7 +191,7 @@ def _summary(
     seen = sorted((alarm_seen(alarm) for alarm in alarms), key=_alarm_order)
     faults = [_channel(health) for health in healths if health.state != "good"]
     state = engine.get(name)
-    behind = None if state is None else _number(state.seconds_behind)
+    behind = None if state is None else _number(state.behind)
     silent = status is not None and status.state == "silent"
     verdict, answer = _verdict(seen, faults, silent, result)
     return models.TurbineSummary(
@@ -205,7 +204,7 @@ def _summary(
         until=None if result is None else _ms(result.until),
         trusted=None if result is None else row.get("status") == "ok" and bool(row.get("trusted")),
         reasons=_reasons(row),
-        windows_waiting=None if state is None else state.windows_waiting,
+        windows_waiting=None if state is None else state.windows,
         behind=behind, alarms=seen, faults=faults,
     )  # fmt: skip
 
