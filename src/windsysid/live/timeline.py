@@ -30,8 +30,8 @@ SECOND = 1_000_000_000
 EDGE = 1e-3
 """Of a sample: a stamp so near before a boundary counts as on it, since stamps are rounded."""
 
-AHEAD = 5
-"""Blocks whose stamps decide whether one stamp was off or samples are missing."""
+AVERAGED, MOST_AVERAGED = 10.0, 100
+"""Seconds of blocks, and blocks, whose stamps decide together whether one stamp was off or samples are missing."""
 
 
 class Windows(NamedTuple):
@@ -161,28 +161,26 @@ def _indices(blocks: Sequence[Block], rate: float, origin: int) -> tuple[list[in
     """Where on the grid each block begins, and how many blocks share the grid with the first one."""
     index: list[int] = []
     end = 0  # of what is placed
-    lag: list[float] = []  # of stamps behind the grid, in samples: of the newest blocks that went on evenly
+    lags: list[float] = []  # of stamps behind the grid, in samples: of the newest blocks that went on evenly
     off = [(block.start - origin) * rate / SECOND for block in blocks]
+    some = max(1, min(MOST_AVERAGED, math.ceil(AVERAGED * rate / max(1, len(blocks[0].values)))))
     for k, block in enumerate(blocks):
         if block.rate != rate:
             return index, k
-        base = _middle(lag[-3:]) if lag else 0.0
-        shift = off[k] - end - base
-        if k and abs(shift) >= 0.5:
-            if abs(shift) < 1.5:  # a stamp may be off: what the next ones say counts
-                counted = end
-                ahead = []
-                for j in range(k, min(k + AHEAD, len(blocks))):
+        base = sum(lags) / len(lags) if lags else 0.0
+        shift, step = off[k] - end - base, 0
+        if k and abs(shift) >= 0.5:  # a stamp may be off: what the next ones say counts
+            counted, ahead = end, []
+            for j in range(k, min(k + some, len(blocks))):
+                if abs(off[j] - counted - base - shift) < 1.5:
                     ahead.append(off[j] - counted - base)
-                    counted += len(blocks[j].values)
-                shift = _middle([x for x in ahead if abs(x) < 2.5] or [shift])
-            step = math.floor(shift + 0.5)
-        else:
-            step = 0
+                counted += len(blocks[j].values)
+            shift = sum(ahead) / len(ahead)
+            step = math.floor(shift + 0.5) if abs(shift) >= 0.5 + 0.25 / len(lags) else 0
         if step < 0 and not _repeats(blocks, index, k, end + step):
             return index, k  # its clock was set back
         index.append(end + step)
-        lag = [*lag[-2:], off[k] - (end + step)]
+        lags = [*lags[1 - some :], off[k] - (end + step)] if some > 1 else [off[k] - (end + step)]
         end = max(end, end + step + len(block.values))
     return index, len(blocks)
 
@@ -255,8 +253,3 @@ def _joined(pieces: Sequence[_Piece], name: str) -> tuple[Record | None, float]:
         name=name, start=moment_text(lead.start, 0),
     )  # fmt: skip
     return record, lead.rate
-
-
-def _middle(numbers: Sequence[float]) -> float:
-    """The median; the lower one of an even number."""
-    return sorted(numbers)[(len(numbers) - 1) // 2]

@@ -1,0 +1,141 @@
+"""A block survives the way in bytes, and what is no block ends in one line."""
+
+import contextlib
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.live.streaming import NOON, blocks_of, record
+from windsysid.live.block import Block
+from windsysid.live.codec import BlockRefused, Limits, check, decode, encode_arrow, encode_json
+
+pa = pytest.importorskip("pyarrow")
+
+
+def a_block(**changes: object) -> Block:
+    return replace(blocks_of(record(50), 20.0, 50)[0], **changes)  # type: ignore[arg-type]
+
+
+def same(a: Block, b: Block) -> bool:
+    return (
+        (a.turbine, a.sequence, a.start, a.rate, a.channels, a.units, a.stream)
+        == (b.turbine, b.sequence, b.start, b.rate, b.channels, b.units, b.stream)
+        and a.values.dtype == b.values.dtype
+        and a.values.tobytes() == b.values.tobytes()
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("stream", ["", "blades"])
+def test_an_arrow_block_comes_back_bit_for_bit(dtype, stream):
+    values = a_block().values.astype(dtype)
+    values[3, 1] = np.nan
+    block = a_block(values=values, stream=stream, sequence=17, start=NOON + 1)
+    assert same(decode(encode_arrow(block), turbine="T01"), block)
+
+
+def test_a_json_block_comes_back_with_its_values():
+    values = a_block().values.copy()
+    values[3, 1] = np.nan
+    block = a_block(values=values, stream="blades")
+    assert same(decode(encode_json(block), turbine="T01"), block)
+
+
+def test_a_start_may_be_a_moment_and_a_sequence_may_be_missing():
+    told = json.loads(encode_json(a_block()))
+    del told["sequence"]
+    told["start"] = "2026-01-01T13:00:00.123456789+01:00"
+    block = decode(json.dumps(told).encode(), turbine="T01")
+    assert block.start == block.sequence == NOON + 123_456_789
+
+
+def test_other_units_are_converted_and_infinite_values_are_missing():
+    values = np.array([[1.0, np.inf], [2.0, 3.0]])
+    block = check(Block("T01", 0, NOON, 20.0, ("tower_x_acceleration", "power"), ("g", "kW"), values))
+    assert block.units == ("m/s^2", "W")
+    assert np.array_equal(block.values, [[9.80665, np.nan], [2 * 9.80665, 3000.0]], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"rate": 0.0}, "rate: expected above 0"),
+        ({"rate": float("nan")}, "rate: expected above 0"),
+        ({"start": -1}, "start and sequence: expected whole numbers"),
+        ({"sequence": 2**70}, "start and sequence: expected whole numbers"),
+        ({"values": np.zeros((0, 2))}, "block of 0 samples"),
+        ({"values": np.zeros((3, 2), dtype=np.int64)}, "expected float32 or float64"),
+        ({"values": np.zeros((3, 3))}, "3 columns, 2 channels"),
+        ({"channels": ("a", "a")}, "occurs twice"),
+        ({"channels": ("a", "time")}, "the record's own"),
+        ({"units": ("m/s^2", "furlong")}, "furlong"),
+        ({"stream": "a/b"}, "stream: expected up to 40 letters"),
+    ],
+)
+def test_what_is_no_block_is_refused_in_one_line(changes, said):
+    with pytest.raises(BlockRefused, match=said) as refused:
+        check(a_block(**changes))
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"", b"hello", b"{", b"[]", b"{}", b'{"channels": []}', b'{"channels": {"a": 1}, "start": 0, "rate": 1}',
+        b'{"start": 0, "rate": 1, "channels": {"a": {"unit": "m", "values": ["x"]}}}',
+        b'{"start": 0, "rate": 1, "channels": {"a": {"unit": "m", "values": [1]}, "b": {"unit": "m", "values": []}}}',
+        b'{"start": "yesterday", "rate": 1, "channels": {"a": {"unit": "m", "values": [1]}}}',
+        b'{"start": 0, "rate": "x", "channels": {"a": {"unit": "m", "values": [1]}}}',
+        b'{"start": 0, "rate": 1, "more": 1, "channels": {"a": {"unit": "m", "values": [1]}}}',
+        b"[" * 100_000, b'{"a":' * 100_000, b"\xff\xff\xff\xff", b"\xff\xff\xff\xff\x00\x00\x00\x10abc", b"\x00" * 100,
+        b'{"start": 0, "rate": 1, "channels": {"a": {"unit": "m", "values": [1' + b"0" * 400 + b"]}}}",
+        b'{"start": 1' + b"0" * 5000 + b', "rate": 1, "channels": {"a": {"unit": "m", "values": [1]}}}',
+    ],
+)  # fmt: skip
+def test_malformed_payloads_are_refused_in_one_line(payload):
+    with pytest.raises(BlockRefused) as refused:
+        decode(payload, turbine="T01")
+    assert "\n" not in str(refused.value)
+    assert len(str(refused.value)) < 260
+
+
+def test_an_arrow_payload_with_any_byte_changed_is_a_block_or_refused():
+    good = encode_arrow(a_block())
+    rng = np.random.default_rng(0)
+    for _ in range(1500):
+        bad = bytearray(good)
+        for at in rng.integers(0, len(good), rng.integers(1, 6)):
+            bad[at] = rng.integers(0, 256)
+        payload = bytes(bad[: rng.integers(8, len(good) + 1)] if rng.random() < 0.3 else bad)
+        with contextlib.suppress(BlockRefused):
+            check(decode(payload, turbine="T01"))
+
+
+def test_arrow_without_units_or_of_texts_is_refused():
+    def sent(field: object, values: list[object]) -> bytes:
+        schema = pa.schema([field], metadata={"sequence": "0", "start": str(NOON), "rate": "20.0"})
+        sink = pa.BufferOutputStream()
+        with pa.ipc.new_stream(sink, schema) as writer:
+            writer.write_batch(pa.record_batch([pa.array(values)], schema=schema))
+        return bytes(sink.getvalue())
+
+    with pytest.raises(BlockRefused, match="has no unit"):
+        decode(sent(pa.field("a", pa.float64()), [1.0]), turbine="T01")
+    with pytest.raises(BlockRefused, match="expected float32 or float64, got string"):
+        decode(sent(pa.field("a", pa.string(), metadata={"unit": "m"}), ["x"]), turbine="T01")
+    null = decode(sent(pa.field("a", pa.float64(), metadata={"unit": "m"}), [1.0, None]), turbine="T01")
+    assert np.array_equal(null.values, [[1.0], [np.nan]], equal_nan=True)
+
+
+def test_sizes_are_bounded():
+    block = a_block()
+    for limits, said in (
+        (Limits(payload=100), "expected 100 at most"),
+        (Limits(samples=49), "more than 49 samples"),
+        (Limits(channels=1), "channels"),
+        (Limits(rate=10.0), "rate: expected above 0 to 10 Hz"),
+    ):
+        with pytest.raises(BlockRefused, match=said):
+            decode(encode_arrow(block), turbine="T01", limits=limits)
