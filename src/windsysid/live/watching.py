@@ -1,14 +1,53 @@
-"""From the row of a window to what is known of its turbine: levels that forget, alarms, and a checkpoint."""
+"""From the row of a window to what is known of its turbine: levels that forget, alarms, and a checkpoint.
 
+A row gives a block of each series: of a coefficient what the window says without its prior, of a sensor the noise that
+was found. Each is followed by `windsysid.monitoring.following`, through the conditions of
+`windsysid.live.conditions`; what jumped becomes an alarm by the rules of `windsysid.live.alarms`. Windows that are
+refused, failed, transient or missing are blocks without an estimate: the level wanders on, its band widens.
+"""
+
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.rows import Row
+from windsysid.live.alarms import (
+    BLIND_WINDOWS,
+    Case,
+    Circumstances,
+    blind_alarm,
+    came_back,
+    jump_alarm,
+    takes_back,
+)
+from windsysid.live.checkpoint import pack, unpack
+from windsysid.live.conditions import (
+    NONE,
+    Standards,
+    conditions_of,
+    covariates_of,
+    learn_standards,
+    state_of,
+)
 from windsysid.live.store.contents import Alarm, Level
-from windsysid.monitoring.watch import TOLERATED_DRIFT
+from windsysid.live.watched import Watched, band_of, in_coordinates_of, said_of
+from windsysid.monitoring.following import LET_GO_BLOCKS, MAX_KEPT_BLOCKS, Follower, Kept, Now
+from windsysid.monitoring.jumps import Belief, Rates, threshold
+from windsysid.monitoring.locating import MAX_HINDSIGHT_BLOCKS, Jump
+from windsysid.monitoring.series import MIN_BLOCKS
+from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR, was_lost
 
 __all__ = ["Options", "Taken", "Watching", "resume", "start"]
+
+MAX_CASES = 256
+"""Jumps of which a watch knows what was said; of more, the oldest are no longer measured again or ended by it."""
+
+_KINDS = ("k", "c", "f", "noise")
 
 
 class Options(NamedTuple):
@@ -19,7 +58,7 @@ class Options(NamedTuple):
     window
         Length of a window [s].
     learn
-        Windows to learn from before the first alarm: a day of 10 minutes, 12 or more.
+        Windows to learn from before the first alarm: a day of 10 minutes, 12 to 2016.
     alarms_per_year
         False alarms that are accepted of a turbine in a year, all series together: 1e-6 to 100.
     tolerated
@@ -46,12 +85,83 @@ class Taken(NamedTuple):
     checkpoint: bytes
 
 
-class Watching:
-    """The watch over one turbine: it changes with every row, and its checkpoints are all that it takes to go on."""
+class _Windows(NamedTuple):
+    """The windows that are kept (n,): their starts, states, whether trusted and without findings, and (n, 4)."""
 
-    def __init__(self, turbine: str, options: Options) -> None:
-        self.turbine = turbine
-        self.options = options
+    time: NDArray[np.int64]
+    state: NDArray[np.int8]
+    trusted: NDArray[np.bool_]
+    sound: NDArray[np.bool_]
+    conditions: NDArray[np.float32]
+
+    def later(self, count: int) -> "_Windows":
+        return _Windows._make(part[count:] for part in self)
+
+    def and_then(self, time: int, row: Row | None) -> "_Windows":
+        if row is None:
+            newest: tuple[Any, ...] = (time, NONE, False, False, np.full(self.conditions.shape[1], np.nan))
+        else:
+            newest = (time, state_of(row), bool(row["trusted"]), not row["health"], conditions_of(row))
+        parts: tuple[NDArray[Any], ...] = self
+        new = (np.array([one], dtype=part.dtype) for one, part in zip(newest, parts, strict=True))
+        return _Windows._make(np.concatenate(both) for both in zip(parts, new, strict=True))
+
+
+_NO_WINDOWS = _Windows(
+    np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0, bool), np.empty(0, bool), np.empty((0, 4), np.float32)
+)
+
+
+class _State(NamedTuple):
+    """All of a watch but its windows and series.
+
+    Attributes
+    ----------
+    taken
+        Windows with a state so far.
+    next_learning
+        How many of them the rates are learned at next, as long as none had to leave.
+    standards
+        None before they were learned.
+    let_go
+        Windows that have left.
+    blind_since, blind_open
+        Start of the first of the windows that could not be taken in, one after the other, and how many they are; when
+        that was said. None where the newest could, or nothing was said.
+    why
+        Why the newest could not.
+    settings, changed
+        What the newest row was made by, and the window that it was first made so; the latter is None where it has
+        always been.
+    """
+
+    taken: int
+    next_learning: int
+    standards: Standards | None
+    let_go: int
+    blind_since: int | None
+    blind: int
+    blind_open: int | None
+    why: str
+    settings: str
+    changed: int | None
+
+
+class Watching:
+    """The watch over one turbine: it changes with every row, and its checkpoints are all that it takes to go on.
+
+    `start` and `resume` make one.
+    """
+
+    def __init__(
+        self, turbine: str, options: Options, state: _State, windows: _Windows,
+        series: Mapping[Watched, Kept], cases: tuple[Case, ...],
+    ) -> None:  # fmt: skip
+        self.turbine, self.options = turbine, options
+        self._state, self._windows, self._cases = state, windows, cases
+        x = self._covariates()
+        self._followers = {one.name: self._follower(one, kept, x) for one, kept in series.items()}
+        self._watched = {one.name: one for one in series}
 
     def take(self, row: Row, window: int) -> Taken:
         """Take in the row of the window that begins at `window` [ns since 1970]; rows come in order of windows.
@@ -60,8 +170,199 @@ class Watching:
         ----------
         row
             As `windsysid.fleet.rows` has it; refused and failed ones too.
+
+        Raises
+        ------
+        ConfigurationError
+            If the window is no later than the one before.
         """
-        return Taken(tuple(_level(parameter) for parameter in row["parameters"]), (), b"")
+        if len(self._windows.time) and window <= self._windows.time[-1]:
+            raise ConfigurationError(
+                f"{self.turbine}: expected a window after {self._windows.time[-1]}, got {window}: take them in order"
+            )
+        step = round(1e9 * self.options.window)
+        if len(self._windows.time):
+            last = int(self._windows.time[-1])
+            missing = round((window - last) / step) - 1
+            for k in range(max(0, missing - LET_GO_BLOCKS), missing):  # the level wanders on, a week at most
+                self._block(last + (k + 1) * step, None)
+        said, now = self._block(window, row)
+        alarms = self._alarms(now, window + step)
+        levels = tuple(self._level(name, said.get(name), now[name]) for name in now)
+        return Taken(levels, alarms, self.checkpoint())
+
+    def checkpoint(self) -> bytes:
+        """All that it takes to go on, as bytes: no more than `MAX_KEPT_BLOCKS` windows need."""
+        series = [(one, self._followers[name].kept) for name, one in self._watched.items()]
+        header = {
+            "turbine": self.turbine,
+            "state": self._state._asdict() | {"standards": self._state.standards and list(self._state.standards)},
+            "series": [
+                {"watched": list(one), "let_go": kept.let_go, "rates": kept.rates and list(kept.rates),
+                 "scale": kept.scale, "jumps": [list(jump) for jump in kept.jumps], "learned": kept.before is not None}
+                for one, kept in series
+            ],
+            "cases": [[case.series, list(case.jump), case.returns, list(case.alarm)] for case in self._cases],
+        }  # fmt: skip
+        arrays: list[NDArray[Any]] = [*self._windows]
+        for _, kept in series:
+            arrays += [kept.y, kept.std]
+            arrays += [] if kept.before is None else [*kept.before]
+        return pack(header, arrays)
+
+    def _follower(self, one: Watched, kept: Kept, x: Array) -> Follower:
+        return Follower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept, x)
+
+    def _covariates(self) -> Array:
+        if self._state.standards is None:
+            return np.zeros((len(self._windows.time), 1))
+        return covariates_of(self._state.standards, self._windows.state, self._windows.conditions)
+
+    def _block(self, window: int, row: Row | None) -> tuple[dict[str, tuple[float, float]], dict[str, Now]]:
+        """A window, or one that is missing: what it says of each series, and where these stand."""
+        said = {} if row is None else said_of(row)
+        for one in said:
+            if one.name not in self._watched:
+                kept = Follower.beginning(len(self._windows.time), self._state.let_go)
+                self._watched[one.name] = one
+                self._followers[one.name] = self._follower(one, kept, self._covariates())
+        own = {one.name: in_coordinates_of(self._watched[one.name], one, *value) for one, value in said.items()}
+        self._windows = self._windows.and_then(window, row)
+        takes = bool(self._windows.state[-1] != NONE)
+        for name, follower in self._followers.items():
+            follower.append(*(own.get(name, (math.nan, math.nan)) if takes else (math.nan, math.nan)))
+        learning = self._count(row, takes)
+        x = self._covariates()
+        limit = self._limit()
+        now = {}
+        for name, follower in self._followers.items():
+            enough = follower.kept.rates is not None or follower.known >= max(MIN_BLOCKS // 2, self.options.learn // 4)
+            if learning is not None and enough:
+                now[name] = follower.learn(x, anew=learning)
+            else:
+                now[name] = follower.follow(x, limit)
+        self._see(window, row, x, any(math.isfinite(follower.kept.y[-1]) for follower in self._followers.values()))
+        return own, now
+
+    def _count(self, row: Row | None, takes: bool) -> bool | None:
+        """Count the newest window; whether rates are to be learned, from the beginning (True) or on (False)."""
+        state = self._state
+        if row is not None and row["status"] == "ok":
+            made = f"{row['settings']} {row['windsysid']}"
+            if made != state.settings:
+                changed = None if not state.settings else int(self._windows.time[-1])
+                state = state._replace(settings=made, changed=changed)
+        self._state = state = state._replace(taken=state.taken + takes)
+        if len(self._windows.time) > MAX_KEPT_BLOCKS:
+            x = self._covariates()
+            for follower in self._followers.values():
+                follower.let_go(x, LET_GO_BLOCKS)
+            self._windows = self._windows.later(LET_GO_BLOCKS)
+            self._state = state = state._replace(let_go=state.let_go + LET_GO_BLOCKS)
+            if state.standards is not None:
+                return False
+        elif state.let_go and state.standards is not None:
+            return None
+        if not takes or state.taken < state.next_learning:
+            return None
+        standards = learn_standards(self._windows.state, self._windows.conditions)
+        self._state = state._replace(next_learning=2 * state.taken, standards=standards)
+        return True
+
+    def _limit(self) -> float:
+        """Of the test of each series, so that all of them together have the false alarms that are accepted."""
+        return threshold(self.options.alarms_per_year * self.options.window / YEAR / max(1, len(self._followers)))
+
+    def _level(self, name: str, said: tuple[float, float] | None, now: Now) -> Level:
+        one = self._watched[name]
+        window = band_of(one, *(said or (math.nan, math.nan)))
+        return Level(name, one.unit, one.kind, *window, *band_of(one, now.level, now.std), now.statistic, self._limit())
+
+    # what is said of it
+
+    def _alarms(self, now: Mapping[str, Now], end: int) -> tuple[Alarm, ...]:
+        """What is new, measured again, put down to another cause, or over after the window that ends at `end`."""
+        before = {case.alarm.key: case.alarm for case in self._cases}
+        found = {(name, jump.found): jump for name, one in self._followers.items() for jump in one.kept.jumps}
+        cases = [case._replace(jump=found.pop((case.series, case.jump.found), case.jump)) for case in self._cases]
+        moved = bool(found) or any(case.jump != one.jump for case, one in zip(cases, self._cases, strict=True))
+        for (name, _), jump in sorted(found.items(), key=lambda one: one[1].found):
+            earlier = [case.jump for case in cases if case.series == name and not case.returns]
+            returns = any(takes_back(one, jump) for one in earlier)
+            cases.append(Case(name, jump, returns, self._jump_alarm(name, jump, cases, returns=returns)))
+        if moved:
+            cases = [self._said_anew(case, cases) for case in cases]
+        cases = [self._ended(case, now[case.series], end) for case in cases]
+        self._cases = tuple(cases[-MAX_CASES:])
+        changed = [case.alarm for case in cases if before.get(case.alarm.key) != case.alarm]
+        blind = self._blind(end)
+        return (*changed, *([] if blind is None else [blind]))
+
+    def _said_anew(self, case: Case, cases: list[Case]) -> Case:
+        """What is said of a jump by all that is known now, while what was about it is kept."""
+        newest = self._state.let_go + len(self._windows.time) - 1
+        young = newest - case.jump.found <= MAX_HINDSIGHT_BLOCKS
+        if not young or case.jump.earliest < self._state.let_go:
+            return case
+        alarm = self._jump_alarm(case.series, case.jump, cases, returns=case.returns)
+        return case._replace(alarm=alarm._replace(ended=case.alarm.ended))
+
+    def _jump_alarm(self, name: str, jump: Jump, cases: list[Case], *, returns: bool) -> Alarm:
+        about = self._circumstances(name, jump, cases)
+        return jump_alarm(self.turbine, self._watched[name], jump, self._when(jump), about, returns=returns)
+
+    def _ended(self, case: Case, now: Now, end: int) -> Case:
+        if case.alarm.ended is not None or not came_back(case.jump, now.level, now.std):
+            return case
+        return case._replace(alarm=case.alarm._replace(ended=end))
+
+    def _when(self, jump: Jump) -> tuple[int, int, int, int]:
+        first = self._state.let_go
+        earliest, latest, found = (
+            int(self._windows.time[max(0, at - first)]) for at in (jump.earliest, jump.latest, jump.found)
+        )
+        return earliest, latest, found, found + round(1e9 * self.options.window)
+
+    def _circumstances(self, name: str, jump: Jump, cases: list[Case]) -> Circumstances:
+        noisy = [
+            case.series for case in cases
+            if self._watched[case.series].kind == "noise"
+            and case.jump.earliest <= jump.found and jump.earliest <= case.jump.found
+        ]  # fmt: skip
+        first = self._state.let_go
+        known = self._windows.state != NONE
+        here = jump._replace(**{at: int(known[: max(0, getattr(jump, at) - first)].sum()) for at in _PLACES})
+        when, changed = self._when(jump), self._state.changed
+        return Circumstances(
+            [other for other in dict.fromkeys(noisy) if other != name],
+            any(one.kind == "noise" for one in self._watched.values()),
+            was_lost(self._windows.trusted[known], here),
+            was_lost(self._windows.sound[known], here),
+            changed is not None and when[0] <= changed <= when[2],
+        )
+
+    def _see(self, window: int, row: Row | None, x: Array, said: bool) -> None:
+        """Whether the newest window could be taken in, and if not, since when and why."""
+        state = self._state
+        if said and bool(np.isfinite(x[-1]).all()):
+            self._state = state._replace(blind=0, why="" if state.blind_open is None else state.why)
+            return
+        since = window if state.blind == 0 else state.blind_since
+        self._state = state._replace(blind=state.blind + 1, blind_since=since, why=_why_blind(row))
+
+    def _blind(self, end: int) -> Alarm | None:
+        """That nothing can be watched, or that it can again."""
+        state = self._state
+        if state.blind == 0 and state.blind_open is not None and state.blind_since is not None:
+            self._state = state._replace(blind_since=None, blind_open=None, why="")
+            return blind_alarm(self.turbine, state.blind_since, state.blind_open, end, state.why)
+        if state.blind >= BLIND_WINDOWS and state.blind_open is None and state.blind_since is not None:
+            self._state = state._replace(blind_open=end)
+            return blind_alarm(self.turbine, state.blind_since, end, None, state.why)
+        return None
+
+
+_PLACES = ("earliest", "latest", "found")
 
 
 def start(turbine: str, options: Options = Options()) -> Watching:
@@ -72,9 +373,9 @@ def start(turbine: str, options: Options = Options()) -> Watching:
     ConfigurationError
         If an option is out of its range.
     """
-    if options.learn < 12:
-        raise ConfigurationError(f"learn: expected 12 windows or more, got {options.learn}")
-    return Watching(turbine, options)
+    _check(options)
+    state = _State(0, options.learn, None, 0, None, 0, None, "", "", None)
+    return Watching(turbine, options, state, _NO_WINDOWS, {}, ())
 
 
 def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Watching:
@@ -85,10 +386,44 @@ def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Wat
     ConfigurationError
         If the checkpoint is damaged, or of another turbine or version; or an option is out of its range.
     """
-    return start(turbine, options)
+    _check(options)
+    header, arrays = unpack(checkpoint, f"checkpoint of {turbine}")
+    if header["turbine"] != turbine:
+        raise ConfigurationError(f"checkpoint of {turbine}: it is one of '{header['turbine']}': start without it")
+    rest = iter(arrays)
+    windows = _Windows._make(next(rest) for _ in _Windows._fields)
+    series = {}
+    for one in header["series"]:
+        y, std = next(rest), next(rest)
+        before = Belief(next(rest), next(rest)) if one["learned"] else None
+        rates = None if one["rates"] is None else Rates(*one["rates"])
+        jumps = tuple(Jump(*jump) for jump in one["jumps"])
+        series[Watched(*one["watched"])] = Kept(y, std, one["let_go"], before, rates, one["scale"], jumps)
+    state = _State(**header["state"])
+    if state.standards is not None:
+        parts = (tuple(part) if isinstance(part, list) else part for part in state.standards)
+        state = state._replace(standards=Standards._make(parts))
+    cases = tuple(Case(name, Jump(*jump), returns, Alarm(*alarm)) for name, jump, returns, alarm in header["cases"])
+    return Watching(turbine, options, state, windows, series, cases)
 
 
-def _level(parameter: Mapping[str, Any]) -> Level:
-    kind = "c" if parameter["name"].startswith("c_") else "k"
-    estimate, low, high = (parameter[key] for key in ("estimate", "low", "high"))
-    return Level(parameter["name"], parameter["unit"], kind, estimate, low, high, estimate, low, high, 0.0, 1.0)
+def _check(options: Options) -> None:
+    if not 12 <= options.learn <= MAX_KEPT_BLOCKS // 2:
+        raise ConfigurationError(f"learn: expected 12 to {MAX_KEPT_BLOCKS // 2} windows, got {options.learn}")
+    if not 1e-6 <= options.alarms_per_year <= 100.0:
+        raise ConfigurationError(f"alarms per year: expected 1e-6 to 100, got {options.alarms_per_year:g}")
+    if not (math.isfinite(options.window) and options.window > 0.0):
+        raise ConfigurationError(f"window: expected a length in seconds above 0, got {options.window:g}")
+    wrong = [kind for kind in _KINDS if not 0.0 <= options.tolerated.get(kind, math.nan) < math.inf]
+    if wrong:
+        raise ConfigurationError(f"tolerated: expected a size of 0 or more for {', '.join(wrong)}")
+
+
+def _why_blind(row: Row | None) -> str:
+    if row is None:
+        return "no window came"
+    if row["status"] != "ok":
+        return f"windows are {row['status']}: {' '.join(str(row['why']).split())[:120]}"
+    if row["state"] == "transient":
+        return "the rotor starts or stops in every window"
+    return f"windows of a turbine that is {row['state']} lack SCADA, or there were too few of them to learn from"

@@ -1,0 +1,291 @@
+"""A series followed while its blocks come: level, rates and jumps from a state of fixed size.
+
+What a follower keeps are its last `MAX_KEPT_BLOCKS` blocks, the belief before the first of them, two rates, and the
+jumps among them. All else follows from these: the filter and the test of `windsysid.monitoring.jumps` run from that
+belief through those blocks, one by one as they come or at once after a restart, to the same bits.
+
+The first `learn` blocks are learned from. Rates are learned from them, again whenever there are twice as many, and from
+`MAX_KEPT_BLOCKS` on whenever `LET_GO_BLOCKS` more have come: these then leave, and the belief before them becomes the
+one after them. A jump is looked for as far back as blocks are kept. It is dated and measured when it is found, and
+again when `HINDSIGHTS` more blocks have come.
+
+A watch over records (`windsysid.monitoring.watch`) knows all blocks at once: its rates, its covariates and its dates
+use what comes later. It shares the filter, the test, the learning of rates and the measuring, not the order.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.monitoring.jumps import Belief, Progress, Rates, Track, learn_rates, track
+from windsysid.monitoring.locating import (
+    JUMP_SLOPE_PRIOR,
+    MAX_HINDSIGHT_BLOCKS,
+    Jump,
+    first_belief,
+    freedom,
+    locate,
+    without_bad,
+)
+
+__all__ = ["HINDSIGHTS", "LET_GO_BLOCKS", "MAX_KEPT_BLOCKS", "Follower", "Kept", "Now"]
+
+MAX_KEPT_BLOCKS = 4032
+"""Blocks that are kept: four weeks of 10 minutes."""
+
+LET_GO_BLOCKS = 1008
+"""Blocks that leave at once where more would be kept: a week."""
+
+HINDSIGHTS = (12, MAX_HINDSIGHT_BLOCKS)
+"""Blocks after which a jump is dated and measured again: two hours and a day."""
+
+MAX_JUMPS = 16
+"""Jumps among the blocks that are kept; where there are so many, no more are looked for until the first has left."""
+
+Ring = NDArray[np.float32]
+
+
+class Now(NamedTuple):
+    """Where a series stands after a block, in filter coordinates.
+
+    Attributes
+    ----------
+    level, std
+        At mean covariates.
+    statistic
+        Of the test for a jump; 0 while learning.
+    new, again
+        The jump that this block set off; jumps that were measured again, by the block that found them.
+    """
+
+    level: float
+    std: float
+    statistic: float
+    new: Jump | None = None
+    again: tuple[Jump, ...] = ()
+
+
+class Kept(NamedTuple):
+    """All that a follower is.
+
+    Attributes
+    ----------
+    y, std
+        Blocks (n,) and their standard deviations; NaN where there is none.
+    let_go
+        How many came before them: blocks are counted from the first of all.
+    before
+        Belief before them; None until rates were learned.
+    rates
+        None until then.
+    scale
+        What a relative change is of.
+    jumps
+        Among the blocks, in their order.
+    """
+
+    y: Ring
+    std: Ring
+    let_go: int
+    before: Belief | None
+    rates: Rates | None
+    scale: float
+    jumps: tuple[Jump, ...]
+
+
+class Follower:
+    """One series: it changes with every block.
+
+    Parameters
+    ----------
+    kind
+        ``k``, ``c``, ``f`` or ``noise``.
+    logarithmic
+        Whether θ is a logarithm.
+    tolerated
+        Relative jumps up to this size are no alarm.
+    kept
+        To go on from; None to begin.
+    x
+        Covariates (n, m) of the blocks that are kept.
+    """
+
+    def __init__(self, kind: str, logarithmic: bool, tolerated: float, kept: Kept, x: Array) -> None:
+        self.kind, self.logarithmic, self.tolerated = kind, logarithmic, tolerated
+        self.kept = kept
+        self._head: Progress | None = None
+        if kept.rates is not None:
+            self._head = self._run(x)[0].progress
+
+    @staticmethod
+    def beginning(blocks: int, let_go: int) -> Kept:
+        """A series of which nothing was seen in so many blocks that are kept, and so many before."""
+        nothing = np.full(blocks, np.nan, dtype=np.float32)
+        return Kept(nothing, nothing, let_go, None, None, 1.0, ())
+
+    @property
+    def known(self) -> int:
+        """How many of the blocks that are kept say something."""
+        return int(np.isfinite(self.kept.y).sum())
+
+    def append(self, y: float, std: float) -> None:
+        """A block; NaN where it says nothing. One of `learn`, `follow` and `guess` must come before the next."""
+        with np.errstate(over="ignore", under="ignore"):
+            block = np.array([y, std], dtype=np.float32)
+        if not (np.isfinite(block).all() and block[1] > 0.0):
+            block[:] = np.nan
+        self.kept = self.kept._replace(y=np.append(self.kept.y, block[0]), std=np.append(self.kept.std, block[1]))
+
+    def guess(self) -> Now:
+        """Where the series stands before any rates were learned: as if no covariate had an effect on it."""
+        y, r = self._blocks()
+        if not np.isfinite(y).any():
+            return Now(math.nan, math.nan, 0.0)
+        nothing = np.empty((len(y), 0))
+        prior, _ = first_belief(y, r, 0, self.kind, self.logarithmic)
+        usual = float(np.median(r[np.isfinite(y)]))
+        done = track(y, r, nothing, prior, Rates(1e-6 * usual, 1.0), test=False)
+        return Now(float(done.level[-1]), float(done.std[-1]), 0.0)
+
+    def learn(self, x: Array, *, anew: bool) -> Now:
+        """Learn the rates from the blocks that are kept, with covariates x (n, m).
+
+        Parameters
+        ----------
+        anew
+            Whether the belief before them is learned as well: always the first time, and where x has other columns.
+        """
+        y, r = self._blocks(x)
+        before, scale = self.kept.before, self.kept.scale
+        if not np.isfinite(y).any():
+            return self.guess() if before is None else _now(self._restart(x))
+        if anew or before is None:
+            before, scale = first_belief(y, r, x.shape[1], self.kind, self.logarithmic)
+        rates = self.kept.rates or Rates(0.0, 1.0)
+        self.kept = self.kept._replace(before=before, scale=scale, rates=rates)
+        y, r, freed = self._cleared(x)
+        self.kept = self.kept._replace(rates=learn_rates(y, r, x, before, freed))
+        return _now(self._restart(x))
+
+    def let_go(self, x: Array, count: int) -> None:
+        """Forget the first `count` of the blocks, with covariates x (n, m), but for what they taught."""
+        kept, before = self.kept, self.kept.before
+        if before is not None and kept.rates is not None:
+            y, r, freed = (part[:count] for part in self._cleared(x))
+            before = track(y, r, x[:count], before, kept.rates, freed=freed, test=False).belief
+        first = kept.let_go + count
+        self.kept = kept._replace(
+            y=kept.y[count:], std=kept.std[count:], let_go=first, before=before,
+            jumps=tuple(jump for jump in kept.jumps if jump.latest >= first),
+        )  # fmt: skip
+
+    def follow(self, x: Array, limit: float) -> Now:
+        """Take in the newest block, whose covariates are the last row of x (n, m); test it against `limit`."""
+        if self.kept.rates is None or self._head is None:
+            return self.guess()
+        y, r = self._blocks(x, 1)
+        done = track(y, r, x[-1:], self._head, self.kept.rates, tolerated=self.tolerated * self.kept.scale)
+        self._head = done.progress
+        again = self._look_back(x)
+        if again:
+            done = self._restart(x)
+        now = _now(done)._replace(again=again)
+        if now.statistic <= limit or len(self.kept.jumps) == MAX_JUMPS:
+            return now
+        jump = self._locate(x, len(self.kept.y) - 1, int(done.since[-1]), len(self.kept.y), self.kept.jumps)
+        self.kept = self.kept._replace(jumps=(*self.kept.jumps, jump))
+        after = self._restart(x)
+        return now._replace(level=float(after.level[-1]), std=float(after.std[-1]), new=jump)
+
+    # what follows from what is kept
+
+    def _blocks(self, x: Array | None = None, newest: int = 0) -> tuple[Array, Array]:
+        """Blocks and variances as `track` takes them; with x, none of those that lack a covariate."""
+        part = slice(-newest if newest else None, None)
+        y, std = self.kept.y[part].astype(np.float64), self.kept.std[part].astype(np.float64)
+        if x is not None:
+            y[~_told(x[part])] = np.nan
+        return y, np.where(np.isfinite(y), std, 1.0) ** 2
+
+    def _cleared(self, x: Array, jumps: tuple[Jump, ...] | None = None) -> tuple[Array, Array, Array]:
+        """Blocks without what is bad or of no side near a jump, variances, and what jumps free (n, 1 + m)."""
+        _, y, r, freed = self._run(x, jumps)
+        return y, r, freed
+
+    def _run(self, x: Array, jumps: tuple[Jump, ...] | None = None) -> tuple[Track, Array, Array, Array]:
+        """The filter and the test through all blocks, and what `_cleared` says."""
+        kept = self.kept
+        assert kept.before is not None
+        assert kept.rates is not None
+        y, r = self._blocks(x)
+        x = np.where(_told(x)[:, None], x, 0.0)
+        freed = np.zeros((len(y), 1 + x.shape[1]))
+        past: Belief | Progress = kept.before
+        begin = 0
+        size = JUMP_SLOPE_PRIOR[self.kind] * kept.scale
+        for jump in kept.jumps if jumps is None else jumps:
+            earliest, latest, found = (max(0, at - kept.let_go) for at in (jump.earliest, jump.latest, jump.found))
+            near = slice(max(0, earliest - MAX_HINDSIGHT_BLOCKS), found + 1)
+            y[near] = without_bad(y[near], kept.rates.scatter * r[near])
+            y[earliest:latest] = np.nan  # nobody knows on which side these are
+        for jump in kept.jumps if jumps is None else jumps:
+            end = max(begin, jump.latest - kept.let_go)
+            if end > begin:
+                part = slice(begin, end)
+                past = self._track(y, r, x, freed, past, part).progress
+            mean = (past.belief if isinstance(past, Progress) else past).mean
+            freed[end], begin = freedom(mean, size, kept.scale), end
+        return self._track(y, r, x, freed, past, slice(begin, None)), y, r, freed
+
+    def _track(self, y: Array, r: Array, x: Array, freed: Array, past: Belief | Progress, part: slice) -> Track:
+        assert self.kept.rates is not None
+        least = self.tolerated * self.kept.scale
+        return track(y[part], r[part], x[part], past, self.kept.rates, tolerated=least, freed=freed[part])
+
+    def _restart(self, x: Array) -> Track:
+        done = self._run(x)[0]
+        self._head = done.progress
+        return done
+
+    def _look_back(self, x: Array) -> tuple[Jump, ...]:
+        """Measure again the jumps for which a `HINDSIGHTS` is over."""
+        again = []
+        count = self.kept.let_go + len(self.kept.y)
+        for i, jump in enumerate(self.kept.jumps):
+            if count - 1 - jump.found not in HINDSIGHTS or jump.earliest <= self.kept.let_go:
+                continue
+            others = self.kept.jumps[:i] + self.kept.jumps[i + 1 :]
+            later = min((other.earliest for other in others if other.found > jump.found), default=count)
+            end = max(later, jump.found + 1) - self.kept.let_go
+            found, likely = jump.found - self.kept.let_go, jump.at - self.kept.let_go
+            measured = self._locate(x, found, likely, end, tuple(o for o in others if o.found < jump.found))
+            self.kept = self.kept._replace(jumps=(*self.kept.jumps[:i], measured, *self.kept.jumps[i + 1 :]))
+            again.append(measured)
+        return tuple(again)
+
+    def _locate(self, x: Array, found: int, likely: int, end: int, jumps: tuple[Jump, ...]) -> Jump:
+        """Date and measure a jump by the blocks before `end`, given the jumps before it."""
+        kept = self.kept
+        assert kept.before is not None
+        assert kept.rates is not None
+        y, r, freed = self._cleared(x, jumps)
+        x = np.where(_told(x)[:, None], x, 0.0)
+        part = slice(0, end)
+        size = JUMP_SLOPE_PRIOR[self.kind] * kept.scale
+        jump = locate(y[part], r[part], x[part], kept.before, kept.rates, freed[part], found, likely, size, kept.scale)
+        first = kept.let_go
+        return jump._replace(
+            at=jump.at + first, earliest=jump.earliest + first, latest=jump.latest + first, found=jump.found + first
+        )
+
+
+def _told(x: Array) -> NDArray[np.bool_]:
+    """Blocks (n,) with all covariates (n, m)."""
+    return np.asarray(np.isfinite(x).all(axis=1), dtype=bool)
+
+
+def _now(done: Track) -> Now:
+    return Now(float(done.level[-1]), float(done.std[-1]), float(done.statistic[-1]))
