@@ -1,0 +1,241 @@
+"""Levels, alarms and checkpoints from rows of windows."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from windsysid.errors import ConfigurationError
+from windsysid.fleet.rows import Row, empty_row
+from windsysid.live.store.contents import Alarm
+from windsysid.live.watching import Options, Taken, Watching, resume, start
+from windsysid.monitoring import following
+
+STEP = 600 * 10**9
+BEGIN = 1_700_000_400 * 10**9 // STEP * STEP
+SIGMA, NOISE_SIGMA = 0.004, 0.05
+
+
+def row(theta: dict[str, float], noise: dict[str, float] | None = None, **more: Any) -> Row:
+    """A row that says ln(k / 100 N/m) of coefficients and the logarithm of sensors' noise."""
+    found = empty_row("stream", 0, "sha256:0") | {"status": "ok", "state": "unknown", "trusted": True}
+    found["parameters"] = [
+        {"name": name, "unit": "N/m", "logarithmic": True, "prior_centre": 100.0, "coordinate_scale": 1.0, "own": own,
+         "own_std": SIGMA} for name, own in theta.items()
+    ]  # fmt: skip
+    found["statistics"] = [
+        {"name": name, "unit": "m/s^2", "estimate": math.exp(own), "low": math.exp(own - 2.0 * NOISE_SIGMA),
+         "high": math.exp(own + 2.0 * NOISE_SIGMA)} for name, own in (noise or {}).items()
+    ]  # fmt: skip
+    return found | more
+
+
+def refused(why: str = "record too short") -> Row:
+    return empty_row("stream", 0, "sha256:0") | {"status": "refused", "why": why}
+
+
+def stream(
+    count: int, *, seed: int = 0, at: int = 10**6, jump: dict[str, float] | None = None, back: int = 10**6
+) -> list[Row]:
+    """Rows of k_x, k_y and one noise, with jumps from window `at` up to window `back`."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for k in range(count):
+        steps = {name: size * (at <= k < back) for name, size in (jump or {}).items()}
+        theta = {name: SIGMA * rng.standard_normal() + steps.get(name, 0.0) for name in ("k_x", "k_y")}
+        noise = {"noise_tower": NOISE_SIGMA * rng.standard_normal() + steps.get("noise_tower", 0.0)}
+        rows.append(row(theta, noise))
+    return rows
+
+
+def feed(watching: Watching, rows: list[Row], first: int = 0) -> list[Taken]:
+    return [watching.take(one, BEGIN + k * STEP) for k, one in enumerate(rows, first)]
+
+
+def last_said(taken: list[Taken]) -> dict[str, Alarm]:
+    return {alarm.key: alarm for one in taken for alarm in one.alarms}
+
+
+def test_a_softer_support_is_one_alarm_that_says_what_when_and_how_much():
+    taken = feed(start("T1"), stream(460, at=300, jump={"k_x": -0.03}))
+    assert not any(one.alarms for one in taken[:301])
+    (alarm,) = last_said(taken).values()
+    assert (alarm.kind, alarm.severity, alarm.about, alarm.ended) == ("structure", "alarm", "k_x", None)
+    assert alarm.earliest <= BEGIN + 300 * STEP <= alarm.latest
+    found = next(k for k, one in enumerate(taken) if one.alarms)
+    assert found <= 306
+    assert alarm.opened == BEGIN + (found + 1) * STEP
+    assert "k_x fell by " in alarm.text
+    assert "the sensors are as they were" in alarm.text
+    assert taken[-1].levels[0].level == pytest.approx(97.0, abs=0.2)
+    assert [level.name for level in taken[-1].levels] == ["k_x", "k_y", "noise_tower"]
+
+
+@pytest.mark.parametrize("more", [{"noise_tower": 1.0}, {"trusted": False}, {"health": [{"channel": "a"}]}])
+def test_what_jumps_with_a_sensor_is_put_down_to_it(more: dict[str, Any]):
+    rows = stream(320, at=300, jump={"k_x": -0.05, "noise_tower": more.get("noise_tower", 0.0)})
+    rows[300:] = [one | {name: value for name, value in more.items() if name in one} for one in rows[300:]]
+    alarms = last_said(feed(start("T1"), rows))
+    assert {alarm.kind for alarm in alarms.values()} == {"sensor"}
+    assert {alarm.severity for alarm in alarms.values()} == {"warning"}
+    (stiffness,) = [alarm for alarm in alarms.values() if alarm.about == "k_x"]
+    assert "check the sensor first" in stiffness.text
+
+
+def test_what_comes_back_ends_its_alarm_and_is_a_notice():
+    alarms = list(last_said(feed(start("T1"), stream(420, at=250, jump={"k_x": -0.05}, back=350))).values())
+    first, second = alarms
+    assert first.severity == "alarm"
+    assert first.ended is not None
+    assert BEGIN + 350 * STEP < first.ended < BEGIN + 365 * STEP
+    assert (second.severity, second.ended) == ("notice", second.opened)
+    assert "takes back" in second.text
+
+
+def test_a_watch_goes_on_from_any_checkpoint_to_the_same_bits(monkeypatch: pytest.MonkeyPatch):
+    # Through learning, a jump and what is measured again of it, a gap, and blocks that leave.
+    monkeypatch.setattr(following, "MAX_KEPT_BLOCKS", 160)
+    monkeypatch.setattr(following, "LET_GO_BLOCKS", 40)
+    monkeypatch.setattr("windsysid.live.watching.MAX_KEPT_BLOCKS", 160)
+    monkeypatch.setattr("windsysid.live.watching.LET_GO_BLOCKS", 40)
+    rows = stream(330, at=100, jump={"k_x": -0.04, "noise_tower": 0.8})
+    rows[60:63] = [refused()] * 3
+    options = Options(learn=24)
+    windows = [BEGIN + (k + 5 * (k > 200)) * STEP for k in range(len(rows))]
+    whole = start("T1", options)
+    once = [whole.take(one, at) for one, at in zip(rows, windows, strict=True)]
+    assert any(one.alarms for one in once)
+    watching = start("T1", options)
+    for k, (one, at) in enumerate(zip(rows, windows, strict=True)):
+        taken = watching.take(one, at)
+        assert taken == once[k], k
+        watching = resume(taken.checkpoint, "T1", options)
+
+
+def test_a_checkpoint_never_outgrows_the_windows_that_are_kept(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("windsysid.live.watching.MAX_KEPT_BLOCKS", 100)
+    monkeypatch.setattr("windsysid.live.watching.LET_GO_BLOCKS", 25)
+    sizes = [len(one.checkpoint) for one in feed(start("T1", Options(learn=12)), stream(400))]
+    assert max(sizes[:150]) >= max(sizes[150:]) - 200
+    assert sizes[99] > sizes[50]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda content: b"", "another version or damaged"),
+        (lambda content: content[:-1], "damaged"),
+        (lambda content: content[:200] + b"x" + content[201:], "damaged"),
+        (lambda content: content.replace(b"watch 1", b"watch 9"), "another version"),
+    ],
+)
+def test_a_checkpoint_that_does_not_fit_is_one_line(spoil: Any, message: str):
+    content = feed(start("T1"), stream(3))[-1].checkpoint
+    with pytest.raises(ConfigurationError, match=message) as refusal:
+        resume(spoil(content), "T1")
+    assert "\n" not in str(refusal.value)
+    with pytest.raises(ConfigurationError, match="it is one of 'T1'"):
+        resume(content, "T2")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (Options(learn=5), "learn: expected 12 to 2016"),
+        (Options(alarms_per_year=0.0), "alarms per year"),
+        (Options(window=0.0), "window: expected"),
+        (Options(tolerated={"k": 0.01}), "tolerated: expected a size of 0 or more for c, f, noise"),
+    ],
+)
+def test_options_out_of_range_are_refused(options: Options, message: str):
+    with pytest.raises(ConfigurationError, match=message):
+        start("T1", options)
+
+
+def test_windows_come_in_order():
+    watching = start("T1")
+    watching.take(row({"k_x": 0.0}), BEGIN)
+    with pytest.raises(ConfigurationError, match="take them in order"):
+        watching.take(row({"k_x": 0.0}), BEGIN)
+
+
+def test_refused_and_missing_windows_widen_the_band_and_long_silence_is_said():
+    watching = start("T1", Options(learn=12))
+    before = feed(watching, stream(40))[-1].levels[0]
+    taken = feed(watching, [refused()] * 40, 40)
+    after = taken[-1].levels[0]
+    assert after.estimate is None
+    assert after.level == before.level
+    assert after.level_high - after.level_low > before.level_high - before.level_low
+    (notice,) = last_said(taken).values()
+    assert (notice.kind, notice.severity, notice.ended) == ("data", "notice", None)
+    assert "record too short" in notice.text
+    assert taken[35].alarms
+    (ended,) = feed(watching, stream(1, seed=3), 80)[-1].alarms
+    assert (ended.key, ended.ended) == (notice.key, BEGIN + 81 * STEP)
+
+
+def test_a_state_other_than_the_usual_has_a_level_of_its_own():
+    # A parked turbine looks softer by 10 %: no alarm, and the level is that of the running one.
+    rng = np.random.default_rng(4)
+    rows = stream(700, seed=4)
+    for k, one in enumerate(rows):
+        one["state"] = "parked" if (k // 20) % 4 == 1 else "running"
+        one["scada_wind_speed"] = 8.0 + rng.standard_normal()
+        one["parameters"][0]["own"] -= 0.1 * (one["state"] == "parked")
+        if k % 50 == 7:
+            one["state"] = "transient"
+            one["parameters"][0]["own"] = 3.0
+    taken = feed(start("T1"), rows)
+    assert not last_said(taken)
+    assert taken[-1].levels[0].level == pytest.approx(100.0, abs=0.15)
+
+
+def test_the_effect_of_temperature_is_learned_and_no_alarm():
+    rows = stream(1000, seed=5)
+    for k, one in enumerate(rows):
+        one["scada_temperature"] = 10.0 + 8.0 * math.sin(2.0 * math.pi * k / 700.0) + 3.0 * math.sin(k / 23.0)
+        one["parameters"][0]["own"] -= 0.003 * (one["scada_temperature"] - 10.0)
+    rows[500]["scada_temperature"] = None  # left out
+    assert not last_said(feed(start("T1"), rows))
+
+
+def test_another_prior_or_coordinate_is_no_jump():
+    rows = stream(400, seed=6)
+    for one in rows[200:]:
+        first, second = one["parameters"]
+        first |= {"prior_centre": 130.0, "own": first["own"] - math.log(1.3)}
+        value = 100.0 * math.exp(second["own"])
+        second |= {"logarithmic": False, "coordinate_scale": 50.0, "own": value / 50.0}
+        second |= {"own_std": second["own_std"] * value / 50.0}
+    taken = feed(start("T1"), rows)
+    assert not last_said(taken)
+    assert [taken[-1].levels[i].level for i in (0, 1)] == pytest.approx([100.0, 100.0], abs=0.2)
+
+
+def test_a_series_that_comes_later_is_learned_from_when_it_is_there():
+    rows = stream(400, seed=7)
+    rng = np.random.default_rng(8)
+    for k, one in enumerate(rows):
+        if k >= 150:
+            own = SIGMA * rng.standard_normal() - 0.05 * (k >= 350)
+            one["parameters"].append(one["parameters"][0] | {"name": "k_beta_1", "own": own})
+    alarms = last_said(feed(start("T1"), rows))
+    assert [alarm.about for alarm in alarms.values()] == ["k_beta_1"]
+
+
+def test_one_bad_window_is_no_alarm():
+    rows = stream(300, seed=9)
+    rows[200]["parameters"][0]["own"] = 5.0
+    rows[250]["parameters"][0]["own"] = -1e30
+    rows[251]["parameters"][0]["own"] = math.nan
+    assert not last_said(feed(start("T1"), rows))
+
+
+def test_a_change_of_settings_is_said_where_something_jumps_with_it():
+    rows = stream(330, seed=10, at=300, jump={"k_x": -0.05})
+    for one in rows[300:]:
+        one["settings"] = "sha256:1"
+    (alarm,) = last_said(feed(start("T1"), rows)).values()
+    assert "settings or version changed with it" in alarm.text
