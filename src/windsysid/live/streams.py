@@ -49,6 +49,8 @@ DRIFT_LEARN, DRIFT_WINDOWS, DRIFT_GIVE_UP = 144, 3, 1008
 """Windows to learn from, windows in a row that lie outside, and windows after which that is the new usual."""
 DRIFT_SIGMAS, DRIFT_RANGES, DRIFT_SHARE = 8.0, 3.0, 0.5
 """Of the spread of the means, of their largest deviation yet, and of the channel's own standard deviation."""
+DRIFT_GROWTH = 1.01
+"""By which the largest deviation may grow in a window once it is learned: seasons widen it, a drift must not."""
 
 _LIVELY = 100
 """Changes of value after which it is known how long a channel may repeat one."""
@@ -224,6 +226,9 @@ class _Channel:
 
     def _count_missing(self, there: float, seconds: float) -> None:
         self.seen += seconds
+        if there == 0.0 and self.state == "dead":  # which is another fault
+            self.missing = self.usual_missing
+            return
         weight = 1.0 - math.exp(-seconds / MEMORY)
         if self.seen <= 2.0 * MEMORY:  # what it does at first is what it is used to
             self.usual_missing += (1.0 - there - self.usual_missing) * min(1.0, seconds / self.seen)
@@ -331,7 +336,9 @@ def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) 
                 since = window - (DRIFT_WINDOWS - 1) * (until - window)
                 changed.append(Verdict(name, "drift", since, until, text))
             if outside < DRIFT_GIVE_UP:
-                after[name] = [n, centre, variance, largest, outside]
+                if n > DRIFT_LEARN:  # what lies outside must not widen what is usual
+            off = math.copysign(min(abs(off), 3.0 * math.sqrt(variance)), off)
+        after[name] = [n, centre, variance, largest, outside]
                 continue
             n = centre = variance = largest = 0.0
             off = mean
@@ -340,6 +347,8 @@ def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) 
         n += 1.0
         weight = 1.0 / min(n, 1000.0)
         if n > DRIFT_LEARN // 2:  # by then the centre is known
-            largest = max(largest, abs(off))
+            largest = max(largest, abs(off) if n <= DRIFT_LEARN else min(abs(off), DRIFT_GROWTH * largest))
+        if n > DRIFT_LEARN:  # what lies outside must not widen what is usual
+            off = math.copysign(min(abs(off), 3.0 * math.sqrt(variance)), off)
         after[name] = [n, centre + weight * off, (1.0 - weight) * (variance + weight * off * off), largest, 0.0]
     return after, changed
