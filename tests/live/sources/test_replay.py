@@ -1,6 +1,7 @@
 """A record becomes the blocks that its logger would have sent, and they are played."""
 
 import asyncio
+import time
 from concurrent.futures import Future
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.live.block import Block
+from windsysid.live.codec import BlockRefused
 from windsysid.live.sources.cutting import begin_of, blocks_of, even_rate, moment_ns
-from windsysid.live.sources.replay import Replay
+from windsysid.live.sources.replay import Replay, begin_or_now
 from windsysid.records.formats import write_record
 from windsysid.records.record import Record
 
@@ -29,7 +31,7 @@ class Taker:
 
     def push(self, block: Block) -> Future[None]:
         if np.isinf(block.rate):
-            raise RecordError("no rate")
+            raise BlockRefused("no rate")
         self.blocks.append(block)
         future: Future[None] = Future()
         future.set_result(None)
@@ -101,12 +103,11 @@ def test_a_replay_takes_every_block_in_order_from_memory_and_from_a_file(tmp_pat
         assert [block.sequence for block in blocks] == sorted({block.sequence for block in blocks})
 
 
-def test_a_record_without_a_moment_is_played_from_now():
-    import time
-
+@pytest.mark.parametrize(("speed", "earlier"), [(1.0, 0.0), (2.0, 1.5), (0.0, 3.0)])
+def test_a_record_without_a_moment_is_played_as_if_it_were_measured_now(speed: float, earlier: float):
     before = time.time_ns()
-    blocks = played(Replay(record_of(np.arange(300) / 100.0, None), "T01", speed=0.0))
-    assert before <= blocks[0].start <= time.time_ns()
+    begin = begin_or_now(record_of(np.arange(300) / 100.0, None), speed)
+    assert before <= begin + round(earlier * 1e9) <= time.time_ns()
 
 
 def test_a_replay_is_paced_and_ends_when_it_is_told():
@@ -129,7 +130,7 @@ def test_a_refused_block_is_counted_and_the_rest_is_taken():
         def push(self, block: Block) -> Future[None]:
             if not self.blocks:
                 self.blocks.append(block)
-                raise RecordError("never")
+                raise BlockRefused("never")
             return super().push(block)
 
     taker, replay = Refuser(), Replay(record_of(np.arange(300) / 100.0), "T01", speed=0.0)

@@ -1,21 +1,22 @@
 """A record that is played as if it were measured now: no broker, nothing else running."""
 
 import asyncio
+import itertools
 import logging
 import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 
-from windsysid.errors import WindsysidError
 from windsysid.live.block import Block
+from windsysid.live.codec import BlockRefused
 from windsysid.live.sources.cutting import SECOND, begin_of, blocks_of
-from windsysid.live.sources.source import Push, SourceState, is_refused, stopped_within
+from windsysid.live.sources.source import Push, SourceState, stopped_within
 from windsysid.records.formats import iterate_record
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.record import Record
 
-__all__ = ["Replay", "record_blocks"]
+__all__ = ["Replay", "begin_or_now", "record_blocks"]
 
 logger = logging.getLogger(__name__)
 
@@ -40,7 +41,7 @@ class Replay:
     seconds
         Length of a block [s].
     begin
-        The moment of the record's time 0 [ns since 1970]; by default what the record says, and now where it says none.
+        The moment of the record's time 0 [ns since 1970]; by default `begin_or_now`.
     stream
         Which of the turbine's loggers it is of.
     mapping
@@ -75,8 +76,11 @@ class Replay:
         RecordError, ConfigurationError
             If the record cannot be read.
         """
+        begin = self.begin
+        if begin is None:
+            begin = await asyncio.to_thread(begin_or_now, self.record, self.speed, self.mapping)
         blocks = record_blocks(
-            self.record, self.turbine, begin=self.begin, seconds=self.seconds, stream=self.stream, mapping=self.mapping
+            self.record, self.turbine, begin, seconds=self.seconds, stream=self.stream, mapping=self.mapping
         )
         self.state = self.state._replace(state="running")
         waiting: deque[asyncio.Future[None]] = deque()  # commits of blocks, in the order of the blocks
@@ -90,7 +94,7 @@ class Replay:
                     break
             try:
                 waiting.append(asyncio.wrap_future(await asyncio.to_thread(push, block)))
-            except WindsysidError as error:
+            except BlockRefused as error:
                 self._refused(error)
             while len(waiting) >= _AHEAD or (waiting and waiting[0].done()):
                 await self._committed(waiting.popleft())
@@ -102,21 +106,41 @@ class Replay:
         try:
             await future
             self.state = self.state._replace(blocks=self.state.blocks + 1)
-        except WindsysidError as error:
+        except BlockRefused as error:
             self._refused(error)
 
-    def _refused(self, error: WindsysidError) -> None:
-        if not is_refused(error):
-            raise error
+    def _refused(self, error: BlockRefused) -> None:
         logger.warning("%s: block refused: %s", self.describe(), error)
         self.state = self.state._replace(refused=self.state.refused + 1, text=str(error))
+
+
+def begin_or_now(record: Record | str | Path, speed: float, mapping: str | Path | Mapping | None = None) -> int:
+    """The moment of a record's time 0 [ns since 1970, UTC], by the record.
+
+    One that does not say it is played as if it were measured now: at `speed` none of its samples is ahead of the clock.
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If it cannot be read.
+    """
+    pieces = _pieces(record, mapping)
+    first = next(pieces)
+    begin = begin_of(first)
+    if begin is not None:
+        return begin
+    last = deque(itertools.chain([first], pieces if speed != 1.0 else ()), maxlen=1).pop()
+    played = 1.0 - 1.0 / speed if speed > 1.0 else float(speed == 0.0)
+    return time.time_ns() - round(
+        SECOND * (float(first.time[0]) + played * float(last.time[-1] - first.time[0] + 1.0 / first.rate))
+    )
 
 
 def record_blocks(
     record: Record | str | Path,
     turbine: str,
+    begin: int,
     *,
-    begin: int | None = None,
     seconds: float = 1.0,
     stream: str = "",
     mapping: str | Path | Mapping | None = None,
@@ -128,10 +152,9 @@ def record_blocks(
     RecordError, ConfigurationError
         If it cannot be read.
     """
-    pieces = [record] if isinstance(record, Record) else iterate_record(record, _PIECE, mapping=mapping)
-    for piece in pieces:
-        if begin is None:
-            begin = begin_of(piece)
-        if begin is None:
-            begin = time.time_ns() - round(float(piece.time[0]) * SECOND)
+    for piece in _pieces(record, mapping):
         yield from blocks_of(piece, turbine, begin, seconds=seconds, stream=stream)
+
+
+def _pieces(record: Record | str | Path, mapping: str | Path | Mapping | None) -> Iterator[Record]:
+    return iter([record]) if isinstance(record, Record) else iterate_record(record, _PIECE, mapping=mapping)

@@ -7,10 +7,9 @@ from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from typing import NamedTuple, Protocol
 
-from windsysid.errors import WindsysidError
 from windsysid.live.block import Block
 
-__all__ = ["Push", "Source", "SourceState", "deliver", "is_refused", "retries", "stopped_within"]
+__all__ = ["Push", "Source", "SourceState", "retries", "stopped_within"]
 
 Push = Callable[[Block], Future[None]]
 """Takes a block in: the future ends when it is committed. It may wait, and goes with any thread."""
@@ -56,28 +55,6 @@ class Source(Protocol):
         again does not mend.
         """
         ...
-
-
-async def deliver(push: Push, block: Block) -> str:
-    """Wait until a block is committed; why it was refused, or an empty text.
-
-    Raises
-    ------
-    Exception
-        What kept the block from being committed: it may be taken later.
-    """
-    try:
-        await asyncio.wrap_future(await asyncio.to_thread(push, block))
-    except WindsysidError as error:
-        if not is_refused(error):
-            raise
-        return str(error)
-    return ""
-
-
-def is_refused(error: BaseException) -> bool:
-    """Whether a block can never be taken, as against one that could not be taken now."""
-    return isinstance(error, WindsysidError) and isinstance(error, ValueError)
 
 
 async def stopped_within(stop: asyncio.Event, seconds: float) -> bool:

@@ -1,0 +1,298 @@
+"""A publisher: sends blocks to a broker, and keeps each until the service says that it is on its disk.
+
+Neither a broker nor a network is relied on. A block that was sent stays in the buffer (`windsysid.live.sources.ring`)
+until the service has committed it and all before it. When that takes too long, or the connection was lost, sending goes
+back to the first block that is not committed, one block at first and twice as many after each success, as TCP does.
+
+    with Publisher(Broker("mqtt://broker.site.example"), buffer="buffer.sqlite") as publisher:
+        publisher.send(block)
+"""
+
+import logging
+import random
+import threading
+import time
+from collections import deque
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from windsysid.live.block import Block
+from windsysid.live.codec import encode_arrow
+from windsysid.live.settings import Broker
+from windsysid.live.sources.broker import TOPIC, Marks, Topics, connect, new_client, properties_of
+from windsysid.live.sources.ring import Flow, Packed, Ring
+
+__all__ = ["Publisher"]
+
+logger = logging.getLogger(__name__)
+
+WIDEST = 64
+"""Blocks of a flow that were sent and are not committed, at most."""
+
+LONGEST_PAUSE = 30.0
+"""Between two attempts to reach the broker [s]."""
+
+LONGEST_PATIENCE = 60.0
+"""For the service to commit what was sent [s]."""
+
+
+class _Sending:
+    """How far the sending of one flow is."""
+
+    def __init__(self, patience: float) -> None:
+        self.committed: int | None = None
+        self.sent: deque[int] = deque()
+        self.width, self.patience, self.until = WIDEST, patience, 0.0
+
+    def go_back(self, width: int) -> None:
+        """Send again from the first block that is not committed."""
+        self.sent.clear()
+        self.width = width
+
+
+class Publisher:
+    """Sends blocks of any number of turbines.
+
+    Parameters
+    ----------
+    broker
+        Address, user, password, authority.
+    buffer
+        File that keeps what is not committed, over restarts and power cuts; in memory where None.
+    topic
+        Of blocks, with ``{turbine}`` as one of its levels.
+    most
+        Size of the buffer [bytes]: when it is full, the oldest blocks are dropped, and the log says so.
+    patience
+        For the service to commit what was sent, before it is sent again [s].
+
+    Raises
+    ------
+    ConfigurationError
+        If paho is not installed, or the topic or the broker's authority is wrong.
+    OutputError
+        If the buffer cannot be written, or another publisher uses it.
+    """
+
+    def __init__(
+        self,
+        broker: Broker,
+        *,
+        buffer: str | Path | None = None,
+        topic: str = TOPIC,
+        most: int = 1_000_000_000,
+        patience: float = 5.0,
+    ) -> None:
+        self.broker, self.topics, self.patience = broker, Topics(topic), patience
+        new_client(broker)  # says at once what is missing
+        self.ring = Ring(buffer, most=most)
+        self.dropped = self.refused = self.resent = 0
+        self._changed = threading.Condition(threading.RLock())
+        self._newest = self.ring.flows()
+        self._flows: dict[Flow, _Sending] = {}
+        self._told: dict[str, Flow] = {}  # by the topic on which it is told what is committed
+        self._due: set[Flow] = set()
+        self._client: Any = None
+        self._connected = self._closing = self._over = False
+        self._why = ""
+        for flow in self._newest:
+            self._open(flow)
+        self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> "Publisher":
+        return self
+
+    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the broker is there."""
+        return self._connected
+
+    @property
+    def trouble(self) -> str:
+        """Why the broker is not there, or why the last block was refused; empty where all is well."""
+        return self._why
+
+    def send(self, *blocks: Block) -> int:
+        """Put blocks into the buffer; they are sent as soon as may be. How many of them were new.
+
+        The numbers of a logger's blocks grow: one that is not above all before it was sent already.
+
+        Raises
+        ------
+        OutputError
+            If the buffer cannot be written: the blocks are not kept.
+        """
+        packed = [(Flow(block.turbine, block.stream), Packed(block.sequence, encode_arrow(block))) for block in blocks]
+        with self._changed:
+            new = []
+            newest = dict(self._newest)
+            for flow, block in packed:
+                if flow not in newest or block.sequence > newest[flow]:
+                    newest[flow] = block.sequence
+                    new.append((flow, block))
+            if not new:
+                return 0
+            dropped = self.ring.put(new)
+            self._newest = newest
+            for flow in {flow for flow, _ in new}:
+                self._open(flow)
+                self._due.add(flow)
+            self._changed.notify_all()
+        if dropped:
+            self.dropped += dropped
+            logger.warning("buffer full: %d blocks dropped, the oldest (%d in all)", dropped, self.dropped)
+        return len(new)
+
+    def wait(self, timeout: float | None = None, *, room: int | None = None) -> bool:
+        """Wait until everything is committed, or the buffer has `room` [bytes]; False after `timeout` [s]."""
+
+        def enough() -> bool:
+            return not len(self.ring) if room is None else not len(self.ring) or self.ring.room >= room
+
+        with self._changed:
+            return self._changed.wait_for(enough, timeout)
+
+    def committed(self, turbine: str, stream: str = "", *, timeout: float = 2.0) -> int | None:
+        """Up to which number a logger's blocks are committed, as the broker has it; None where nothing was heard."""
+        flow = Flow(turbine, stream)
+        with self._changed:
+            self._open(flow)
+            self._changed.wait_for(lambda: self._flows[flow].committed is not None, timeout)
+            return self._flows[flow].committed
+
+    def close(self) -> None:
+        """Disconnect; what is not committed stays in the buffer's file."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+        self.ring.close()
+
+    def _open(self, flow: Flow) -> None:
+        """Know a flow, and hear of what is committed of it."""
+        if flow not in self._flows:
+            self._flows[flow] = _Sending(self.patience)
+            self._told[self.topics.committed(*flow)] = flow
+            if self._connected:
+                self._hear(self._client, flow)
+
+    def _hear(self, client: Any, flow: Flow) -> None:
+        client.subscribe(self.topics.committed(*flow), qos=1)
+        client.subscribe(self.topics.refused(flow.turbine), qos=0)
+
+    # the thread
+
+    def _run(self) -> None:
+        pause = 0.5
+        while not self._closing:
+            client = self._new_client()
+            try:
+                connect(client, self.broker, clean=True)
+                while self._go_on(client):
+                    pause = 0.5
+            except OSError as error:
+                self._lost(client, f"no connection ({error.strerror or error})")
+            client.disconnect()
+            client.loop_stop()
+            with self._changed:
+                self._connected = False
+                self._changed.wait_for(lambda: self._closing, pause * random.uniform(0.5, 1.0))
+            pause = min(2.0 * pause, LONGEST_PAUSE)
+
+    def _new_client(self) -> Any:
+        client = new_client(self.broker)
+        client.on_connect = self._on_connect
+        client.on_disconnect = lambda client, _u, _f, reason, _p: self._lost(client, f"connection lost ({reason})")
+        client.on_message = self._on_message
+        with self._changed:
+            self._client, self._over = client, False
+        return client
+
+    def _go_on(self, client: Any) -> bool:
+        """Wait for something to do, and do it; False when the connection is over."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closing or self._over or (self._connected and self._due), 0.25)
+            if self._closing or self._over:
+                return False
+            if not self._connected:
+                return True
+            now = time.monotonic()
+            for flow, sending in self._flows.items():
+                if sending.sent and now > sending.until:
+                    self.resent += len(sending.sent)
+                    sending.go_back(1)
+                    sending.patience = min(2.0 * sending.patience, LONGEST_PATIENCE)
+                    self._due.add(flow)
+            due, self._due = self._due, set()
+            for flow in due:
+                self._send_more(client, flow, self._flows[flow])
+            self._changed.notify_all()
+        return True
+
+    def _send_more(self, client: Any, flow: Flow, sending: _Sending) -> None:
+        if sending.committed is not None:
+            self.ring.forget(flow, sending.committed)
+        last = sending.sent[-1] if sending.sent else None
+        for block in self.ring.after(flow, last, sending.width - len(sending.sent)):
+            after = last if last is not None and self.ring.holds(flow, last) else None
+            marks = Marks(block.sequence, flow.stream, after)
+            client.publish(self.topics.blocks(flow.turbine), block.payload, qos=1, properties=properties_of(marks))
+            if not sending.sent:
+                sending.until = time.monotonic() + sending.patience
+            sending.sent.append(block.sequence)
+            last = block.sequence
+
+    # what the broker says, in the client's thread
+
+    def _on_connect(self, client: Any, _userdata: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        if reason.is_failure:
+            self._lost(client, f"the broker refuses ({reason}): check user, password and its list of rights")
+            return
+        with self._changed:
+            for flow, sending in self._flows.items():
+                self._hear(client, flow)
+                sending.go_back(WIDEST)
+                self._due.add(flow)
+            self._connected, self._why = True, ""
+            self._changed.notify_all()
+
+    def _lost(self, client: Any, why: str) -> None:
+        with self._changed:
+            if client is self._client and not self._closing and not self._over:
+                self._over, self._connected = True, False
+                if why != self._why:
+                    logger.warning("broker %s: %s; %d blocks wait", self.broker.url, why, len(self.ring))
+                self._why = why
+                self._changed.notify_all()
+
+    def _on_message(self, _client: Any, _userdata: Any, message: Any) -> None:
+        with self._changed:
+            if message.topic.endswith("/refused"):
+                self.refused += 1
+                self._why = f"a block was refused: {message.payload[:300].decode(errors='replace')}"
+                logger.warning("%s", self._why)
+                return
+            flow = self._told.get(message.topic)
+            try:
+                number = int(message.payload)
+            except ValueError:
+                return
+            if flow is not None:
+                self._heard(flow, self._flows[flow], number)
+
+    def _heard(self, flow: Flow, sending: _Sending, number: int) -> None:
+        if sending.committed is not None and number <= sending.committed:
+            return
+        sending.committed = number
+        self._newest[flow] = max(number, self._newest.get(flow, number))
+        while sending.sent and sending.sent[0] <= number:
+            sending.sent.popleft()
+        sending.width = min(2 * sending.width, WIDEST)
+        sending.patience, sending.until = self.patience, time.monotonic() + self.patience
+        self._due.add(flow)
+        self._changed.notify_all()

@@ -1,0 +1,234 @@
+"""What a broker has is taken in, and acknowledged when it is committed; what it loses is sent again."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.live.sources.conftest import Service, Taker
+from tests.live.sources.servers import Mosquitto, free_port, wait_for
+from windsysid.errors import ConfigurationError
+from windsysid.live.block import Block
+from windsysid.live.codec import BlockRefused, encode_json
+from windsysid.live.settings import Broker
+from windsysid.live.sources.broker import Marks, Topics, connect, new_client, properties_of
+from windsysid.live.sources.mqtt import MqttSource
+from windsysid.live.sources.publisher import Publisher
+from windsysid.live.toml_table import Secret
+
+SECOND = 1_000_000_000
+
+
+def block_of(number: int, turbine: str = "T01", stream: str = "") -> Block:
+    values = np.random.default_rng(number).standard_normal((20, 2)).astype(np.float32)
+    channels, units = ("tower_x_acceleration", "tower_y_acceleration"), ("m/s^2", "m/s^2")
+    return Block(turbine, number, number * SECOND, 20.0, channels, units, values, stream)
+
+
+class Logger:
+    """A logger without a buffer, and what it hears."""
+
+    def __init__(self, broker: Broker, *topics: str) -> None:
+        self.heard: list[tuple[str, bytes]] = []
+        self.client = new_client(broker)
+        self.client.on_message = lambda _c, _u, message: self.heard.append((message.topic, message.payload))
+        connect(self.client, broker, clean=True)
+        wait_for(self.client.is_connected)
+        for topic in topics:
+            self.client.subscribe(topic, qos=1)
+
+    def say(self, topic: str, payload: bytes, marks: Marks | None = None) -> None:
+        told = None if marks is None else properties_of(marks)
+        self.client.publish(topic, payload, qos=1, properties=told).wait_for_publish(30.0)
+
+    def close(self) -> None:
+        self.client.disconnect()
+        self.client.loop_stop()
+
+
+@pytest.mark.parametrize("topic", ["windsysid/{turbine}/blocks", "site/{turbine}"])
+def test_what_a_publisher_sends_comes_bit_for_bit_and_is_forgotten(mosquitto: Mosquitto, topic: str):
+    service = Service(MqttSource(mosquitto.broker, ["T01", "T02"], topic=topic))
+    with Publisher(mosquitto.broker, topic=topic, patience=0.5) as publisher:
+        sent = [block_of(k, turbine, stream) for k in range(1, 101) for turbine, stream in (("T01", ""), ("T02", "b"))]
+        assert publisher.send(*sent) == 200
+        assert publisher.wait(60.0)
+        assert publisher.committed("T01") == publisher.committed("T02", "b") == 100
+        assert publisher.send(*sent) == 0  # they were sent
+    service.stop()
+    found = {(block.turbine, block.stream, block.sequence): block for block in service.taker.blocks}
+    assert len(found) == 200
+    for block in sent:
+        other = found[block.turbine, block.stream, block.sequence]
+        assert (other.start, other.rate, other.channels, other.units) == (
+            block.start, block.rate, block.channels, block.units,
+        )  # fmt: skip
+        assert other.values.dtype == np.float32
+        assert other.values.tobytes() == block.values.tobytes()
+
+
+def test_what_is_not_committed_is_not_acknowledged_and_comes_again(mosquitto: Mosquitto):
+    taker = Taker()
+    taker.holding = True
+    service = Service(MqttSource(mosquitto.broker, ["T01"]), taker)
+    wait_for(lambda: service.source.state.state == "running")
+    logger = Logger(mosquitto.broker, "windsysid/+/committed")
+    for k in range(1, 6):
+        logger.say("windsysid/T01/blocks", encode_json(block_of(k)))
+    wait_for(lambda: len(taker.blocks) == 5)
+    for future in taker.held[:2]:
+        future.set_result(None)
+    wait_for(lambda: ("windsysid/T01/committed", b"2") in logger.heard)
+    service.stop()
+    again = Service(MqttSource(mosquitto.broker, ["T01"]))
+    wait_for(lambda: again.taker.numbers() == [3, 4, 5])
+    wait_for(lambda: ("windsysid/T01/committed", b"5") in logger.heard)
+    again.stop()
+    third = Service(MqttSource(mosquitto.broker, ["T01"]))
+    wait_for(lambda: third.source.state.state == "running")
+    logger.say("windsysid/T01/blocks", encode_json(block_of(6)))
+    wait_for(lambda: bool(third.taker.blocks))
+    third.stop()
+    assert third.taker.numbers() == [6]
+    logger.close()
+
+
+def test_a_block_that_can_never_be_taken_is_acknowledged_counted_and_told(mosquitto: Mosquitto):
+    class Picky(Taker):
+        def push(self, block):
+            if block.sequence == 2:
+                raise BlockRefused("two is none")
+            return super().push(block)
+
+    service = Service(MqttSource(mosquitto.broker, ["T01"]), Picky())
+    logger = Logger(mosquitto.broker, "windsysid/+/refused", "windsysid/+/committed")
+    wait_for(lambda: service.source.state.state == "running")
+    logger.say("windsysid/T01/blocks", b"\x00nonsense")
+    logger.say("windsysid/T01/blocks", encode_json(block_of(1)), Marks(1))
+    logger.say("windsysid/T01/blocks", encode_json(block_of(2)), Marks(2, after=1))
+    logger.say("windsysid/T01/blocks", encode_json(block_of(3)), Marks(3, after=2))
+    wait_for(lambda: ("windsysid/T01/committed", b"3") in logger.heard)
+    told = [json.loads(payload) for topic, payload in logger.heard if topic.endswith("refused")]
+    assert [each["sequence"] for each in told] == [None, 2]
+    assert told[1]["reason"] == "two is none"
+    assert (service.source.state.blocks, service.source.state.refused) == (2, 2)
+    service.stop()
+    logger.close()
+
+
+def test_nothing_is_told_committed_behind_a_block_that_is_missing(mosquitto: Mosquitto):
+    service = Service(MqttSource(mosquitto.broker, ["T01"]))
+    logger = Logger(mosquitto.broker, "windsysid/+/committed")
+    wait_for(lambda: service.source.state.state == "running")
+    marks = [Marks(0), Marks(1, after=0), Marks(3, after=2), Marks(2, after=1), Marks(3, after=2)]
+    for mark in marks:
+        assert mark.sequence is not None
+        logger.say("windsysid/T01/blocks", encode_json(block_of(mark.sequence)), mark)
+        wait_for(lambda mark=mark: mark.sequence in service.taker.numbers())
+    wait_for(lambda: ("windsysid/T01/committed", b"3") in logger.heard)
+    numbers = [int(payload) for _, payload in logger.heard]
+    assert numbers == sorted(numbers)
+    source = MqttSource(mosquitto.broker, ["T01"])
+    for mark, expected in zip(marks, (0, 1, 1, 2, 3), strict=True):
+        assert mark.sequence is not None
+        source.took("T01", "", mark.sequence, mark.after)
+        assert source.untold(everything=True) == {("T01", ""): expected}
+    service.stop()
+    logger.close()
+
+
+def test_a_broker_that_is_killed_and_a_service_that_is_away_lose_nothing(mosquitto: Mosquitto):
+    with Publisher(mosquitto.broker, patience=0.5) as publisher:
+        publisher.send(*(block_of(k) for k in range(1, 51)))
+        wait_for(lambda: publisher.connected)
+        service = Service(MqttSource(mosquitto.broker, ["T01"]))
+        wait_for(lambda: len(service.taker.blocks) > 0)
+        mosquitto.kill()
+        publisher.send(*(block_of(k) for k in range(51, 101)))
+        mosquitto.start()
+        assert publisher.wait(90.0)
+        service.stop()
+        publisher.send(*(block_of(k) for k in range(101, 151)))
+        taker = service.taker
+        service = Service(MqttSource(mosquitto.broker, ["T01"]), taker)
+        assert publisher.wait(90.0)
+        service.stop()
+    assert taker.numbers() == list(range(1, 151))
+
+
+PUBLISHER = """
+import sys
+from tests.live.sources.test_mqtt import block_of
+from windsysid.live.settings import Broker
+from windsysid.live.sources.publisher import Publisher
+with Publisher(Broker(sys.argv[1]), buffer=sys.argv[2]) as publisher:
+    publisher.send(*(block_of(k) for k in range(1, 31)))
+    print("kept", flush=True)
+    publisher.wait()
+"""
+
+
+def test_a_publisher_that_is_killed_goes_on_from_its_buffer(mosquitto: Mosquitto, tmp_path: Path):
+    buffer = tmp_path / "buffer.sqlite"
+    with subprocess.Popen(
+        [sys.executable, "-c", PUBLISHER, mosquitto.url, str(buffer)], stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"kept\n"
+        process.kill()
+    service = Service(MqttSource(mosquitto.broker, ["T01"]))
+    with Publisher(mosquitto.broker, buffer=buffer, patience=0.5) as publisher:
+        assert len(publisher.ring) == 30
+        assert publisher.wait(60.0)
+        assert publisher.send(block_of(30)) == 0
+    service.stop()
+    assert service.taker.numbers() == list(range(1, 31))
+
+
+def test_a_full_buffer_drops_the_oldest_and_says_so(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    with Publisher(Broker(f"mqtt://127.0.0.1:{free_port()}"), most=10_000) as publisher:
+        for k in range(1, 41):
+            publisher.send(block_of(k))
+        kept = len(publisher.ring)
+        assert publisher.dropped == 40 - kept > 0
+    assert f"({publisher.dropped} in all)" in caplog.text
+
+
+def test_users_passwords_and_tls(tmp_path: Path):
+    def openssl(*words: str) -> None:
+        subprocess.run(["openssl", *words], cwd=tmp_path, check=True, capture_output=True)
+
+    name = ("-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1")
+    openssl(
+        "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", "key.pem", "-out", "cert.pem", "-days", "2", *name
+    )
+    subprocess.run(["mosquitto_passwd", "-c", "-b", tmp_path / "users", "site", "geheim"], check=True)
+    (tmp_path / "users").chmod(0o600)
+    lines = ("allow_anonymous false", f"password_file {tmp_path}/users")
+    server = Mosquitto(tmp_path, f"certfile {tmp_path}/cert.pem", f"keyfile {tmp_path}/key.pem", *lines)
+    broker = Broker(f"mqtts://127.0.0.1:{server.port}", "site", Secret("geheim"), tmp_path / "cert.pem")
+    service = Service(MqttSource(broker, ["T01"]))
+    with Publisher(broker) as publisher:
+        publisher.send(block_of(1))
+        assert publisher.wait(60.0)
+    service.stop()
+    for wrong in (
+        Broker(broker.url, "site", Secret("falsch"), broker.ca),
+        Broker(broker.url, "site", Secret("geheim")),  # the certificate is of no authority that is known
+    ):
+        lost = Service(MqttSource(wrong, ["T01"]))
+        wait_for(lambda lost=lost: lost.source.state.state == "trying")
+        assert "falsch" not in lost.source.state.text + lost.source.describe()
+        lost.stop()
+    server.kill()
+
+
+def test_a_topic_without_its_turbine_is_refused():
+    for topic in ("blocks", "a/{turbine}/#", "{turbine}/{turbine}"):
+        with pytest.raises(ConfigurationError, match="one level"):
+            Topics(topic)
+    assert Topics("a/{turbine}/b").committed("T", "s") == "a/T/committed/s"
+    assert Topics("a/{turbine}").refused("T") == "a/T/refused"
