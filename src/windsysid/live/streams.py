@@ -336,9 +336,7 @@ def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) 
                 since = window - (DRIFT_WINDOWS - 1) * (until - window)
                 changed.append(Verdict(name, "drift", since, until, text))
             if outside < DRIFT_GIVE_UP:
-                if n > DRIFT_LEARN:  # what lies outside must not widen what is usual
-            off = math.copysign(min(abs(off), 3.0 * math.sqrt(variance)), off)
-        after[name] = [n, centre, variance, largest, outside]
+                after[name] = [n, centre, variance, largest, outside]
                 continue
             n = centre = variance = largest = 0.0
             off = mean
