@@ -4,8 +4,8 @@ import sys
 import time
 
 import pytest
+from validation.postgres_server import Server
 
-from tests.live.store.servers import Server
 from tests.live.store.test_store import sequences, submit
 from tests.live.store.things import alarm, blocks, result
 from windsysid.errors import StoreError

@@ -1,4 +1,7 @@
-"""A PostgreSQL server of the tests' own, in a temporary folder, reached through a socket in it."""
+"""A PostgreSQL server of one's own, in a temporary folder, reached through a socket in it.
+
+It flushes nothing to the disk: processes are killed here, machines are not.
+"""
 
 import contextlib
 import os
@@ -11,13 +14,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
+__all__ = ["MissingServerError", "Server", "postgres"]
 
 PLACES = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
 USER = "postgres" if hasattr(os, "geteuid") and os.geteuid() == 0 else None  # the server refuses to run as root
 
 
-def program(name: str) -> str | None:
+class MissingServerError(Exception):
+    """No PostgreSQL server is installed."""
+
+
+def _program(name: str) -> str | None:
     return shutil.which(name, path=os.pathsep.join([os.environ.get("PATH", ""), *map(str, PLACES)]))
 
 
@@ -38,12 +45,13 @@ class Server:
         )
 
     def _run(self, name: str, *arguments: str) -> None:
-        found = program(name)
+        found = _program(name)
         assert found
         as_user = ["runuser", "-u", USER, "--"] if USER else []
         subprocess.run([*as_user, found, *arguments], cwd=self.folder, check=True, stdout=subprocess.DEVNULL)
 
     def start(self) -> None:
+        """Start it, and wait until it answers."""
         options = f"-c listen_addresses='' -k {self.folder} -c shared_buffers=16MB -c fsync=off"
         self._run("pg_ctl", "-D", "data", "-w", "-t", "120", "-l", "log", "-o", options, "start")
 
@@ -64,6 +72,7 @@ class Server:
             left.unlink()
 
     def stop(self) -> None:
+        """End it at once."""
         self._run("pg_ctl", "-D", "data", "-m", "immediate", "-w", "stop")
 
     def emptied(self) -> str:
@@ -77,10 +86,9 @@ class Server:
 
 @contextmanager
 def postgres() -> Iterator[Server]:
-    """A server that runs."""
-    pytest.importorskip("psycopg", reason="psycopg is not installed")
-    if program("initdb") is None or (USER and shutil.which("runuser") is None):
-        pytest.skip("no PostgreSQL server is installed")
+    """A server that runs; MissingServerError where none is installed."""
+    if _program("initdb") is None or (USER and shutil.which("runuser") is None):
+        raise MissingServerError("no PostgreSQL server is installed")
     with tempfile.TemporaryDirectory(prefix="windsysid-postgres-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         if USER:
