@@ -132,7 +132,7 @@ def healths(now: int) -> list[Health]:
 
 
 def alarms(last: int, count: int) -> list[Alarm]:
-    at = last - int(0.2 * count) * WINDOW
+    at, gone = last - int(0.2 * count) * WINDOW, last - int(0.7 * count) * WINDOW
     return [
         Alarm(
             key=KEY, turbine="T02", kind="structure", severity="alarm", about="k_fore_aft", opened=at + 9 * WINDOW,
@@ -146,10 +146,9 @@ def alarms(last: int, count: int) -> list[Alarm]:
             text="blade_2_lag_acceleration repeats one value: see the sensor and its cable",
         ),
         Alarm(
-            key="T01//1", turbine="T01", kind="data", severity="notice", about="", opened=last - int(0.7 * count) * WINDOW,
-            earliest=last - int(0.7 * count) * WINDOW, latest=last - int(0.7 * count) * WINDOW,
-            ended=last - int(0.67 * count) * WINDOW, text="no samples came for 5 h: see the logger and the link",
-            acknowledged=last - int(0.69 * count) * WINDOW, by="J. Berg", remark="Power of the logger was off for service.",
+            key="T01//1", turbine="T01", kind="data", severity="notice", about="", opened=gone, earliest=gone,
+            latest=gone, ended=gone + 30 * WINDOW, text="no samples came for 5 h: see the logger and the link",
+            acknowledged=gone + 10 * WINDOW, by="J. Berg", remark="Power of the logger was off for service.",
         ),
     ]  # fmt: skip
 

@@ -7,6 +7,7 @@ import json
 import time
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable, MutableMapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,12 +103,10 @@ class Guard:
             return await self._app(scope, receive, send)
         if scope["type"] != "http":
             return None  # there are no web sockets
-        started = False
+        got, limit = 0, self._limits.body
 
         async def send_guarded(message: Message) -> None:
-            nonlocal started
             if message["type"] == "http.response.start":
-                started = True
                 message["headers"] = [*message.get("headers", ()), *HEADERS]
                 if scope["path"].startswith(("/api", "/metrics", "/health", "/login")):
                     message["headers"].append((b"cache-control", b"no-store"))
@@ -116,21 +115,23 @@ class Guard:
         refused = self._refusal(scope)
         if refused is not None:
             return await _answer(send_guarded, *refused)
-        got = 0
 
         async def receive_bounded() -> Message:
             nonlocal got
             message = await receive()
             got += len(message.get("body", b""))
-            if got > self._limits.body:
+            if got > limit:
                 raise _TooLargeError
             return message
 
-        try:
-            await self._app(scope, receive_bounded, send_guarded)
-        except _TooLargeError:
-            if not started:
-                await _answer(send_guarded, 413, f"body: expected {self._limits.body} bytes or less")
+        async def send_unless_refused(message: Message) -> None:
+            if got <= limit:  # else it is an answer to half of a body
+                await send_guarded(message)
+
+        with suppress(_TooLargeError):
+            await self._app(scope, receive_bounded, send_unless_refused)
+        if got > limit:
+            await _answer(send_guarded, 413, f"body: expected {limit} bytes or less")
         return None
 
     def _refusal(self, scope: Message) -> tuple[int, str] | None:

@@ -96,7 +96,7 @@ class TurbineSummary(BaseModel):
     trusted: Annotated[bool | None, Field(description="of the newest result; null where there is none")]
     reasons: Annotated[list[str], Field(description="why it is not trusted, or why there is no estimate")]
     windows_waiting: Annotated[int | None, Field(description="windows that ended and have no result yet")]
-    behind: Annotated[float | None, Field(description="seconds by which the results are behind the samples")]
+    behind: Annotated[float | None, Field(description="seconds since the oldest of them ended; 0 where none waits")]
     alarms: Annotated[list[AlarmSeen], Field(description="that are open, the worst first")]
     faults: Annotated[list[ChannelHealth], Field(description="channels that are not good")]
 
@@ -205,7 +205,7 @@ class TurbinePage(BaseModel):
     counts: Annotated[dict[str, int], Field(description="since the first block: blocks, samples, late …")]
     channels: list[ChannelHealth]
     newest: Annotated[Detail | None, Field(description="the newest window that has a result")]
-    first: Annotated[float | None, Field(description="begin of the oldest window that the store has")]
+    window_length: Annotated[float | None, Field(description="of its windows [s]; null where no engine said it")]
     configurations: list[Configuration]
 
 

@@ -79,16 +79,16 @@ def turbine_of(store: Store, engine: Engine | None, newest: Newest, name: str) -
     healths = store.healths(name)
     alarms = store.alarms(turbine=name, open_only=True)
     result = newest.of([name])[name]
-    oldest = store.results(name, most=2)
+    configurations = store.configurations(name)
     return models.TurbinePage(
         at=_now(), event=event,
         summary=_summary(name, status, healths, alarms, result, state),
         counts={} if status is None else dict(status.counts),
         channels=[_channel(health) for health in healths],
         newest=None if result is None else detail_of(result),
-        first=_ms(oldest[0].window) if oldest else None,
+        window_length=_number(configurations[0]["tables"].get("window")) if configurations else None,
         configurations=[
-            models.Configuration(at=_ms(one["at"]), settings=str(one["settings"])) for one in store.configurations(name)
+            models.Configuration(at=_ms(one["at"]), settings=str(one["settings"])) for one in configurations
         ],
     )  # fmt: skip
 

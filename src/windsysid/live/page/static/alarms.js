@@ -5,8 +5,10 @@ import { badge, h } from "/static/dom.js";
 import { pathOf } from "/static/overview.js";
 import { KINDS, SEVERITIES, when } from "/static/words.js";
 
+const WORST = Object.keys(SEVERITIES);
+
 export function alarmsPage(alarms, role) {
-  const waiting = alarms.filter((one) => one.ended === null && one.acknowledged === null);
+  const waiting = alarms.filter((one) => one.ended === null && one.acknowledged === null).sort((a, b) => WORST.indexOf(a.severity) - WORST.indexOf(b.severity));
   const rest = alarms.filter((one) => !waiting.includes(one));
   return [
     h("h1", {}, "Alarms"),
@@ -36,7 +38,7 @@ function item(one, role, named) {
     one.acknowledged === null && role !== "operator" ? h("p", { class: "quiet" }, "Who has the operator's token may acknowledge it.") : null);
 }
 
-const happened = (one) =>
+export const happened = (one) =>
   one.earliest === one.latest ? `Since ${when(one.earliest)}.` : `It happened between ${when(one.earliest)} and ${when(one.latest)}.`;
 
 let asked = null;

@@ -85,7 +85,8 @@ export class Chart {
     points.forEach((one, i) => {
       data.push(scale(one.values));
       const paint = colour(one.colour ?? (points.length > 1 ? PALETTE[i % PALETTE.length] : "--point"));
-      series.push({ stroke: paint, width: 0, points: { show: true, size: 4, fill: paint, stroke: paint }, paths: () => null });
+      const many = windows.length > WHISKERS && lines.length > 0;
+      series.push({ stroke: paint, width: 0, alpha: many ? 0.55 : 1, points: { show: true, size: many ? 3 : 4, fill: paint, stroke: paint }, paths: () => null });
     });
     lines.forEach((one, i) => {
       const paint = colour(one.colour ?? PALETTE[i % PALETTE.length]);
@@ -103,12 +104,12 @@ export class Chart {
     const axis = { stroke: colour("--ink"), grid: { stroke: colour("--rule"), width: 1 }, ticks: { stroke: colour("--rule"), width: 1 }, font: "12px system-ui, sans-serif" };
     this.width = Math.floor(this.place.clientWidth) || 320;
     this.plot = new uPlot({
-      width: this.width, height: 220, legend: { show: false }, padding: [8, 12, 0, 0],
+      width: this.width, height: 220, legend: { show: false }, padding: [8, 24, 0, 0],
       scales: {
         x: { time: true, range: () => [range[0] / 1000, range[1] / 1000] },
         y: { distr: logarithmic ? 3 : 1, range: (_, low, high) => this.extent(low, high, logarithmic) },
       },
-      axes: [{ ...axis, values: TIME_VALUES }, { ...axis, size: 64, values: (_, ticks) => ticks.map((v) => (v === null ? "" : digits(v, 5).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, ""))) }],
+      axes: [{ ...axis, size: 42, values: TIME_VALUES }, { ...axis, size: 64, values: (_, ticks) => ticks.map((v) => (v === null ? "" : digits(v, 5).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, ""))) }],
       series, bands,
       cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 7 } },
       hooks: {

@@ -22,15 +22,19 @@ export function badge([shape, word], kind) {
   return h("span", { class: `badge ${kind}` }, h("span", { "aria-hidden": "true" }, `${shape} `), word);
 }
 
+const label = (text) => (text.endsWith("?") ? text : `${text}:`);
+
+// Roles are said although they go without saying: browsers forget them where a phone shows a table as cards.
 // Columns: [heading, is number]; rows: lists of text or elements, the first a heading of its row.
 export function table(caption, columns, rows, { stacked = false, kind = "" } = {}) {
   const cell = (content, i) =>
     i === 0
-      ? h("th", { scope: "row" }, content)
-      : h("td", { class: columns[i][1] ? "number" : null, "data-label": stacked ? columns[i][0] : null }, content);
-  const made = h("table", { class: `${kind} ${stacked ? "stacked" : ""}` },
+      ? h("th", { scope: "row", role: "rowheader" }, content)
+      : h("td", { role: "cell", class: columns[i][1] ? "number" : null, "data-label": stacked ? label(columns[i][0]) : null }, content);
+  const made = h("table", { role: "table", class: `${kind} ${stacked ? "stacked" : ""}` },
     h("caption", {}, caption),
-    h("thead", {}, h("tr", {}, columns.map(([text, number]) => h("th", { scope: "col", class: number ? "number" : null }, text)))),
-    h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell)))));
+    h("thead", { role: "rowgroup" }, h("tr", { role: "row" },
+      columns.map(([text, number]) => h("th", { scope: "col", role: "columnheader", class: number ? "number" : null }, text)))),
+    h("tbody", { role: "rowgroup" }, rows.map((row) => h("tr", { role: "row" }, row.map(cell)))));
   return h("div", { class: "scroll", tabindex: stacked ? null : "0", role: stacked ? null : "region", "aria-label": stacked ? null : caption }, made);
 }

@@ -1,5 +1,6 @@
 // All turbines, the worst first.
 
+import { happened } from "/static/alarms.js";
 import { badge, h, table } from "/static/dom.js";
 import { VERDICTS, plural, rpm, span, when } from "/static/words.js";
 
@@ -44,7 +45,7 @@ function moreAlarms(one) {
   const waiting = one.alarms.filter((alarm) => alarm.acknowledged === null).length;
   if (!one.alarms.length) return null;
   const text = waiting ? `${plural(waiting, "alarm")} to acknowledge` : "acknowledged";
-  return h("div", { class: "quiet" }, text);
+  return h("div", { class: "quiet" }, one.alarms[0].kind === "data" ? "" : `${happened(one.alarms[0])} `, text);
 }
 
 function estimate(one) {

@@ -1,6 +1,6 @@
 // One turbine: is it as it was, what moved, when, by how much, and can it be trusted?
 
-import { alarmList } from "/static/alarms.js";
+import { alarmList, happened } from "/static/alarms.js";
 import { ask, turbinePath } from "/static/api.js";
 import { Chart } from "/static/charts.js";
 import { badge, h, show, table } from "/static/dom.js";
@@ -64,14 +64,14 @@ export class TurbineView {
 
   get range() {
     const newest = this.page.summary.until ?? this.page.at;
-    const first = this.page.first ?? newest - 24 * HOUR;
     const end = this.end ?? newest;
-    return [this.length === null ? first : end - this.length, end];
+    if (this.length === null) return [this.results?.windows[0] ?? end - 24 * HOUR, end];
+    return [end - this.length, end];
   }
 
   async readHistory() {
     const [from, to] = this.range;
-    const query = `?since=${Math.max(0, from)}&until=${to + 1}`;
+    const query = this.length === null ? "" : `?since=${Math.max(0, from)}&until=${to + 1}`;
     [this.levels, this.results, this.alarms] = await Promise.all([
       ask(turbinePath(this.name, `/levels${query}`)), ask(turbinePath(this.name, `/results${query}`)),
       ask(`/api/alarms?turbine=${encodeURIComponent(this.name)}`),
@@ -102,11 +102,11 @@ export class TurbineView {
     return [
       h("p", {}, h("a", { href: "#/", id: "to-all" }, "← All turbines")),
       h("h1", {}, this.name, " ", badge(VERDICTS[summary.verdict], summary.verdict)),
-      h("p", { class: `note ${good ? "good" : bad ? "bad" : ""}` }, summary.answer),
+      h("p", { class: `note ${good ? "good" : bad ? "bad" : ""}` }, summary.answer, bad && summary.alarms.length ? h("span", { class: "quiet" }, ` ${happened(summary.alarms[0])}`) : null),
       summary.reasons.length && !summary.answer.includes(summary.reasons[0]) ? h("p", { class: "note" }, `Not trusted: ${summary.reasons.join("; ")}.`) : null,
       h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))),
       summary.alarms.length ? [h("h2", {}, plural(summary.alarms.length, "open alarm")), alarmList(summary.alarms, this.role(), false)] : null,
-      newest === null ? h("p", { class: "note" }, `No estimate yet: the first is here when the first window has ended and was worked out.${counts.samples ? ` ${counts.samples} samples came so far.` : ""}`) : null,
+      newest === null ? h("p", { class: "note" }, `No estimate yet: the first is here soon after the first window${this.page.window_length ? ` of ${span(1000 * this.page.window_length)}` : ""} has ended.${counts.samples ? ` ${plural(counts.samples, "sample")} came so far.` : ""}`) : null,
     ];
   }
 
@@ -149,7 +149,7 @@ export class TurbineView {
   changeOf(series, first, last) {
     const by = (series.level[last] - series.level[first]) / series.level[first];
     const half = Math.hypot(series.level_high[last] - series.level_low[last], series.level_high[first] - series.level_low[first]) / 2;
-    return `${change(by)} ± ${percent(half / Math.abs(series.level[first]), 1)}`;
+    return change(by, half / Math.abs(series.level[first]));
   }
 
   rangePart() {
@@ -166,7 +166,7 @@ export class TurbineView {
     return [
       h("div", { class: "ranges", role: "group", "aria-label": "Range of the charts" },
         RANGES.map(([text, length], i) => button(i, text, () => this.go(length, null), { pressed: this.length === length && this.end === null })),
-        button("earlier", "◀ earlier", () => move(-0.5), { off: this.page.first !== null && from <= this.page.first }),
+        button("earlier", "◀ earlier", () => move(-0.5), { off: this.length === null || (!this.results.windows.length && this.end !== null) }),
         button("later", "later ▶", () => move(0.5), { off: this.end === null }),
         button("in", "zoom in", () => zoom(0.5), { off: width <= HOUR }),
         button("out", "zoom out", () => zoom(2))),

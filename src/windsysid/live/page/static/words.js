@@ -43,8 +43,12 @@ export function withBand(value, low, high, unit) {
 
 export const percent = (share, count = 2) => (share === null ? "–" : `${digits(100 * share, count)} %`);
 
-// Signed: 0.031 → +3.1 %.
-export const change = (share) => (share > 0 ? "+" : "") + percent(share);
+// Signed, with as many places as its band has to say: 0.0312 ± 0.008 → +3.1 ± 0.8 %.
+export function change(share, half) {
+  const places = half > 0 ? Math.min(4, Math.max(0, -Math.floor(Math.log10(100 * half)))) : 2;
+  const text = (100 * share).toFixed(places).replace("-", "−");
+  return `${share > 0 ? "+" : ""}${text} ± ${(100 * half).toFixed(places)} %`;
+}
 
 const local = new Intl.DateTimeFormat("en-GB", { day: "numeric", month: "short", hour: "2-digit", minute: "2-digit" });
 const localYear = new Intl.DateTimeFormat("en-GB", {

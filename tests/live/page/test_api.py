@@ -1,0 +1,250 @@
+import asyncio
+import json
+import math
+
+import pytest
+from fastapi.testclient import TestClient
+
+from windsysid.errors import WindsysidError
+from windsysid.live.page.app import app, streams_of
+from windsysid.live.page.streams import Streams, TooManyStreams
+from windsysid.live.page.views import series_title
+from windsysid.live.store import open_store
+from windsysid.live.store.contents import Commit, Level, Result
+
+from . import sample
+
+OWN = "http://localhost"
+
+
+@pytest.fixture
+def client(page):
+    return TestClient(page, base_url=OWN)
+
+
+def test_the_overview_has_the_worst_first(client):
+    turbines = client.get("/api/overview").json()["turbines"]
+    assert [(one["name"], one["verdict"]) for one in turbines] == [
+        ("T02", "moved"),
+        ("T03", "sensor"),
+        ("T01", "steady"),
+    ]
+    assert "k_fore_aft fell" in turbines[0]["answer"]
+    assert turbines[1]["faults"][0]["state"] == "stuck"
+
+
+def test_a_turbine_says_what_is_known_of_it(client):
+    found = client.get("/api/turbines/T02").json()
+    assert found["newest"]["trusted"]
+    mode = found["newest"]["modes"][0]
+    assert mode["nearest"] == "1P"
+    one = next(one for one in found["newest"]["excitations"] if one["name"] == "1P")
+    assert one["frequency"] == pytest.approx(found["newest"]["rotor_speed"] / (2.0 * math.pi))
+    assert mode["distance"] == pytest.approx(1.0 - one["frequency"] / mode["frequency"])
+
+
+def test_the_budget_splits_variances_as_the_row_has_them(client):
+    for share in client.get("/api/turbines/T02").json()["newest"]["budget"]:
+        assert share["loads"] > 0.0
+        for cause in ("loads", "instruments"):  # who knows everything else knows no less than who knows one thing
+            assert 0.0 <= share["rest"] <= 1.0 - share[cause] + 1e-9
+
+
+def test_levels_and_results_are_columns_over_the_same_windows(client):
+    levels = client.get("/api/turbines/T01/levels").json()
+    results = client.get("/api/turbines/T01/results").json()
+    assert len(levels["windows"]) < len(results["windows"]) == 72  # refused windows have no levels
+    for series in levels["series"]:
+        assert all(len(series[name]) == len(levels["windows"]) for name in ("estimate", "level", "limit"))
+    assert {mode["name"] for mode in results["modes"]} == {"tower side-side", "tower fore-aft"}
+    assert "refused" in results["status"]
+
+
+def test_a_range_is_answered_alone_and_thinned(client):
+    windows = client.get("/api/turbines/T02/results").json()["windows"]
+    query = {"since": windows[10], "until": windows[20]}
+    assert client.get("/api/turbines/T02/results", params=query).json()["windows"] == windows[10:20]
+    assert len(client.get("/api/turbines/T02/levels", params={"most": 10}).json()["windows"]) <= 10
+
+
+def test_one_window_is_found_by_its_begin(client):
+    window = client.get("/api/turbines/T02/results").json()["windows"][7]
+    assert client.get(f"/api/turbines/T02/results/{window}").json()["window"] == window
+    assert client.get(f"/api/turbines/T02/results/{window + 5}").status_code == 404
+
+
+@pytest.mark.parametrize("name", ["T09", "..%2f..%2fetc%2fpasswd", "T01'--", "%00", "x" * 300])
+def test_what_there_is_not_is_not_found_and_not_repeated(client, name):
+    for path in ("", "/levels", "/results"):
+        answer = client.get(f"/api/turbines/{name}{path}")
+        assert answer.status_code in (404, 422)
+        assert "passwd" not in answer.text
+        assert "--" not in answer.text
+
+
+def test_nothing_that_is_not_a_number_reaches_the_answer():
+    store = open_store(":memory:")
+    level = Level("k_x", "N/m", "k", math.nan, -math.inf, math.inf, None, None, None, math.nan, math.inf)
+    row = {"status": "ok", "trusted": True, "rotor_speed": math.nan, "modes": [{"name": "m", "frequency": math.nan}]}
+    store.submit(Commit(results=[Result("T", 0, 1, 1, row, [level], b"")])).result(60)
+    client = TestClient(app(store), base_url=OWN)
+    for path in ("/api/overview", "/api/turbines/T", "/api/turbines/T/levels", "/api/turbines/T/results"):
+        text = client.get(path).text
+        assert not any(word in text for word in ("NaN", "Infinity"))
+        json.loads(text)
+    assert client.get("/api/overview").json()["turbines"][0]["verdict"] == "learning"
+    store.close()
+
+
+def test_an_empty_store_has_a_page():
+    store = open_store(":memory:")
+    client = TestClient(app(store), base_url=OWN)
+    assert client.get("/api/overview").json()["turbines"] == []
+    assert client.get("/metrics").status_code == 200
+    store.close()
+
+
+def test_an_acknowledgement_is_kept_and_the_first_one_counts(client):
+    path = f"/api/alarms/{sample.KEY}/acknowledge"
+    for bad in (
+        {},
+        {"by": ""},
+        {"by": " x"},
+        {"by": "a\nb"},
+        {"by": "x" * 81},
+        {"by": "x", "more": 1},
+        {"by": "\ud800"},
+    ):
+        assert (
+            client.post(path, content=json.dumps(bad), headers={"content-type": "application/json"}).status_code == 422
+        )
+    assert client.post("/api/alarms/nothing/acknowledge", json={"by": "me"}).status_code == 404
+    first = client.post(path, json={"by": "A. Nord", "remark": "<b>bolts</b>"}).json()
+    again = client.post(path, json={"by": "B. Süd"}).json()
+    assert first["by"] == again["by"] == "A. Nord"
+    found = client.get("/api/alarms", params={"turbine": "T02"}).json()
+    assert [one["remark"] for one in found] == ["<b>bolts</b>"]
+
+
+def test_metrics_escape_names_and_count_verdicts(client):
+    text = client.get("/metrics").text
+    assert 'windsysid_turbines{verdict="moved"} 1' in text
+    assert 'windsysid_turbine_trusted{turbine="T01"} 1' in text
+    assert text.endswith("\n")
+
+
+def test_a_store_that_is_away_is_said_in_one_line(store):
+    class Away:
+        def __getattr__(self, name):
+            def refuse(*_, **__):
+                raise WindsysidError("postgres://user:secret@host is away")
+
+            return refuse
+
+    client = TestClient(app(Away()), base_url=OWN)
+    answer = client.get("/api/overview")
+    assert answer.status_code == 503
+    assert "secret" not in answer.text
+
+
+def test_series_have_words():
+    assert series_title("k_side_side") == "stiffness, side-side"
+    assert series_title("c_beta_1") == "damping, beta 1"
+    assert series_title("noise_tower_acceleration") == "noise, tower acceleration"
+    assert series_title("blade_2_lag_acceleration") == "blade 2 lag acceleration"
+
+
+def test_openapi_lists_every_path_with_a_model(client):
+    schema = client.get("/api/openapi.json").json()
+    assert "/api/alarms/{key}/acknowledge" in schema["paths"]
+    overview = schema["paths"]["/api/overview"]["get"]["responses"]["200"]["content"]["application/json"]["schema"]
+    assert overview["$ref"].endswith("/Overview")
+
+
+async def _told(streams, after, count):
+    told = []
+    async for last, changes in streams.follow(after):
+        told.append((last, changes))
+        if len(told) == count:
+            return told
+    return told
+
+
+def test_a_stream_tells_what_changes_and_where_it_stands():
+    store = open_store(":memory:")
+    sample.fill(store, days=0.02)
+
+    async def follow():
+        streams = Streams(store, 4)
+        streams.enter()
+        task = asyncio.create_task(_told(streams, None, 1))
+        while streams._watcher is None:
+            await asyncio.sleep(0.01)
+        last = store.last_event()
+        store.submit(Commit(alarms=sample.alarms(0, 100)[:1]))
+        [(told, changes)] = await asyncio.wait_for(task, 30.0)
+        streams.leave()
+        return last, told, changes
+
+    last, told, changes = asyncio.run(follow())
+    assert told > last
+    assert changes.alarms == [sample.KEY]
+    assert changes.turbines == ["T02"]
+    assert not changes.all
+    store.close()
+
+
+def test_a_page_that_was_away_for_long_reads_everything_again():
+    store = open_store(":memory:")
+    sample.fill(store, days=0.02)
+
+    async def follow():
+        streams = Streams(store, 4)
+        streams.enter()
+        [(told, changes)] = await asyncio.wait_for(_told(streams, 0, 1), 30.0)
+        streams.leave()
+        return told, changes
+
+    told, changes = asyncio.run(follow())
+    assert told == store.last_event()
+    assert changes.all
+    store.close()
+
+
+def test_streams_end_when_they_are_closed_and_are_bounded():
+    store = open_store(":memory:")
+
+    async def follow():
+        streams = Streams(store, 1)
+        streams.enter()
+        with pytest.raises(TooManyStreams):
+            streams.enter()
+        task = asyncio.create_task(_told(streams, None, 1))
+        while streams._watcher is None:
+            await asyncio.sleep(0.01)
+        streams.close()
+        assert await asyncio.wait_for(task, 30.0) == []
+        streams.leave()
+        with pytest.raises(TooManyStreams):
+            streams.enter()
+
+    asyncio.run(follow())
+    store.close()
+
+
+def test_the_event_stream_is_sent_as_events(store):
+    page = app(store)
+    client = TestClient(page, base_url=OWN)
+    ended = []
+
+    async def follow(after):
+        ended.append(after)
+        yield 7, {"turbines": [], "results": [], "alarms": [], "all": True}
+
+    streams_of(page).follow = follow
+    with client.stream("GET", "/api/events?after=3", headers={"last-event-id": "5"}) as answer:
+        lines = list(answer.iter_lines())
+    assert ended == [5]
+    assert "id: 7" in lines
+    assert "event: changes" in lines
+    assert streams_of(page).count == 0
