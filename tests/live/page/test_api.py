@@ -1,12 +1,13 @@
 import asyncio
 import json
 import math
+import re
 
 import pytest
 from fastapi.testclient import TestClient
 
 from windsysid.errors import WindsysidError
-from windsysid.live.page.app import app, streams_of
+from windsysid.live.page.app import STATIC, app, streams_of
 from windsysid.live.page.streams import Streams, TooManyStreams
 from windsysid.live.page.views import series_title
 from windsysid.live.store import open_store
@@ -15,6 +16,8 @@ from windsysid.live.store.contents import Commit, Level, Result
 from . import sample
 
 OWN = "http://localhost"
+
+ENGINE_METRICS = {"behind_seconds", "windows_waiting", "blocks_per_second", "cost_per_sample_seconds"}
 
 
 @pytest.fixture
@@ -232,7 +235,7 @@ def test_streams_end_when_they_are_closed_and_are_bounded():
     store.close()
 
 
-def test_the_event_stream_is_sent_as_events(store):
+def test_the_event_stream_is_sent_as_events(store, monkeypatch):
     page = app(store)
     client = TestClient(page, base_url=OWN)
     ended = []
@@ -241,10 +244,49 @@ def test_the_event_stream_is_sent_as_events(store):
         ended.append(after)
         yield 7, {"turbines": [], "results": [], "alarms": [], "all": True}
 
-    streams_of(page).follow = follow
+    monkeypatch.setattr(streams_of(page), "follow", follow)
     with client.stream("GET", "/api/events?after=3", headers={"last-event-id": "5"}) as answer:
         lines = list(answer.iter_lines())
     assert ended == [5]
     assert "id: 7" in lines
     assert "event: changes" in lines
     assert streams_of(page).count == 0
+
+
+def test_grafanas_dashboard_asks_for_metrics_that_there_are(client):
+    told = client.get("/metrics").text
+    dashboard = json.loads((STATIC / "grafana.json").read_text(encoding="utf-8"))
+    asked = {
+        name
+        for panel in dashboard["panels"]
+        for target in panel["targets"]
+        for name in re.findall(r"windsysid_\w+", target["expr"])
+    }
+    of_an_engine = {f"windsysid_{name}" for name in ENGINE_METRICS}
+    assert asked - of_an_engine <= set(re.findall(r"^# TYPE (\w+)", told, re.MULTILINE))
+
+
+def test_what_an_engine_says_is_shown_and_measured(store):
+    class OfTurbine:
+        windows, behind = 3, 40.0
+
+    class State:
+        samples, rate, seconds, turbines = 4_000_000, 2.5, {"blocks": 4.0, "estimates": 20.0}, {"T01": OfTurbine()}
+
+    class Engine:
+        def state(self):
+            return State()
+
+        def acknowledge(self, key, by, remark):
+            return store.acknowledge(key, by=by, remark=remark, at=1)
+
+    client = TestClient(app(store, Engine()), base_url=OWN)
+    found = client.get("/api/overview").json()
+    assert found["service"] == {"blocks_per_second": 2.5, "cost_per_sample": 6.0}
+    first = next(one for one in found["turbines"] if one["name"] == "T01")
+    assert (first["windows_waiting"], first["behind"]) == (3, 40.0)
+    told = client.get("/metrics").text
+    assert 'windsysid_behind_seconds{turbine="T01"} 40' in told
+    assert ENGINE_METRICS <= {
+        name.removeprefix("windsysid_") for name in re.findall(r"^# TYPE (\w+)", told, re.MULTILINE)
+    }

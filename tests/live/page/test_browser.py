@@ -1,0 +1,119 @@
+"""The page as a browser shows it: Debian's chromium, no network."""
+
+import shutil
+import threading
+import time
+
+import pytest
+
+from windsysid.live.page.app import app, streams_of
+from windsysid.live.store import open_store
+from windsysid.live.store.contents import Commit
+
+from . import sample
+
+PATIENCE = 60_000  # ms
+CHROMIUM = shutil.which("chromium")
+
+pytest.importorskip("playwright", reason="playwright is not installed")
+uvicorn = pytest.importorskip("uvicorn", reason="the page needs the extra live")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def served():
+    """A store, and the address of its page."""
+    store = open_store(":memory:")
+    sample.fill(store, days=0.5)
+    page = app(store)
+    server = uvicorn.Server(
+        uvicorn.Config(page, host="127.0.0.1", port=0, log_level="error", timeout_graceful_shutdown=2)
+    )
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    until = time.monotonic() + 60.0
+    while not server.started and time.monotonic() < until:
+        time.sleep(0.02)
+    port = server.servers[0].sockets[0].getsockname()[1]
+    yield store, f"http://127.0.0.1:{port}"
+    streams_of(page).close()
+    server.should_exit = True
+    thread.join(30.0)
+    assert not thread.is_alive()  # an open stream does not keep a server that was told to end
+    store.close()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def tab(browser):
+    """A tab in which anything that goes wrong is told: scripts' errors, what the policy refused, requests elsewhere."""
+    wrong = []
+    context = browser.new_context(viewport={"width": 390, "height": 800})
+    tab = context.new_page()
+    tab.set_default_timeout(PATIENCE)
+    tab.on("pageerror", lambda error: wrong.append(str(error)))
+    tab.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    tab.on("request", lambda asked: None if "//127.0.0.1:" in asked.url else wrong.append(asked.url))
+    yield tab
+    context.close()
+    assert not wrong
+
+
+def test_an_event_updates_the_page_and_an_operator_acknowledges(served, tab):
+    store, address = served
+    tab.goto(address)
+    tab.get_by_role("link", name="T02").wait_for()
+    tab.get_by_text("live", exact=True).wait_for()
+    fresh = sample.alarms(0, 100)[0]._replace(
+        key="T01/k_side_side/2", turbine="T01", about="k_side_side", text="k_side_side fell by 5 %: <img src=x>"
+    )
+    store.submit(Commit(alarms=[fresh])).result(60)
+    tab.locator("#announcement", has_text="New alarm of T01: k_side_side fell by 5 %: <img src=x>").wait_for(
+        state="attached"
+    )
+    tab.goto(f"{address}/#/alarms")
+    tab.get_by_role("button", name="Acknowledge stiffness, side-side of T01").click()
+    tab.get_by_label("Your name").fill("A. Nord")
+    tab.get_by_role("dialog").get_by_role("button", name="Acknowledge").click()
+    tab.get_by_text("Acknowledged by A. Nord").wait_for()
+    [known] = [one for one in store.alarms() if one.key == fresh.key]
+    assert known.by == "A. Nord"
+    assert tab.locator("img").count() == 0
+
+
+def test_every_chart_has_its_table_and_fits_a_phone(served, tab):
+    _, address = served
+    tab.goto(f"{address}/#/turbine/T02")
+    tab.locator("figure canvas").first.wait_for()
+    figures = tab.locator("figure")
+    for i in range(figures.count()):
+        assert "The table below" in (figures.nth(i).locator("[role=img]").get_attribute("aria-label") or "")
+        figures.nth(i).locator("summary").click()
+        assert figures.nth(i).locator("tbody tr").count() > 50
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 390
+    tab.get_by_role("button", name="6 h").press("Enter")
+    tab.locator("#range-0[aria-pressed=true]").wait_for()
+    rows = figures.first.locator("tbody tr").count()
+    assert 30 <= rows <= 40
+
+
+def test_a_reader_finds_the_way_by_keyboard(served, tab):
+    _, address = served
+    tab.goto(address)
+    tab.get_by_role("link", name="T02").wait_for()
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("document.activeElement.textContent") == "Skip to the content"
+    tab.keyboard.press("Enter")
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("document.activeElement.id") == "turbine-T02"
+    tab.keyboard.press("Enter")
+    tab.get_by_role("heading", level=1, name="T02").wait_for()
