@@ -1,0 +1,101 @@
+"""The commands that follow turbines while they run: live and export."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from windsysid.cli.common import app
+from windsysid.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from windsysid.live.settings import Settings
+    from windsysid.live.sources.source import Source
+
+__all__ = ["live"]
+
+
+@app.command()
+def live(
+    config: Annotated[
+        Path | None, typer.Argument(metavar="[CONFIG]", help="TOML file of turbines and sources (docs/live.md).")
+    ] = None,
+    demo: Annotated[
+        bool, typer.Option("--demo", help="Follow three simulated towers, faster than life; nothing is kept.")
+    ] = False,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Of the page, instead of the one that CONFIG says; 0: any.")
+    ] = None,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the page of the demo.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Say what is wrong with CONFIG, or that nothing is.")] = False,
+) -> None:
+    """Follow turbines while they run: estimates, alarms and a page, nothing lost."""
+    from dataclasses import replace
+
+    if demo == (config is not None):
+        raise ConfigurationError("live: expected a CONFIG, or --demo to look around; docs/live.md has a first CONFIG")
+    _needs_extra()
+    from windsysid.live.logs import start_log
+    from windsysid.live.service import listen, serve
+    from windsysid.live.settings import LogSettings, PageSettings
+
+    if demo:
+        from windsysid.live.demo import demo as make
+        from windsysid.live.demo import story
+
+        page = PageSettings() if port is None else PageSettings(port=port)
+        settings, sources = make(page)
+        start_log(LogSettings(level="warning"))
+        listening = listen(page, any_near=port is None)
+        print(f"demo: {story()}", flush=True)
+        raise typer.Exit(serve(settings, sources, listening, ready=lambda url: _show(url, browser=not no_browser)))
+    assert config is not None
+    settings = _settings(config)
+    if port is not None:
+        settings = replace(settings, page=replace(settings.page, port=port))
+    from windsysid.live.wiring import sources_of
+
+    fed: list[Source] = sources_of(settings)
+    if check:
+        print(f"{config}: nothing is wrong; {len(settings.turbines)} turbines, store {settings.store}")
+        print(*(f"source: {source.describe()}" for source in fed), sep="\n")
+        return
+    start_log(settings.log)
+    listening = listen(settings.page)
+    raise typer.Exit(serve(settings, fed, listening, ready=lambda url: _show(url, browser=False)))
+
+
+def _settings(config: Path) -> "Settings":
+    """The settings of a file, or everything that is wrong with it: a line each, and exit code 2."""
+    from windsysid.live.settings import SettingsError, read_settings
+
+    try:
+        return read_settings(config)
+    except SettingsError as error:
+        for line in error.lines:
+            print(f"windsysid: {''.join(sign if sign.isprintable() else '?' for sign in line)}", file=sys.stderr)
+        raise typer.Exit(2) from None
+
+
+def _show(url: str, *, browser: bool) -> None:
+    print(f"page: {url} (Ctrl-C ends)", flush=True)
+    if browser:
+        import threading
+        import webbrowser
+
+        threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+
+def _needs_extra() -> None:
+    from importlib.util import find_spec
+
+    for module in ("fastapi", "uvicorn", "httpx", "paho.mqtt", "pyarrow"):
+        try:
+            missing = find_spec(module) is None
+        except ModuleNotFoundError:
+            missing = True
+        if missing:
+            raise ConfigurationError(
+                f"windsysid live needs {module.split('.')[0]}; install it with: pip install 'windsysid[live]'"
+            )

@@ -1,0 +1,176 @@
+"""Three simulated towers under watch, faster than life: one loses stiffness, one loses a sensor, one stays as it is.
+
+Nothing of it is drawn beforehand: samples are simulated while they are played, and go the way that a logger's go.
+"""
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from windsysid.fleet.members import Member
+from windsysid.live.block import Block
+from windsysid.live.settings import PageSettings, Settings
+from windsysid.live.sources.cutting import blocks_of
+from windsysid.live.sources.source import Push, SourceState, stopped_within
+from windsysid.live.timeline import SECOND, Windows
+from windsysid.records.record import Record
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["DemoTower", "Plan", "demo", "story"]
+
+RATE = 10.0
+"""Of the loggers [Hz]: thirty times a tower's frequency."""
+
+BLOCK_SECONDS = 60.0
+
+PIECE = 6
+"""Windows that are simulated at once, in one wind."""
+
+GUSTS = 0.2
+"""Scatter of the wind from piece to piece, as the standard deviation of its logarithm."""
+
+AGO_SECONDS = 3 * 86400.0
+"""How far in the past the demo begins: it may not overtake the clock."""
+
+AHEAD = 16
+"""Blocks that wait for their commit at most."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the demo runs.
+
+    Attributes
+    ----------
+    speed
+        How many times faster than life.
+    window
+        [s].
+    history
+        Windows that the watch learns from; they are played as fast as they are taken.
+    softer_after, fails_after
+        Windows after these, in whole pieces of `PIECE`, when T2 loses stiffness and when T3 loses a sensor.
+    softer_by
+        Relative loss of both stiffnesses.
+    """
+
+    speed: float = 120.0
+    window: float = 600.0
+    history: int = 24
+    softer_after: int = 12
+    fails_after: int = 18
+    softer_by: float = 0.05
+
+
+def demo(page: PageSettings, plan: Plan = Plan(), *, now: int | None = None) -> tuple[Settings, list["DemoTower"]]:
+    """The settings of a service that is gone when it ends, and what feeds it.
+
+    Parameters
+    ----------
+    now
+        The moment of the demo's begin [ns since 1970]; today by default.
+    """
+    members = tuple(Member(name, "tower") for name in ("T1", "T2", "T3"))
+    begin = (time.time_ns() if now is None else now) - round(AGO_SECONDS * SECOND)
+    settings = Settings(
+        store=":memory:", turbines=members, page=page, window=plan.window, lateness=0.0, learn=plan.history,
+        alarms_per_year=1.0,
+    )  # fmt: skip
+    return settings, [DemoTower(member.name, plan, begin, seed) for seed, member in enumerate(members)]
+
+
+def story(plan: Plan = Plan()) -> str:
+    """What will happen, in the reader's minutes."""
+    softer, fails = (plan.window * after / plan.speed for after in (plan.softer_after, plan.fails_after))
+    return (
+        f"three simulated towers, {plan.speed:g} times faster than life; {plan.history * plan.window / 3600.0:g} h are"
+        f" learned from first; then T2 loses {100.0 * plan.softer_by:g} % of its stiffness after {softer:.0f} s, and a"
+        f" sensor of T3 fails after {fails:.0f} s; T1 stays as it is"
+    )
+
+
+class DemoTower:
+    """A tower that is simulated while it is played."""
+
+    def __init__(self, turbine: str, plan: Plan, begin: int, seed: int) -> None:
+        self.turbine, self.plan, self.seed = turbine, plan, seed
+        windows = Windows.of(turbine, plan.window)
+        self.begin = windows.start(begin) + windows.length
+        self.state = SourceState()
+
+    def describe(self) -> str:
+        """Which tower."""
+        return f"simulated tower {self.turbine}"
+
+    async def run(self, push: Push, stop: asyncio.Event) -> None:
+        """Play what the watch learns from as fast as it is taken, then the rest at the plan's speed.
+
+        A demo that has caught up with the clock goes on at the clock's pace.
+        """
+        self.state = self.state._replace(state="running")
+        blocks = self.blocks()
+        live = self.begin + round(self.plan.history * self.plan.window * SECOND)
+        began: float | None = None
+        waiting: deque[asyncio.Future[None]] = deque()
+        while (block := await asyncio.to_thread(next, blocks)) and not stop.is_set():
+            if block.start >= live:
+                while waiting and began is None:  # the past is taken before the demo begins
+                    await waiting.popleft()
+                began = time.monotonic() if began is None else began
+                end = block.start + round(BLOCK_SECONDS * SECOND)
+                fast = began + (end - live) / SECOND / self.plan.speed - time.monotonic()
+                if await stopped_within(stop, max(fast, (end - time.time_ns()) / SECOND)):
+                    return
+            waiting.append(asyncio.wrap_future(await asyncio.to_thread(push, block)))
+            self.state = self.state._replace(blocks=self.state.blocks + 1)
+            while len(waiting) >= AHEAD:
+                await waiting.popleft()
+
+    def blocks(self) -> Iterator[Block]:
+        """All blocks, without end."""
+        piece = 0
+        while True:
+            start = self.begin + round(piece * PIECE * self.plan.window * SECOND)
+            yield from blocks_of(self._record(piece), self.turbine, start, seconds=BLOCK_SECONDS)
+            piece += 1
+
+    def _record(self, piece: int) -> Record:
+        """What the tower's sensors say in a piece."""
+        from windsysid.simulation.record import simulate_record
+
+        after = (piece + 1) * PIECE - self.plan.history  # windows of the demo when the piece is over
+        seed = 1000 * self.seed + piece
+        tower = _in_wind(load_turbine("tower"), np.random.default_rng(seed))
+        if self.turbine == "T2" and after > self.plan.softer_after:
+            tower = _softer(tower, self.plan.softer_by)
+        record = simulate_record(tower, duration=PIECE * self.plan.window, rate=RATE, seed=seed)
+        if self.turbine == "T3" and after > self.plan.fails_after:
+            first = after - PIECE <= self.plan.fails_after
+            record = _failing(record, self.plan.window if first else 0.0)
+        return record
+
+
+def _in_wind(tower: Turbine, rng: np.random.Generator) -> Turbine:
+    """The tower in another wind: loads scatter from piece to piece."""
+    strength = float(np.exp(GUSTS * rng.standard_normal()))
+    return replace(tower, loads=tuple(replace(load, rms=strength * load.rms) for load in tower.loads))
+
+
+def _softer(tower: Turbine, share: float) -> Turbine:
+    values = {name: value * (1.0 - share if name.startswith("k_") else 1.0) for name, value in tower.values.items()}
+    return replace(tower, values=values)
+
+
+def _failing(record: Record, stuck: float) -> Record:
+    """A record whose first accelerometer sticks for a while [s] and is dead from then on."""
+    values = np.array(record.values)
+    column = record.channels.index("tower_x_acceleration")
+    held = record.time < stuck
+    values[held, column] = values[0, column]
+    values[~held, column] = np.nan
+    return replace(record, values=values)
