@@ -1,0 +1,177 @@
+"""A folder in which a logger leaves its files: each is taken when it is complete, and once."""
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future
+from dataclasses import replace
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid.errors import RecordError, WindsysidError
+from windsysid.live.block import Block
+from windsysid.live.codec import BlockRefused
+from windsysid.live.sources.cutting import begin_of, blocks_of
+from windsysid.live.sources.source import Push, SourceState, stopped_within
+from windsysid.records.formats import iterate_record
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.record import Record
+
+__all__ = ["FolderSource"]
+
+logger = logging.getLogger(__name__)
+
+LOOK_EVERY = 2.0
+"""How often the folder is looked at [s]: a file that is the same at two looks is complete."""
+
+BLOCK = 10.0
+"""Length of a block [s]."""
+
+_PIECE = 600.0
+"""Of a file that is in memory at once [s]."""
+
+_AHEAD = 32
+"""Blocks that wait for their commit at most."""
+
+
+class _Face(NamedTuple):
+    """What a file looks like from outside: size [bytes] and time of its last change [ns]."""
+
+    size: int
+    changed: int
+
+
+class FolderSource:
+    """Takes in the files of a folder, in the order of their names, those that are there and those that come.
+
+    A file that cannot be read is tried again when it has changed. One that grows after it was taken is taken from where
+    it ended. What one file says of a moment, a later file does not say again: blocks are known by their start.
+
+    Parameters
+    ----------
+    path
+        Of the folder.
+    turbine
+        Whose files they are.
+    pattern
+        Of their names.
+    mapping
+        What their columns are.
+    after
+        Blocks up to this start [ns since 1970] are committed: they are not brought again when the service starts.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        turbine: str,
+        *,
+        pattern: str = "*",
+        mapping: str | Path | Mapping | None = None,
+        after: int = 0,
+    ) -> None:
+        self.path, self.turbine, self.pattern, self.mapping, self.after = Path(path), turbine, pattern, mapping, after
+        self.state = SourceState()
+        self._seen: dict[Path, _Face] = {}
+        self._taken: dict[Path, _Face] = {}
+        self._until: dict[Path, float] = {}  # of what was taken of a file: its last time, by its own clock [s]
+
+    def describe(self) -> str:
+        """The folder and whose it is."""
+        return f"folder {self.path} of {self.turbine}"
+
+    async def run(self, push: Push, stop: asyncio.Event) -> None:
+        """Take files in until `stop` is set."""
+        while not stop.is_set():
+            for path, face in await asyncio.to_thread(self._complete):
+                try:
+                    await self._take(path, push, stop)
+                except (WindsysidError, OSError) as error:
+                    self._refuse(str(error))
+                if stop.is_set():
+                    break
+                self._taken[path] = face
+            await stopped_within(stop, LOOK_EVERY)
+        self.state = self.state._replace(state="ended")
+
+    def _complete(self) -> list[tuple[Path, _Face]]:
+        """Files that are new or changed since they were taken, and did not change since the last look."""
+        try:
+            names = sorted(self.path.iterdir())
+            if self.state.state in ("waiting", "trying"):
+                self.state = self.state._replace(state="running", text="")
+        except OSError as error:
+            if self.state.state != "trying":
+                logger.warning("%s: %s; trying again", self.describe(), error.strerror or error)
+            self.state = self.state._replace(state="trying", text=str(error.strerror or error))
+            return []
+        found: dict[Path, _Face] = {}
+        for path in names:
+            if path.name.startswith(".") or not fnmatch(path.name, self.pattern):
+                continue
+            try:
+                about = path.stat()
+            except OSError:  # it was taken away meanwhile
+                continue
+            if path.is_file() and about.st_size:
+                found[path] = _Face(about.st_size, about.st_mtime_ns)
+        before, self._seen = self._seen, found
+        for known in (self._taken, self._until):
+            for path in [path for path in known if path not in found]:
+                known.pop(path)
+        return [
+            (path, face) for path, face in found.items() if before.get(path) == face and self._taken.get(path) != face
+        ]
+
+    async def _take(self, path: Path, push: Push, stop: asyncio.Event) -> None:
+        waiting: deque[asyncio.Future[None]] = deque()
+        blocks = self._blocks(path)
+        while not stop.is_set() and (block := await asyncio.to_thread(next, blocks, None)) is not None:
+            try:
+                future: Future[None] = await asyncio.to_thread(push, block)
+                waiting.append(asyncio.wrap_future(future))
+            except BlockRefused as error:
+                self._refuse(f"{path.name}: {error}")
+            while len(waiting) >= _AHEAD:
+                await self._committed(path, waiting.popleft())
+        while waiting:
+            await self._committed(path, waiting.popleft())
+
+    async def _committed(self, path: Path, future: asyncio.Future[None]) -> None:
+        try:
+            await future
+            self.state = self.state._replace(blocks=self.state.blocks + 1)
+        except BlockRefused as error:
+            self._refuse(f"{path.name}: {error}")
+
+    def _refuse(self, why: str) -> None:
+        logger.warning("%s: %s", self.describe(), why)
+        self.state = self.state._replace(refused=self.state.refused + 1, text=why)
+
+    def _blocks(self, path: Path) -> Iterator[Block]:
+        until = self._until.get(path)
+        begin = None
+        for piece in iterate_record(path, _PIECE, mapping=self.mapping):
+            begin = begin_of(piece) if begin is None else begin
+            if begin is None:
+                raise RecordError(
+                    f"{path.name}: no moment with its zone: name zone or start in the mapping (docs/records.md)"
+                )
+            fresh = piece if until is None else _behind(piece, until)
+            if fresh is not None:
+                for block in blocks_of(fresh, self.turbine, begin, seconds=BLOCK):
+                    if block.start > self.after:
+                        yield block
+                self._until[path] = float(fresh.time[-1])
+
+
+def _behind(record: Record, until: float) -> Record | None:
+    """The samples behind a time [s]; None where there are fewer than two."""
+    first = int(np.searchsorted(record.time, until, side="right"))
+    if record.samples - first < 2:
+        return None
+    return replace(record, time=record.time[first:], values=record.values[first:])

@@ -1,0 +1,190 @@
+"""Channels of a SCADA server over OPC UA, read at even times as the slow channels of a turbine.
+
+All nodes are read at once, at multiples of a period of the service's clock. A value that the server calls bad is
+missing. A server that does not answer is connected to again: what was not read meanwhile is missing, for a server keeps
+no history that could be asked.
+"""
+
+import asyncio
+import importlib
+import logging
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from windsysid.errors import ConfigurationError
+from windsysid.live.block import Block
+from windsysid.live.codec import BlockRefused
+from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
+from windsysid.live.toml_table import Secret
+
+__all__ = ["OpcuaSource"]
+
+logger = logging.getLogger(__name__)
+
+SECOND = 1_000_000_000
+"""Nanoseconds."""
+
+BLOCK = 5.0
+"""Length of a block [s], and one sample at least."""
+
+PATIENCE = 4.0
+"""For an answer of the server [s]."""
+
+LATE = 0.5
+"""Of a period: an answer that comes later is of another moment, and missing."""
+
+KEPT = 10_000
+"""Blocks that wait for the store at most: beyond, the oldest are dropped."""
+
+STREAM = "scada"
+"""Of the turbine's loggers this is the one of this name."""
+
+
+class OpcuaSource:
+    """Reads nodes of a server.
+
+    Parameters
+    ----------
+    server
+        ``opc.tcp://HOST:PORT/…``.
+    turbine
+        Whose channels they are.
+    nodes
+        Of each channel the node, such as ``ns=2;s=Rotor.Speed``, and its unit.
+    every
+        Period [s].
+    user, password
+        Where the server asks for them.
+    """
+
+    def __init__(
+        self,
+        server: str,
+        turbine: str,
+        nodes: Mapping[str, tuple[str, str]],
+        *,
+        every: float = 1.0,
+        user: str = "",
+        password: Secret | None = None,
+    ) -> None:
+        self.server, self.turbine, self.nodes, self.every = server, turbine, dict(nodes), every
+        self.user, self.password = user, password
+        self.state = SourceState()
+        self._blocks: asyncio.Queue[Block] = asyncio.Queue()
+
+    def describe(self) -> str:
+        """The server and how many channels are read."""
+        return f"OPC UA server {self.server} of {self.turbine}, {len(self.nodes)} channels"
+
+    async def run(self, push: Push, stop: asyncio.Event) -> None:
+        """Read until `stop` is set; a server that goes away is connected to again.
+
+        Raises
+        ------
+        ConfigurationError
+            If asyncua is not installed, or a node is not written as one.
+        """
+        try:
+            asyncua: Any = importlib.import_module("asyncua")
+        except ImportError:
+            raise ConfigurationError("OPC UA needs asyncua; install it with: pip install 'windsysid[live]'") from None
+        for library in ("asyncua", "asyncua.client", "asyncua.common"):
+            logging.getLogger(library).setLevel(logging.CRITICAL)  # what it says with tracebacks, we say in a line
+        bringing = asyncio.create_task(self._bring(push))
+        try:
+            async for succeeded in retries(stop):
+                why = await self._hold(asyncua, succeeded, stop)
+                if not stop.is_set():
+                    logger.warning("%s: %s; trying again", self.describe(), why)
+                    self.state = self.state._replace(state="trying", text=why)
+            await asyncio.wait([bringing, asyncio.create_task(self._blocks.join())], return_when="FIRST_COMPLETED")
+        finally:
+            bringing.cancel()
+        self.state = self.state._replace(state="ended")
+
+    async def _hold(self, asyncua: Any, succeeded: Any, stop: asyncio.Event) -> str:
+        """Be connected, and read, until it fails or `stop` is set; why it failed."""
+        client = asyncua.Client(self.server, timeout=PATIENCE)
+        if self.user:
+            client.set_user(self.user)
+            client.set_password("" if self.password is None else self.password.value)
+        try:
+            nodes = [client.get_node(node) for node, _ in self.nodes.values()]
+        except asyncua.ua.UaStringParsingError as error:
+            raise ConfigurationError(f"node: expected one such as ns=2;s=Rotor.Speed: {str(error)[:80]}") from None
+        try:
+            await asyncio.wait_for(client.connect(), 2.0 * PATIENCE)
+            succeeded()
+            self.state = self.state._replace(state="running", text="")
+            await self._read(client, nodes, stop)
+        except Exception as error:  # asyncua raises what it likes
+            return str(error).split("\n")[0][:120] or type(error).__name__
+        finally:
+            try:
+                await asyncio.wait_for(client.disconnect(), PATIENCE)
+            except Exception:
+                logger.debug("disconnecting", exc_info=True)
+        return ""
+
+    async def _read(self, client: Any, nodes: Sequence[Any], stop: asyncio.Event) -> None:
+        period = round(self.every * SECOND)
+        length = max(1, round(BLOCK / self.every))
+        rows: list[list[float]] = []
+        first = tick = time.time_ns() // period * period + period
+        try:
+            while not await stopped_within(stop, max(0.0, (tick - time.time_ns()) / SECOND)):
+                answers = await asyncio.wait_for(client.read_attributes(nodes), PATIENCE)
+                late = time.time_ns() - tick > LATE * period
+                rows.append([math.nan if late else _number(answer) for answer in answers])
+                tick += period
+                behind = (time.time_ns() - tick) // period
+                if behind > 0 or len(rows) >= length:  # moments that went by are missing
+                    self._give(first, rows)
+                    tick += max(0, behind) * period
+                    rows, first = [], tick
+        finally:
+            self._give(first, rows)
+
+    def _give(self, start: int, rows: list[list[float]]) -> None:
+        if not rows:
+            return
+        if self._blocks.qsize() >= KEPT:
+            self._blocks.get_nowait()
+            self._blocks.task_done()
+            logger.warning("%s: the store is away for too long: the oldest block is dropped", self.describe())
+        units = tuple(unit for _, unit in self.nodes.values())
+        values = np.array(rows, dtype=np.float64)
+        self._blocks.put_nowait(
+            Block(self.turbine, start, start, 1.0 / self.every, tuple(self.nodes), units, values, STREAM)
+        )
+
+    async def _bring(self, push: Push) -> None:
+        """Push blocks one after the other; one that could not be committed is tried again."""
+        while True:
+            block = await self._blocks.get()
+            async for _ in retries(asyncio.Event()):
+                try:
+                    await asyncio.wrap_future(await asyncio.to_thread(push, block))
+                    self.state = self.state._replace(blocks=self.state.blocks + 1)
+                except BlockRefused as error:
+                    logger.warning("%s: block refused: %s", self.describe(), error)
+                    self.state = self.state._replace(refused=self.state.refused + 1)
+                except Exception as error:
+                    logger.warning("%s: block not committed: %s; trying again", self.describe(), error)
+                    continue
+                break
+            self._blocks.task_done()
+
+
+def _number(answer: Any) -> float:
+    """The value of a node, missing where it is bad or no number."""
+    if answer.StatusCode is not None and not answer.StatusCode.is_good():
+        return math.nan
+    value = None if answer.Value is None else answer.Value.Value
+    if isinstance(value, bool | int | float) and math.isfinite(value):
+        return float(value)
+    return math.nan
