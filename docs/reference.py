@@ -14,7 +14,7 @@ __all__ = ["write_reference"]
 GROUPS = {
     "Records": ("records", "signals", "simulation", "inspection"),
     "Identification": ("identification",),
-    "Results": ("results",),
+    "Results": ("results", "reports"),
     "Modes": ("modal", "spectral"),
     "What moved": ("monitoring", "fleet"),
     "Turbines, mechanics and sensors": ("turbine", "mechanics"),

@@ -59,7 +59,9 @@ if TYPE_CHECKING:
     from windsysid.monitoring.watch import watch as monitor
     from windsysid.records.formats import iterate_record, load_mapping, read_record, write_record
     from windsysid.records.record import Record
-    from windsysid.results.identification import Estimate, Identification
+    from windsysid.reports.loading import load_result
+    from windsysid.results.estimate import Estimate
+    from windsysid.results.identification import Identification
     from windsysid.results.mode import Mode
     from windsysid.results.posterior import Posterior, load_posterior
     from windsysid.results.provenance import Provenance
@@ -112,7 +114,9 @@ _WHERE = {
     "monitoring.watch": "monitor=watch",
     "records.formats": "iterate_record load_mapping read_record write_record",
     "records.record": "Record",
-    "results.identification": "Estimate Identification",
+    "reports.loading": "load_result",
+    "results.estimate": "Estimate",
+    "results.identification": "Identification",
     "results.mode": "Mode",
     "results.posterior": "Posterior load_posterior",
     "results.provenance": "Provenance",
@@ -212,6 +216,7 @@ __all__ = [  # noqa: RUF022
     "load_belief",
     "load_mapping",
     "load_posterior",
+    "load_result",
     "load_turbine",
     "modes",
     "monitor",

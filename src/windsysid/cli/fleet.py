@@ -70,8 +70,13 @@ def batch(
 @app.command()
 def report(
     context: typer.Context,
-    archive: Annotated[Path, typer.Argument(metavar="ARCHIVE", help="Folder that windsysid batch wrote.")],
-    output: Annotated[Path | None, typer.Option(help="Folder for report.html, fleet.png and summary.json.")] = None,
+    archive: Annotated[
+        Path,
+        typer.Argument(
+            metavar="ARCHIVE|RESULT", help="Folder that windsysid batch wrote, or a result whose page is drawn again."
+        ),
+    ],
+    output: Annotated[Path | None, typer.Option(help="Folder for report.html, its figure and summary.json.")] = None,
     alarms_per_year: Annotated[
         float, typer.Option(help="False alarms that are accepted in a year, all turbines together.")
     ] = 0.1,
@@ -80,8 +85,12 @@ def report(
 ) -> None:
     """Every turbine of an archive at a glance: outliers, jumps, availability, failing sensors; one page."""
     from windsysid.fleet.overview import oversee
+    from windsysid.reports.loading import Reported, holds_result
 
     write = claim_output(context, output, archive, overwrite=overwrite)
+    if holds_result(archive):
+        print_and_save(Reported(archive), output, write, json=json)
+        return
     with show_progress("report") as progress:
         found = oversee(archive, alarms_per_year=alarms_per_year, progress=progress)
     print_and_save(found, output, write, json=json)

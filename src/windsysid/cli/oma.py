@@ -76,6 +76,7 @@ def oma(
     """Modes of any structure from its ambient vibration: frequencies, damping, shapes, no model needed."""
     from windsysid.records.coercion import RecordLike
     from windsysid.records.formats import load_mapping, read_record
+    from windsysid.reports.loading import kept
     from windsysid.spectral.modal_sensors import read_modal_sensors
     from windsysid.spectral.oma import analyse_vibration
 
@@ -104,7 +105,7 @@ def oma(
     print(found.to_json().rstrip() if json else found)
     with show_progress("oma") as progress:
         progress("writing the report")
-        write({"summary.json": found.to_json().encode()} if no_report else found.files())
+        write({"summary.json": found.to_json().encode(), **kept(found)} if no_report else found.files())
     if not json:
         print(f"results: {output / ('summary.json' if no_report else 'report.html')}")
 

@@ -26,7 +26,7 @@ from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.watch import watch
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.results.identification import finite
+from windsysid.results.plain import finite
 
 __all__ = ["Glance", "Overview", "oversee", "overview_of"]
 

@@ -34,7 +34,7 @@ from windsysid.records.formats.files import named_after
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.moments import shift_moment
 from windsysid.records.record import Record
-from windsysid.results.identification import finite
+from windsysid.results.plain import finite
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 

@@ -33,7 +33,7 @@ from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.budget import Budget, budget_of
 from windsysid.results.directions import describe_information, standard_deviations
-from windsysid.results.identification import finite
+from windsysid.results.plain import finite
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.tolerance import Tolerance
 from windsysid.simulation.record import simulate_record

@@ -14,7 +14,7 @@ from windsysid.modal.stability import GroundResonance, Unstable
 from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.results.identification import finite
+from windsysid.results.plain import finite
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM
 

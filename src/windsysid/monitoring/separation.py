@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.results.identification import finite
+from windsysid.results.plain import finite
 from windsysid.units import RPM, unit_text
 
 __all__ = ["HEADINGS", "Band", "Separation", "Split", "State"]

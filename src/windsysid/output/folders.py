@@ -31,6 +31,7 @@ __all__ = ["Saveable", "claim", "result_file"]
 
 NAMES = frozenset(
     [
+        "answer.json",
         "report.html",
         "summary.json",
         "identification.nc",

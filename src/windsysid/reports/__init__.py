@@ -10,8 +10,9 @@ from importlib import import_module
 from typing import Any
 
 from windsysid.output.table import Table
+from windsysid.reports import loading
 
-__all__ = ["MODULES", "figure", "files", "fragment"]
+__all__ = ["MODULES", "answer_class", "figure", "files", "fragment"]
 
 MODULES = {
     "Campbell": "campbell",
@@ -32,7 +33,7 @@ MODULES = {
 def files(answer: object) -> dict[str, bytes]:
     """The page of an answer, its figures and its JSON, by name."""
     found: dict[str, bytes] = _module_of(answer).files(answer)
-    return found
+    return {**found, **loading.kept(answer)}
 
 
 def figure(answer: object) -> Any:
@@ -45,6 +46,12 @@ def fragment(contents: Sequence[Table | str]) -> str:
     from windsysid.reports import html
 
     return html.fragment(contents)
+
+
+def answer_class(name: str) -> type[Any]:
+    """The class of answers of some name."""
+    found: type[Any] = getattr(import_module(f"windsysid.reports.{MODULES[name]}"), name)
+    return found
 
 
 def _module_of(answer: object) -> Any:

@@ -21,13 +21,14 @@ _HISTORIES = {
 }
 
 
-def identification_report(identification: Identification, record: Record) -> bytes:
-    """The report of one identification on the section of the record that it used."""
+def identification_report(identification: Identification, record: Record | None = None) -> bytes:
+    """The report of one identification on the section of the record that it used; without its channels where the record
+    is not given."""
     from windsysid.reports.bands import CAPTION, coefficient_bands
     from windsysid.reports.plots import coefficient_histories, record_overview
 
     i = identification
-    channels = [channel for channel in i.sensors if channel in record]
+    channels = [] if record is None else [channel for channel in i.sensors if channel in record]
     sections = [
         Section(
             "Result",
@@ -50,7 +51,11 @@ def identification_report(identification: Identification, record: Record) -> byt
         ),
         _explains_section(i),
         *([_load_section(i)] if i.loads is not None and i.loads.names else []),
-        Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")]),
+        *(
+            [Section("The record", figures=[(record_overview(record, channels), "The channels that were used.")])]
+            if record is not None
+            else []
+        ),
         *([provenance_section(i, i.provenance)] if i.provenance is not None else []),
     ]
     subtitle = (

@@ -1,29 +1,27 @@
 """The result of an identification: estimates with their bands, how they came about, and what to think of them."""
 
-import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid._version import __version__
 from windsysid.errors import ConfigurationError
 from windsysid.loads.statistics import Statistic
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
 from windsysid.results.diagnosis import Diagnosis
+from windsysid.results.estimate import Estimate
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
+from windsysid.results.plain import finite
 from windsysid.results.provenance import Provenance
+from windsysid.results.stored import as_netcdf, attributes_of, variables_of
 from windsysid.results.tolerance import Tolerance
 from windsysid.statespace.parameter import Parameter
-from windsysid.turbine.tables import as_tables
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import RPM, unit_text
 
@@ -31,48 +29,9 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-from windsysid.results.posterior import NOT_RECORDED, PRIORS, SIGMAS, Conditions, Posterior, section_name
+from windsysid.results.posterior import NOT_RECORDED, SIGMAS, Conditions, Posterior, section_name
 
 __all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
-
-Variable = tuple[tuple[str, ...], NDArray[Any], dict[str, str]]
-"""Dimensions, values and attributes."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One identified coefficient.
-
-    Attributes
-    ----------
-    name, unit, kind
-        ``k_x`` …, SI unit, ``stiffness``, ``damping`` or ``parameter``.
-    estimate, low, high, std
-        Value and its ±2σ band, computed in filter coordinates, and the standard deviation, all in `unit`.
-    informed_by_data
-        Share of the information that came from the data and not from the prior, 0 … 1.
-    prior
-        Where the prior was centred, in `unit`.
-    reference
-        The turbine file's value, in `unit`; None where it is not known.
-    average_error_percent
-        Eq (24) point by point, averaged over the record; None without a reference.
-    tip
-        The same estimate, low, high, std and reference per tip deflection [N/m or N·s/m], for blades with a tip lever.
-    """
-
-    name: str
-    unit: str
-    kind: str
-    estimate: float
-    low: float
-    high: float
-    std: float
-    informed_by_data: float
-    prior: float
-    reference: float | None
-    average_error_percent: float | None
-    tip: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -265,81 +224,11 @@ class Identification(Answer):
         """Histories, covariance and innovations as a labelled dataset."""
         import xarray as xr
 
-        return xr.Dataset(self._variables(), attrs=self._attributes())
-
-    def _variables(self) -> dict[str, Variable]:
-        """What ``identification.nc`` holds."""
-        names = [parameter.name for parameter in self.parameters]
-        histories = np.reshape([self.history(name) for name in names], (len(names), 3, len(self.time)))
-        variables: dict[str, Variable] = {"time": (("time",), self.time, {"units": "s"})}
-        variables["parameter"] = ("parameter",), np.array(names, dtype=object), {}
-        for row, label in enumerate(("estimate", "low", "high")):
-            variables[label] = ("time", "parameter"), histories[:, row].T, {}
-        variables["unit"] = ("parameter",), np.array([self[name].unit for name in names], dtype=object), {}
-        for what in ("estimate", "low", "high", "std", "prior", "informed_by_data"):
-            finals = np.array([getattr(self[name], what) for name in names], dtype=np.float64)
-            variables[f"final_{what}"] = ("parameter",), finals, {}
-        note = "in filter coordinates: ln(k / prior_centre) for stiffness, c / coordinate_scale for damping"
-        variables["cov"] = ("parameter", "parameter_2"), self.cov, {"note": note}
-        for key, what in PRIORS.items():
-            variables[key] = ("parameter",), np.array([getattr(q, what) for q in self.parameters], dtype=np.float64), {}
-        if self.joint_cov is not None:
-            note = "of parameters, statistics' coordinates (windsysid.loads.statistics), tolerances [prior σ]"
-            variables["joint_cov"] = ("unknown", "unknown_2"), self.joint_cov, {"note": note}
-        axis = "time" if len(self.innovation) == len(self.time) else "innovation_time"
-        variables["innovation"] = (axis, "reading"), self.innovation, {}
-        variables["whitened"] = (axis, "reading"), self.whitened, {}
-        variables["reading"] = ("reading",), np.array(self.readings, dtype=object), {}
-        if self.loads is not None:
-            variables["load"] = (axis, "load_name"), self.loads.mean, {}
-            variables["load_std"] = (axis, "load_name"), self.loads.std, {}
-            variables["load_name"] = ("load_name",), np.array(self.loads.names, dtype=object), {}
-        if axis != "time":
-            variables[axis] = (axis,), self.innovation_time, {"units": "s"}
-        return variables
-
-    def _attributes(self) -> dict[str, Any]:
-        """What ``identification.nc`` says of the whole."""
-        import tomli_w
-
-        known = self.provenance
-        traced: dict[str, Any] = {}
-        if known is not None:
-            traced = {"record_hash": known.record_hash, "provenance": json.dumps(finite(known.summary()))}
-            if known.start is not None:
-                traced["record_start"] = known.start
-        return {
-            "windsysid_version": __version__,
-            **traced,
-            "statistics": json.dumps(finite([asdict(s) for s in self.statistics])),
-            "tolerances": json.dumps(finite([asdict(one) for one in self.tolerances])),
-            **{"method": self.method, "formulation": self.formulation, "record": self.record},
-            **{"turbine": self.turbine, "sensors": ", ".join(self.sensors), "notes": "\n".join(self.notes)},
-            **{"trusted": int(self.diagnosis.trusted), "reasons": "\n".join(self.diagnosis.reasons)},
-            **{"section_start_s": self.section[0], "section_end_s": self.section[1]},
-            **{f"mean_{what}": mean for what, mean in self.conditions._asdict().items() if mean is not None},
-            **({} if self.machine is None else {"turbine_file": tomli_w.dumps(as_tables(self.machine))}),
-        }
+        return xr.Dataset(variables_of(self), attrs=attributes_of(self))
 
     def files(self) -> dict[str, bytes]:
         """What `save` writes: ``summary.json``, and ``identification.nc``, which is `to_xarray` as netCDF-4."""
-        import h5netcdf
-        import h5py  # type: ignore[import-untyped,unused-ignore]
-
-        # xarray would write the same; to import it takes longer than to read, write and print.
-        written = io.BytesIO()  # a disk that is full makes HDF5 end the interpreter: it gets none
-        with h5netcdf.File(written, "w") as file:
-            for name, (axes, values, attributes) in self._variables().items():
-                file.dimensions.update(
-                    {axis: n for axis, n in zip(axes, values.shape, strict=True) if axis not in file.dimensions}
-                )
-                text = values.dtype == object
-                variable = file.create_variable(
-                    name, axes, h5py.string_dtype() if text else np.float64, values, fillvalue=None if text else np.nan
-                )
-                variable.attrs.update(attributes)
-            file.attrs.update(self._attributes())
-        return {"summary.json": self.to_json().encode(), "identification.nc": sealed(written.getvalue())}
+        return {"summary.json": self.to_json().encode(), "identification.nc": as_netcdf(self)}
 
     def contents(self) -> list[Table | str]:
         """The modes, whether to trust them, the estimates; then what they rest on: loads, noise, the budget, notes."""
@@ -432,14 +321,3 @@ def _estimate_summary(e: Estimate) -> dict[str, Any]:
     if e.tip is not None:
         summary["tip"] = dict(e.tip)
     return summary
-
-
-def finite(value: Any) -> Any:
-    """`value` with every number that JSON cannot hold replaced by None."""
-    if isinstance(value, Mapping):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [finite(item) for item in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value

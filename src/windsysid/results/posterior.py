@@ -2,8 +2,10 @@
 
 import json
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +20,19 @@ from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.tables import parse_turbine
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Conditions", "Posterior", "load_posterior", "section_name"]
+if TYPE_CHECKING:
+    import h5netcdf
+
+__all__ = [
+    "Conditions",
+    "Posterior",
+    "load_posterior",
+    "opened",
+    "read_parameters",
+    "read_statistics",
+    "read_tolerances",
+    "section_name",
+]
 
 
 SIGMAS = 2.0
@@ -131,6 +145,31 @@ def load_posterior(folder: str | Path) -> Posterior:
         turbine.
     """
 
+    with opened(folder) as file:
+        text, trusted = file.attrs["turbine_file"], file.attrs["trusted"]
+        begun, ended = (float(file.attrs[key]) for key in ("section_start_s", "section_end_s"))
+        record = section_name(file.attrs["record"], begun, ended)
+        start, found = (file.attrs.get(key) for key in ("record_start", "record_hash"))
+        learned = read_statistics(file)
+        means = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
+        conditions = Conditions(*(None if mean is None else float(mean) for mean in means))
+        parameters = read_parameters(file)
+        estimate = file["final_estimate"][...].tolist()
+        cov = file["cov"][...]
+        joint_cov = file["joint_cov"][...] if learned and "joint_cov" in file else None
+        tolerances = read_tolerances(file)
+    turbine = parse_turbine(text, str(Path(folder) / "identification.nc"))
+    theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
+    identified = turbine.with_values({q.name: value for q, value in zip(parameters, estimate, strict=True)})
+    return Posterior(
+        identified, parameters, theta, cov, record, bool(trusted), conditions,
+        start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov, tolerances=tolerances,
+    ).given("masses")  # fmt: skip
+
+
+@contextmanager
+def opened(folder: str | Path) -> "Iterator[h5netcdf.File]":
+    """The ``identification.nc`` of a result, open for reading; every fault in it is one ConfigurationError."""
     path = result_file(folder, "identification.nc")
     changed = ConfigurationError(
         f"result {folder}: identification.nc was damaged or changed after windsysid wrote it: copy it again, or"
@@ -139,20 +178,9 @@ def load_posterior(folder: str | Path) -> Posterior:
     try:
         sealed = check_seal(path)  # first: HDF5 may hang in a damaged file
         with open_hdf5(path) as file:
-            text, trusted = file.attrs["turbine_file"], file.attrs["trusted"]
             if not sealed and "windsysid_version" in file.attrs:  # version 0.1.0 wrote neither
                 raise changed
-            begun, ended = (float(file.attrs[key]) for key in ("section_start_s", "section_end_s"))
-            record = section_name(file.attrs["record"], begun, ended)
-            start, found = (file.attrs.get(key) for key in ("record_start", "record_hash"))
-            learned = _read_statistics(file.attrs.get("statistics", "[]"))  # version 0.1.0 wrote none
-            means = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
-            conditions = Conditions(*(None if mean is None else float(mean) for mean in means))
-            names = file["parameter"][...].tolist()
-            estimate, *columns = (file[key][...].tolist() for key in ("final_estimate", *PRIORS))
-            cov = file["cov"][...]
-            joint_cov = file["joint_cov"][...] if learned and "joint_cov" in file else None
-            tolerances = tuple(Tolerance(**row) for row in json.loads(file.attrs.get("tolerances", "[]")))
+            yield file
     except ConfigurationError:
         raise
     except RecordError:
@@ -164,26 +192,29 @@ def load_posterior(folder: str | Path) -> Posterior:
         ) from None
     except KeyError:
         raise ConfigurationError(
-            f"result {folder}: expected the turbine in identification.nc, got a file of an older version: identify the"
-            " record again"
+            f"result {folder}: expected the whole result in identification.nc, got a file of an older version:"
+            " identify the record again"
         ) from None
-    turbine = parse_turbine(text, str(path))
-    parameters = tuple(
+
+
+def read_parameters(file: "h5netcdf.File") -> tuple[Parameter, ...]:
+    """The identified parameters with their priors."""
+    names, *columns = (file[key][...].tolist() for key in ("parameter", *PRIORS))
+    return tuple(
         Parameter(name, centre, spread, bool(logarithmic), scale)
         for name, centre, spread, logarithmic, scale in zip(names, *columns, strict=True)
     )
-    theta = np.array([q.coordinate(value) for q, value in zip(parameters, estimate, strict=True)])
-    identified = turbine.with_values(dict(zip(names, estimate, strict=True)))
-    return Posterior(
-        identified, parameters, theta, cov, record, bool(trusted), conditions,
-        start, found, section=(begun, ended), statistics=learned, joint_cov=joint_cov, tolerances=tolerances,
-    ).given("masses")  # fmt: skip
 
 
-def _read_statistics(text: str) -> tuple[Statistic, ...]:
-    """What the attribute ``statistics`` says of loads and noise."""
+def read_tolerances(file: "h5netcdf.File") -> tuple[Tolerance, ...]:
+    """What was known of instruments and masses within tolerances only."""
+    return tuple(Tolerance(**row) for row in json.loads(file.attrs.get("tolerances", "[]")))
+
+
+def read_statistics(file: "h5netcdf.File") -> tuple[Statistic, ...]:
+    """What was learned of loads and noise; version 0.1.0 wrote none."""
     found = []
-    for row in json.loads(text):
+    for row in json.loads(file.attrs.get("statistics", "[]")):
         known: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
         found.append(Statistic(**known))
     return tuple(found)

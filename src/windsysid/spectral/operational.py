@@ -9,8 +9,8 @@ import numpy as np
 from windsysid._types import Array, Complex
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.results.identification import finite
 from windsysid.results.mode import Mode
+from windsysid.results.plain import finite
 from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.units import unit_text

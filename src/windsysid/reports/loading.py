@@ -1,0 +1,124 @@
+"""A saved answer, back from its folder."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from windsysid.errors import ConfigurationError
+from windsysid.output.answers import Answer
+from windsysid.output.folders import result_file
+from windsysid.results.plain import as_plain, from_plain
+
+__all__ = ["Reported", "holds_result", "kept", "load_result"]
+
+ANSWER = "answer.json"
+"""The file that holds an answer whole."""
+
+KEPT = frozenset(["Campbell", "Comparison", "OperationalModes", "Plan", "Separation", "Watch"])
+"""Answers that have that file. An identification has ``identification.nc``; what an inspection shows is its record,
+and what an overview shows its archive."""
+
+
+def kept(answer: object) -> dict[str, bytes]:
+    """``answer.json`` of an answer that is kept whole, by name."""
+    name = type(answer).__name__
+    if name not in KEPT:
+        return {}
+    return {ANSWER: (json.dumps({"answer": name, "fields": as_plain(answer)}) + "\n").encode()}
+
+
+def load_result(folder: str | Path) -> Answer:
+    """What a command, or ``save`` of a result, left in a folder: the object that made it.
+
+    It prints, plots, compares and saves as the one that was saved. Estimates, bands, posterior, diagnosis and histories
+    are the same numbers, histories to the last digit or so.
+
+    Parameters
+    ----------
+    folder
+        That ``identify``, ``study``, ``oma``, ``compare``, ``monitor``, ``damping``, ``modes`` or ``plan`` wrote.
+
+    Returns
+    -------
+    Answer
+        An `Identification`, `Fit`, `OperationalModes`, `Comparison`, `Watch`, `Separation`, `Campbell` or `Plan`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder holds no result, or one that was damaged or written by an older version.
+    """
+    from windsysid import reports
+
+    folder = Path(folder)
+    if result_file(folder, "identification.nc").exists():
+        return _load_identification(folder)
+    path = result_file(folder, ANSWER)
+    if not path.exists():
+        raise ConfigurationError(f"result {folder}: expected a folder that windsysid wrote, got {_found(folder)}")
+    try:
+        said = json.loads(path.read_text(encoding="utf-8"))
+        found: Answer = from_plain(reports.answer_class(_known(said["answer"])), said["fields"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigurationError(
+            f"result {folder}: {ANSWER} is damaged or of another version ({type(error).__name__}): give the command"
+            " again"
+        ) from None
+    return found
+
+
+def holds_result(folder: str | Path) -> bool:
+    """Whether `load_result` would look into a folder."""
+    return any(result_file(folder, name).exists() for name in ("identification.nc", ANSWER))
+
+
+class Reported:
+    """A saved answer with its page, for an identification without the record."""
+
+    def __init__(self, folder: str | Path) -> None:
+        self._found: Any = load_result(folder)
+
+    def __str__(self) -> str:
+        return str(self._found)
+
+    def to_json(self) -> str:
+        """What ``summary.json`` holds."""
+        return str(self._found.to_json())
+
+    def files(self) -> dict[str, bytes]:
+        """Those of the answer, and its page."""
+        from windsysid.reports.identification import identification_report
+        from windsysid.results.identification import Identification
+
+        files: dict[str, bytes] = self._found.files()
+        if isinstance(self._found, Identification):
+            files["report.html"] = identification_report(self._found)
+        return files
+
+
+def _load_identification(folder: Path) -> Answer:
+    from windsysid.identification.own_equations import Fit
+    from windsysid.results.identification import Identification
+    from windsysid.results.stored import read_fields
+
+    fields: dict[str, Any] = read_fields(folder)
+    return Fit(**fields) if "states" in fields else Identification(**fields)
+
+
+def _known(name: str) -> str:
+    if name not in KEPT:
+        raise ValueError(name)
+    return name
+
+
+def _found(folder: Path) -> str:
+    """What is there instead, and what to do with it."""
+    if not folder.exists():
+        return "none: check the name"
+    if not folder.is_dir():
+        return "a file: give the folder that holds it"
+    if (folder / "inspection.json").exists():
+        return "an inspection, which keeps no record: read the record and take windsysid.inspect"
+    if (folder / "summary.json").exists():
+        return "a summary of version 0.1.0 only: give the command again"
+    return "no result in it: check the name, or identify a record first"

@@ -1,0 +1,42 @@
+"""One identified coefficient."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+__all__ = ["Estimate"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One identified coefficient.
+
+    Attributes
+    ----------
+    name, unit, kind
+        ``k_x`` …, SI unit, ``stiffness``, ``damping`` or ``parameter``.
+    estimate, low, high, std
+        Value and its ±2σ band, computed in filter coordinates, and the standard deviation, all in `unit`.
+    informed_by_data
+        Share of the information that came from the data and not from the prior, 0 … 1.
+    prior
+        Where the prior was centred, in `unit`.
+    reference
+        The turbine file's value, in `unit`; None where it is not known.
+    average_error_percent
+        Eq (24) point by point, averaged over the record; None without a reference.
+    tip
+        The same estimate, low, high, std and reference per tip deflection [N/m or N·s/m], for blades with a tip lever.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    estimate: float
+    low: float
+    high: float
+    std: float
+    informed_by_data: float
+    prior: float
+    reference: float | None
+    average_error_percent: float | None
+    tip: Mapping[str, float] | None = None

@@ -1,0 +1,115 @@
+"""Results as plain values that JSON holds, and back: nothing is rounded, and no class is named in the file.
+
+What a value is, is said by the annotation of the field that holds it. So a file makes only what the class of the answer
+has: named tuples, data classes, sequences, mappings, arrays, moments, turbines and sensors.
+"""
+
+import base64
+import math
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from datetime import datetime
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+from pydantic import BaseModel
+
+from windsysid.turbine.tables import as_tables, parse_turbine
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["as_plain", "finite", "from_plain"]
+
+
+def as_plain(value: Any) -> Any:
+    """A value as JSON holds it; what is no finite number becomes a word.
+
+    Raises
+    ------
+    TypeError
+        If it has parts that no file can hold.
+    """
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, np.generic):
+        return as_plain(value.item())
+    if isinstance(value, int):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    if isinstance(value, np.ndarray):
+        bits = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
+        bytes_ = base64.b64encode(bits.tobytes()).decode("ascii")
+        return {"type": bits.dtype.str, "shape": list(value.shape), "base64": bytes_}
+    if isinstance(value, datetime):
+        return value.isoformat()
+    if isinstance(value, Turbine):
+        import tomli_w
+
+        return tomli_w.dumps(as_tables(value))
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json")
+    if is_dataclass(value):
+        return {field.name: as_plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return {name: as_plain(part) for name, part in value._asdict().items()}
+    if isinstance(value, Mapping):
+        return {str(name): as_plain(part) for name, part in value.items()}
+    if isinstance(value, Sequence):
+        return [as_plain(part) for part in value]
+    raise TypeError(f"no file holds a {type(value).__name__}")
+
+
+def from_plain(kind: Any, value: Any) -> Any:
+    """The value that `as_plain` was given, of what its field is annotated with.
+
+    Raises
+    ------
+    TypeError, ValueError, KeyError
+        If it is none of that kind.
+    """
+    origin, parts = get_origin(kind), get_args(kind)
+    if kind is Any or origin is Literal:
+        return value
+    if origin in (Union, types.UnionType):
+        given = [part for part in parts if part is not types.NoneType]
+        if value is None and len(given) < len(parts):
+            return None
+        (only,) = given
+        return from_plain(only, value)
+    if origin is np.ndarray:
+        bits = base64.b64decode(value["base64"], validate=True)
+        return np.frombuffer(bits, dtype=value["type"]).reshape(value["shape"]).copy()
+    if origin is tuple and parts[-1] is not Ellipsis:
+        return tuple(from_plain(part, one) for part, one in zip(parts, value, strict=True))
+    if origin is not None and issubclass(origin, Mapping):
+        return {name: from_plain(parts[1], part) for name, part in value.items()}
+    if origin is not None and issubclass(origin, Sequence):
+        return tuple(from_plain(parts[0], part) for part in value)
+    return _from_class(kind, value)
+
+
+def _from_class(kind: type[Any], value: Any) -> Any:
+    if kind in (float, int, bool, str):
+        return kind(value)
+    if kind is datetime:
+        return datetime.fromisoformat(value)
+    if kind is Turbine:
+        return parse_turbine(value, "of the result")
+    if issubclass(kind, BaseModel):
+        return kind.model_validate(value)
+    if is_dataclass(kind) or (issubclass(kind, tuple) and hasattr(kind, "_fields")):
+        hints = get_type_hints(kind)
+        return kind(**{name: from_plain(hints[name], part) for name, part in value.items()})
+    raise TypeError(f"no file holds a {kind.__name__}")
+
+
+def finite(value: Any) -> Any:
+    """`value` with every number that JSON cannot hold replaced by None."""
+    if isinstance(value, Mapping):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [finite(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

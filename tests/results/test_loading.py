@@ -1,0 +1,144 @@
+"""A saved result comes back as the object that made it, or one line says why not."""
+
+import math
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import windsysid as ws
+from tests.identification.test_own_equations import fitted, shaken
+from windsysid.errors import ConfigurationError
+from windsysid.results.plain import as_plain, from_plain
+
+
+@pytest.fixture(scope="module")
+def record() -> ws.Record:
+    return ws.simulate(ws.load_turbine("tower"), duration=120.0, rate=10.0, seed=1)
+
+
+@pytest.fixture(scope="module")
+def found(record: ws.Record) -> ws.Identification:
+    return ws.identify(record, "tower", formulation="joint")
+
+
+@pytest.fixture(scope="module")
+def saved(found: ws.Identification, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("saved") / "result"
+    found.save(folder)
+    return folder
+
+
+def equal(a: Any, b: Any) -> None:
+    """Every number is the same, NaN too."""
+    left, right = as_plain(a), as_plain(b)
+    assert left == right
+
+
+def test_an_identification_comes_back(found: ws.Identification, saved: Path, tmp_path: Path):
+    again = ws.load_result(saved)
+    assert isinstance(again, ws.Identification)
+    assert str(again) == str(found)
+    for field in fields(found):
+        a, b = getattr(found, field.name), getattr(again, field.name)
+        if field.name in ("mean", "std"):  # made of the histories in SI
+            np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-12)
+        else:
+            equal(a, b)
+    assert repr(again.posterior) == repr(found.posterior)
+    np.testing.assert_array_equal(again.posterior.cov, found.posterior.cov)
+    assert len(again.plot().axes) == len(found.plot().axes)
+    assert again.to_dataframe().equals(found.to_dataframe())
+    again.save(tmp_path / "again")
+    assert str(ws.load_result(tmp_path / "again")) == str(found)
+
+
+def test_a_result_of_spectra_comes_back(record: ws.Record, tmp_path: Path):
+    found = ws.identify(record, "tower", formulation="spectral")
+    found.save(tmp_path / "x")
+    assert str(ws.load_result(tmp_path / "x")) == str(found)
+
+
+def test_a_fit_of_own_equations_comes_back(tmp_path: Path):
+    found = fitted(shaken(400))
+    found.save(tmp_path / "x")
+    again = ws.load_result(tmp_path / "x")
+    assert isinstance(again, ws.Fit)
+    assert str(again) == str(found)
+    assert again.states == found.states
+    np.testing.assert_array_equal(again.state_mean, found.state_mean)
+
+
+def of_modes(found: ws.Identification, record: ws.Record) -> Any:
+    return ws.modes(found)
+
+
+def of_comparison(found: ws.Identification, record: ws.Record) -> Any:
+    return ws.compare(found, found)
+
+
+def of_oma(found: ws.Identification, record: ws.Record) -> Any:
+    return ws.oma(record, turbine="tower")
+
+
+def of_damping(found: ws.Identification, record: ws.Record) -> Any:
+    return ws.damping([found.posterior, found.posterior])
+
+
+def of_monitor(found: ws.Identification, record: ws.Record) -> Any:
+    from windsysid.monitoring.series import Blocks
+
+    rng = np.random.default_rng(0)
+    theta = 0.01 * rng.standard_normal((60, 1))
+    blocks = Blocks(
+        ("k_x",), 3600.0 * np.arange(60.0), theta, np.full((60, 1), 0.01), (True,), (1.0,), np.empty((60, 0)),
+    )  # fmt: skip
+    return ws.monitor(blocks)
+
+
+@pytest.mark.parametrize("make", [of_modes, of_comparison, of_oma, of_damping, of_monitor])
+def test_other_answers_come_back(make: Callable[..., Any], found: ws.Identification, record: ws.Record, tmp_path: Path):
+    answer = make(found, record)
+    answer.save(tmp_path / "x")
+    again = ws.load_result(tmp_path / "x")
+    assert type(again) is type(answer)
+    assert str(again) == str(answer)
+    equal(again, answer)
+    assert len(again.plot().axes) == len(answer.plot().axes)
+
+
+def test_the_page_of_a_result_is_drawn_again(saved: Path, tmp_path: Path, run: Callable[..., Any]):
+    ended = run("report", saved, "--output", tmp_path / "again")
+    assert ended.code == 0
+    assert "trust:" in ended.out
+    names = sorted(path.name for path in (tmp_path / "again").glob("[!.]*"))
+    assert names == ["identification.nc", "report.html", "summary.json"]
+
+
+def test_what_is_no_result_is_one_line(tmp_path: Path):
+    for folder, why in ((tmp_path, "got no result in it"), (tmp_path / "none", "got none: check the name")):
+        with pytest.raises(ConfigurationError, match=f"expected a folder that windsysid wrote, {why}"):
+            ws.load_result(folder)
+    for text in (
+        "{}",
+        "[]",
+        "no JSON",
+        '{"answer": "Path", "fields": {}}',
+        '{"answer": "Plan", "fields": {"turbine": 1}}',
+    ):
+        (tmp_path / "answer.json").write_text(text)
+        with pytest.raises(ConfigurationError, match=r"answer\.json is damaged or of another version"):
+            ws.load_result(tmp_path)
+
+
+def test_plain_values_keep_what_json_has_no_word_for():
+    values = (1.5, math.inf, -math.inf, math.nan)
+    again = from_plain(tuple[float, ...], as_plain(values))
+    np.testing.assert_array_equal(again, values)
+    matrix = np.array([[1.0 + 2.0j, np.nan]])
+    np.testing.assert_array_equal(from_plain(type(matrix) and np.ndarray[Any, Any], as_plain(matrix)), matrix)
+    with pytest.raises(TypeError, match="no file holds a object"):
+        as_plain(object())
