@@ -67,8 +67,8 @@ class Database(Protocol):
 
 
 def one_line(error: BaseException) -> str:
-    """What a driver says, in one line."""
-    return " ".join(str(error).split())[:80] or type(error).__name__
+    """The first line of what a driver says."""
+    return " ".join(str(error).strip().partition("\n")[0].split())[:100] or type(error).__name__
 
 
 def bring_up_to_date(

@@ -325,6 +325,16 @@ class SqlStore:
         found = self._read(sql.LEVELS_OF.format(windows=windows), (turbine, *values))
         return [(window, level) for window, content in found for level in levels_of(content)]
 
+    def extent(self, turbine: str) -> tuple[int, int] | None:
+        """Starts of the first and of the newest window that a turbine has something of; None where it has nothing."""
+        [(first, newest)] = self._read(
+            "SELECT min(first), max(newest) FROM ("
+            "SELECT min(window_start) AS first, max(window_start) AS newest FROM levels WHERE turbine = ?"
+            " UNION ALL SELECT min(window_start), max(window_start) FROM results WHERE turbine = ?) AS both_tables",
+            (turbine, turbine),
+        )
+        return None if first is None else (first, newest)
+
     def _windows(
         self, table: str, turbine: str, since: int | None, until: int | None, most: int | None
     ) -> tuple[str, tuple[Any, ...]]:
