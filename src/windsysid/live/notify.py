@@ -17,7 +17,8 @@ from urllib.parse import quote, urlsplit
 
 from windsysid._version import __version__
 from windsysid.errors import WindsysidError
-from windsysid.live.settings import SEVERITIES, Broker, MqttNotice, NoticeSettings, WebhookNotice
+from windsysid.live.settings import SEVERITIES, MqttNotice, NoticeSettings, WebhookNotice
+from windsysid.live.sources.broker import connect, new_client
 from windsysid.live.store.contents import Alarm, Event
 from windsysid.live.store.store import Store
 
@@ -216,16 +217,11 @@ class MqttRecipient:
     """
 
     def __init__(self, settings: MqttNotice) -> None:
-        from paho.mqtt import client as mqtt
-        from paho.mqtt.enums import CallbackAPIVersion
-
         self.severity, self._topic, self._broker = settings.severity, settings.topic, settings.broker
-        address = urlsplit(settings.broker.url)
-        self.key = f"mqtt {address.hostname} {settings.topic}"
-        self._client = mqtt.Client(CallbackAPIVersion.VERSION2, protocol=mqtt.MQTTv5)
-        _prepare(self._client, settings.broker)
+        self.key = f"mqtt {urlsplit(settings.broker.url).hostname} {settings.topic}"
+        self._client = new_client(settings.broker)
         self._client.on_connect = self._on_connect
-        self._started, self._refused = False, ""
+        self._refused = ""
 
     async def send(self, alarm: Alarm) -> None:
         """Publish an alarm as it is now; `UndeliveredError` where the broker does not confirm."""
@@ -245,15 +241,15 @@ class MqttRecipient:
             raise UndeliveredError(" ".join(str(error).split()) or type(error).__name__) from None
 
     def _connect(self) -> None:
-        """Be connected: from the first time on, the client's own thread connects again where it must."""
-        if not self._started:
-            address = urlsplit(self._broker.url)
-            self._client.connect(address.hostname or "", address.port or (8883 if _is_tls(self._broker) else 1883))
-            self._client.loop_start()
-            self._started = True
+        """Be connected, again where the connection was lost."""
+        if self._client.is_connected():
+            return
+        self._client.loop_stop()
+        self._refused = ""
+        connect(self._client, self._broker, clean=True)
         until = time.monotonic() + ANSWER_SECONDS
         while not self._client.is_connected():
-            if time.monotonic() > until:
+            if time.monotonic() > until or self._refused:
                 raise UndeliveredError(self._refused or "no connection")
             time.sleep(POLL_SECONDS / 20.0)
 
@@ -263,15 +259,4 @@ class MqttRecipient:
     async def close(self) -> None:
         """Let go of connections."""
         self._client.disconnect()
-        self._client.loop_stop()
-
-
-def _is_tls(broker: Broker) -> bool:
-    return broker.url.startswith("mqtts:")
-
-
-def _prepare(client: Any, broker: Broker) -> None:
-    if broker.user:
-        client.username_pw_set(broker.user, broker.password.value if broker.password else None)
-    if _is_tls(broker):
-        client.tls_set(ca_certs=None if broker.ca is None else str(broker.ca))
+        await asyncio.to_thread(self._client.loop_stop)

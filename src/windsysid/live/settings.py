@@ -21,6 +21,7 @@ from typing import Any, Literal
 from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
+from windsysid.live.store.keep import span
 from windsysid.live.toml_table import Secret, TomlTable
 from windsysid.turbine.file import packaged_turbines
 
@@ -311,7 +312,7 @@ def _turbines(file: TomlTable) -> tuple[Member, ...]:
 def _turbine(table: TomlTable) -> Member | None:
     name = table.text("name", needed=True)
     machine = table.text("turbine", expected="a packaged turbine or a path, in quotes", needed=True)
-    optional = ("mapping", "sensors", "scada", "scada_mapping")
+    optional = ("mapping", "sensors")
     files = {key: path for key in optional if (path := table.path(key, exists="file")) is not None}
     table.done()
     if machine and machine not in packaged_turbines():
@@ -431,9 +432,13 @@ def _log(table: TomlTable) -> LogSettings:
 
 def _keep(table: TomlTable) -> dict[str, str]:
     def right(it: Any) -> bool:
-        return isinstance(it, str) and bool(it.strip())
+        try:
+            return isinstance(it, str) and span(it) != 0
+        except ConfigurationError:
+            return False
 
-    keys = ("results", "levels", "events")
-    kept = {key: table.value(key, 'a span in quotes, such as "10 years"', right, "") for key in keys}
+    keys = ("results", "levels", "alarms")
+    expected = 'a span in quotes, such as "30 days", "10 years" or "forever"'
+    kept = {key: table.value(key, expected, right, "") for key in keys}
     table.done()
-    return {key: span for key, span in kept.items() if span}
+    return {key: said for key, said in kept.items() if said}

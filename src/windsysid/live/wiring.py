@@ -1,6 +1,7 @@
 """From settings to the sources that they mean."""
 
-from windsysid.live.settings import ReplaySettings, Settings, SourceSettings
+from windsysid.live.settings import MqttSettings, ReplaySettings, Settings, SourceSettings
+from windsysid.live.sources.mqtt import MqttSource
 from windsysid.live.sources.replay import Replay
 from windsysid.live.sources.source import Source
 
@@ -15,11 +16,14 @@ def sources_of(settings: Settings) -> list[Source]:
     ConfigurationError
         If one cannot be made.
     """
+    names = [member.name for member in settings.turbines]
     mappings = {member.name: member.mapping for member in settings.turbines}
-    return [_source(one, mappings) for one in settings.sources]
+    return [_source(one, names, mappings) for one in settings.sources]
 
 
-def _source(one: SourceSettings, mappings: dict[str, str | None]) -> Source:
+def _source(one: SourceSettings, names: list[str], mappings: dict[str, str | None]) -> Source:
     if isinstance(one, ReplaySettings):
         return Replay(one.record, one.turbine, speed=one.speed, mapping=mappings[one.turbine])
+    if isinstance(one, MqttSettings):
+        return MqttSource(one.broker, names, topic=one.topic, client=one.client)
     raise NotImplementedError
