@@ -12,7 +12,7 @@ from windsysid.mechanics.rotor import RotorModel
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
 from windsysid.simulation.record import simulate_record
 from windsysid.simulation.wind.field import WindConditions, rotating_turbulence
-from windsysid.spectral import lifted_likelihood
+from windsysid.spectral import lifted_likelihood, lifted_model
 from windsysid.spectral.dft import taper
 from windsysid.spectral.lifted import _without_lines, lift, turn_lines
 from windsysid.spectral.lifted_loads import STATIONS, WindLoads
@@ -193,16 +193,27 @@ def test_information_is_fishers(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_loops_say_what_products_of_matrices_say(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The compiled loops for few entries, taken for many as well, against NumPy's products."""
+    """The compiled loops for few entries and those for many, each taken for all, against NumPy's products; with some
+    entries left out, and with what a taper adds."""
     model = _posed(kind).model
-    at, found = _near(model), []
-    for few in (0, 100):
+    at = _near(model)
+    if model.window is None:
+        left_out = np.zeros(model.left_out.shape, dtype=np.bool_)
+        left_out[::3, 0] = True
+        smear = 0.1 * model.spectrum(at).spectrum * ~left_out[:, :, None] * ~left_out[:, None, :]
+        place, data = model.place._replace(left_out=left_out), model.data * ~left_out[:, :, None]
+        model = model._replace(place=place, smear=smear, data=data)
+    found, spectra = [], []
+    for few, dense in ((0, 1000), (1000, 1000), (0, 0)):
         monkeypatch.setattr(lifted_likelihood, "FEW", few)
+        monkeypatch.setattr(lifted_model, "FEW", dense)
         found.append(model.likelihood(at))
-    matrices, loops = found
-    assert loops.value == pytest.approx(matrices.value, rel=1e-11)
-    assert np.abs(loops.gradient - matrices.gradient).max() < 1e-9 * np.abs(matrices.gradient).max()
-    assert np.abs(loops.information - matrices.information).max() < 1e-9 * np.abs(matrices.information).max()
+        spectra.append(model.spectrum(at).spectrum)
+    for loops, spectrum in zip(found[1:], spectra[1:], strict=True):
+        assert np.abs(spectrum - spectra[0]).max() < 1e-12 * np.abs(spectra[0]).max()
+        assert loops.value == pytest.approx(found[0].value, rel=1e-11)
+        assert np.abs(loops.gradient - found[0].gradient).max() < 1e-9 * np.abs(found[0].gradient).max()
+        assert np.abs(loops.information - found[0].information).max() < 1e-9 * np.abs(found[0].information).max()
 
 
 def test_a_late_logger_turns_the_phase_of_its_readings() -> None:

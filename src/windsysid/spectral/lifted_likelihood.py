@@ -16,18 +16,28 @@ https://doi.org/10.1093/biomet/asy071). Where a resonance is as narrow as a few 
 a grid twice as fine and smoothed before they meet the data.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.spectral.lifted import Complex
+from windsysid.spectral.lifted_dense import add_up_dense, elements_of, entries_at, places_of, spectra_dense
 from windsysid.spectral.lifted_kernel import FEW, add_up, spectra
 from windsysid.spectral.lifted_loads import SourceSpectra
 from windsysid.spectral.lifted_mechanics import MatrixHarmonics, coupled
 
-__all__ = ["Likelihood", "ModelSpectrum", "Place", "Slopes", "spectrum_of_bins", "whittle"]
+__all__ = [
+    "Ingredients",
+    "Likelihood",
+    "ModelSpectrum",
+    "Place",
+    "Slopes",
+    "spectrum_of_bins",
+    "whittle",
+    "whittle_of_many",
+]
 
 
 class Place(NamedTuple):
@@ -87,14 +97,13 @@ class Likelihood(NamedTuple):
     information: Array
 
 
-def spectrum_of_bins(
-    place: Place, matrices: MatrixHarmonics, placement: Complex, sources: SourceSpectra, noise: Array,
-    slopes: Slopes | None, *, whiten: bool, more: Complex | None = None, late: Array | None = None,
-) -> ModelSpectrum:  # fmt: skip
-    """S and its derivatives.
+class Ingredients(NamedTuple):
+    """What spectra at B places are made of.
 
-    Parameters
+    Attributes
     ----------
+    place
+        Where they are taken.
     matrices
         Of the model, one set.
     placement, sources
@@ -104,25 +113,44 @@ def spectrum_of_bins(
     slopes
         Derivatives; None for none.
     more
-        What comes to S besides (B, e, e).
+        What comes to S besides (B, e, e); None for nothing.
     late
-        By how much the readings of every entry are late (e,) [s]; not at all by default.
-    whiten
-        Whether to hand the derivatives back whitened, which costs less than to whiten them later; where there are few
-        entries it does not, and they are not.
+        By how much the readings of every entry are late (e,) [s].
     """
+
+    place: Place
+    matrices: MatrixHarmonics
+    placement: Complex
+    sources: SourceSpectra
+    noise: Array
+    slopes: Slopes | None
+    more: Complex | None
+    late: Array
+
+
+def spectrum_of_bins(of: Ingredients, *, whiten: bool) -> ModelSpectrum:
+    """S and its derivatives.
+
+    `whiten` hands the derivatives back whitened, which costs less than to whiten them later; where there are few
+    entries it does not, and they are not.
+    """
+    place, matrices, placement, sources, noise, slopes, more, late = of
     bins, entries = place.left_out.shape
-    on_time = (late is None or not late.any()) and (slopes is None or not len(slopes.late))
+    on_time = not late.any() and (slopes is None or not len(slopes.late))
     if entries <= FEW and on_time:
         return _few_entries(place, matrices, placement, sources, noise, slopes, more)
     empty = place.left_out
+    if slopes is None and entries > FEW:
+        S = np.empty((bins, entries, entries), dtype=np.complex128)
+        spectra_dense()(*_many_entries(of), S)
+        return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
     D = coupled(matrices.mechanics[:, 0], place.base, place.orders, place.rotor_hz)
     R = coupled(matrices.readings[:, 0], place.base, place.orders, place.rotor_hz)
     size = D.shape[1] * D.shape[2]
     seen = R.reshape(bins, -1, size)[:, place.entries]
     seen[empty] = 0.0
     turn = -2j * np.pi * (place.base[:, None] + place.rotor_hz * place.orders[place.entries // R.shape[2]])
-    phase = None if late is None or not late.any() else np.exp(turn * late)[:, :, None]
+    phase = np.exp(turn * late)[:, :, None] if late.any() else None
     if phase is not None:
         seen *= phase
     inverse = np.asarray(np.linalg.inv(D.reshape(bins, size, size)), dtype=np.complex128)
@@ -186,6 +214,38 @@ def whittle(data: Complex, counts: Array, model: ModelSpectrum) -> Likelihood:
     flat = np.ascontiguousarray(A).reshape(len(A), -1).view(np.float64)  # tr AB = Σ A_ij conj(B_ij) for Hermitian B
     weighted = (flat.reshape(len(A), len(counts), -1) * counts[:, None]).reshape(len(A), -1)
     return Likelihood(value, flat @ np.ascontiguousarray(shown).view(np.float64).ravel(), weighted @ flat.T)
+
+
+def whittle_of_many(of: Ingredients, data: Complex, counts: Array) -> Likelihood:
+    """`whittle` of `spectrum_of_bins` with its slopes, for spectra of many entries: by loops over one place at a time.
+
+    Raises
+    ------
+    LinAlgError
+        Where a spectrum is not positive definite.
+    """
+    assert of.slopes is not None
+    moved, sources, noise, late = of.slopes
+    n = moved.mechanics.shape[1] + len(late) + len(sources.own) + len(noise)
+    g, F = np.zeros(n), np.zeros((n, n))
+    given = (*(part for X in moved for part in (X, elements_of(X))), late, *sources, noise, data, counts)
+    J = add_up_dense()(*_many_entries(of), *(np.ascontiguousarray(array) for array in given), g, F)
+    if not np.isfinite(J):
+        raise np.linalg.LinAlgError("a spectrum is not positive definite")
+    return Likelihood(float(J), g, F)
+
+
+def _many_entries(of: Ingredients) -> list[NDArray[Any]]:
+    """What loops over spectra of many entries are given."""
+    place = of.place
+    omega = 2.0 * np.pi * (place.base[:, None] + place.rotor_hz * place.orders)
+    nothing = np.empty((0, 0, 0), dtype=np.complex128)
+    given = (
+        *(part for X in of.matrices for part in (X, elements_of(X))), omega, place.entries,
+        entries_at(place.entries, len(place.orders), of.matrices.readings.shape[3]), place.left_out, of.late,
+        *places_of(of.placement), *of.sources, of.noise, nothing if of.more is None else of.more,
+    )  # fmt: skip
+    return [np.ascontiguousarray(array) for array in given]
 
 
 def _few_entries(

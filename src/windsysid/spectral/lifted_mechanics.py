@@ -106,7 +106,8 @@ def element_sizes(matrices: MatrixHarmonics) -> tuple[Array, Array]:
     both = unit * np.swapaxes(unit, -1, -2)
     of_matrix = (mechanics / both).max(axis=(2, 3, 4), keepdims=True) * both
     of_row = (readings / unit).max(axis=(2, 4), keepdims=True) * unit
-    return of_matrix, of_row
+    rates = (of_matrix / of_matrix[:1])[:, :, :, :1, :1]  # a reading of the acceleration holds C q̇ and K q, too
+    return of_matrix, np.maximum(of_row, rates * of_row[:1])
 
 
 def without_rounding(matrices: Complex, least: Array) -> Complex:

@@ -11,8 +11,17 @@ from windsysid._types import Array
 from windsysid.loads.statistics import Statistic, to_logarithms, values_of
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.spectral.lifted import Complex
-from windsysid.spectral.lifted_kernel import smooth
-from windsysid.spectral.lifted_likelihood import Likelihood, ModelSpectrum, Place, Slopes, spectrum_of_bins, whittle
+from windsysid.spectral.lifted_kernel import FEW, smooth
+from windsysid.spectral.lifted_likelihood import (
+    Ingredients,
+    Likelihood,
+    ModelSpectrum,
+    Place,
+    Slopes,
+    spectrum_of_bins,
+    whittle,
+    whittle_of_many,
+)
 from windsysid.spectral.lifted_loads import Sources, SourceSpectra
 from windsysid.spectral.lifted_mechanics import (
     MatrixHarmonics,
@@ -31,7 +40,7 @@ LAG_SPREAD = 0.01
 STEP = 1e-4
 """Of an unknown, for central differences: of a logarithm, of a damping ratio; in units of its prior's spread."""
 
-UNMOVED = 1e-12
+UNMOVED = 1e-11
 """Change of an element, beside the size of the others of its matrix, below which it does not move."""
 
 MOST_NUMBERS = 400_000
@@ -187,10 +196,16 @@ class LiftedModel(NamedTuple):
             whole = whittle(self.data, counts, self.spectrum(unknowns, slopes=slopes, matrices=matrices))
             return _scaled(whole, 1.0 / self.overlap)
         bins = np.arange(every // 2, len(self.place.base), every)
-        parts = [
-            whittle(self.data[at], counts[at], model)
-            for at, model in self._spectra(unknowns, every, matrices, slopes=slopes, whiten=slopes)
-        ]
+        if slopes and len(self.place.entries) > FEW:
+            parts = [
+                whittle_of_many(of, self.data[at], counts[at])
+                for at, of in self._ingredients(unknowns, every, matrices, slopes=True)
+            ]
+        else:
+            parts = [
+                whittle(self.data[at], counts[at], model)
+                for at, model in self._spectra(unknowns, every, matrices, slopes=slopes, whiten=slopes)
+            ]
         whole = Likelihood(
             sum(part.value for part in parts),
             np.sum([part.gradient for part in parts], axis=0),
@@ -266,6 +281,13 @@ class LiftedModel(NamedTuple):
         self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool, whiten: bool
     ) -> Iterator[tuple[NDArray[np.intp], ModelSpectrum]]:
         """S and its derivatives at every n-th place, a few of them at a time."""
+        for at, of in self._ingredients(unknowns, every, matrices, slopes=slopes):
+            yield at, spectrum_of_bins(of, whiten=whiten)
+
+    def _ingredients(
+        self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool
+    ) -> Iterator[tuple[NDArray[np.intp], Ingredients]]:
+        """What spectra at every n-th place are made of, for a few of them at a time."""
         bins = np.arange(every // 2, len(self.place.base), every)
         still, moved = self.matrices(unknowns, slopes=slopes) if matrices is None else matrices
         late, later = self._late(unknowns)
@@ -281,11 +303,10 @@ class LiftedModel(NamedTuple):
             if steps is not None:
                 part = Slopes(moved, SourceSpectra(steps.own[:, near], steps.cross[:, near]), densities[:, at], later)
             where = self.place._replace(base=self.place.base[at], left_out=self.place.left_out[at])
-            own = SourceSpectra(spectra.own[near], spectra.cross[near])
-            yield at, spectrum_of_bins(
-                where, still, self.sources.placement, own, noise[at], part, whiten=whiten,
-                more=None if self.smear is None else self.smear[at], late=late,
-            )  # fmt: skip
+            own, more = SourceSpectra(spectra.own[near], spectra.cross[near]), None
+            if self.smear is not None:
+                more = self.smear[at]
+            yield at, Ingredients(where, still, self.sources.placement, own, noise[at], part, more, late)
 
     def _late(self, unknowns: Array) -> tuple[Array, Array]:
         """By how much the readings of every entry are late (e,) [s], and by how much more for each clock (c, e): what
