@@ -45,8 +45,14 @@ class Scada:
     def set(self, name: str, value: Any) -> None:
         self._do(self._nodes[name].write_value(value))
 
-    def stop(self) -> None:
+    def away(self) -> None:
         self._do(self._server.stop())
+
+    def back(self) -> None:
+        self._do(self._server.start())
+
+    def stop(self) -> None:
+        self.away()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(10.0)
         self._loop.close()
@@ -59,17 +65,16 @@ def rows_of(service: Service) -> np.ndarray:
 
 def test_nodes_are_read_at_even_times_and_after_the_server_was_restarted(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("windsysid.live.sources.opcua.BLOCK", 0.4)
-    port = free_port()
-    scada = Scada(port)
+    scada = Scada(free_port())
     source = OpcuaSource(scada.url, "T01", NODES, every=0.1)
     service = Service(source)
     wait_for(lambda: len(rows_of(service)) >= 8)
     scada.set("Wind.Speed", float("nan"))
     wait_for(lambda: bool(np.isnan(rows_of(service)[:, 1]).any()))
-    scada.stop()
+    scada.away()
     wait_for(lambda: source.state.state == "trying")
     before = len(service.taker.blocks)
-    scada = Scada(port)
+    scada.back()
     scada.set("Rotor.Speed", 7.0)
     wait_for(lambda: bool((rows_of(service)[:, 0] == 7.0).any()))
     assert source.state.state == "running"
