@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 from windsysid.errors import ConfigurationError
 from windsysid.live.settings import Broker
 
-__all__ = ["TOPIC", "Marks", "Topics", "connect", "marks_of", "new_client", "properties_of"]
+__all__ = ["TOPIC", "Marks", "Topics", "connect", "marks_of", "needed", "new_client", "properties_of"]
 
 TOPIC = "windsysid/{turbine}/blocks"
 """Of blocks."""
@@ -89,6 +89,14 @@ def properties_of(marks: Marks) -> Any:
     return properties
 
 
+def needed(module: str, what: str) -> Any:
+    """A module of the extra; ConfigurationError where it is not installed."""
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise ConfigurationError(f"{what}; install it with: pip install 'windsysid[live]'") from None
+
+
 def new_client(broker: Broker, name: str = "", *, manual_ack: bool = False) -> Any:
     """A paho client of MQTT 5 that is not connected yet, and does not connect again by itself.
 
@@ -97,10 +105,7 @@ def new_client(broker: Broker, name: str = "", *, manual_ack: bool = False) -> A
     ConfigurationError
         If paho is not installed, or the broker's authority cannot be read.
     """
-    try:
-        mqtt: Any = importlib.import_module("paho.mqtt.client")
-    except ImportError:
-        raise ConfigurationError("MQTT needs paho-mqtt; install it with: pip install 'windsysid[live]'") from None
+    mqtt = needed("paho.mqtt.client", "MQTT needs paho-mqtt")
     client = mqtt.Client(
         mqtt.CallbackAPIVersion.VERSION2,
         client_id=name,

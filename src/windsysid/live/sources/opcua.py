@@ -6,7 +6,6 @@ no history that could be asked.
 """
 
 import asyncio
-import importlib
 import logging
 import math
 import time
@@ -18,6 +17,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
+from windsysid.live.sources.broker import needed
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 from windsysid.live.toml_table import Secret
 
@@ -88,10 +88,7 @@ class OpcuaSource:
         ConfigurationError
             If asyncua is not installed, or a node is not written as one.
         """
-        try:
-            asyncua: Any = importlib.import_module("asyncua")
-        except ImportError:
-            raise ConfigurationError("OPC UA needs asyncua; install it with: pip install 'windsysid[live]'") from None
+        asyncua = needed("asyncua", "OPC UA needs asyncua")
         for library in ("asyncua", "asyncua.client", "asyncua.common"):
             logging.getLogger(library).setLevel(logging.CRITICAL)  # what it says with tracebacks, we say in a line
         bringing = asyncio.create_task(self._bring(push))

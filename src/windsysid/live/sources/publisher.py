@@ -20,7 +20,7 @@ from typing import Any
 from windsysid.live.block import Block
 from windsysid.live.codec import encode_arrow
 from windsysid.live.settings import Broker
-from windsysid.live.sources.broker import TOPIC, Marks, Topics, connect, new_client, properties_of
+from windsysid.live.sources.broker import TOPIC, Marks, Topics, connect, needed, new_client, properties_of
 from windsysid.live.sources.ring import Flow, Packed, Ring
 
 __all__ = ["Publisher"]
@@ -85,7 +85,8 @@ class Publisher:
         patience: float = 5.0,
     ) -> None:
         self.broker, self.topics, self.patience = broker, Topics(topic), patience
-        new_client(broker)  # says at once what is missing
+        needed("pyarrow", "Arrow blocks need pyarrow")
+        new_client(broker)  # says at once what is missing or wrong
         self.ring = Ring(buffer, most=most)
         self.dropped = self.refused = self.resent = 0
         self._changed = threading.Condition(threading.RLock())

@@ -16,7 +16,7 @@ from windsysid.records.formats import iterate_record
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.record import Record
 
-__all__ = ["Replay", "begin_or_now", "record_blocks"]
+__all__ = ["Replay", "begin_or_now", "paced", "record_blocks"]
 
 logger = logging.getLogger(__name__)
 
@@ -88,10 +88,9 @@ class Replay:
         while (block := await asyncio.to_thread(next, blocks, None)) is not None and not stop.is_set():
             if began is None or first is None:
                 began, first = time.monotonic(), block.start
-            if self.speed:
-                end = (block.start - first) / SECOND + len(block.values) / block.rate
-                if await stopped_within(stop, began + end / self.speed - time.monotonic()):
-                    break
+            due = began + _due(block, first) / self.speed if self.speed else 0.0
+            if self.speed and await stopped_within(stop, due - time.monotonic()):
+                break
             try:
                 waiting.append(asyncio.wrap_future(await asyncio.to_thread(push, block)))
             except BlockRefused as error:
@@ -112,6 +111,22 @@ class Replay:
     def _refused(self, error: BlockRefused) -> None:
         logger.warning("%s: block refused: %s", self.describe(), error)
         self.state = self.state._replace(refused=self.state.refused + 1, text=str(error))
+
+
+def paced(blocks: Iterator[Block], speed: float) -> Iterator[Block]:
+    """Blocks when their last sample is due, `speed` times faster than they were recorded; at once where it is 0."""
+    began = first = None
+    for block in blocks:
+        if began is None or first is None:
+            began, first = time.monotonic(), block.start
+        if speed:
+            time.sleep(max(0.0, began + _due(block, first) / speed - time.monotonic()))
+        yield block
+
+
+def _due(block: Block, first: int) -> float:
+    """When a block is over, from the start of the first one [s]."""
+    return (block.start - first) / SECOND + len(block.values) / block.rate
 
 
 def begin_or_now(record: Record | str | Path, speed: float, mapping: str | Path | Mapping | None = None) -> int:
