@@ -1,7 +1,9 @@
 """From settings to the sources that they mean."""
 
-from windsysid.live.settings import MqttSettings, ReplaySettings, Settings, SourceSettings
+from windsysid.live.settings import MqttSettings, OpcuaSettings, ReplaySettings, Settings, SourceSettings
+from windsysid.live.sources.folder import FolderSource
 from windsysid.live.sources.mqtt import MqttSource
+from windsysid.live.sources.opcua import OpcuaSource
 from windsysid.live.sources.replay import Replay
 from windsysid.live.sources.source import Source
 
@@ -26,4 +28,6 @@ def _source(one: SourceSettings, names: list[str], mappings: dict[str, str | Non
         return Replay(one.record, one.turbine, speed=one.speed, mapping=mappings[one.turbine])
     if isinstance(one, MqttSettings):
         return MqttSource(one.broker, names, topic=one.topic, client=one.client)
-    raise NotImplementedError
+    if isinstance(one, OpcuaSettings):
+        return OpcuaSource(one.server, one.turbine, one.nodes, every=one.every, user=one.user, password=one.password)
+    return FolderSource(one.path, one.turbine, pattern=one.pattern, mapping=mappings[one.turbine])
