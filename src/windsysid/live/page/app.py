@@ -53,12 +53,22 @@ Most = Annotated[int, Query(ge=2, le=MOST_POINTS, description="of more windows, 
 Key = Annotated[str, Path(max_length=500, pattern=r"^[^\x00-\x1f\x7f]+$", description="of an alarm")]
 
 
-def _errors(**of: str) -> dict[int | str, dict[str, Any]]:
+Responses = dict[int | str, dict[str, Any]]
+
+
+def _errors(**of: str) -> Responses:
     """Statuses, and what they say."""
     return {int(status[1:]): {"model": models.Problem, "description": text} for status, text in of.items()}
 
 
+def _beside_text(errors: Responses) -> Responses:
+    """The same of a path that answers text: what is wrong is said in JSON there as well."""
+    said = {"application/json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    return {status: {"description": error["description"], "content": said} for status, error in errors.items()}
+
+
 ERRORS = _errors(
+    _400="the body is no text",
     _401="a token is wanted",
     _403="the token does not allow it, or the origin is another's",
     _413="the body is too large",
@@ -90,15 +100,15 @@ def app(store: Store, engine: Engine | None = None, access: Access = Access(), *
     page = FastAPI(
         title="windsysid live", version=__version__, docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
         description="What is known of every turbine: estimates, alarms, health. Moments are ms since 1970, UTC.",
-        responses=ERRORS,
     )  # fmt: skip
     page.state.streams = streams = Streams(store, limits.streams)
     door = Door(access, limits)
     overview = _Overviews(store, engine, door)
-    page.include_router(_turbines(store, engine, overview.newest, door))
-    page.include_router(_alarms(store, engine, door))
-    page.include_router(_events(streams, door))
-    page.include_router(_service(store, overview, streams, door))
+    page.include_router(_service(store, overview, door), responses=ERRORS)
+    page.include_router(_turbines(store, engine, overview.newest, door), responses=ERRORS)
+    page.include_router(_alarms(store, engine, door), responses=ERRORS)
+    page.include_router(_events(streams, door), responses=_beside_text(ERRORS))
+    page.include_router(_metrics(store, overview, streams, door), responses=_beside_text(ERRORS))
     page.include_router(door.routes())
     page.add_exception_handler(WindsysidError, _store_is_away)
     page.add_exception_handler(RequestValidationError, _invalid)
@@ -123,8 +133,8 @@ class _Overviews:
         return overview_of(self._store, self._engine, self.newest, role, self._door.asks)
 
 
-def _service(store: Store, overview: _Overviews, streams: Streams, door: Door) -> APIRouter:
-    """The page itself, the overview, health and metrics."""
+def _service(store: Store, overview: _Overviews, door: Door) -> APIRouter:
+    """The page itself, the overview and health."""
     router = APIRouter()
 
     @router.get("/", include_in_schema=False)
@@ -141,6 +151,13 @@ def _service(store: Store, overview: _Overviews, streams: Streams, door: Door) -
         """Whether the service and its store answer; no token is asked for."""
         store.last_event()
         return models.Health(status="ok", version=__version__)
+
+    return router
+
+
+def _metrics(store: Store, overview: _Overviews, streams: Streams, door: Door) -> APIRouter:
+    """What is measured."""
+    router = APIRouter()
 
     @router.get("/metrics", response_class=PlainTextResponse, dependencies=[Depends(door)])
     def metrics() -> Response:
