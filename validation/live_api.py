@@ -84,6 +84,7 @@ def _operations(page: Any, headers: dict[str, str], refused: bool) -> list[tuple
     from hypothesis import HealthCheck, Phase, given, seed, settings
     from schemathesis import GenerationMode
     from schemathesis.core.failures import FailureGroup
+    from schemathesis.core.result import Ok
 
     schema = schemathesis.openapi.from_asgi("/api/openapi.json", page, headers={"host": "localhost"})
 
@@ -125,7 +126,7 @@ def _operations(page: Any, headers: dict[str, str], refused: bool) -> list[tuple
 
         return fuzz
 
-    found = (result.ok() for result in schema.get_all_operations())
+    found = [result.ok() for result in schema.get_all_operations() if isinstance(result, Ok)]
     return [(operation.label, fuzz_of(operation)) for operation in found]
 
 
