@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from windsysid.live.settings import Settings
     from windsysid.live.sources.source import Source
 
-__all__ = ["live"]
+__all__ = ["export", "live"]
 
 
 @app.command()
@@ -58,12 +58,40 @@ def live(
 
     fed: list[Source] = sources_of(settings)
     if check:
-        print(f"{config}: nothing is wrong; {len(settings.turbines)} turbines, store {settings.store}")
+        print(f"{config}: nothing is wrong; {_count(len(settings.turbines))}, store {settings.store}")
         print(*(f"source: {source.describe()}" for source in fed), sep="\n")
         return
     start_log(settings.log)
     listening = listen(settings.page)
     raise typer.Exit(serve(settings, fed, listening, ready=lambda url: _show(url, browser=False)))
+
+
+@app.command()
+def export(
+    store: Annotated[str, typer.Argument(metavar="STORE", help="Of a live service: a file, or postgresql://…")],
+    output: Annotated[Path, typer.Option(metavar="ARCHIVE", help="Folder of an archive, as of batch; added to.")],
+    levels: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Write what was known over time too: netCDF, one a turbine.")
+    ] = None,
+) -> None:
+    """Write what a live service found as an archive that report and monitor read; the service may go on meanwhile."""
+    from windsysid.cli.common import show_progress
+    from windsysid.live.store import open_store
+    from windsysid.live.store.export import export_levels, export_results
+
+    opened = open_store(store, read_only=True)
+    try:
+        with show_progress("export") as progress:
+            progress("rows of windows")
+            added = export_results(opened, output)
+            if levels is not None:
+                progress("levels")
+                export_levels(opened, levels)
+    finally:
+        opened.close()
+    for turbine, rows in added.items():
+        print(f"{turbine}: {rows} rows added")
+    print(f"archive: {output}" + ("" if levels is None else f"; levels: {levels}"))
 
 
 def _settings(config: Path) -> "Settings":
@@ -99,3 +127,7 @@ def _needs_extra() -> None:
             raise ConfigurationError(
                 f"windsysid live needs {module.split('.')[0]}; install it with: pip install 'windsysid[live]'"
             )
+
+
+def _count(turbines: int) -> str:
+    return "1 turbine" if turbines == 1 else f"{turbines} turbines"
