@@ -10,7 +10,6 @@ result, and a result is a function of the window's blocks and of the checkpoint 
 """
 
 import contextlib
-import json
 import queue
 import threading
 import time
@@ -18,17 +17,20 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 from windsysid.fleet.guard import StoppedError
+from windsysid.fleet.rows import Row
 from windsysid.live.block import Block
+from windsysid.live.closing import conclude, estimate, unpack
 from windsysid.live.codec import BlockRefused, Limits, check
-from windsysid.live.estimate import Estimator, Here, InWorker
+from windsysid.live.engine_state import EngineState, TurbineState
+from windsysid.live.estimate import Estimator, estimators
 from windsysid.live.follower import Followed, Follower, WindowTask
-from windsysid.live.store.contents import Alarm, Commit, Result, StoredBlock
+from windsysid.live.gate import Gate
+from windsysid.live.store.contents import Alarm, Commit, Severity, StoredBlock
 from windsysid.live.store.store import Store
-from windsysid.live.streams import StreamHealth, Verdict, drifts, sensor_alarm
-from windsysid.live.timeline import SECOND, gather
+from windsysid.live.streams import StreamHealth, Verdict
+from windsysid.live.timeline import SECOND
 from windsysid.live.watching import resume, start
 from windsysid.records.moments import moment_text
 from windsysid.turbine.file import load_turbine
@@ -47,56 +49,8 @@ WITHHELD_WINDOWS = 4
 BEHIND_WINDOWS = 2
 """Windows' lengths by which a turbine's oldest waiting window may be behind before that is an alarm."""
 
-QUIET = 600 * SECOND
-"""A stream without a refused or late block for so long [ns] has none any more."""
-
 TICK = 1.0
 """How often silent turbines are looked for [s]."""
-
-
-class TurbineState(NamedTuple):
-    """Where one turbine stands.
-
-    Attributes
-    ----------
-    windows
-        That wait for a worker or are with one.
-    behind
-        Seconds since the oldest of them was closed.
-    """
-
-    windows: int
-    behind: float
-
-
-class EngineState(NamedTuple):
-    """Where the engine stands.
-
-    Attributes
-    ----------
-    turbines
-        By name.
-    blocks, samples, windows
-        Taken since the start; samples are rows, not values.
-    rate
-        Blocks a second, in the last seconds.
-    pending
-        Blocks on their way to the store.
-    seconds
-        Of processor time since the start: ``blocks`` (check, place, health), ``windows`` (reading back and joining),
-        ``estimates`` and ``watch``.
-    workers
-        At once.
-    """
-
-    turbines: dict[str, TurbineState]
-    blocks: int
-    samples: int
-    windows: int
-    rate: float
-    pending: int
-    seconds: dict[str, float]
-    workers: int
 
 
 class Engine:
@@ -151,8 +105,7 @@ class Engine:
         self._followers: dict[str, Follower] = {}
         self._tasks: queue.Queue[WindowTask | None] = queue.Queue()
         self._stopping = threading.Event()
-        self._space = threading.Condition()
-        self._pending = self._pending_bytes = 0
+        self._gate = Gate(BOUND, BOUND_BYTES)
         self._idle = threading.Condition()
         self._sums, self._summing = Counter[str](), threading.Lock()
         self._rate = 0.0
@@ -163,12 +116,11 @@ class Engine:
                 follower.restore(statuses[follower.name])
             self._followers[follower.name] = follower
         for alarm in store.alarms(open_only=True, most=100_000):
-            if alarm.turbine in self._followers and alarm.ended is None and alarm.kind != "structure":
-                self._followers[alarm.turbine].alarms[_about(alarm)] = alarm
+            if alarm.turbine in self._followers and alarm.ended is None:
+                self._followers[alarm.turbine].alarms.restore(alarm)
         for follower in self._followers.values():
             self._go_on(follower)
-        count = threads_of(workers)
-        self._estimators: list[Estimator] = [Here()] if workers == 0 else [InWorker() for _ in range(count)]
+        self._estimators = estimators(workers)
         self._threads = [
             threading.Thread(target=self._work, args=(estimator,), name=f"window-{i}", daemon=True)
             for i, estimator in enumerate(self._estimators)
@@ -203,20 +155,21 @@ class Engine:
                     f"block starts at {moment_text(block.start, 0)}, ahead of the service's clock: set the logger's"
                     " clock, or the service's"
                 )
-            size = self._reserve(block)
+            size = block.values.nbytes
+            self._gate.enter(size)
             try:
                 with follower.lock:
                     done = self._take(follower, block)
             except BaseException:
-                self._release(size)
+                self._gate.leave(size)
                 raise
         except BlockRefused as error:
             with follower.lock:
                 follower.counts["refused"] += 1
                 self._data_alarm(follower, "refused", "notice", f"a block was refused: {error}"[:400])
             raise
-        done.add_done_callback(lambda _: self._release(size))
-        self._count(blocks=1, samples=len(block.values), blocks_ns=int(1e9 * (time.thread_time() - begun)))
+        done.add_done_callback(lambda _: self._gate.leave(size))
+        self._count(blocks=1, samples=len(block.values), blocks_ns=_ns(time.thread_time() - begun))
         return done
 
     def _take(self, follower: Follower, block: Block) -> "Future[None]":
@@ -226,7 +179,6 @@ class Engine:
         follower.received = now
         follower.counts["blocks"] += 1
         follower.counts["samples"] += len(block.values)
-        alarms: list[Alarm] = []
         if placed.arrival != "new":
             follower.counts[placed.arrival] += 1
             if placed.arrival == "too late":
@@ -242,7 +194,7 @@ class Engine:
         alarms = [alarm for verdict in verdicts for alarm in self._sensor_alarms(follower, verdict)]
         if follower.state in ("waiting", "silent"):
             follower.state = "running"
-            alarms += self._ended(follower, "silent", now)
+        alarms += follower.alarms.ended("silent", now)
         statuses = []
         if now - follower.told >= SECOND or verdicts:
             follower.told = now
@@ -275,22 +227,6 @@ class Engine:
             self._close(follower, window)
         return done
 
-    def _reserve(self, block: Block) -> int:
-        size = block.values.nbytes
-        with self._space:
-            self._space.wait_for(
-                lambda: (self._pending < BOUND and self._pending_bytes < BOUND_BYTES) or self._stopping.is_set()
-            )
-            self._pending += 1
-            self._pending_bytes += size
-        return size
-
-    def _release(self, size: int) -> None:
-        with self._space:
-            self._pending -= 1
-            self._pending_bytes -= size
-            self._space.notify_all()
-
     # windows
 
     def _close(self, follower: Follower, window: int) -> None:
@@ -316,29 +252,16 @@ class Engine:
                     return
                 self._tasks.put(task)
 
-    def _row(self, follower: Follower, task: WindowTask, estimator: Estimator) -> dict[str, Any]:
-        begun = time.thread_time()
+    def _row(self, follower: Follower, task: WindowTask, estimator: Estimator) -> Row:
         if follower.last is not None:
             follower.last.exception()  # all blocks of the window are on disk
+        begun = time.thread_time()
         blocks = [block for _, block in self._store.waiting(task.turbine, task.window)]
-        source = f"{task.turbine} {moment_text(task.window, 0)}"
-        gathered = gather(blocks, task.window, task.until, source)
-        del blocks
-        followed = follower.followed
-        read = time.thread_time()
-        found = estimator.take(gathered, source, followed.member, followed.formulation, follower.settings)
+        reading = time.thread_time() - begun
+        found = estimate(follower, task, blocks, estimator)
         with follower.lock:
-            for name, count in (
-                ("missing samples", gathered.missing), ("repeated samples", gathered.repeated),
-                ("samples cut by a clock jump", gathered.cut),
-            ):  # fmt: skip
-                if count:
-                    follower.counts[name] += count
-        here = isinstance(estimator, Here)
-        self._count(
-            windows_ns=int(1e9 * (read - begun + (0.0 if here else time.thread_time() - read))),
-            estimates_ns=int(1e9 * found.seconds),
-        )
+            follower.counts.update({name: count for name, count in found.counts.items() if count})
+        self._count(windows_ns=_ns(reading + found.joining), estimates_ns=_ns(found.estimating))
         return found.row
 
     def _take_rows(self, follower: Follower) -> None:
@@ -351,31 +274,24 @@ class Engine:
                 if task is None or row is None:
                     return
                 begun = time.thread_time()
-                if follower.taken is None or follower.taken[0].window != task.window:
-                    taken = follower.watching.take(row, task.window)
-                    means, verdicts = drifts(follower.means, row, task.window, task.until)
-                    checkpoint = _pack(means, taken.checkpoint)
-                    follower.taken = (
-                        Result(task.turbine, task.window, task.until, self._now(), row, taken.levels, checkpoint),
-                        taken.alarms, means, verdicts,
-                    )  # fmt: skip
-                result, structural, means, verdicts = follower.taken
-                with follower.lock:
-                    state = str(row["state"] or "unknown")
-                    follower.state = "running" if state == "unknown" else state
-                    follower.rotor_speed = row["rotor_speed"]
+                concluded = follower.concluded
+                if concluded is None:  # else the store refused it before
+                    concluded = follower.concluded = conclude(follower, task, row, self._now())
                     follower.counts["windows"] += 1
-                    alarms = [*structural, *(a for v in verdicts for a in self._sensor_alarms(follower, v))]
+                with follower.lock:
+                    if follower.state != "silent":
+                        follower.state = "running" if row["state"] in (None, "unknown") else row["state"]
+                    follower.rotor_speed = row["rotor_speed"]
+                    drifting = [a for verdict in concluded.verdicts for a in self._sensor_alarms(follower, verdict)]
+                    healths = [verdict.health(follower.name) for verdict in concluded.verdicts]
+                    alarms = [*concluded.alarms, *drifting]
                     stored = self._store.submit(
-                        Commit(
-                            statuses=[follower.status()], healths=[v.health(follower.name) for v in verdicts],
-                            results=[result], alarms=alarms,
-                        )
-                    )  # fmt: skip
-                self._count(windows=1, watch_ns=int(1e9 * (time.thread_time() - begun)))
+                        Commit((), [follower.status()], healths, results=[concluded.result], alarms=alarms)
+                    )
+                self._count(windows=1, watch_ns=_ns(time.thread_time() - begun))
                 stored.result()
                 with follower.lock:
-                    follower.means, follower.taken = means, None
+                    follower.means, follower.concluded = concluded.means, None
                     del follower.rows[task.window]
                     follower.order.popleft()
                     free = follower.withheld if len(follower.order) <= WITHHELD_WINDOWS else []
@@ -390,31 +306,14 @@ class Engine:
     # alarms
 
     def _sensor_alarms(self, follower: Follower, verdict: Verdict) -> list[Alarm]:
-        about = f"sensor:{verdict.channel}"
-        drifting = f"drift:{verdict.channel}"
         self._tell("sensor", turbine=follower.name, channel=verdict.channel, state=verdict.state, text=verdict.text)
-        ended = self._ended(follower, about, verdict.at)
-        if verdict.state == "good":
-            return ended + self._ended(follower, drifting, verdict.at)
-        alarm = sensor_alarm(follower.name, verdict)
-        follower.alarms[drifting if verdict.state == "drift" else about] = alarm
-        return [*ended, alarm]
+        return follower.alarms.sensor(verdict)
 
-    def _ended(self, follower: Follower, about: str, at: int) -> list[Alarm]:
-        alarm = follower.alarms.pop(about, None)
-        return [] if alarm is None else [alarm._replace(ended=at)]
-
-    def _data_alarm(self, follower: Follower, about: str, severity: Any, text: str) -> None:
-        """Open an alarm of kind data, once; it ends when nothing of its kind was heard for a while."""
-        now = self._now()
-        follower.heard[about] = now
-        if about not in follower.alarms:
-            alarm = Alarm(
-                f"{follower.name}:data:{about}:{now}", follower.name, "data", severity, "", now, now, now, None, text
-            )
-            follower.alarms[about] = alarm
-            self._tell("data", turbine=follower.name, about=about, text=text)
-            self._store.submit(Commit(statuses=[follower.status()], alarms=[alarm]))
+    def _data_alarm(self, follower: Follower, cause: str, severity: Severity, text: str) -> None:
+        opened = follower.alarms.data(cause, severity, text, self._now())
+        if opened:
+            self._tell("data", turbine=follower.name, cause=cause, text=text)
+            self._store.submit(Commit(statuses=[follower.status()], alarms=opened))
 
     def acknowledge(self, key: str, by: str, remark: str = "") -> Alarm:
         """Acknowledge an alarm; KeyError if there is none of this key."""
@@ -454,10 +353,9 @@ class Engine:
                 " slow for its turbines; nothing is lost"
             )
             self._data_alarm(follower, "behind", "warning", text)
-        over = [about for about in ("refused", "too late") if now - follower.heard.get(about, 0) > QUIET]
+        ended = follower.alarms.quiet(now)
         if behind <= follower.windows.length:
-            over.append("behind")
-        ended = [alarm for about in over for alarm in self._ended(follower, about, now)]
+            ended += follower.alarms.ended("behind", now)
         if ended:
             self._store.submit(Commit(statuses=[follower.status()], alarms=ended))
 
@@ -484,8 +382,7 @@ class Engine:
         until = time.monotonic() + timeout
         idle = self.wait_idle(max(0.0, timeout - 1.5))
         self._stopping.set()
-        with self._space:
-            self._space.notify_all()
+        self._gate.open()
         for _ in self._estimators:
             self._tasks.put(None)
         for estimator in self._estimators:
@@ -515,7 +412,7 @@ class Engine:
             sums = Counter(self._sums)
         seconds = {part: sums[f"{part}_ns"] / SECOND for part in ("blocks", "windows", "estimates", "watch")}
         return EngineState(
-            turbines, sums["blocks"], sums["samples"], sums["windows"], self._rate, self._pending, seconds,
+            turbines, sums["blocks"], sums["samples"], sums["windows"], self._rate, self._gate.inside, seconds,
             len(self._estimators),
         )  # fmt: skip
 
@@ -535,7 +432,7 @@ class Engine:
             follower = Follower(followed, settings, start(member.name, options))
         else:
             until, checkpoint = known
-            means, watch = _unpack(checkpoint)
+            means, watch = unpack(checkpoint)
             follower = Follower(followed, settings, resume(watch, member.name, options))
             follower.means, follower.closed_until = means, until
         tables = {"turbine": load_turbine(member.turbine).name, "formulation": followed.formulation}
@@ -554,37 +451,14 @@ class Engine:
                 self._close(follower, window)
 
 
-def threads_of(workers: int | None) -> int:
-    """How many windows are estimated at once."""
-    import os
-
-    if workers is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, workers)
-
-
-def _about(alarm: Alarm) -> str:
-    """What the engine knows an alarm by."""
-    if alarm.kind == "data":
-        return alarm.key.split(":")[-2]
-    return f"{'drift' if ':drift:' in alarm.key else 'sensor'}:{alarm.about}"
-
-
 def _done() -> "Future[None]":
     future: Future[None] = Future()
     future.set_result(None)
     return future
 
 
-def _pack(means: dict[str, list[float]], watch: bytes) -> bytes:
-    """A checkpoint: what the channels' means are known to be, and the watch's own."""
-    head = json.dumps(means, sort_keys=True, allow_nan=False).encode()
-    return len(head).to_bytes(4, "big") + head + watch
-
-
-def _unpack(checkpoint: bytes) -> tuple[dict[str, list[float]], bytes]:
-    size = int.from_bytes(checkpoint[:4], "big")
-    return json.loads(checkpoint[4 : 4 + size]), checkpoint[4 + size :]
+def _ns(seconds: float) -> int:
+    return round(seconds * SECOND)
 
 
 _TOO_LATE = (

@@ -5,7 +5,9 @@ bit. A worker that dies is started again and the window tried again; one that ha
 is a row that says why.
 """
 
+import os
 import time
+from dataclasses import asdict
 from typing import NamedTuple, Protocol
 
 from windsysid.fleet.guard import DEATHS, DeadWorkerError, HangingWorkerError, Worker
@@ -15,7 +17,7 @@ from windsysid.fleet.worker import pack_samples, take_samples
 from windsysid.live.timeline import Gathered
 from windsysid.results.plain import finite
 
-__all__ = ["LIMIT_SECONDS", "Estimated", "Estimator", "Here", "InWorker"]
+__all__ = ["LIMIT_SECONDS", "Estimated", "Estimator", "Here", "InWorker", "estimators"]
 
 LIMIT_SECONDS = 600.0
 """Time that a window may take before its worker counts as hanging."""
@@ -72,8 +74,6 @@ class InWorker:
         """The row of a window, whatever happens."""
         if gathered.record is None:
             return Estimated(_too_short(source, settings), 0.0)
-        from dataclasses import asdict
-
         asked = {"member": asdict(member), "formulation": formulation, "settings": settings}
         request = pack_samples(gathered.record, gathered.rate) | asked
         why = ""
@@ -91,6 +91,15 @@ class InWorker:
     def close(self) -> None:
         """End the process, whatever it does."""
         self._worker.close()
+
+
+def estimators(workers: int | None) -> list[Estimator]:
+    """One for each window that is taken at once: as many as processors by default, one in this process for 0."""
+    if workers == 0:
+        return [Here()]
+    if workers is None:
+        workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return [InWorker() for _ in range(workers)]
 
 
 def _too_short(source: str, settings: str) -> Row:

@@ -6,19 +6,23 @@ store. Its methods are called under its lock.
 
 import threading
 from collections import Counter, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
-from windsysid.live.store.contents import Alarm, Result, Status
-from windsysid.live.streams import Drift, StreamHealth, Verdict
+from windsysid.live.open_alarms import OpenAlarms
+from windsysid.live.store.contents import Status
+from windsysid.live.streams import Drift, StreamHealth
 from windsysid.live.timeline import SECOND, Windows, sample_time
 from windsysid.live.watching import Options, Watching
+
+if TYPE_CHECKING:
+    from windsysid.live.closing import Conclusion
 
 __all__ = ["Followed", "Follower", "Placed", "WindowTask"]
 
@@ -72,11 +76,15 @@ class Placed(NamedTuple):
 
 @dataclass
 class _Stream:
-    """One logger: the newest sample, one that may be out of the way, and up to where all blocks came."""
+    """One logger: the newest sample, one that may be out of the way, and up to where all blocks came.
+
+    Blocks of a logger that was `restarted`, or has no numbers, are kept by their starts.
+    """
 
     newest: int | None = None
     ahead: int | None = None
     committed: int | None = None
+    restarted: bool = False
     health: StreamHealth | None = None
 
 
@@ -101,9 +109,8 @@ class Follower:
         self.told = 0
         self.withheld: list[Future[None]] = []
         self.means: Drift = {}
-        self.taken: tuple[Result, Sequence[Alarm], Drift, list[Verdict]] | None = None
-        self.alarms: dict[str, Alarm] = {}
-        self.heard: dict[str, int] = {}
+        self.concluded: Conclusion | None = None
+        self.alarms = OpenAlarms(self.name)
 
     def place(self, block: Block, jump: int) -> Placed:
         """What a block is; one that is new is written down.
@@ -132,13 +139,16 @@ class Follower:
         if not still:
             known = stream.committed is not None and sequence <= stream.committed
             return Placed("repeated" if known else "too late", sequence)
-        if self._has(block.stream, sequence):
+        if not stream.restarted and self._has(block.stream, sequence):
             if stream.newest is None or block.start <= stream.newest:
                 return Placed("repeated", sequence)
             self.counts["numbering restarted"] += 1
+            stream.restarted = True
+        if stream.restarted:
             sequence = block.start  # the sender counts from the beginning again: its starts go on growing
             if self._has(block.stream, sequence):
                 return Placed("repeated", sequence)
+            stream.committed = block.sequence
         self.note(block, sequence, still)
         self._move_clock(stream, block, jump)
         return Placed("new", sequence, still)
@@ -148,15 +158,21 @@ class Follower:
         for window in windows:
             self.open.setdefault(window, {}).setdefault(block.stream, set()).add(sequence)
         stream = self.streams.setdefault(block.stream, _Stream())
+        if sequence == block.start:  # so that numbers of both kinds never mix, also after a restart of ours
+            stream.restarted = True
         if stream.committed is None:
             stream.committed = sequence
-        while self._has(block.stream, stream.committed + 1):
-            stream.committed += 1
+        self._run_up(block.stream)
 
     def forget(self, block: Block, placed: Placed) -> None:
         """A block did not get to the store: it may come again."""
         for window in placed.windows:
             self.open.get(window, {}).get(block.stream, set()).discard(placed.sequence)
+
+    def _run_up(self, name: str) -> None:
+        stream = self.streams[name]
+        while stream.committed is not None and not stream.restarted and self._has(name, stream.committed + 1):
+            stream.committed += 1
 
     def _has(self, stream: str, sequence: int) -> bool:
         return any(sequence in window.get(stream, ()) for window in self.open.values())
@@ -193,12 +209,11 @@ class Follower:
     def close(self, window: int, now: int) -> WindowTask:
         """Close an open window: what comes for it from now on is too late."""
         until = window + self.windows.length
-        for stream, numbers in self.open.pop(window).items():
-            known = self.streams[stream]
-            if numbers:  # what is missing before them would be too late
-                known.committed = max(known.committed or 0, max(numbers))
-            while known.committed is not None and self._has(stream, known.committed + 1):
-                known.committed += 1
+        for name, numbers in self.open.pop(window).items():
+            stream = self.streams[name]
+            if numbers and not stream.restarted:  # what is missing before them would be too late
+                stream.committed = max(stream.committed or 0, max(numbers))
+            self._run_up(name)
         self.closed_until = max(self.closed_until, until)
         task = WindowTask(self.name, window, until, now)
         self.order.append(task)
