@@ -46,6 +46,16 @@ class MemoryStore:
     def close(self) -> None:
         pass
 
+    @property
+    def trouble(self) -> str:
+        return ""
+
+    def told(self, recipient: str) -> int | None:
+        return None
+
+    def tell(self, recipient: str, event: int) -> None:
+        pass
+
     def waiting(self, turbine: str, window: int | None = None) -> Iterator[tuple[int, Block]]:
         with self.lock:
             kept = sorted(key for key in self.blocks if key[0] == turbine and window in (None, key[1]))
@@ -71,7 +81,13 @@ class MemoryStore:
         return [health for health in self.kept_healths.values() if turbine in (None, health.turbine)]
 
     def results(
-        self, turbine: str, *, since: int | None = None, until: int | None = None, newest: int | None = None
+        self,
+        turbine: str,
+        *,
+        since: int | None = None,
+        until: int | None = None,
+        newest: int | None = None,
+        most: int | None = None,
     ) -> list[Result]:
         with self.lock:
             return [self.kept_results[key] for key in sorted(self.kept_results) if key[0] == turbine]
