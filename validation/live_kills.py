@@ -52,6 +52,10 @@ UNDERWAY = 12
 """Blocks that the sender sends without having heard of the first."""
 
 
+AGAIN = 75
+"""Exit status of a service whose database does not answer: whoever runs it starts it again."""
+
+
 @dataclass
 class Tally:
     """What happened."""
@@ -61,12 +65,14 @@ class Tally:
     blocks: int = 0
     windows: int = 0
     repeated: int = 0
+    restarts: int = 0
     lost: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
         return (
             f"{self.kills} kills in {self.streams} runs of the streams, {self.blocks} blocks acknowledged, of"
-            f" {self.repeated} the kill came between commit and acknowledgement; {self.windows} windows compared;"
+            f" {self.repeated} the kill came between commit and acknowledgement; {self.restarts} times the service found"
+            f" no server at its start, and was started again; {self.windows} windows compared;"
             f" lost, twice or different: {len(self.lost)}"
         )
 
@@ -177,6 +183,8 @@ def begin(url: str, memory: Path, blocks: list[Block], limit: int | None = None)
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
         serve(url, memory, blocks)
         code = 0
+    except StoreError:
+        code = AGAIN
     except BaseException:
         traceback.print_exc()
     finally:
@@ -303,7 +311,10 @@ class Trial:
             time.sleep(self._random.uniform(0.0, 0.3))
             self.server.start()
             ended, status = os.waitpid(process, os.WNOHANG)
-            if ended:
+            if ended and os.waitstatus_to_exitcode(status) == AGAIN:
+                self.tally.restarts += 1
+                process = begin(url, memory, self.blocks)
+            elif ended:
                 if status:
                     self.tally.lost.append("the service failed")
                 return

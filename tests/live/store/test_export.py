@@ -10,34 +10,31 @@ from tests.live.store.test_store import submit
 from tests.live.store.things import SECOND, WINDOW, level, result
 from windsysid.errors import ConfigurationError, OutputError
 from windsysid.fleet.archive import files_of, read_table, turbines_of
-from windsysid.fleet.rows import empty_row, row_of
+from windsysid.fleet.rows import Row, empty_row
 from windsysid.live.store import Keep
 from windsysid.live.store.contents import Commit, Result
 from windsysid.live.store.export import export_levels, export_results, levels_dataset
 from windsysid.live.store.keep import DAY
 from windsysid.live.store.sql_store import SqlStore
 from windsysid.records.moments import moment_text
-from windsysid.simulation.record import simulate_record
-from windsysid.turbine.file import load_turbine
 
 MIDNIGHT = 1_767_225_600 * SECOND
 
 
-@pytest.fixture(scope="module")
-def row() -> dict[str, object]:
-    """What `windsysid batch` makes of a record."""
-    record = simulate_record("tower", duration=60.0, rate=10.0, seed=1)
-    return row_of(empty_row("", 0, "settings"), record, load_turbine("tower"), None, "spectral")
+@pytest.fixture
+def row() -> Row:
+    channel = {"name": "δ", "unit": "m", "mean": 0.1 + 0.2, "std": None, "min": -1.0, "max": 1e-300, "missing": 0.5}
+    return empty_row("", 0, "settings") | {"status": "refused", "why": "too short", "channels": [channel]}
 
 
-def window(row: dict[str, object], number: int, turbine: str = "T01") -> Result:
+def window(row: Row, number: int, turbine: str = "T01") -> Result:
     begun = MIDNIGHT + number * WINDOW
     text = moment_text(begun, 0)
     dated = row | {"source": f"{turbine} {text}", "start": text}
     return result(0, turbine)._replace(window=begun, until=begun + WINDOW, row=dated)
 
 
-def test_results_become_an_archive_and_are_added_once(store: SqlStore, row: dict[str, object], tmp_path: Path):
+def test_results_become_an_archive_and_are_added_once(store: SqlStore, row: Row, tmp_path: Path):
     submit(store, Commit(results=[window(row, number) for number in range(-3, 3)]))
     archive = tmp_path / "archive"
     assert export_results(store, archive) == {"T01": 6}
@@ -54,7 +51,7 @@ def test_results_become_an_archive_and_are_added_once(store: SqlStore, row: dict
     assert before.items() <= {path: path.read_bytes() for path in archive.rglob("*.parquet")}.items()
 
 
-def test_results_of_days_whose_levels_were_thinned_are_exported(again, row: dict[str, object], tmp_path: Path):
+def test_results_of_days_whose_levels_were_thinned_are_exported(again, row: Row, tmp_path: Path):
     store = again(Keep(levels="1 day"))
     submit(store, Commit(results=[window(row, number) for number in range(4)]))
     store.thin(now=MIDNIGHT + 9 * DAY)
@@ -68,7 +65,7 @@ def test_a_folder_with_other_files_takes_no_archive(store: SqlStore, tmp_path: P
         export_results(store, tmp_path)
 
 
-def test_a_name_that_is_no_folders_is_refused(store: SqlStore, row: dict[str, object], tmp_path: Path):
+def test_a_name_that_is_no_folders_is_refused(store: SqlStore, row: Row, tmp_path: Path):
     submit(store, Commit(results=[window(row, 0, "../T01")]))
     with pytest.raises(ConfigurationError, match="a folder has its name"):
         export_results(store, tmp_path / "archive")
@@ -77,7 +74,7 @@ def test_a_name_that_is_no_folders_is_refused(store: SqlStore, row: dict[str, ob
     assert not list(tmp_path.rglob("*.parquet"))
 
 
-def test_levels_become_netcdf_with_units_and_times(store: SqlStore, row: dict[str, object], tmp_path: Path):
+def test_levels_become_netcdf_with_units_and_times(store: SqlStore, row: Row, tmp_path: Path):
     late = window(row, 5000)._replace(levels=[level(estimate=2.0)])
     submit(store, Commit(results=[window(row, 0), late]))
     [path] = export_levels(store, tmp_path / "levels")

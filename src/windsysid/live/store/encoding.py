@@ -40,13 +40,16 @@ def block_of(columns: Sequence[Any]) -> Block:
 
 def pack_text(value: Any) -> str:
     """As JSON; NumPy's scalars as the numbers that they are."""
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":"), default=_plain)
+    return _JSON.encode(value)
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"a store holds numbers, text, lists and mappings of them, got {type(value).__name__}")
+
+
+_JSON = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), default=_plain)
 
 
 def pack_row(row: Mapping[str, Any]) -> bytes:
