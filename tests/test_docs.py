@@ -1,16 +1,34 @@
-"""The site: every public name and every command is in the reference, and pages lead to pages that are there."""
+"""The site: every public name and every command is in the reference, pages lead to pages that are there, and what they
+tell to type works."""
 
 import importlib.util
 import re
+import shlex
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
 import windsysid
+from tests.conftest import Ended
 from windsysid.cli import app
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+SITE = sorted(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name not in ("reference", "_build"))
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *SITE]
+
+
+def named(page: Path) -> str:
+    """A page's name in the site."""
+    return page.relative_to(ROOT).as_posix()
+
+
+def is_tutorial(page: Path) -> bool:
+    """Whether its commands are run, too."""
+    return page.parent.name == "tutorials"
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +58,7 @@ def test_every_command_is_in_the_reference(reference: Path):
         assert f"Usage: windsysid {name} " in text
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_links_lead_somewhere(page: Path):
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
@@ -50,7 +68,127 @@ def test_links_lead_somewhere(page: Path):
 
 def test_every_page_is_on_the_site():
     listed = set()
-    for page in PAGES[2:]:
+    for page in SITE:
         for tree in re.findall(r"```\{toctree\}\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
-            listed |= {line for line in tree.split() if not line.startswith(":")}
-    assert {page.stem for page in PAGES[2:]} - {"index"} <= listed
+            listed |= {(page.parent / f"{line}.md").resolve() for line in tree.split() if not line.startswith(":")}
+    assert set(SITE) - {ROOT / "docs" / "index.md"} <= listed
+
+
+FENCED = re.compile(
+    r"(?:<!--\s*not run:(?P<why>.*?)-->\s*)?^```(?P<kind>python|sh)\n(?P<code>.*?)^```$", re.DOTALL | re.MULTILINE
+)
+"""A block of code, and above it the reason why it is not run, where there is one."""
+
+SPRING = """
+import numpy as np, sympy as sp, windsysid as ws
+x, v, ground, force, k, c_x, m = sp.symbols("x v ground load_x k c_x m", real=True)
+"""
+
+MODEL = (
+    SPRING
+    + """
+system = ws.Equations("page_spring", (x, v), (), (m, c_x, k), (force,), (v, (force - c_x * v - k * x) / m))
+model = ws.compose(
+    system, rate=50.0, values={"m": 1.0}, gate=6.0, loads=[ws.GaussMarkov("load_x", 1.0, 0.3)],
+    parameters=[ws.Parameter("c_x", 0.4, 0.2, False, 10.0), ws.Parameter("k", 40.0, 0.3)],
+    sensors=[ws.Reading("tower_x_acceleration", (force - c_x * v - k * x) / m, 0.1)],
+)
+readings = np.random.default_rng(0).standard_normal((200, 1))
+inputs = np.zeros((200, len(ws.UKF.init(model).inputs)))
+next_inputs, next_readings = inputs[0], readings[0]
+"""
+)
+
+TOWER = """
+import windsysid as ws
+turbine = ws.load_turbine("tower")
+record = ws.simulate(turbine, duration=400.0, rate=10.0, seed=1)
+"""
+
+GIVEN = {
+    "benchmarks_structural": SPRING
+    + """
+w = sp.Symbol("w")
+absolute = -(c_x * v + k * x)
+spring = ws.Equations("page_shaken", (x, v, w), (ground,), (m, c_x, k), (), (v, absolute / m - ground, v - w))
+time = np.arange(500) / 50.0
+shaking = np.random.default_rng(0).standard_normal((500, 2))
+record = ws.Record(time, shaking, ("ground", "acceleration"), ("m/s^2", "m/s^2"))
+_fit = ws.fit
+class ws:
+    Parameter, Reading = ws.Parameter, ws.Reading
+    fit = staticmethod(lambda *a, values, **more: _fit(*a, values={**values, "c_x": 0.3}, **more))
+""",
+    "filters": MODEL,
+    "particles": MODEL,
+    "inspect": TOWER + "folder = 'inspected'",
+    "oma": TOWER + "ws.write_record(record, 'record.csv')",
+    "records": TOWER
+    + """
+from pathlib import Path
+from windsysid import iterate_record, read_record
+ws.write_record(ws.simulate(turbine, duration=5000.0, rate=2.0, seed=1), "year.parquet")
+ws.write_record(record, "year.csv")
+ws.write_record(record, "mast.csv")
+Path("mast.csv").rename("mast.dat")
+Path("mast.toml").write_text('[channels.tower_x_acceleration]\\nunit = "m/s^2"\\n')
+""",
+    "results": TOWER + "ws.identify(record, turbine).save('results/verne555')",
+    "README": """
+import windsysid as ws
+ws.write_record(ws.simulate("verne555", duration=30.0, rate=50.0), "results/record.nc")
+""",
+}
+"""What the code of a page takes for granted, by the page's name."""
+
+LONG = {"README", "filters", "particles", "planning", "wind"}
+"""Pages whose code takes more than some seconds: run by `make test-all`, as tutorials are."""
+
+
+def blocks(page: Path) -> list[tuple[str, str, str]]:
+    """Kind, code and reason not to run it of each block of a page."""
+    found = FENCED.finditer(page.read_text(encoding="utf-8"))
+    return [(block["kind"], block["code"], (block["why"] or "").strip()) for block in found]
+
+
+def commands(code: str) -> list[list[str]]:
+    """The windsysid commands of a block of shell, as words."""
+    lines = code.replace("\\\n", " ").splitlines()
+    words = [shlex.split(line, comments=True) for line in lines]
+    return [line[1:] for line in words if line and line[0] == "windsysid"]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "```sh" in page.read_text(encoding="utf-8")], ids=named)
+def test_commands_and_their_options_exist(page: Path):
+    program: Any = typer.main.get_command(app)
+    for kind, code, _ in blocks(page):
+        for name, *given in commands(code) if kind == "sh" else ():
+            command = program.commands[name]
+            with command.make_context(name, given):
+                pass
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=named(page), marks=[pytest.mark.slow] * (page.stem in LONG or is_tutorial(page)))
+        for page in PAGES
+        if any(kind == "python" for kind, _, _ in blocks(page)) or is_tutorial(page)
+    ],
+)
+def test_the_code_of_a_page_runs(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Callable[..., Ended]
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [str(ROOT), *sys.path])
+    (tmp_path / "results").mkdir()
+    known: dict[str, object] = {"__name__": "page"}
+    exec(GIVEN.get(page.stem, ""), known)
+    for kind, code, why in blocks(page):
+        if why:
+            continue
+        if kind == "python":
+            exec(compile(code, str(page), "exec"), known)
+        for words in commands(code) if kind == "sh" and is_tutorial(page) else ():
+            ended = run(*words)
+            assert ended.code == 0, (words, ended.err)

@@ -1,16 +1,23 @@
 """A watch over many records as a figure and as one page."""
 
+from typing import Any
+
 import numpy as np
+from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 
+from windsysid._types import Array
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
 from windsysid.reports.html import Section, png, report_page
-from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
+from windsysid.reports.plots import BAND, ERROR, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.units import unit_text
 
 __all__ = ["figure", "files"]
+
+FEW = 400
+"""Blocks whose points are drawn large."""
 
 POINTS = 3000
 """Blocks shown of a long series; alarms and levels are shown whole."""
@@ -18,14 +25,15 @@ POINTS = 3000
 
 def figure(watch: Watch) -> Figure:
     """Every series with its level, ±2σ band and alarms on the left, the statistic of its test on the right."""
-    days = watch.blocks.time / DAY
-    some = slice(None, None, -(-len(days) // POINTS))
+    when = _moments(watch, watch.blocks.time)
+    some = slice(None, None, -(-len(when) // POINTS))
+    size = 2.0 if len(when) > FEW else 4.0
     drawn = Figure(figsize=(12.0, 0.6 + 1.45 * len(watch.series)), layout="constrained")
     panels = drawn.subplots(len(watch.series), 2, squeeze=False, sharex=True, width_ratios=[3, 2])
     for (left, right), s in zip(panels, watch.series, strict=True):
-        left.plot(days[some], s.adjusted[some], ".", color=MEASURED, ms=2, alpha=0.5, rasterized=True)
-        left.fill_between(days[some], s.low[some], s.high[some], color=BAND, lw=0)
-        left.plot(days[some], s.level[some], color=ESTIMATE, lw=1.2)
+        left.fill_between(when[some], s.low[some], s.high[some], color=BAND, lw=0)
+        left.plot(when[some], s.level[some], color=ESTIMATE, lw=1.2)
+        left.plot(when[some], s.adjusted[some], "o", color="#555555", mew=0, ms=size, alpha=0.7, rasterized=True)
         shown = s.adjusted[np.isfinite(s.adjusted)]
         low, high = np.percentile(shown, [0.5, 99.5])
         room = 0.3 * (high - low) or 0.01 * abs(high) or 1.0
@@ -33,18 +41,29 @@ def figure(watch: Watch) -> Figure:
         name = symbol(s.name.removeprefix("noise_"))
         title = f"noise, {name}" if s.name.startswith("noise_") else f"{name} [{unit_text(s.unit)}]" if s.unit else name
         left.set_title(title, fontsize=9, loc="left")
-        right.plot(days[some], _highest(s.statistic, some.step) / s.limit, color=ESTIMATE, lw=0.8)
+        right.plot(when[some], _highest(s.statistic, some.step) / s.limit, color=ESTIMATE, lw=0.8)
         right.axhline(1.0, color=REFERENCE, ls="--", lw=0.8)
         for change in (c for c in watch.changes if c.name == s.name):
             for ax in (left, right):
-                ax.axvline(change.time / DAY, color=ERROR, lw=1.2)
-                ax.axvspan(change.earliest / DAY, change.latest / DAY, color=ERROR, alpha=0.25, lw=0)
+                at, earliest, latest = _moments(watch, np.array([change.time, change.earliest, change.latest]))
+                ax.axvline(at, color=ERROR, lw=1.2)
+                ax.axvspan(earliest, latest, color=ERROR, alpha=0.25, lw=0)
         for ax in (left, right):
             tidy(ax)
     panels[0, 1].set_title("test for a jump ÷ threshold", fontsize=9, loc="left")
     for ax in panels[-1]:
-        ax.set_xlabel("day")
+        if watch.blocks.begin is None:
+            ax.set_xlabel("day")
+        else:
+            ax.xaxis.set_major_formatter(ConciseDateFormatter(ax.xaxis.get_major_locator()))
     return drawn
+
+
+def _moments(watch: Watch, time: Array) -> Any:
+    """Times [s] as dates, or as days where nobody said when they began."""
+    if watch.blocks.begin is None:
+        return time / DAY
+    return np.datetime64(watch.blocks.begin.replace(tzinfo=None), "s") + time.astype("timedelta64[s]")
 
 
 def files(watch: Watch) -> dict[str, bytes]:
