@@ -71,8 +71,8 @@ class Tally:
     def __str__(self) -> str:
         return (
             f"{self.kills} kills in {self.streams} runs of the streams, {self.blocks} blocks acknowledged, of"
-            f" {self.repeated} the kill came between commit and acknowledgement; {self.restarts} times the service found"
-            f" no server at its start, and was started again; {self.windows} windows compared;"
+            f" {self.repeated} the kill came between commit and acknowledgement; {self.restarts} times the service"
+            f" found no server at its start, and was started again; {self.windows} windows compared;"
             f" lost, twice or different: {len(self.lost)}"
         )
 
@@ -269,7 +269,7 @@ class Trial:
             self._kill_servers(url, memory, runs)
         else:
             self.tally.kills += 1
-            limit = self._random.randrange(20_000, 400_000)
+            limit = self._random.randrange(200_000, 600_000)  # an empty store takes less
             self._await(begin(url, memory, self.blocks, limit))
         found = contents(url)
         for name in sorted(self._expected.keys() | found.keys()):
