@@ -32,6 +32,7 @@ def live(
 ) -> None:
     """Follow turbines while they run: estimates, alarms and a page, nothing lost."""
     from dataclasses import replace
+    from functools import partial
 
     if demo == (config is not None):
         raise ConfigurationError("live: expected a CONFIG, or --demo to look around; docs/live.md has a first CONFIG")
@@ -39,6 +40,7 @@ def live(
     from windsysid.live.logs import start_log
     from windsysid.live.service import listen, serve
     from windsysid.live.settings import LogSettings, PageSettings
+    from windsysid.output.console import render
 
     if demo:
         from windsysid.live.demo import demo as make
@@ -48,8 +50,9 @@ def live(
         settings, sources = make(page)
         start_log(LogSettings(level="warning"))
         listening = listen(page, any_near=port is None)
-        print(f"demo: {story()}", flush=True)
-        raise typer.Exit(serve(settings, sources, listening, ready=lambda url: _show(url, browser=not no_browser)))
+        print(render(story()), flush=True)
+        ready = partial(_show, browser=not no_browser)
+        raise typer.Exit(serve(settings, sources, listening, ready=ready, note=story()))
     assert config is not None
     settings = _settings(config)
     if port is not None:
@@ -63,7 +66,7 @@ def live(
         return
     start_log(settings.log)
     listening = listen(settings.page)
-    raise typer.Exit(serve(settings, fed, listening, ready=lambda url: _show(url, browser=False)))
+    raise typer.Exit(serve(settings, fed, listening, ready=partial(_show, browser=False)))
 
 
 @app.command()

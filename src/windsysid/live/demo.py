@@ -88,9 +88,10 @@ def story(plan: Plan = Plan()) -> str:
     """What will happen, in the reader's minutes."""
     softer, fails = (plan.window * after / plan.speed for after in (plan.softer_after, plan.fails_after))
     return (
-        f"three simulated towers, {plan.speed:g} times faster than life; {plan.history * plan.window / 3600.0:g} h are"
-        f" learned from first; then T2 loses {100.0 * plan.softer_by:g} % of its stiffness after {softer:.0f} s, and a"
-        f" sensor of T3 fails after {fails:.0f} s; T1 stays as it is"
+        f"Demo: three simulated towers, {plan.speed:g} times faster than life. The watch learns from"
+        f" {plan.history * plan.window / 3600.0:g} h first. Then T2 loses {100.0 * plan.softer_by:g} % of its"
+        f" stiffness after {softer:.0f} s, and a sensor of T3 fails after {fails:.0f} s. T1 stays as it is. The first"
+        " run on a machine compiles models before the first estimate, which takes a minute or two."
     )
 
 

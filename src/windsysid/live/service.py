@@ -97,6 +97,7 @@ def serve(
     *,
     now: Callable[[], int] = time.time_ns,
     ready: Callable[[str], None] = lambda url: None,
+    note: str = "",
 ) -> int:
     """Run until a signal ends it; the exit code.
 
@@ -108,6 +109,8 @@ def serve(
         The clock that blocks are held against [ns since 1970].
     ready
         Called with the page's address when it answers.
+    note
+        A sentence that stands above the page's turbines.
 
     Raises
     ------
@@ -116,7 +119,7 @@ def serve(
     """
     with contextlib.ExitStack() as stack:
         stack.callback(listening.close)
-        _page_of(settings)  # wrong tokens are told before a store is made
+        _access_of(settings.page)  # wrong tokens are told before a store is made
         store = open_store(settings.store, Keep(**settings.keep))
         stack.callback(store.close)
         options = Options(settings.window, settings.learn, settings.alarms_per_year)
@@ -125,13 +128,12 @@ def serve(
             followed, store, workers=settings.workers, lateness=settings.lateness, silence=settings.silence, now=now,
             on_event=_log_event,
         )  # fmt: skip
-        return asyncio.run(_run(settings, sources, listening, store, engine, ready))
+        return asyncio.run(_run(settings, sources, listening, store, engine, ready, note))
 
 
-def _page_of(settings: Settings) -> Any:
+def _access_of(page: PageSettings) -> Any:
     from windsysid.live.page.access import Access
 
-    page = settings.page
     access = Access(page.reader.value if page.reader else None, page.operator.value if page.operator else None)
     access.check(page.host)
     return access
@@ -144,11 +146,12 @@ async def _run(
     store: Store,
     engine: Engine,
     ready: Callable[[str], None],
+    note: str,
 ) -> int:
     stop, end = asyncio.Event(), _End()
     for number in (signal.SIGTERM, signal.SIGINT):
         _on_signal(number, functools.partial(end.by, number, stop))
-    server, streams = _server(settings, store, engine)
+    server, streams = _server(settings, store, engine, note)
     web = asyncio.create_task(server.serve(sockets=[listening]), name="page")
     others = [asyncio.create_task(_supply(source, engine, stop)) for source in sources]
     others += [asyncio.create_task(tell_alarms(store, recipient_of(one), stop)) for one in settings.notices]
@@ -213,7 +216,7 @@ def _on_signal(number: signal.Signals, act: Callable[[], None]) -> None:
             signal.signal(number, lambda *_: loop.call_soon_threadsafe(act))
 
 
-def _server(settings: Settings, store: Store, engine: Engine) -> tuple[Any, Any]:
+def _server(settings: Settings, store: Store, engine: Engine, note: str) -> tuple[Any, Any]:
     import uvicorn
 
     from windsysid.live.page.app import app, streams_of
@@ -223,7 +226,7 @@ def _server(settings: Settings, store: Store, engine: Engine) -> tuple[Any, Any]
         def capture_signals(self) -> Iterator[None]:
             yield  # signals are ours
 
-    page = app(store, engine, _page_of(settings))
+    page = app(store, engine, _access_of(settings.page), note=note)
     certificate, key = settings.page.certificate, settings.page.key
     config = uvicorn.Config(
         page, log_config=None, access_log=False, server_header=False, lifespan="off",

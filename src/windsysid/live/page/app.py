@@ -78,7 +78,9 @@ ERRORS = _errors(
 UNKNOWN = _errors(_404="there is none of this name")
 
 
-def app(store: Store, engine: Engine | None = None, access: Access = Access(), *, limits: Limits = Limits()) -> FastAPI:
+def app(
+    store: Store, engine: Engine | None = None, access: Access = Access(), *, limits: Limits = Limits(), note: str = ""
+) -> FastAPI:
     """The page over a store.
 
     Parameters
@@ -91,6 +93,8 @@ def app(store: Store, engine: Engine | None = None, access: Access = Access(), *
         only. `Access.check` says whether an address may be listened on.
     limits
         Of sizes and rates.
+    note
+        A sentence that stands above the turbines.
 
     Returns
     -------
@@ -103,7 +107,7 @@ def app(store: Store, engine: Engine | None = None, access: Access = Access(), *
     )  # fmt: skip
     page.state.streams = streams = Streams(store, limits.streams)
     door = Door(access, limits)
-    overview = _Overviews(store, engine, door)
+    overview = _Overviews(store, engine, door, note)
     page.include_router(_service(store, overview, door), responses=ERRORS)
     page.include_router(_turbines(store, engine, overview.newest, door), responses=ERRORS)
     page.include_router(_alarms(store, engine, door), responses=ERRORS)
@@ -125,12 +129,13 @@ def streams_of(page: FastAPI) -> Streams:
 class _Overviews:
     """Overviews of one store."""
 
-    def __init__(self, store: Store, engine: Engine | None, door: Door) -> None:
+    def __init__(self, store: Store, engine: Engine | None, door: Door, note: str) -> None:
         self.newest = Newest(store)
-        self._store, self._engine, self._door = store, engine, door
+        self._store, self._engine, self._door, self._note = store, engine, door, note
 
     def __call__(self, role: Role) -> models.Overview:
-        return overview_of(self._store, self._engine, self.newest, role, self._door.asks)
+        found = overview_of(self._store, self._engine, self.newest, role, self._door.asks)
+        return found.model_copy(update={"note": self._note})
 
 
 def _service(store: Store, overview: _Overviews, door: Door) -> APIRouter:

@@ -116,6 +116,7 @@ class Overview(BaseModel):
     role: Literal["reader", "operator"]
     login: Annotated[bool, Field(description="whether tokens are asked for")]
     version: str
+    note: Annotated[str, Field(description="what the service wants its readers to know")] = ""
     turbines: list[TurbineSummary]
     service: Service | None
 

@@ -21,6 +21,7 @@ export function overviewPage(overview) {
   ];
   return [
     h("h1", {}, steady ? `${plural(turbines.length, "turbine")}, as it was` : plural(turbines.length, "turbine")),
+    overview.note ? h("p", { class: "note" }, overview.note) : null,
     h("ul", { class: "summary", "aria-label": "How many turbines are how" },
       counts.map(([verdict, [shape, word], count]) => h("li", {}, badge([shape, `${count} ${word}`], verdict)))),
     table("The worst first. What follows is as of now; a turbine's page has its history.", columns,
