@@ -104,7 +104,7 @@ class _Watch:
         return Level(
             one["name"], one["unit"], one["name"][0], y, one["low"], one["high"],
             level, None if level is None else level - spread, None if level is None else level + spread,
-            statistic, 0.0 if level is None else 14.0,
+            0.0 if level is None else statistic, 14.0,
         )  # fmt: skip
 
 

@@ -223,7 +223,7 @@ class Series(BaseModel):
     level: Annotated[Numbers, Field(description="as known after the window")]
     level_low: Numbers
     level_high: Numbers
-    statistic: Annotated[Numbers, Field(description="of the test for a jump")]
+    statistic: Annotated[Numbers, Field(description="of the test for a jump; 0 while it learns")]
     limit: Annotated[Numbers, Field(description="beyond it the test alarms")]
 
 

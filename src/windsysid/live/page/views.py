@@ -192,8 +192,7 @@ def _summary(
     faults = [_channel(health) for health in healths if health.state != "good"]
     state = engine.get(name)
     behind = None if state is None else _number(state.behind)
-    silent = status is not None and status.state == "silent"
-    verdict, answer = _verdict(seen, faults, silent, result)
+    verdict, answer = _verdict(seen, faults, status, 0 if state is None else state.windows, result)
     return models.TurbineSummary(
         name=name, verdict=verdict, answer=answer,
         state="waiting" if status is None else status.state,
@@ -212,7 +211,8 @@ def _summary(
 def _verdict(
     alarms: Sequence[models.AlarmSeen],
     faults: Sequence[models.ChannelHealth],
-    silent: bool,
+    status: Status | None,
+    waiting: int,
     result: Result | None,
 ) -> tuple[models.Verdict, str]:
     """The worst that is known of a turbine, and a sentence that says it."""
@@ -225,10 +225,14 @@ def _verdict(
         return "sensor", faults[0].text or f"{faults[0].channel}: {faults[0].state}"
     if (data := first["data"]) is not None:
         return "silent", data.text
-    if silent:
+    if status is not None and status.state == "silent":
         return "silent", "No samples come: see the logger and the link."
     if result is None:
-        return "waiting", "No estimate yet: the first comes when the first window has ended."
+        if status is None:
+            return "waiting", "Nothing has come yet: estimates begin when the first window of samples has ended."
+        if waiting:
+            return "waiting", f"The first estimates are being worked out: windows that wait: {waiting}."
+        return "waiting", "Samples come: the first estimate is there soon after the first window has ended."
     if result.row.get("status") != "ok":
         return (
             "unsure",
@@ -237,7 +241,7 @@ def _verdict(
     if not result.row.get("trusted"):
         why = "; ".join(_reasons(result.row)) or "no reason is known"
         return "unsure", f"The newest estimate is not to be trusted: {why}."
-    if not any(math.isfinite(level.limit) and level.limit > 0.0 for level in result.levels):
+    if not any(level.statistic > 0.0 for level in result.levels):
         return "learning", "Nothing is watched yet: the service learns what is usual here."
     return "steady", "As it was: nothing moved beyond what is usual."
 

@@ -134,7 +134,7 @@ export class TurbineView {
     const known = series.level.map((v, i) => i).filter((i) => series.level[i] !== null);
     const own = series.estimate.findLastIndex((v) => v !== null);
     const [first, last] = [known[0], known.at(-1)];
-    const at = series.limit.findLastIndex((v) => v !== null && v > 0);
+    const at = series.statistic.findLastIndex((v) => v !== null && v > 0); // 0 while it learns
     const share = at < 0 ? null : series.statistic[at] / series.limit[at];
     const meter = share === null ? null : h("meter", { min: "0", max: "1", value: String(Math.min(share, 1)), "aria-hidden": "true" });
     return [
