@@ -247,6 +247,8 @@ class Engine:
             except StoppedError:
                 return
             except Exception as error:  # the store failed: the window waits there
+                if self._stopping.is_set():  # its worker was ended under it
+                    return
                 self._tell("window failed", turbine=task.turbine, window=task.window, why=str(error))
                 if self._stopping.wait(1.0):
                     return
