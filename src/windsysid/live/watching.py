@@ -120,7 +120,8 @@ class _State(NamedTuple):
     taken
         Windows with a state so far.
     next_learning
-        How many of them the rates are learned at next, as long as none had to leave.
+        How many of them the rates are learned at next, as long as none had to leave: the windows to learn from, halved
+        as often as leaves enough, then doubled.
     standards
         None before they were learned.
     let_go
@@ -213,10 +214,13 @@ class Watching:
     def _follower(self, one: Watched, kept: Kept, x: Array) -> Follower:
         return Follower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept, x)
 
-    def _covariates(self) -> Array:
+    def _covariates(self, newest: int = 0) -> Array:
+        """Of all windows, or of so many of the newest."""
+        part = slice(-newest if newest else None, None)
+        state, conditions = self._windows.state[part], self._windows.conditions[part]
         if self._state.standards is None:
-            return np.zeros((len(self._windows.time), 1))
-        return covariates_of(self._state.standards, self._windows.state, self._windows.conditions)
+            return np.zeros((len(state), 1))
+        return covariates_of(self._state.standards, state, conditions)
 
     def _block(self, window: int, row: Row | None) -> tuple[dict[str, tuple[float, float]], dict[str, Now]]:
         """A window, or one that is missing: what it says of each series, and where these stand."""
@@ -232,16 +236,16 @@ class Watching:
         for name, follower in self._followers.items():
             follower.append(*(own.get(name, (math.nan, math.nan)) if takes else (math.nan, math.nan)))
         learning = self._count(row, takes)
-        x = self._covariates()
-        limit = self._limit()
+        newest = self._covariates(1)
+        limit = self._limit() if self._state.taken >= self.options.learn else math.inf
         now = {}
         for name, follower in self._followers.items():
-            enough = follower.kept.rates is not None or follower.known >= max(MIN_BLOCKS // 2, self.options.learn // 4)
+            enough = follower.kept.rates is not None or follower.known >= MIN_BLOCKS // 2
             if learning is not None and enough:
-                now[name] = follower.learn(x, anew=learning)
+                now[name] = follower.learn(self._covariates(), anew=learning)
             else:
-                now[name] = follower.follow(x, limit)
-        self._see(window, row, x, any(math.isfinite(follower.kept.y[-1]) for follower in self._followers.values()))
+                now[name] = follower.follow(newest, self._covariates, limit)
+        self._see(window, row, newest, any(math.isfinite(follower.kept.y[-1]) for follower in self._followers.values()))
         return own, now
 
     def _count(self, row: Row | None, takes: bool) -> bool | None:
@@ -266,7 +270,12 @@ class Watching:
         if not takes or state.taken < state.next_learning:
             return None
         standards = learn_standards(self._windows.state, self._windows.conditions)
-        self._state = state._replace(next_learning=2 * state.taken, standards=standards)
+        following = self.options.learn
+        while following <= state.taken:
+            following *= 2
+        while following >= 4 * MIN_BLOCKS and following // 2 > state.taken:
+            following //= 2
+        self._state = state._replace(next_learning=following, standards=standards)
         return True
 
     def _limit(self) -> float:
@@ -374,7 +383,10 @@ def start(turbine: str, options: Options = Options()) -> Watching:
         If an option is out of its range.
     """
     _check(options)
-    state = _State(0, options.learn, None, 0, None, 0, None, "", "", None)
+    first = options.learn
+    while first >= 2 * MIN_BLOCKS:
+        first //= 2
+    state = _State(0, first, None, 0, None, 0, None, "", "", None)
     return Watching(turbine, options, state, _NO_WINDOWS, {}, ())
 
 

@@ -14,6 +14,7 @@ use what comes later. It shares the filter, the test, the learning of rates and 
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -182,19 +183,26 @@ class Follower:
             jumps=tuple(jump for jump in kept.jumps if jump.latest >= first),
         )  # fmt: skip
 
-    def follow(self, x: Array, limit: float) -> Now:
-        """Take in the newest block, whose covariates are the last row of x (n, m); test it against `limit`."""
+    def follow(self, newest: Array, covariates: Callable[[], Array], limit: float) -> Now:
+        """Take in the newest block, with its covariates (1, m); test it against `limit`.
+
+        Parameters
+        ----------
+        covariates
+            Gives those of all blocks that are kept (n, m), where they are needed.
+        """
         if self.kept.rates is None or self._head is None:
             return self.guess()
-        y, r = self._blocks(x, 1)
-        done = track(y, r, x[-1:], self._head, self.kept.rates, tolerated=self.tolerated * self.kept.scale)
+        y, r = self._blocks(newest, 1)
+        done = track(y, r, newest, self._head, self.kept.rates, tolerated=self.tolerated * self.kept.scale)
         self._head = done.progress
-        again = self._look_back(x)
+        again = self._look_back(covariates)
         if again:
-            done = self._restart(x)
+            done = self._restart(covariates())
         now = _now(done)._replace(again=again)
         if now.statistic <= limit or len(self.kept.jumps) == MAX_JUMPS:
             return now
+        x = covariates()
         jump = self._locate(x, len(self.kept.y) - 1, int(done.since[-1]), len(self.kept.y), self.kept.jumps)
         self.kept = self.kept._replace(jumps=(*self.kept.jumps, jump))
         after = self._restart(x)
@@ -207,7 +215,7 @@ class Follower:
         part = slice(-newest if newest else None, None)
         y, std = self.kept.y[part].astype(np.float64), self.kept.std[part].astype(np.float64)
         if x is not None:
-            y[~_told(x[part])] = np.nan
+            y[~_told(x[-len(y) :])] = np.nan
         return y, np.where(np.isfinite(y), std, 1.0) ** 2
 
     def _cleared(self, x: Array, jumps: tuple[Jump, ...] | None = None) -> tuple[Array, Array, Array]:
@@ -250,7 +258,7 @@ class Follower:
         self._head = done.progress
         return done
 
-    def _look_back(self, x: Array) -> tuple[Jump, ...]:
+    def _look_back(self, covariates: Callable[[], Array]) -> tuple[Jump, ...]:
         """Measure again the jumps for which a `HINDSIGHTS` is over."""
         again = []
         count = self.kept.let_go + len(self.kept.y)
@@ -261,7 +269,7 @@ class Follower:
             later = min((other.earliest for other in others if other.found > jump.found), default=count)
             end = max(later, jump.found + 1) - self.kept.let_go
             found, likely = jump.found - self.kept.let_go, jump.at - self.kept.let_go
-            measured = self._locate(x, found, likely, end, tuple(o for o in others if o.found < jump.found))
+            measured = self._locate(covariates(), found, likely, end, tuple(o for o in others if o.found < jump.found))
             self.kept = self.kept._replace(jumps=(*self.kept.jumps[:i], measured, *self.kept.jumps[i + 1 :]))
             again.append(measured)
         return tuple(again)
