@@ -180,9 +180,10 @@ class _Channel:
         self.samples += len(y)
         if len(y):
             self.lost = 0.0
-            self._count_changes(y, seconds)
+            d = y[1:] - y[:-1]
+            self._count_changes(y, d, seconds)
             if self.kind in VIBRATION and len(y) > 2 * MAX_SPIKE_SAMPLES:
-                self._look_at_steps(y, seconds)
+                self._look_at_steps(y, d, seconds)
             self.last = float(y[-1])
         else:
             self.lost += seconds
@@ -236,57 +237,71 @@ class _Channel:
         else:
             self.missing += (1.0 - there - self.missing) * weight
 
-    def _count_changes(self, y: Array, seconds: float) -> None:
+    def _count_changes(self, y: Array, d: Array, seconds: float) -> None:
         """How long the newest value has been repeated, and how long one ever was."""
         step = seconds / len(y)
-        changes = np.flatnonzero(np.diff(y, prepend=self.last) != 0.0)  # NaN at first: a change
-        if not len(changes):
-            self.run += seconds
-            return
-        ended = max(self.run + changes[0] * step, float(np.diff(changes).max(initial=0)) * step)
+        moved = y[0] != self.last  # NaN at first: a change
+        if moved and np.count_nonzero(d) == len(d):  # the usual case
+            ended, last, count = max(self.run, step), len(y) - 1, len(y)
+        else:
+            changes = np.flatnonzero(d) + 1
+            if moved:
+                changes = np.concatenate([[0], changes])
+            if not len(changes):
+                self.run += seconds
+                return
+            ended = max(self.run + changes[0] * step, float(np.diff(changes).max(initial=0)) * step)
+            last, count = int(changes[-1]), len(changes)
         fault = self.state == "stuck"
         self.longest = max(self.longest * math.exp(-seconds / 86400.0), 0.0 if fault else ended)
-        self.changes += len(changes) - (1 if math.isnan(self.last) else 0)
-        self.run = (len(y) - changes[-1]) * step
+        self.changes += count - (1 if math.isnan(self.last) else 0)
+        self.run = (len(y) - last) * step
 
-    def _look_at_steps(self, y: Array, seconds: float) -> None:
+    def _look_at_steps(self, y: Array, d: Array, seconds: float) -> None:
         """Spikes and clipping."""
-        d = np.diff(y)
         a = np.abs(d)
-        moving = a[a > 0.0]
+        steps = np.sort(a)
+        still = int(np.searchsorted(steps, 0.0, side="right"))
         self.spikes *= math.exp(-seconds / MEMORY)
-        if moving.size < 10:
+        if len(steps) - still < 10:
             return
-        rank = int(0.9 * moving.size)
-        now = float(np.partition(moving, rank)[rank]) / 1.645
+        now = float(steps[still + int(0.9 * (len(steps) - still))]) / 1.645
+        ordered = np.sort(y)
         quarter = len(y) // 4
-        ordered = np.partition(y, (quarter, 3 * quarter))
         spread = 0.7413 * float(ordered[3 * quarter] - ordered[quarter])
         weight = 1.0 - math.exp(-seconds / MEMORY)
         first = self.scale == 0.0
         self.scale = now if first else self.scale + (now - self.scale) * weight
         self.spread = spread if first else self.spread + (spread - self.spread) * weight
-        lsb = float(moving.min())
+        lsb = float(steps[still])
         least = max(SPIKE_SIGMAS * max(self.scale, now), 0.5 * max(self.spread, spread), 4.0 * lsb)
-        self.spikes += sum(1 for _ in _spikes(y, d, np.flatnonzero(a > least)[:100]))
-        self._count_ends(y, lsb, seconds)
+        if steps[-1] > least:
+            self.spikes += sum(1 for _ in _spikes(y, d, np.flatnonzero(a > least)[:100]))
+        self._count_ends(y, ordered, lsb, seconds)
 
-    def _count_ends(self, y: Array, lsb: float, seconds: float) -> None:
+    def _count_ends(self, y: Array, ordered: Array, lsb: float, seconds: float) -> None:
         """Samples at the ends of the range, as `windsysid.inspection.health` counts them, over a minute."""
-        span = float(y.max() - y.min())
+        span = float(ordered[-1] - ordered[0])
         level = max(lsb, span / 2000.0)
         near = 0.5 * lsb if lsb > 1e-3 * span else 1e-9 * span
-        for side, x in zip(self.sides, (y, -y), strict=True):
-            top = float(x.max())
+        for side, sign in zip(self.sides, (1.0, -1.0), strict=True):
+            top = float(ordered[-1]) if sign > 0.0 else -float(ordered[0])
             if top > side.top + near:
                 side.top, side.at, side.runs, side.beside = top, 0, 0, np.zeros(3)
             elif top < side.top - 4.0 * level:
                 continue
-            depth = side.top - x
-            at = np.flatnonzero(depth <= near)
-            side.at += len(at)
-            side.runs += int(np.sum(np.diff(at) > 1)) + (1 if len(at) else 0)
-            side.beside += [np.sum((depth > (i - 0.5) * level) & (depth <= (i + 0.5) * level)) for i in (1, 2, 3)]
+            edges = side.top - np.array([near, 0.5 * level, 1.5 * level, 2.5 * level, 3.5 * level])
+            if sign > 0.0:
+                above = len(y) - np.searchsorted(ordered, edges)
+            else:
+                above = np.searchsorted(ordered, -edges, side="right")
+            count = int(above[0])
+            side.at += count
+            if count == 1:
+                side.runs += 1
+            elif count:
+                side.runs += 1 + int(np.sum(np.diff(np.flatnonzero(sign * y >= edges[0])) > 1))
+            side.beside += np.diff(above[1:])
         self.counted += seconds
         if self.counted >= MEMORY:
             self.clipped = any(
