@@ -60,7 +60,6 @@ def speed(turbines: int, rate: float, hours: float, *, workers: int, pace: float
     seconds, decoding, waits = round(3600.0 * hours), 0.0, _Waits()
     count = round(3600.0 * hours / WINDOW) * round(WINDOW)
     begun, process, own = time.monotonic(), time.process_time(), time.thread_time()
-    children = _children_seconds()
     print(
         f"{turbines} turbines, {rate:g} Hz, 2 channels, blocks of 1 s, {hours:g} h of each; {workers} workers",
         flush=True,

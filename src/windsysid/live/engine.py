@@ -351,8 +351,8 @@ class Engine:
         behind = now - follower.order[0].closed if follower.order else 0
         if behind > BEHIND_WINDOWS * follower.windows.length:
             text = (
-                f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait: this machine is too"
-                " slow for its turbines; nothing is lost"
+                f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait, nothing is lost: give"
+                " the service more processors, or fewer turbines"
             )
             self._data_alarm(follower, "behind", "warning", text)
         ended = follower.alarms.quiet(now)
@@ -464,6 +464,6 @@ def _ns(seconds: float) -> int:
 
 
 _TOO_LATE = (
-    "blocks came for windows that have their results already, and were not used: the logger's clock was set back, or"
-    " they were held up too long; set the clock, or raise lateness"
+    "blocks came too late: their windows have results already. The logger's clock was set back, or they were held up;"
+    " set the clock, or raise lateness"
 )
