@@ -351,8 +351,8 @@ class Engine:
         behind = now - follower.order[0].closed if follower.order else 0
         if behind > BEHIND_WINDOWS * follower.windows.length:
             text = (
-                f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait, nothing is lost: give"
-                " the service more processors, or fewer turbines"
+                f"estimates are {behind / SECOND:.0f} s behind, {len(follower.order)} windows wait, nothing is lost:"
+                " give the service more processors, or fewer turbines"
             )
             self._data_alarm(follower, "behind", "warning", text)
         ended = follower.alarms.quiet(now)
