@@ -9,6 +9,7 @@ __all__ = [
     "AlarmSeen",
     "Changes",
     "ChannelHealth",
+    "ChannelStatistics",
     "Configuration",
     "Detail",
     "Excitation",
@@ -168,6 +169,16 @@ class WindowHealth(BaseModel):
     text: str
 
 
+class ChannelStatistics(BaseModel):
+    """What the window holds of a channel."""
+
+    channel: str
+    unit: str
+    mean: float | None
+    std: float | None
+    missing: Annotated[float | None, Field(description="share of the samples")]
+
+
 class Detail(BaseModel):
     """Everything that one window gave."""
 
@@ -188,6 +199,7 @@ class Detail(BaseModel):
     excitations: list[Excitation]
     budget: list[Share]
     health: list[WindowHealth]
+    channels: list[ChannelStatistics]
 
 
 class Configuration(BaseModel):

@@ -154,6 +154,13 @@ def detail_of(result: Result) -> models.Detail:
             models.WindowHealth(**{key: str(one.get(key) or "") for key in ("channel", "kind", "severity", "text")})
             for one in _rows(row, "health")
         ],
+        channels=[
+            models.ChannelStatistics(
+                channel=str(one["name"]), unit=unit_text(str(one.get("unit") or "")),
+                **{key: _number(one.get(key)) for key in ("mean", "std", "missing")},
+            )
+            for one in _rows(row, "channels")
+        ],
     )  # fmt: skip
 
 

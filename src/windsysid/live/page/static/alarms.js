@@ -38,7 +38,7 @@ function item(one, role, named) {
     one.acknowledged === null && role !== "operator" ? h("p", { class: "quiet" }, "Who has the operator's token may acknowledge it.") : null);
 }
 
-export const happened = (one) =>
+const happened = (one) =>
   one.earliest === one.latest ? `Since ${when(one.earliest)}.` : `It happened between ${when(one.earliest)} and ${when(one.latest)}.`;
 
 let asked = null;

@@ -1,6 +1,5 @@
 // All turbines, the worst first.
 
-import { happened } from "/static/alarms.js";
 import { badge, h, table } from "/static/dom.js";
 import { VERDICTS, plural, rpm, span, when } from "/static/words.js";
 
@@ -17,7 +16,7 @@ export function overviewPage(overview) {
     .filter(([, , count]) => count);
   const steady = turbines.every((one) => one.verdict === "steady");
   const columns = [
-    ["Turbine"], ["Is it as it was?"], ["Rotor"], ["Newest estimate"], ["Sensors"], ["Data"],
+    ["Turbine"], ["Is it as it was?"], ["Rotor"], ["Newest estimate"], ["Sensors"], ["Newest block"],
   ];
   return [
     h("h1", {}, steady ? `${plural(turbines.length, "turbine")}, as it was` : plural(turbines.length, "turbine")),
@@ -33,10 +32,10 @@ function row(one, now) {
   return [
     [h("a", { class: "name", href: pathOf(one.name), id: `turbine-${one.name}` }, one.name), " ", badge(VERDICTS[one.verdict], one.verdict)],
     h("div", { class: "answer" }, one.answer, moreAlarms(one)),
-    [one.state, one.rotor_speed === null ? "" : `, ${rpm(one.rotor_speed)}`],
+    [h("div", {}, one.state), one.rotor_speed === null ? null : h("div", { class: "quiet nowrap" }, rpm(one.rotor_speed))],
     estimate(one),
     one.faults.length
-      ? one.faults.map((fault) => h("div", {}, `◆ ${fault.channel}: ${fault.state}`))
+      ? one.faults.map((fault) => h("div", {}, "◆\u00a0", fault.channel, ": ", fault.state))
       : one.received === null ? "nothing yet" : "good",
     stream(one, now),
   ];
@@ -46,19 +45,19 @@ function moreAlarms(one) {
   const waiting = one.alarms.filter((alarm) => alarm.acknowledged === null).length;
   if (!one.alarms.length) return null;
   const text = waiting ? `${plural(waiting, "alarm")} to acknowledge` : "acknowledged";
-  return h("div", { class: "quiet" }, one.alarms[0].kind === "data" ? "" : `${happened(one.alarms[0])} `, text);
+  return h("div", { class: "quiet" }, text);
 }
 
 function estimate(one) {
   if (one.until === null) return "none yet";
   const trust = one.trusted ? "trusted" : "not trusted";
-  return [h("div", {}, trust), h("div", { class: "quiet" }, when(one.until))];
+  return [h("div", {}, trust), h("div", { class: "quiet nowrap" }, when(one.until))];
 }
 
 function stream(one, now) {
   if (one.received === null) return "nothing yet";
-  const parts = [h("div", {}, `last block ${span(now - one.received)} ago`)];
-  if (one.behind !== null && one.behind > 0) parts.push(h("div", { class: "quiet" }, `${span(1000 * one.behind)} behind`));
+  const parts = [h("div", {}, `${span(now - one.received)} ago`)];
+  if (one.behind !== null && one.behind >= 1) parts.push(h("div", { class: "quiet" }, `${span(1000 * one.behind)} behind`));
   if (one.windows_waiting > 1) parts.push(h("div", { class: "quiet" }, `${one.windows_waiting} windows wait`));
   return parts;
 }

@@ -1,6 +1,6 @@
 // One turbine: is it as it was, what moved, when, by how much, and can it be trusted?
 
-import { alarmList, happened } from "/static/alarms.js";
+import { alarmList } from "/static/alarms.js";
 import { ask, turbinePath } from "/static/api.js";
 import { Chart } from "/static/charts.js";
 import { badge, h, show, table } from "/static/dom.js";
@@ -16,6 +16,7 @@ export class TurbineView {
     this.name = name;
     this.role = role;
     this.length = 168 * HOUR; // null: all
+    this.chosen = false; // until then, no more than there is
     this.end = null; // null: the newest
     this.charts = new Map();
     this.head = h("div", {});
@@ -66,12 +67,14 @@ export class TurbineView {
     const newest = this.page.summary.until ?? this.page.at;
     const end = this.end ?? newest;
     if (this.length === null) return [this.results?.windows[0] ?? end - 24 * HOUR, end];
+    const first = this.results?.windows[0];
+    if (!this.chosen && first !== undefined) return [Math.max(end - this.length, Math.min(first, end - HOUR)), end];
     return [end - this.length, end];
   }
 
   async readHistory() {
-    const [from, to] = this.range;
-    const query = this.length === null ? "" : `?since=${Math.max(0, from)}&until=${to + 1}`;
+    const to = this.end ?? this.page.summary.until ?? this.page.at;
+    const query = this.length === null ? "" : `?since=${Math.max(0, to - this.length)}&until=${to + 1}`;
     [this.levels, this.results, this.alarms] = await Promise.all([
       ask(turbinePath(this.name, `/levels${query}`)), ask(turbinePath(this.name, `/results${query}`)),
       ask(`/api/alarms?turbine=${encodeURIComponent(this.name)}`),
@@ -81,6 +84,7 @@ export class TurbineView {
   async go(length, end) {
     this.length = length;
     this.end = end;
+    this.chosen = true;
     await this.readHistory();
     this.drawCharts();
     this.put(this.known, this.knownPart());
@@ -95,14 +99,13 @@ export class TurbineView {
       ["Newest estimate", summary.until === null ? "none yet" : [h("span", { class: "quiet" }, "window until "), when(summary.until)]],
       ["Newest block", summary.received === null ? "none yet" : `${span(at - summary.received)} ago`],
       ["Behind", summary.behind === null ? "not known" : `${span(1000 * summary.behind)}${summary.windows_waiting ? `, ${plural(summary.windows_waiting, "window")} in work` : ""}`],
-      ["Sensors", summary.faults.length ? `${plural(summary.faults.length, "channel")} not good` : this.page.channels.length ? `all ${this.page.channels.length} good` : "nothing known yet"],
+      ["Sensors", summary.faults.length ? `${plural(summary.faults.length, "channel")} not good` : summary.received === null ? "nothing known yet" : "no fault found"],
     ];
-    const good = summary.verdict === "steady";
-    const bad = ["moved", "sensor"].includes(summary.verdict);
+    const tone = { steady: "good", moved: "bad", sensor: "warn", silent: "warn" }[summary.verdict] ?? "";
     return [
       h("p", {}, h("a", { href: "#/", id: "to-all" }, "← All turbines")),
       h("h1", {}, this.name, " ", badge(VERDICTS[summary.verdict], summary.verdict)),
-      h("p", { class: `note ${good ? "good" : bad ? "bad" : ""}` }, summary.answer, bad && summary.alarms.length ? h("span", { class: "quiet" }, ` ${happened(summary.alarms[0])}`) : null),
+      h("p", { class: `note ${tone}` }, summary.answer),
       summary.reasons.length && !summary.answer.includes(summary.reasons[0]) ? h("p", { class: "note" }, `Not trusted: ${summary.reasons.join("; ")}.`) : null,
       h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))),
       summary.alarms.length ? [h("h2", {}, plural(summary.alarms.length, "open alarm")), alarmList(summary.alarms, this.role(), false)] : null,
@@ -122,7 +125,7 @@ export class TurbineView {
     ]);
     return [
       h("h2", {}, "What is known now"),
-      watched.length ? table("All bands are ±2σ. The level is what all windows say together; it follows slow changes. The change is over the range that is shown below.",
+      watched.length ? table("All bands are ±2σ. The level is what all windows say together; it follows slow changes. The change is over the range that is shown below, from when the watch had learned.",
         [["Coefficient"], ["Level", true], ["Newest window", true], ["Change", true], ["Test for a jump"]], watched, { stacked: true }) : null,
       modes.length ? h("h3", { class: "spaced" }, "Modes of the newest window") : null,
       modes.length ? table("±2σ; excitation by the rotor: 1P and multiples of the blades.",
@@ -132,17 +135,18 @@ export class TurbineView {
 
   seriesRow(series) {
     const known = series.level.map((v, i) => i).filter((i) => series.level[i] !== null);
+    const watched = known.find((i) => series.statistic[i] > 0); // before, the level is being learned
     const own = series.estimate.findLastIndex((v) => v !== null);
-    const [first, last] = [known[0], known.at(-1)];
+    const [first, last] = [watched, known.at(-1)];
     const at = series.statistic.findLastIndex((v) => v !== null && v > 0); // 0 while it learns
     const share = at < 0 ? null : series.statistic[at] / series.limit[at];
     const meter = share === null ? null : h("meter", { min: "0", max: "1", value: String(Math.min(share, 1)), "aria-hidden": "true" });
     return [
       series.title,
-      last === undefined ? "learning" : withBand(series.level[last], series.level_low[last], series.level_high[last], series.unit),
+      last === undefined ? "not known yet" : withBand(series.level[last], series.level_low[last], series.level_high[last], series.unit),
       own < 0 ? "says nothing" : withBand(series.estimate[own], series.low[own], series.high[own], series.unit),
-      last === undefined || first === last ? "–" : this.changeOf(series, first, last),
-      share === null ? "learns what is usual" : [meter, ` ${share >= 1 ? "beyond its limit" : `at ${percent(share)} of its limit`}`],
+      first === undefined || first === last ? "–" : this.changeOf(series, first, last),
+      share === null ? "learns what is usual" : [meter, ` ${share >= 1 ? "beyond its limit" : `at ${Math.round(100 * share)} % of its limit`}`],
     ];
   }
 
@@ -273,9 +277,7 @@ export class TurbineView {
     const { channels, newest, counts, configurations } = this.page;
     return [
       h("h2", {}, "Sensors"),
-      channels.length ? table("As their samples show them now.", [["Channel"], ["State"], ["Since"], ["What to do"]],
-        channels.map((one) => [one.channel, one.state === "good" ? badge(["●", "good"], "steady") : badge(["◆", one.state], "sensor"), when(one.since), one.text || "nothing"]), { stacked: true })
-        : h("p", { class: "quiet" }, "Nothing is known of the channels yet."),
+      this.sensorTable(channels, newest?.channels ?? []),
       newest?.budget.length ? [h("h2", {}, "What makes the bands as wide as they are"),
         table("Of the newest window: by what share the variance would fall, if something were known exactly.",
           [["Coefficient"], ["Estimate", true], ["Loads and noise", true], ["Instruments and masses", true], ["Left: length of the window, prior", true], ["Told by the data", true]],
@@ -285,6 +287,24 @@ export class TurbineView {
         table("Counts.", [["What"], ["How many", true]], Object.entries(counts).map(([name, count]) => [name, count.toLocaleString("en").replaceAll(",", "\u202f")])),
         configurations.length ? table("Settings.", [["Since"], ["Settings"]], configurations.map((one) => [when(one.at), one.settings])) : null),
     ];
+  }
+
+  sensorTable(channels, statistics) {
+    const names = [...new Set([...channels, ...statistics].map((one) => one.channel))];
+    if (!names.length) return h("p", { class: "quiet" }, "Nothing is known of the channels yet.");
+    const rows = names.map((name) => {
+      const health = channels.find((one) => one.channel === name);
+      const said = statistics.find((one) => one.channel === name);
+      const good = !health || health.state === "good";
+      return [
+        name, good ? badge(["●", "no fault"], "steady") : badge(["◆", health.state], "sensor"),
+        health ? when(health.since) : "the first block",
+        said && said.mean !== null ? `${digits(said.mean)} ± ${digits(said.std, 2)} ${said.unit === "1" ? "" : said.unit}` : "–",
+        said ? percent(said.missing) : "–", good ? "nothing" : health.text,
+      ];
+    });
+    return table("State: as the samples show it now. Mean, standard deviation and missing samples: of the newest window.",
+      [["Channel"], ["State"], ["Since"], ["Mean ± std", true], ["Missing", true], ["What to do"]], rows, { stacked: true });
   }
 
   windowPart(newest) {
