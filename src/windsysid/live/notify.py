@@ -1,4 +1,4 @@
-"""Who is told of alarms: a web address, or a broker.
+"""Who is told of alarms: the log, a web address, or a broker.
 
 Every recipient has a place in the store: up to which event it was told. It moves when the recipient has confirmed, so
 that a restart loses nothing. What changes while a recipient is away is told as it is when it comes back. Recipients
@@ -17,12 +17,22 @@ from urllib.parse import quote, urlsplit
 
 from windsysid._version import __version__
 from windsysid.errors import WindsysidError
+from windsysid.live.logs import event
 from windsysid.live.settings import SEVERITIES, MqttNotice, NoticeSettings, WebhookNotice
 from windsysid.live.sources.broker import connect, new_client
 from windsysid.live.store.contents import Alarm, Event
 from windsysid.live.store.store import Store
 
-__all__ = ["MqttRecipient", "Recipient", "UndeliveredError", "Webhook", "notice_of", "recipient_of", "tell_alarms"]
+__all__ = [
+    "LogRecipient",
+    "MqttRecipient",
+    "Recipient",
+    "UndeliveredError",
+    "Webhook",
+    "notice_of",
+    "recipient_of",
+    "tell_alarms",
+]
 
 POLL_SECONDS = 1.0
 """How often the journal is looked at."""
@@ -123,7 +133,7 @@ async def tell_alarms(store: Store, recipient: Recipient, stop: asyncio.Event) -
             await _in_thread(stop, store.tell, recipient.key, place)
     while not stop.is_set():
         events: list[Event] = await _in_thread(stop, store.events, place, most=EVENTS_AT_ONCE) or []
-        changed = {event.key for event in events if event.kind == "alarm"}
+        changed = {one.key for one in events if one.kind == "alarm"}
         if changed:
             known = await _in_thread(stop, store.alarms, most=ALARMS_AT_ONCE) or []
             await _send_all(recipient, [alarm for alarm in reversed(known) if alarm.key in changed], stop)
@@ -178,6 +188,21 @@ async def _pause(stop: asyncio.Event, seconds: float) -> None:
         await asyncio.wait_for(stop.wait(), seconds)
     except TimeoutError:
         return
+
+
+class LogRecipient:
+    """The service's own log."""
+
+    key, severity = "log", "notice"
+
+    async def send(self, alarm: Alarm) -> None:
+        """Write a line."""
+        told = notice_of(alarm)
+        level = logging.WARNING if told["state"] == "open" else logging.INFO
+        event(level, f"alarm: {told['text']}", **{part: told[part] for part in ("key", "state", "turbine", "kind")})
+
+    async def close(self) -> None:
+        """There is nothing to let go of."""
 
 
 class Webhook:

@@ -20,7 +20,7 @@ from typing import Any
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.logs import event
-from windsysid.live.notify import recipient_of, tell_alarms
+from windsysid.live.notify import LogRecipient, Recipient, recipient_of, tell_alarms
 from windsysid.live.settings import PageSettings, Settings
 from windsysid.live.sources.source import Source
 from windsysid.live.store.keep import Keep
@@ -154,7 +154,8 @@ async def _run(
     server, streams = _server(settings, store, engine, note)
     web = asyncio.create_task(server.serve(sockets=[listening]), name="page")
     others = [asyncio.create_task(_supply(source, engine, stop)) for source in sources]
-    others += [asyncio.create_task(tell_alarms(store, recipient_of(one), stop)) for one in settings.notices]
+    told: list[Recipient] = [LogRecipient(), *map(recipient_of, settings.notices)]
+    others += [asyncio.create_task(tell_alarms(store, recipient, stop)) for recipient in told]
     others.append(asyncio.create_task(_thin(store, stop)))
     while not server.started and not web.done():
         await asyncio.sleep(0.02)
@@ -173,7 +174,8 @@ async def _run(
     await asyncio.wait([drained, web, *others], timeout=END_SECONDS - 1.0)
     for task in others:
         task.cancel()
-    event(logging.INFO, "ended: what was taken is in the store", idle=drained.done() and drained.result())
+    unfinished = sum(one.windows for one in engine.state().turbines.values())
+    event(logging.INFO, "ended: what was taken is in the store", windows_waiting=unfinished)
     end.done(store)
     return end.code
 
@@ -269,8 +271,7 @@ async def _thin(store: Store, stop: asyncio.Event) -> None:
 def _log_event(name: str, **fields: Any) -> None:
     """What the engine tells, as a line of the log."""
     failed = "failed" in name or fields.get("status") == "failed"
-    quiet = name == "window" and not failed
-    event(logging.ERROR if failed else logging.DEBUG if quiet else logging.WARNING, name, **fields)
+    event(logging.ERROR if failed else logging.DEBUG, name, **fields)  # alarms are told from the store's journal
 
 
 def _shown(store: str) -> str:
