@@ -279,6 +279,24 @@ def test_a_store_that_refuses_for_a_while_loses_nothing(site):
     assert site.samples() == [1200] * 3
 
 
+def test_a_block_that_a_closed_store_refuses_may_come_again(site):
+    engine = site.start()
+    blocks = stream(60.0)
+    push(engine, blocks[:10])
+    submit = site.store.submit
+
+    def closed(commit: Commit) -> Any:
+        raise WindsysidError("the store is closed")
+
+    site.store.submit = closed
+    with pytest.raises(WindsysidError, match="closed"):
+        engine.push(blocks[10])
+    site.store.submit = submit
+    push(engine, blocks[10:])
+    finish(engine)
+    assert site.samples() == [1200]
+
+
 def test_a_result_that_the_store_refuses_is_written_later(site):
     engine = site.start()
     refusals = [True, True]

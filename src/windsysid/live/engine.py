@@ -199,12 +199,15 @@ class Engine:
         if now - follower.told >= SECOND or verdicts:
             follower.told = now
             statuses.append(follower.status())
-        stored = self._store.submit(
-            Commit(
-                blocks=[StoredBlock(window, block) for window in placed.windows], statuses=statuses,
-                healths=[verdict.health(follower.name) for verdict in verdicts], alarms=alarms,
-            )
+        commit = Commit(
+            blocks=[StoredBlock(window, block) for window in placed.windows], statuses=statuses,
+            healths=[verdict.health(follower.name) for verdict in verdicts], alarms=alarms,
         )  # fmt: skip
+        try:
+            stored = self._store.submit(commit)
+        except BaseException:
+            follower.forget(block, placed)
+            raise
         follower.last = stored
         done: Future[None] = Future()
 

@@ -168,6 +168,9 @@ class Follower:
         """A block did not get to the store: it may come again."""
         for window in placed.windows:
             self.open.get(window, {}).get(block.stream, set()).discard(placed.sequence)
+        stream = self.streams[block.stream]
+        if stream.committed is not None and not stream.restarted:
+            stream.committed = min(stream.committed, placed.sequence - 1)
 
     def _run_up(self, name: str) -> None:
         stream = self.streams[name]
