@@ -160,8 +160,7 @@ class Watching:
     ) -> None:  # fmt: skip
         self.turbine, self.options = turbine, options
         self._state, self._windows, self._cases = state, windows, cases
-        x = self._covariates()
-        self._followers = {one.name: self._follower(one, kept, x) for one, kept in series.items()}
+        self._followers = {one.name: self._follower(one, kept) for one, kept in series.items()}
         self._watched = {one.name: one for one in series}
 
     def take(self, row: Row, window: int) -> Taken:
@@ -211,8 +210,8 @@ class Watching:
             arrays += [] if kept.before is None else [*kept.before]
         return pack(header, arrays)
 
-    def _follower(self, one: Watched, kept: Kept, x: Array) -> Follower:
-        return Follower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept, x)
+    def _follower(self, one: Watched, kept: Kept) -> Follower:
+        return Follower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept)
 
     def _covariates(self, newest: int = 0) -> Array:
         """Of all windows, or of so many of the newest."""
@@ -229,7 +228,7 @@ class Watching:
             if one.name not in self._watched:
                 kept = Follower.beginning(len(self._windows.time), self._state.let_go)
                 self._watched[one.name] = one
-                self._followers[one.name] = self._follower(one, kept, self._covariates())
+                self._followers[one.name] = self._follower(one, kept)
         own = {one.name: in_coordinates_of(self._watched[one.name], one, *value) for one, value in said.items()}
         self._windows = self._windows.and_then(window, row)
         takes = bool(self._windows.state[-1] != NONE)

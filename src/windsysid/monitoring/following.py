@@ -109,17 +109,13 @@ class Follower:
     tolerated
         Relative jumps up to this size are no alarm.
     kept
-        To go on from; None to begin.
-    x
-        Covariates (n, m) of the blocks that are kept.
+        To go on from, or `beginning`.
     """
 
-    def __init__(self, kind: str, logarithmic: bool, tolerated: float, kept: Kept, x: Array) -> None:
+    def __init__(self, kind: str, logarithmic: bool, tolerated: float, kept: Kept) -> None:
         self.kind, self.logarithmic, self.tolerated = kind, logarithmic, tolerated
         self.kept = kept
-        self._head: Progress | None = None
-        if kept.rates is not None:
-            self._head = self._run(x)[0].progress
+        self._head: Progress | None = None  # follows from what is kept, when it is needed
 
     @staticmethod
     def beginning(blocks: int, let_go: int) -> Kept:
@@ -191,11 +187,14 @@ class Follower:
         covariates
             Gives those of all blocks that are kept (n, m), where they are needed.
         """
-        if self.kept.rates is None or self._head is None:
+        if self.kept.rates is None:
             return self.guess()
-        y, r = self._blocks(newest, 1)
-        done = track(y, r, newest, self._head, self.kept.rates, tolerated=self.tolerated * self.kept.scale)
-        self._head = done.progress
+        if self._head is None:
+            done = self._restart(covariates())
+        else:
+            y, r = self._blocks(newest, 1)
+            done = track(y, r, newest, self._head, self.kept.rates, tolerated=self.tolerated * self.kept.scale)
+            self._head = done.progress
         again = self._look_back(covariates)
         if again:
             done = self._restart(covariates())

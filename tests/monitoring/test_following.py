@@ -1,0 +1,115 @@
+"""A series followed block by block finds what the watch over all of them finds."""
+
+import math
+
+import numpy as np
+import pytest
+
+from windsysid._types import Array
+from windsysid.monitoring import following
+from windsysid.monitoring.following import Follower, Kept, Now
+from windsysid.monitoring.jumps import Rates, threshold, track
+from windsysid.monitoring.locating import Jump, first_belief
+from windsysid.monitoring.series import Blocks
+from windsysid.monitoring.watch import watch
+
+SIGMA = 0.004
+LIMIT = threshold(1e-6)
+
+
+def follow(y: Array, x: Array, *, learn: int = 300, limit: float = LIMIT) -> tuple[list[Now], Follower]:
+    follower = Follower("k", True, 0.005, Follower.beginning(0, 0))
+    found = []
+    for k, one in enumerate(y, 1):
+        follower.append(one, SIGMA)
+        part = x[:k]
+        if k == learn:
+            found.append(follower.learn(part, anew=True))
+        else:
+            found.append(follower.follow(part[-1:], lambda part=part: part, limit))  # type: ignore[misc]
+    return found, follower
+
+
+def simulated(count: int, jump: float, at: int, seed: int) -> Array:
+    return SIGMA * np.random.default_rng(seed).standard_normal(count) + jump * (np.arange(count) >= at)
+
+
+@pytest.mark.parametrize(("jump", "seed"), [(-0.03, 1), (0.02, 2), (-0.1, 3)])
+def test_a_jump_is_found_when_where_and_as_large_as_with_all_blocks_known(jump: float, seed: int):
+    y, x = simulated(600, jump, 400, seed), np.zeros((600, 1))
+    found, follower = follow(y, x)
+    (new,) = [one.new for one in found if one.new is not None]
+    blocks = Blocks(
+        ("k_x",), np.asarray(600.0 * np.arange(600)), y[:, None], np.full((600, 1), SIGMA), (True,), (1.0,),
+        np.empty((600, 0)),
+    )  # fmt: skip
+    (whole,) = watch(blocks).changes
+    assert abs(new.found - whole.found / 600.0) <= 1
+    (last,) = follower.kept.jumps  # measured again a day later
+    assert (last.earliest, last.latest) == pytest.approx((whole.earliest / 600.0, whole.latest / 600.0), abs=1)
+    assert 100.0 * math.expm1(last.size) == pytest.approx(whole.percent, abs=0.05)
+    assert last.std < new.std
+    assert found[-1].level == pytest.approx(y[400:].mean(), abs=3.0 * SIGMA / math.sqrt(200.0))
+
+
+def test_without_a_jump_a_follower_is_the_filter_of_all_blocks():
+    rng = np.random.default_rng(4)
+    x = rng.standard_normal((500, 2))
+    y = (simulated(500, 0.0, 0, 4) + x @ np.array([0.01, -0.02])).astype(np.float32).astype(np.float64)
+    found, follower = follow(y, x, learn=200)
+    kept = follower.kept
+    assert kept.before is not None
+    assert kept.rates is not None
+    r = np.full(500, float(np.float32(SIGMA)) ** 2)
+    whole = track(y, r, x, kept.before, kept.rates, tolerated=0.005)
+    assert [one.level for one in found[200:]] == whole.level[200:].tolist()
+    assert [one.statistic for one in found[200:]] == whole.statistic[200:].tolist()
+
+
+def test_what_leaves_is_in_the_belief_before_what_is_kept():
+    y, x = simulated(400, 0.0, 0, 5), np.zeros((400, 1))
+    _, follower = follow(y, x, learn=100)
+    before = follower.kept
+    follower.let_go(x, 150)
+    assert (len(follower.kept.y), follower.kept.let_go) == (250, 150)
+    (stays,) = {one.shape for one in (follower.kept.y, follower.kept.std)}
+    assert stays == (250,)
+    assert before.rates == follower.kept.rates
+    again = Follower("k", True, 0.005, follower.kept)
+    for one in (follower, again):
+        one.append(0.0, SIGMA)
+    x = np.zeros((251, 1))
+    follower._head = None
+    ends = [one.follow(x[-1:], lambda: x, LIMIT) for one in (follower, again)]
+    assert ends[0] == ends[1]
+    assert ends[0].level == pytest.approx(np.append(y, 0.0).mean(), abs=2.0 * SIGMA / 20.0)
+
+
+def test_a_jump_that_lies_between_blocks_that_leave_and_stay_is_kept():
+    jump = Jump(100, 90, 110, 120, -0.03, 0.001, 0.0)
+    kept = Kept(np.zeros(200, np.float32), np.full(200, SIGMA, np.float32), 0, None, Rates(1e-9, 1.0), 1.0, (jump,))
+    follower = Follower("k", True, 0.005, kept)
+    follower.kept = follower.kept._replace(before=first_belief(np.zeros(200), np.ones(200), 1, "k", True)[0])
+    follower.let_go(np.zeros((200, 1)), 100)
+    assert list(follower.kept.jumps) == [jump]
+    follower.let_go(np.zeros((100, 1)), 50)
+    assert not follower.kept.jumps
+
+
+def test_more_jumps_than_are_remembered_wait(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(following, "MAX_JUMPS", 2)
+    y = simulated(700, 0.05, 400, 6) + 0.05 * (np.arange(700) >= 500) + 0.05 * (np.arange(700) >= 600)
+    found, follower = follow(y, np.zeros((700, 1)))
+    assert sum(one.new is not None for one in found) == len(follower.kept.jumps) == 2
+
+
+def test_a_series_of_nothing_has_no_level():
+    found, _ = follow(np.full(20, np.nan), np.zeros((20, 1)), learn=12)
+    assert all(math.isnan(one.level) for one in found)
+
+
+def test_numbers_beyond_single_precision_are_missing():
+    follower = Follower("k", True, 0.005, Follower.beginning(0, 0))
+    for y, std in ((1e300, 1.0), (0.0, 1e-60), (0.0, 0.0), (math.nan, 1.0), (0.0, math.inf)):
+        follower.append(y, std)
+    assert follower.known == 0
