@@ -8,7 +8,7 @@ from windsysid.live.store import open_store
 from . import sample
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def store():
     """Half a day of three turbines; tests acknowledge, but take nothing away."""
     filled = open_store(":memory:")

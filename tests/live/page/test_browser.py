@@ -3,9 +3,11 @@
 import shutil
 import threading
 import time
+from contextlib import contextmanager
 
 import pytest
 
+from windsysid.live.page.access import Access
 from windsysid.live.page.app import app, streams_of
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit
@@ -20,27 +22,36 @@ uvicorn = pytest.importorskip("uvicorn", reason="the page needs the extra live")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium: apt-get install chromium")
 
 
-@pytest.fixture(scope="module")
-def served():
-    """A store, and the address of its page."""
-    store = open_store(":memory:")
-    sample.fill(store, days=0.5)
-    page = app(store)
-    server = uvicorn.Server(
-        uvicorn.Config(page, host="127.0.0.1", port=0, log_level="error", timeout_graceful_shutdown=2)
-    )
+@contextmanager
+def serving(page):
+    """The address of a page that is served until the end."""
+    config = uvicorn.Config(page, host="127.0.0.1", port=0, log_level="error", timeout_graceful_shutdown=2)
+    server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
     thread.start()
     until = time.monotonic() + 60.0
     while not server.started and time.monotonic() < until:
         time.sleep(0.02)
-    port = server.servers[0].sockets[0].getsockname()[1]
-    yield store, f"http://127.0.0.1:{port}"
+    yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
     streams_of(page).close()
     server.should_exit = True
     thread.join(30.0)
     assert not thread.is_alive()  # an open stream does not keep a server that was told to end
+
+
+@pytest.fixture(scope="module")
+def store():
+    store = open_store(":memory:")
+    sample.fill(store, days=0.5)
+    yield store
     store.close()
+
+
+@pytest.fixture(scope="module")
+def served(store):
+    """A store, and the address of its page."""
+    with serving(app(store)) as address:
+        yield store, address
 
 
 @pytest.fixture(scope="module")
@@ -117,3 +128,22 @@ def test_a_reader_finds_the_way_by_keyboard(served, tab):
     assert tab.evaluate("document.activeElement.id") == "turbine-T02"
     tab.keyboard.press("Enter")
     tab.get_by_role("heading", level=1, name="T02").wait_for()
+
+
+def test_a_reader_logs_in_by_the_form_and_out_again(store, browser):
+    with serving(app(store, access=Access("r" * 20, "o" * 20))) as address:
+        tab = browser.new_page()
+        tab.set_default_timeout(PATIENCE)
+        tab.goto(address)
+        for token in ("x" * 20, "r" * 20):
+            tab.get_by_label("Token").fill(token)
+            tab.get_by_role("button", name="Log in").click()
+            if token.startswith("x"):
+                tab.get_by_text("This token is not known here.").wait_for()
+        tab.get_by_role("link", name="T02").wait_for()
+        tab.get_by_role("link", name="Alarms").click()
+        tab.get_by_text("Who has the operator's token may acknowledge it.").first.wait_for()
+        assert tab.get_by_role("button", name="Acknowledge").count() == 0
+        tab.get_by_role("button", name="Log out").click()
+        tab.get_by_label("Token").wait_for()
+        tab.close()
