@@ -142,3 +142,16 @@ def test_plain_values_keep_what_json_has_no_word_for():
     np.testing.assert_array_equal(from_plain(type(matrix) and np.ndarray[Any, Any], as_plain(matrix)), matrix)
     with pytest.raises(TypeError, match="no file holds a object"):
         as_plain(object())
+
+
+def test_answers_are_drawn_in_a_figure_of_ones_own(found: ws.Identification):
+    from matplotlib.figure import Figure
+
+    own = Figure(figsize=(12, 5), layout="constrained")
+    left, right = own.subplots(1, 2)
+    assert found.plot(ax=left).figure is own
+    ws.modes(found).plot(ax=right)
+    own.draw_without_rendering()
+    assert len(own.axes) > 2
+    with pytest.raises(ConfigurationError, match="ax: expected axes that subplots or add_subplot made"):
+        found.plot(ax=own.add_axes((0.0, 0.0, 1.0, 1.0)))

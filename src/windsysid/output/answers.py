@@ -14,6 +14,7 @@ from windsysid.output.folders import Saveable
 from windsysid.output.table import Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["Answer"]
@@ -40,9 +41,26 @@ class Answer(Saveable):
         found: dict[str, bytes] = _reports().files(self)
         return found
 
-    def plot(self) -> "Figure":
-        """The answer as a figure."""
-        figure: Figure = _reports().figure(self)
+    def plot(self, ax: "Axes | None" = None) -> "Figure":
+        """The answer as a figure, or in a figure of your own.
+
+        Parameters
+        ----------
+        ax
+            Axes that ``subplots`` or ``add_subplot`` made. An answer with one panel is drawn on them; one with several
+            takes their place.
+
+        Returns
+        -------
+        Figure
+            A new figure, or what was drawn on: the figure of `ax`, or the part of it where `ax` was.
+
+        Raises
+        ------
+        ConfigurationError
+            If several panels are to take the place of axes that were placed by hand.
+        """
+        figure: Figure = _reports().figure(self, ax)
         return figure
 
 

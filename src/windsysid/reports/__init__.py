@@ -36,9 +36,9 @@ def files(answer: object) -> dict[str, bytes]:
     return {**found, **loading.kept(answer)}
 
 
-def figure(answer: object) -> Any:
-    """An answer as a Matplotlib `Figure`."""
-    return _module_of(answer).figure(answer)
+def figure(answer: object, place: Any = None) -> Any:
+    """An answer as a Matplotlib `Figure`, or in the place of axes."""
+    return _module_of(answer).figure(answer, place)
 
 
 def fragment(contents: Sequence[Table | str]) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from windsysid.reports.canvas import canvas
 from windsysid.reports.plots import BAND, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
@@ -21,13 +22,13 @@ WIDER = 1.6
 """So many times the widest band is shown; a prior that is wider is cut off."""
 
 
-def coefficient_bands(found: Identification) -> Figure:
+def coefficient_bands(found: Identification, place: Axes | None = None) -> Figure:
     """One line a coefficient, as differences from the turbine file [%], from the result where the file knows none;
     stiffness and damping apart, as damping is known far less."""
     kinds = [[e for e in found.estimates if e.kind == kind] for kind in ("stiffness", "damping", "parameter")]
     kinds = [kind for kind in kinds if kind]
     rows = max(len(kind) for kind in kinds)
-    figure = Figure(figsize=(WIDTH, MARGIN + ROW * rows), layout="constrained")
+    figure = canvas((WIDTH, MARGIN + ROW * rows), place)
     priors = {
         q.name: [float(q.physical(q.prior[0] + k * q.prior[1])) for k in (-SIGMAS, SIGMAS)] for q in found.parameters
     }

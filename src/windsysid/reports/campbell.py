@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from windsysid.modal.campbell import MEASURED_HEADINGS, Campbell
 from windsysid.output.table import Table
+from windsysid.reports.canvas import canvas
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.results.posterior import SIGMAS
@@ -18,9 +19,9 @@ BLADES, BLADES_BAND = "#2e7d46", "#b7d9c1"
 """Modes of the blades; the support's are blue."""
 
 
-def figure(found: Campbell) -> Figure:
+def figure(found: Campbell, place: Axes | None = None) -> Figure:
     """Frequencies and damping ratios with ±2σ against rotor speed; harmonics dashed, the operating range shaded."""
-    drawn = Figure(figsize=(10.0, 8.6), layout="constrained")
+    drawn = canvas((10.0, 8.6), place)
     above, below = drawn.subplots(2, 1, sharex=True, height_ratios=[1.9, 1.0])
     rpm = found.speeds * RPM
     top = 1.06 * max(float(np.nanmax(curve.frequency + SIGMAS * curve.frequency_std)) for curve in found.curves)
@@ -78,7 +79,7 @@ def figure(found: Campbell) -> Figure:
 def _label_ends(ax: Axes, ends: list[tuple[float, str, str]]) -> None:
     """Write each curve's name beside its right end, none over another, a thin line to those that had to move."""
     low, high = ax.get_ylim()
-    height = ax.get_position().height * ax.figure.get_figheight() * 72.0  # type: ignore[union-attr]
+    height = ax.bbox.height / ax.figure.dpi * 72.0
     gap = 11.5 * (high - low) / height
     ends = sorted(ends)
     places = [end[0] for end in ends]

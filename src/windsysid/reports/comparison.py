@@ -3,16 +3,18 @@
 import math
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.monitoring.change import MOVED_MIN_ODDS, Change, Comparison
+from windsysid.reports.canvas import canvas
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 
 __all__ = ["figure", "files"]
 
 
-def figure(comparison: Comparison) -> Figure:
+def figure(comparison: Comparison, place: Axes | None = None) -> Figure:
     """Every change with its ±2σ band: stiffness and frequencies, damping, loads and noise, each on a scale of its own;
     orange where a coefficient moved.
 
@@ -24,7 +26,7 @@ def figure(comparison: Comparison) -> Figure:
     groups = [
         (title, group) for title, group in zip(titles, (rest, of_damping, comparison.statistics), strict=True) if group
     ]
-    drawn = Figure(figsize=(12.0, 1.0 + 0.32 * max(len(group) for _, group in groups)), layout="constrained")
+    drawn = canvas((12.0, 1.0 + 0.32 * max(len(group) for _, group in groups)), place)
     for ax, (title, group) in zip(drawn.subplots(1, len(groups), squeeze=False)[0], groups, strict=True):
         ends = [end for c in group for end in (c.low, c.percent, c.high) if c.told and math.isfinite(end)] or [
             -100.0,

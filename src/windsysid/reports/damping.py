@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from windsysid.monitoring.separation import Separation, Split
 from windsysid.output.table import Table
+from windsysid.reports.canvas import canvas
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 
@@ -14,7 +15,7 @@ __all__ = ["figure", "files"]
 COLUMNS = 3
 
 
-def figure(separation: Separation) -> Figure:
+def figure(separation: Separation, place: Axes | None = None) -> Figure:
     """Draw every record's damping in % of critical: structure's share, air's share, and the record's own value."""
     splits, states = separation.splits, separation.states
     columns = min(COLUMNS, len(splits))
@@ -24,7 +25,7 @@ def figure(separation: Separation) -> Figure:
         key=lambda i: (not states[i].parked, states[i].rotor_speed, states[i].wind_speed or 0.0),
     )
     width = max(3.4, 1.2 + 0.75 * len(states))
-    drawn = Figure(figsize=(width * columns, 3.2 * rows + 0.4), layout="constrained")
+    drawn = canvas((width * columns, 3.2 * rows + 0.4), place)
     panels = drawn.subplots(rows, columns, squeeze=False).ravel()
     for ax, split in zip(panels, splits, strict=False):
         _panel(ax, split, order, separation.base)

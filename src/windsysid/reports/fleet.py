@@ -11,6 +11,7 @@ from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
+from windsysid.reports.canvas import canvas
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 
@@ -20,11 +21,11 @@ POINTS = 400
 """Points shown of a level."""
 
 
-def figure(overview: Overview) -> Figure:
+def figure(overview: Overview, place: Axes | None = None) -> Figure:
     """Levels of every coefficient since the end of learning, and turbines against their sisters."""
     names = list(dict.fromkeys(s.name for one in overview.watches.values() for s in one.series if _shown(s.name)))
     rows = max(len(names), 1)
-    drawn = Figure(figsize=(12.0, 0.6 + 2.1 * rows), layout="constrained")
+    drawn = canvas((12.0, 0.6 + 2.1 * rows), place)
     panels = drawn.subplots(rows, 2, squeeze=False, width_ratios=[3, 2])
     named = {name for event in overview.events for name in event.turbine.split(", ") if event.kind != "sensor"}
     for (left, right), name in zip(panels, names, strict=False):

@@ -1,5 +1,6 @@
 """An identification as a figure."""
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.reports.bands import coefficient_bands
@@ -9,6 +10,7 @@ from windsysid.results.identification import Identification
 __all__ = ["figure"]
 
 
-def figure(found: Identification) -> Figure:
+def figure(found: Identification, place: Axes | None = None) -> Figure:
     """The history of every coefficient with its band and reference; the bands alone where spectra left no history."""
-    return coefficient_bands(found) if found.formulation == "spectral" else coefficient_histories(found)
+    draw = coefficient_bands if found.formulation == "spectral" else coefficient_histories
+    return draw(found, place=place)

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.output.table import Table
+from windsysid.reports.canvas import canvas
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.spectral.operational import OperationalMode, OperationalModes
@@ -18,11 +19,11 @@ COLUMNS = 4
 MOST_LINES = 4000
 
 
-def figure(found: OperationalModes) -> Figure:
+def figure(found: OperationalModes, place: Axes | None = None) -> Figure:
     """The spectrum of all channels with the modes, and in each band the model on it."""
     bands = found.bands[:MOST_SHAPES]
     rows = -(-len(bands) // COLUMNS)
-    drawn = Figure(figsize=(11.0, 3.4 + 2.2 * rows), layout="constrained")
+    drawn = canvas((11.0, 3.4 + 2.2 * rows), place)
     grid = drawn.add_gridspec(1 + rows, COLUMNS, height_ratios=[1.5, *[1.0] * rows])
     above = drawn.add_subplot(grid[0, :])
     _spectrum(above, found)

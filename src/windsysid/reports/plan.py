@@ -3,11 +3,13 @@
 import math
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from windsysid.identification.planning import Plan, percent, spell
 from windsysid.output.table import Table
+from windsysid.reports.canvas import single
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.results.directions import standard_deviations
@@ -24,7 +26,7 @@ LABEL_SHARE_FACTOR = 1.12
 """Factor within which curves share a label."""
 
 
-def figure(plan: Plan) -> Figure:
+def figure(plan: Plan, place: Axes | None = None) -> Figure:
     """±2σ of every parameter against duration, with the wish and the planned duration.
 
     Stiffness is blue, damping orange, anything else grey.
@@ -33,8 +35,7 @@ def figure(plan: Plan) -> Figure:
     needed = [duration for duration in map(plan.needed, seen) if duration < 100.0 * plan.duration]
     time = np.geomspace(plan.start_seconds, max(3.0 * max([plan.duration, *needed]), 10.0 * plan.start_seconds), 60)
     sigmas = np.array([standard_deviations(plan.information(t)) for t in time])
-    drawn = Figure(figsize=(9.0, 5.2), layout="constrained")
-    ax = drawn.subplots()
+    drawn, ax = single((9.0, 5.2), place)
     groups: list[tuple[str, float, list[str]]] = []
     for name in sorted(seen, key=lambda name: sigmas[-1, plan.names.index(name)]):
         curve = 100.0 * SIGMAS * sigmas[:, plan.names.index(name)]

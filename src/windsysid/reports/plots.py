@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.records.record import Record
+from windsysid.reports.canvas import canvas
 from windsysid.results.diagnosis import PEAK_MAX_LEVEL
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
@@ -54,19 +55,22 @@ def symbol(name: str) -> str:
     return f"${letter}_{{{of}}}$" if of else f"${letter}$"
 
 
-def coefficient_histories(identification: Identification, names: Sequence[str] | None = None) -> Figure:
+def coefficient_histories(
+    identification: Identification, names: Sequence[str] | None = None, *, place: Axes | None = None
+) -> Figure:
     """Estimate, ±2σ band and reference of each coefficient over the record, off the file by (Eq 24) below."""
     names = list(names or [e.name for e in identification.estimates])
     columns = min(4 if len(names) > 6 else 3, len(names))
     rows = -(-len(names) // columns)
     width, height, legend = 12.6 / columns, 3.3, 0.3
-    figure = Figure(figsize=(12.6, rows * height + legend))
+    size = 12.6, rows * height + legend
+    figure = Figure(figsize=size) if place is None else canvas(size, place)
     for i, name in enumerate(names):
         known = identification[name].reference is not None
         left, bottom = i % columns * width, (rows - 1 - i // columns) * height
         axes = _panels(
             figure, (left + 0.8, bottom + 0.46, left + width - 0.12, bottom + height - 0.2),
-            heights=[3, 1.4] if known else [1], apart=(0.0, 0.14),
+            heights=[3, 1.4] if known else [1], apart=(0.0, 0.14), size=size,
         )[:, 0]  # fmt: skip
         _history(axes[0], identification, name)
         if known:
@@ -80,14 +84,15 @@ def coefficient_histories(identification: Identification, names: Sequence[str] |
 def _panels(
     figure: Figure, box: tuple[float, float, float, float], *,
     heights: Sequence[float], widths: Sequence[float] = (1.0,), apart: tuple[float, float],
+    size: tuple[float, float] | None = None,
 ) -> NDArray[Any]:  # fmt: skip
     """Axes (rows, columns) over common times in a `box` (left, bottom, right, top), `apart` from each other across and
-    down, all in inches.
+    down, all in inches of a figure of some `size`, its own by default.
 
     Matplotlib's constrained layout finds such margins by measuring every label, which takes longer than the drawing.
     """
     (left, bottom, right, top), (across, down) = box, apart
-    width, height = figure.get_size_inches()
+    width, height = size or figure.get_size_inches()
     grid = figure.add_gridspec(
         len(heights), len(widths), height_ratios=heights, width_ratios=widths,
         left=left / width, right=right / width, bottom=bottom / height, top=top / height,
@@ -140,15 +145,8 @@ def _error(ax: Axes, identification: Identification, name: str) -> None:
     ax.set_ylabel("off file [%]")
     ax.yaxis.set_major_locator(LogLocator(numticks=4))
     ax.minorticks_off()
-    ax.text(
-        0.98,
-        0.92,
-        f"mean {float(f'{np.mean(errors):.2g}'):g} %",
-        transform=ax.transAxes,
-        ha="right",
-        va="top",
-        fontsize=8,
-    )
+    mean = f"mean {float(f'{np.mean(errors):.2g}'):g} %"
+    ax.text(0.98, 0.92, mean, transform=ax.transAxes, ha="right", va="top", fontsize=8)
     tidy(ax)
 
 

@@ -1,9 +1,11 @@
 """A profile of the posterior as a figure."""
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.identification.profile import Profile, interpolate_on
+from windsysid.reports.canvas import single
 from windsysid.reports.plots import BAND, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
@@ -11,10 +13,9 @@ from windsysid.units import unit_text
 __all__ = ["figure"]
 
 
-def figure(profile: Profile) -> Figure:
+def figure(profile: Profile, place: Axes | None = None) -> Figure:
     """The profile, its band, and the parabola that the Gaussian band stands for."""
-    drawn = Figure(figsize=(6.4, 4.2), layout="constrained")
-    ax = drawn.subplots()
+    drawn, ax = single((6.4, 4.2), place)
     grid = np.linspace(profile.values[0], profile.values[-1], 200)
     root = np.sign(profile.values - profile.estimate) * np.sqrt(-2.0 * profile.log_posterior)
     low, high = max(profile.low, profile.values[0]), min(profile.high, profile.values[-1])

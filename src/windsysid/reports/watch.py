@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 
@@ -10,6 +11,7 @@ from windsysid._types import Array
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
+from windsysid.reports.canvas import canvas
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.units import unit_text
@@ -23,12 +25,12 @@ POINTS = 3000
 """Blocks shown of a long series; alarms and levels are shown whole."""
 
 
-def figure(watch: Watch) -> Figure:
+def figure(watch: Watch, place: Axes | None = None) -> Figure:
     """Every series with its level, ±2σ band and alarms on the left, the statistic of its test on the right."""
     when = _moments(watch, watch.blocks.time)
     some = slice(None, None, -(-len(when) // POINTS))
     size = 2.0 if len(when) > FEW else 4.0
-    drawn = Figure(figsize=(12.0, 0.6 + 1.45 * len(watch.series)), layout="constrained")
+    drawn = canvas((12.0, 0.6 + 1.45 * len(watch.series)), place)
     panels = drawn.subplots(len(watch.series), 2, squeeze=False, sharex=True, width_ratios=[3, 2])
     for (left, right), s in zip(panels, watch.series, strict=True):
         left.fill_between(when[some], s.low[some], s.high[some], color=BAND, lw=0)
