@@ -1,6 +1,6 @@
 """A PostgreSQL server of one's own, in a temporary folder, reached through a socket in it.
 
-It flushes nothing to the disk: processes are killed here, machines are not.
+Unless told to, it flushes nothing to the disk: processes are killed here, machines are not.
 """
 
 import contextlib
@@ -37,8 +37,8 @@ def _lives(process: int) -> bool:
 class Server:
     """A server, which may be stopped as a power cut does and started again."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, flush: bool) -> None:
+        self.folder, self._flush = folder, flush
         self.url = f"postgresql://postgres@/postgres?host={folder}"
         self._run(
             "initdb", "-D", "data", "-U", "postgres", "-A", "trust", "-E", "UTF8", "--no-sync", "--locale=C.UTF-8"
@@ -52,7 +52,7 @@ class Server:
 
     def start(self) -> None:
         """Start it, and wait until it answers."""
-        options = f"-c listen_addresses='' -k {self.folder} -c shared_buffers=16MB -c fsync=off"
+        options = f"-c listen_addresses='' -k {self.folder} -c shared_buffers=16MB -c fsync={self._flush}"
         self._run("pg_ctl", "-D", "data", "-w", "-t", "120", "-l", "log", "-o", options, "start")
 
     def kill(self) -> None:
@@ -85,7 +85,7 @@ class Server:
 
 
 @contextmanager
-def postgres() -> Iterator[Server]:
+def postgres(*, flush: bool = False) -> Iterator[Server]:
     """A server that runs; MissingServerError where none is installed."""
     if _program("initdb") is None or (USER and shutil.which("runuser") is None):
         raise MissingServerError("no PostgreSQL server is installed")
@@ -93,7 +93,7 @@ def postgres() -> Iterator[Server]:
         folder = Path(name)
         if USER:
             shutil.chown(folder, USER)
-        server = Server(folder)
+        server = Server(folder, flush)
         server.start()
         try:
             yield server

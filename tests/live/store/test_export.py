@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from tests.live.store.test_store import submit
-from tests.live.store.things import SECOND, WINDOW, level, result
+from tests.live.store.things import SECOND, WINDOW, level, result, status
 from windsysid.errors import ConfigurationError, OutputError
 from windsysid.fleet.archive import files_of, read_table, turbines_of
 from windsysid.fleet.rows import Row, empty_row
@@ -90,6 +90,7 @@ def test_levels_become_netcdf_with_units_and_times(store: SqlStore, row: Row, tm
     export_levels(store, tmp_path / "levels")
 
 
-def test_levels_of_nobody_are_refused_in_one_line(store: SqlStore):
-    with pytest.raises(OutputError, match="no levels yet"):
-        levels_dataset(store, "T09")
+def test_turbines_without_levels_have_no_file(store: SqlStore, row: Row, tmp_path: Path):
+    submit(store, Commit(results=[window(row, 0)._replace(levels=[])], statuses=[status("T02")]))
+    assert export_levels(store, tmp_path / "levels") == []
+    assert levels_dataset(store, "T09").sizes == {"time": 0}

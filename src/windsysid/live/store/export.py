@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from windsysid.errors import OutputError
 from windsysid.fleet.archive import add_rows, claim_archive, day_of, known_sources, place_of
 from windsysid.fleet.members import Member
 from windsysid.live.store.keep import DAY
@@ -76,7 +75,7 @@ def export_levels(store: SqlStore, folder: str | Path) -> list[Path]:
     Returns
     -------
     list of Path
-        The files.
+        The files: none of a turbine without levels.
 
     Raises
     ------
@@ -90,10 +89,11 @@ def export_levels(store: SqlStore, folder: str | Path) -> list[Path]:
     written = []
     for turbine in store.turbines():
         Member(turbine, "")
-        if store.extent(turbine) is None:
+        found = levels_dataset(store, turbine)
+        if not found.sizes["time"]:
             continue
         path = Path(folder) / f"levels_{turbine}.nc"
-        content = bytes(levels_dataset(store, turbine).to_netcdf(engine="h5netcdf"))
+        content = bytes(found.to_netcdf(engine="h5netcdf"))
         with explain_errors(str(path), "choose a folder you may write to, with space left"):
             path.parent.mkdir(parents=True, exist_ok=True)
             replace_file(path, partial(_write, content))
@@ -117,8 +117,6 @@ def levels_dataset(store: SqlStore, turbine: str) -> "xr.Dataset":
 
     Raises
     ------
-    OutputError
-        If there are none.
     StoreError
         If the store cannot be read.
     """
@@ -135,8 +133,6 @@ def levels_dataset(store: SqlStore, turbine: str) -> "xr.Dataset":
             named = series.setdefault(level.name, ({"units": level.unit or "1", "kind": level.kind}, [], []))
             named[1].append(len(times) - 1)
             named[2].append(level[3:])
-    if not times:
-        raise OutputError(f"turbine '{turbine}': there are no levels yet: wait for its first window")
     variables: dict[str, Any] = {}
     for name, (attrs, places, numbers) in series.items():
         values = np.full((len(times), 8), np.nan)
