@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -195,6 +196,14 @@ def test_a_full_buffer_drops_the_oldest_and_says_so(tmp_path: Path, caplog: pyte
         kept = len(publisher.ring)
         assert publisher.dropped == 40 - kept > 0
     assert f"({publisher.dropped} in all)" in caplog.text
+
+
+def test_a_block_that_no_message_holds_is_refused_at_once():
+    block = block_of(1)
+    with Publisher(Broker(f"mqtt://127.0.0.1:{free_port()}")) as publisher:
+        with pytest.raises(BlockRefused, match="send shorter blocks"):
+            publisher.send(block, replace(block, sequence=2, values=np.zeros((300_000, 2), np.float32)))
+        assert len(publisher.ring) == 0
 
 
 def test_users_passwords_and_tls(tmp_path: Path):

@@ -17,15 +17,28 @@ from urllib.parse import urlsplit
 from windsysid.errors import ConfigurationError
 from windsysid.live.settings import Broker
 
-__all__ = ["TOPIC", "Marks", "Topics", "connect", "marks_of", "needed", "new_client", "properties_of"]
+__all__ = [
+    "LONGEST_PAYLOAD",
+    "TOPIC",
+    "Marks",
+    "Topics",
+    "connect",
+    "marks_of",
+    "needed",
+    "new_client",
+    "properties_of",
+]
 
 TOPIC = "windsysid/{turbine}/blocks"
 """Of blocks."""
 
+LONGEST_PAYLOAD = 2_000_000
+"""Of a message [bytes]: the broker hands longer ones to no service."""
+
 KEEPALIVE = 20
 """A connection that is silent for half as long again is lost [s]."""
 
-PATIENCE = 10.0
+PATIENCE = 5.0
 """For a connection to be made [s]."""
 
 

@@ -49,7 +49,7 @@ class FolderSource:
     """Takes in the files of a folder, in the order of their names, those that are there and those that come.
 
     A file that cannot be read is tried again when it has changed. One that grows after it was taken is taken from where
-    it ended. What one file says of a moment, a later file does not say again: blocks are known by their start.
+    it ended. When the service starts, files that are there are brought once more: blocks are known by their start.
 
     Parameters
     ----------
@@ -61,8 +61,6 @@ class FolderSource:
         Of their names.
     mapping
         What their columns are.
-    after
-        Blocks up to this start [ns since 1970] are committed: they are not brought again when the service starts.
     """
 
     def __init__(
@@ -72,9 +70,8 @@ class FolderSource:
         *,
         pattern: str = "*",
         mapping: str | Path | Mapping | None = None,
-        after: int = 0,
     ) -> None:
-        self.path, self.turbine, self.pattern, self.mapping, self.after = Path(path), turbine, pattern, mapping, after
+        self.path, self.turbine, self.pattern, self.mapping = Path(path), turbine, pattern, mapping
         self.state = SourceState()
         self._seen: dict[Path, _Face] = {}
         self._taken: dict[Path, _Face] = {}
@@ -163,9 +160,7 @@ class FolderSource:
                 )
             fresh = piece if until is None else _behind(piece, until)
             if fresh is not None:
-                for block in blocks_of(fresh, self.turbine, begin, seconds=BLOCK):
-                    if block.start > self.after:
-                        yield block
+                yield from blocks_of(fresh, self.turbine, begin, seconds=BLOCK)
                 self._until[path] = float(fresh.time[-1])
 
 

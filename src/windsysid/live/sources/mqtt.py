@@ -19,7 +19,7 @@ from typing import Any
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, Limits, decode
 from windsysid.live.settings import Broker
-from windsysid.live.sources.broker import TOPIC, Marks, Topics, connect, marks_of, new_client
+from windsysid.live.sources.broker import LONGEST_PAYLOAD, TOPIC, Marks, Topics, connect, marks_of, new_client
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 
 __all__ = ["MqttSource"]
@@ -31,9 +31,6 @@ ON_THEIR_WAY = 1000
 
 KEPT = 7 * 86_400
 """How long the broker keeps messages for a service that is away [s]."""
-
-LONGEST_PAYLOAD = 2_000_000
-"""Of a message [bytes]: the broker keeps longer ones back."""
 
 TOLD_EVERY = 0.1
 """How often publishers are told what is committed [s]."""
@@ -132,7 +129,11 @@ class MqttSource:
 
 
 class _Session:
-    """One connection: messages come in the client's thread, and a thread of ours takes them in, one after the other."""
+    """One connection: messages come in the client's thread, and a thread of ours takes them in, one after the other.
+
+    They are acknowledged as they are committed, not in the order in which they came: the engine holds back the blocks
+    of a turbine that is behind, and the others' must not wait for them.
+    """
 
     def __init__(self, source: MqttSource, push: Push) -> None:
         self._source, self._push = source, push

@@ -6,6 +6,7 @@ no history that could be asked.
 """
 
 import asyncio
+import contextlib
 import logging
 import math
 import time
@@ -33,6 +34,9 @@ BLOCK = 5.0
 
 PATIENCE = 4.0
 """For an answer of the server [s]."""
+
+LAST_WAIT = 2.0
+"""For the store to take the last blocks when the service ends [s]."""
 
 LATE = 0.5
 """Of a period: an answer that comes later is of another moment, and missing."""
@@ -98,7 +102,8 @@ class OpcuaSource:
                 if not stop.is_set():
                     logger.warning("%s: %s; trying again", self.describe(), why)
                     self.state = self.state._replace(state="trying", text=why)
-            await asyncio.wait([bringing, asyncio.create_task(self._blocks.join())], return_when="FIRST_COMPLETED")
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._blocks.join(), LAST_WAIT)
         finally:
             bringing.cancel()
         self.state = self.state._replace(state="ended")

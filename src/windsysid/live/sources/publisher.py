@@ -18,9 +18,18 @@ from types import TracebackType
 from typing import Any
 
 from windsysid.live.block import Block
-from windsysid.live.codec import encode_arrow
+from windsysid.live.codec import BlockRefused, encode_arrow
 from windsysid.live.settings import Broker
-from windsysid.live.sources.broker import TOPIC, Marks, Topics, connect, needed, new_client, properties_of
+from windsysid.live.sources.broker import (
+    LONGEST_PAYLOAD,
+    TOPIC,
+    Marks,
+    Topics,
+    connect,
+    needed,
+    new_client,
+    properties_of,
+)
 from windsysid.live.sources.ring import Flow, Packed, Ring
 
 __all__ = ["Publisher"]
@@ -125,10 +134,15 @@ class Publisher:
 
         Raises
         ------
+        BlockRefused
+            If one is too long for a message: none of the blocks is kept.
         OutputError
             If the buffer cannot be written: the blocks are not kept.
         """
         packed = [(Flow(block.turbine, block.stream), Packed(block.sequence, encode_arrow(block))) for block in blocks]
+        longest = max((len(block.payload) for _, block in packed), default=0)
+        if longest > LONGEST_PAYLOAD:
+            raise BlockRefused(f"block of {longest} bytes: expected {LONGEST_PAYLOAD} at most; send shorter blocks")
         with self._changed:
             new = []
             newest = dict(self._newest)
