@@ -19,7 +19,7 @@ __all__ = ["export", "live"]
 @app.command()
 def live(
     config: Annotated[
-        Path | None, typer.Argument(metavar="[CONFIG]", help="TOML file of turbines and sources (docs/live.md).")
+        Path | None, typer.Argument(metavar="CONFIG", help="TOML file of turbines and sources (docs/live.md).")
     ] = None,
     demo: Annotated[
         bool, typer.Option("--demo", help="Follow three simulated towers, faster than life; nothing is kept.")
