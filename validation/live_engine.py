@@ -58,7 +58,6 @@ def speed(turbines: int, rate: float, hours: float, *, workers: int, pace: float
     engine = Engine([Followed(Member(name, "tower")) for name in names], store, workers=workers)
     starts = {name: Windows.of(name, WINDOW).start(BEGIN) for name in names}
     seconds, decoding, waits = round(3600.0 * hours), 0.0, _Waits()
-    count = round(3600.0 * hours / WINDOW) * round(WINDOW)
     begun, process, own = time.monotonic(), time.process_time(), time.thread_time()
     print(
         f"{turbines} turbines, {rate:g} Hz, 2 channels, blocks of 1 s, {hours:g} h of each; {workers} workers",
@@ -71,7 +70,7 @@ def speed(turbines: int, rate: float, hours: float, *, workers: int, pace: float
             time.sleep(max(0.0, begun + k / pace - time.monotonic()))
         for i, name in enumerate(names):
             at = time.thread_time()
-            payload = payloads[i % RECORDS][k % count % len(payloads[0])]
+            payload = payloads[i % RECORDS][k % len(payloads[0])]
             block = decode(payload, turbine=name)
             decoding += time.thread_time() - at
             block = replace(block, sequence=k, start=starts[name] + k * SECOND)
@@ -204,10 +203,11 @@ def coverage(towers: int, windows: int, first: int, *, workers: int, rate: float
                 truth = truths[name][level.name]
                 _judge(inside, ("last level", level.name), truth, level.level, level.level_low, level.level_high)
     print(f"{towers} towers, {windows} windows of {WINDOW:g} s at {rate:g} Hz, seeds from {first}")
-    print(f"{'':<12}{'':<16}{'bands':>7} {'hold the truth':>15} {'rms error in σ':>15}")
+    print(f"{'':<12}{'':<16}{'bands':>7} {'hold the truth':>15} {'mean error in σ':>16} {'rms':>5}")
     for (kind, series), z in sorted(inside.items(), reverse=True):
         held = float(np.mean(np.abs(z) <= 2.0))
-        print(f"{kind:<12}{series:<16}{len(z):7d} {100 * held:13.1f} % {float(np.sqrt(np.mean(np.square(z)))):15.2f}")
+        told = f"{100 * held:13.1f} % {np.mean(z):16.2f} {np.sqrt(np.mean(np.square(z))):5.2f}"
+        print(f"{kind:<12}{series:<16}{len(z):7d} {told}")
     for kind in ("window", "last level"):
         z = list(itertools.chain.from_iterable(z for key, z in inside.items() if key[0] == kind))
         held = float(np.mean(np.abs(z) <= 2.0)) if z else float("nan")
