@@ -79,7 +79,6 @@ def test_what_leaves_is_in_the_belief_before_what_is_kept():
     for one in (follower, again):
         one.append(0.0, SIGMA)
     x = np.zeros((251, 1))
-    follower._head = None
     ends = [one.follow(x[-1:], lambda: x, LIMIT) for one in (follower, again)]
     assert ends[0] == ends[1]
     assert ends[0].level == pytest.approx(np.append(y, 0.0).mean(), abs=2.0 * SIGMA / 20.0)

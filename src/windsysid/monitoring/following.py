@@ -173,6 +173,7 @@ class Follower:
         if before is not None and kept.rates is not None:
             y, r, freed = (part[:count] for part in self._cleared(x))
             before = track(y, r, x[:count], before, kept.rates, freed=freed, test=False).belief
+        self._head = None
         first = kept.let_go + count
         self.kept = kept._replace(
             y=kept.y[count:], std=kept.std[count:], let_go=first, before=before,
