@@ -271,7 +271,12 @@ def test_what_an_engine_says_is_shown_and_measured(store):
         windows, behind = 3, 40.0
 
     class State:
-        samples, rate, seconds, turbines = 4_000_000, 2.5, {"blocks": 4.0, "estimates": 20.0}, {"T01": OfTurbine()}
+        samples, rate, seconds, turbines = (
+            4_000_000,
+            2.5,
+            {"blocks": 4.0, "estimates": 20.0},
+            {name: OfTurbine() for name in ("T01", "T09")},
+        )
 
     class Engine:
         def state(self):
@@ -285,6 +290,8 @@ def test_what_an_engine_says_is_shown_and_measured(store):
     assert found["service"] == {"blocks_per_second": 2.5, "cost_per_sample": 6.0}
     first = next(one for one in found["turbines"] if one["name"] == "T01")
     assert (first["windows_waiting"], first["behind"]) == (3, 40.0)
+    for path in ("", "/levels", "/results"):  # of one that has sent nothing yet
+        assert client.get(f"/api/turbines/T09{path}").status_code == 200
     told = client.get("/metrics").text
     assert 'windsysid_behind_seconds{turbine="T01"} 40' in told
     assert {

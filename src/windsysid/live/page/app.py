@@ -177,7 +177,7 @@ def _turbines(store: Store, engine: Engine | None, newest: Newest, door: Door) -
     router = APIRouter(prefix="/api/turbines/{turbine}", dependencies=[Depends(door)], responses=UNKNOWN)
 
     def known(turbine: Name) -> str:
-        if turbine not in store.turbines():
+        if turbine not in store.turbines() and (engine is None or turbine not in engine.state().turbines):
             raise HTTPException(404, "there is no turbine of this name")
         return turbine
 

@@ -34,6 +34,9 @@ VERDICTS: tuple[models.Verdict, ...] = ("moved", "sensor", "silent", "unsure", "
 
 SEVERITIES = ("alarm", "warning", "notice")
 
+MOST_OPEN = 10_000
+"""Open alarms of all turbines that an overview counts: what is beyond, nobody reads any more."""
+
 MULTIPLES = 4
 """Multiples of the number of blades that are looked at beside 1P."""
 
@@ -51,7 +54,7 @@ def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, 
     turbines = state.turbines if state is not None else {}
     statuses = {status.turbine: status for status in store.statuses()}
     healths = _by_turbine(store.healths())
-    alarms = _by_turbine(store.alarms(open_only=True))
+    alarms = _by_turbine(store.alarms(open_only=True, most=MOST_OPEN))
     names = sorted({*store.turbines(), *turbines})
     results = newest.of(names)
     summaries = [
