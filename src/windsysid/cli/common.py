@@ -22,7 +22,7 @@ __all__ = [
 ]
 
 app = typer.Typer(
-    add_completion=False,
+    add_completion=True,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="Identify the stiffness and damping of a wind turbine from its vibration.",

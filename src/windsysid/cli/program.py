@@ -26,7 +26,7 @@ def main() -> None:
     show_what_can_be_shown()
     try:
         try:
-            app()
+            app(prog_name="windsysid")
         finally:
             sys.stdout.flush()
     except WindsysidError as error:
