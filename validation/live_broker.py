@@ -79,7 +79,13 @@ def serve(port: int, home: Path, turbines: list[str], window: float, report: Pat
 
     async def run() -> None:
         stop = asyncio.Event()
-        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
+
+        def end() -> None:
+            if report is not None and timing is not None:  # while the threads still are
+                report.write_text(json.dumps(timing.told() | {"refused": source.state.refused}))
+            stop.set()
+
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, end)
         running = asyncio.ensure_future(source.run(timing.push if timing else engine.push, stop))
         while not running.done():
             done, _ = await asyncio.wait([running], timeout=0.1)
@@ -89,8 +95,6 @@ def serve(port: int, home: Path, turbines: list[str], window: float, report: Pat
                 running.result()
 
     asyncio.run(run())
-    if report is not None and timing is not None:
-        report.write_text(json.dumps(timing.told() | {"refused": source.state.refused}))
     engine.drain(4.0)
     store.close()
 
@@ -150,7 +154,9 @@ def load(port: int, turbines: list[str], seconds: float) -> None:
     """Loggers of many turbines in real time: 100 Hz, blocks of 1 s that end when they are sent."""
     rng = np.random.default_rng(1)
     values = [rng.standard_normal((100, 2)).astype(np.float32) for _ in range(16)]
+    encode_arrow(block_of(0, TURBINES[0]))  # loads what it needs
     with Publisher(Broker(f"mqtt://127.0.0.1:{port}"), patience=30.0) as publisher:
+        until(lambda: publisher.connected, "the broker is there")
         began = time.time() + 1.0
         for k in range(round(seconds) * len(turbines)):
             due = began + k / len(turbines)
@@ -370,7 +376,7 @@ def timed(turbines: int, seconds: float, home: Path) -> str:
         parts.close()
     told = json.loads((home / "report.json").read_text())
     stages = np.array(told["stages"])
-    stages = stages[round(0.1 * len(stages)) :]  # the first ones wait for what is loaded once
+    stages = stages[len(stages) // 3 :]  # the first ones wait for what is loaded once
     came, taken, committed = stages.T
     late = committed[round(0.8 * len(committed)) :]
     parts_of = {
