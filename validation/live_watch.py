@@ -5,8 +5,8 @@ that moves the damping, a wander that no covariate explains, scatter 1.2 times t
 is simulated or identified. Each becomes the row that an identification would give, and
 `windsysid.live.watching.Watching` takes it in as the service does. A watch learns a day.
 
-- False alarms: k_x, c_x and k_beta_1 of nrel5mw and the noise of a sensor, in wind of 12 m/s; watches of three weeks, so
-  that most of it is a young watch's.
+- False alarms: k_x, c_x and k_beta_1 of nrel5mw and the noise of a sensor, in wind of 12 m/s; watches of three weeks,
+  so that most of it is a young watch's.
 - Delays: one coefficient, at the threshold that all of the turbine's together have, 3 or 30 days after the watch began.
 - Causes: k_x, c_x and a noise, of which the structure, a sensor's noise, or a sensor's gain changes; a gain moves
   coefficients and trust, as ``python -m validation.years --faults`` found.
@@ -204,10 +204,11 @@ def main() -> None:
     parser.add_argument("--watches", type=int, default=16, help="watches without a change, at each rate")
     parser.add_argument("--days", type=float, default=21.0, help="how long each of them lasts, a week or more")
     parser.add_argument("--trials", type=int, default=12, help="trials of each change, and of each wander")
+    parser.add_argument("--before", type=float, nargs="+", default=[3.0, 30.0], help="days that a watch is old")
     parser.add_argument("--only", choices=("alarms", "delays", "causes", "bands"), help="one of the tables")
     options = parser.parse_args()
-    if min(options.watches, options.trials) < 1 or not 7.0 <= options.days <= 3660.0:
-        raise SystemExit("--watches, --trials: expected 1 or more; --days: expected 7 to 3660")
+    if min(options.watches, options.trials) < 1 or not 7.0 <= options.days <= 3660.0 or min(options.before) < 1.5:
+        raise SystemExit("--watches, --trials: expected 1 or more; --days: expected 7 to 3660; --before: 1.5 or more")
     place = site("nrel5mw", WIND)
     trials = range(options.trials)
     with ProcessPoolExecutor() as pool:
@@ -215,7 +216,7 @@ def main() -> None:
             table = Table(title="From a change of k_x to its alarm", title_justify="left")
             for heading in ("change", "days before", "seen", "median", "90 %", "when within", "size within", "others"):
                 table.add_column(heading, justify="left" if heading == "change" else "right")
-            for i, (days, factor) in enumerate((days, factor) for days in (3.0, 30.0) for factor in SIZES):
+            for i, (days, factor) in enumerate((days, factor) for days in options.before for factor in SIZES):
                 seeds = [FIRST_SEED + 1000 * i + k for k in trials]
                 found = _delays(list(pool.map(partial(delay, place, factor, days), seeds)))
                 seen = int(np.isfinite(found.seconds).sum())
