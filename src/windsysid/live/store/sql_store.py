@@ -342,7 +342,7 @@ class SqlStore:
         between = (FIRST if since is None else since, LAST if until is None else until)
         if most is None:
             return "window_start BETWEEN ? AND ? - 1", between
-        return sql.EVERY_SO_MANIETH.format(table=table), (turbine, *between, most, most)
+        return f"window_start IN ({sql.EVERY_SO_MANIETH.format(table=table)})", (turbine, *between, most, most)
 
     def alarms(self, *, turbine: str | None = None, open_only: bool = False, most: int = 500) -> list[Alarm]:
         """The newest first."""

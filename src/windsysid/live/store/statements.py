@@ -81,10 +81,10 @@ EVENTS = """SELECT event, at, turbine, kind, key FROM (
             SELECT * FROM results WHERE event > ? ORDER BY event LIMIT ?) AS newest
     ) AS journal ORDER BY event LIMIT ?"""
 
-EVERY_SO_MANIETH = """window_start IN (SELECT window_start FROM (
+EVERY_SO_MANIETH = """SELECT window_start FROM (
         SELECT window_start, row_number() OVER (ORDER BY window_start DESC) AS place, count(*) OVER () AS windows
         FROM {table} WHERE turbine = ? AND window_start >= ? AND window_start < ?) AS numbered
-    WHERE (place - 1) % ((windows + ? - 1) / ?) = 0)"""
+    WHERE (place - 1) % ((windows + ? - 1) / ?) = 0"""
 """The newest is always among them."""
 
 LEVELS_OF = "SELECT window_start, content FROM levels WHERE turbine = ? AND {windows} ORDER BY window_start"
