@@ -86,7 +86,7 @@ def try_on(python: str, wheel: Path, folder: Path) -> str:
     return f"installed in {installed - begun:.0f} s, README in {time.monotonic() - installed:.0f} s"
 
 
-def _run(command: Sequence[str | Path], folder: Path, **environment: str) -> None:
+def _run(command: Sequence[object], folder: Path, **environment: str) -> None:
     clean = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     done = subprocess.run(
         [str(word) for word in command], cwd=folder, env={**clean, **environment}, capture_output=True, text=True,

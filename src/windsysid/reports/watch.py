@@ -57,7 +57,7 @@ def figure(watch: Watch, place: Axes | None = None) -> Figure:
         if watch.blocks.begin is None:
             ax.set_xlabel("day")
         else:
-            ax.xaxis.set_major_formatter(ConciseDateFormatter(ax.xaxis.get_major_locator()))
+            ax.xaxis.set_major_formatter(ConciseDateFormatter(ax.xaxis.get_major_locator()))  # type: ignore[no-untyped-call]
     return drawn
 
 
