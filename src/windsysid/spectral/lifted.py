@@ -42,6 +42,10 @@ NYQUIST_SHARE = 0.8
 """Of half the sampling rate: no frequency above it is used, and no line."""
 
 
+LANES = 64
+"""Samples that are worked on side by side."""
+
+
 class Lifted(NamedTuple):
     """The lifted spectrum of a record.
 
@@ -152,28 +156,52 @@ def _kernels() -> tuple[Any, Any]:
 
 
 def _add_up(readings: Any, azimuth: Any, weights: Any, sums: Any, seen: Any) -> None:
-    """Σ h² e^{−ijψ} (2 lines + 1,) and Σ h² y e^{−ikψ} (lines + 1, m)."""
+    """Σ h² e^{−ijψ} (2 lines + 1,) and Σ h² y e^{−ikψ} (lines + 1, m), `LANES` samples side by side."""
     lines, m = seen.shape[0] - 1, readings.shape[1]
-    for t in range(len(azimuth)):
-        turn = complex(math.cos(azimuth[t]), -math.sin(azimuth[t]))
-        power = complex(weights[t], 0.0)
+    across, along = np.zeros((2 * lines + 1, 2, LANES)), np.zeros((lines + 1, m, 2, LANES))
+    c, s, a, b = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    y = np.zeros((m, LANES))
+    for first in range(0, len(azimuth), LANES):
+        a[:], b[:] = 0.0, 0.0
+        for lane in range(min(LANES, len(azimuth) - first)):
+            c[lane], s[lane] = math.cos(azimuth[first + lane]), -math.sin(azimuth[first + lane])
+            a[lane] = weights[first + lane]
+            for i in range(m):
+                y[i, lane] = readings[first + lane, i]
         for j in range(2 * lines + 1):
-            sums[j] += power
             if j <= lines:
                 for i in range(m):
-                    seen[j, i] += power * readings[t, i]
-            power *= turn
+                    for lane in range(LANES):
+                        along[j, i, 0, lane] += a[lane] * y[i, lane]
+                        along[j, i, 1, lane] += b[lane] * y[i, lane]
+            for lane in range(LANES):
+                across[j, 0, lane] += a[lane]
+                across[j, 1, lane] += b[lane]
+                next_a = a[lane] * c[lane] - b[lane] * s[lane]
+                b[lane] = a[lane] * s[lane] + b[lane] * c[lane]
+                a[lane] = next_a
+    for j in range(2 * lines + 1):
+        sums[j] += complex(across[j, 0].sum(), across[j, 1].sum())
+    for j in range(lines + 1):
+        for i in range(m):
+            seen[j, i] += complex(along[j, i, 0].sum(), along[j, i, 1].sum())
 
 
 def _take_out(readings: Any, azimuth: Any, coefficients: Any, out: Any) -> None:
-    """Readings less Re Σ c_k e^{ikψ}, k = 0 … lines, by Horner's rule."""
+    """Readings less Re Σ c_k e^{ikψ}, k = 0 … lines, by Horner's rule, `LANES` samples side by side."""
     highest, m = coefficients.shape[0] - 1, readings.shape[1]
-    total = np.empty(m, dtype=np.complex128)
-    for t in range(len(azimuth)):
-        turn = complex(math.cos(azimuth[t]), math.sin(azimuth[t]))
-        total[:] = coefficients[highest]
-        for k in range(highest - 1, -1, -1):
-            for i in range(m):  # side by side: one sum after the other would wait for itself
-                total[i] = total[i] * turn + coefficients[k, i]
+    c, s, a, b = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    for first in range(0, len(azimuth), LANES):
+        many = min(LANES, len(azimuth) - first)
+        for lane in range(many):
+            c[lane], s[lane] = math.cos(azimuth[first + lane]), math.sin(azimuth[first + lane])
         for i in range(m):
-            out[t, i] = readings[t, i] - total[i].real
+            a[:], b[:] = coefficients[highest, i].real, coefficients[highest, i].imag
+            for k in range(highest - 1, -1, -1):
+                real, imag = coefficients[k, i].real, coefficients[k, i].imag
+                for lane in range(LANES):
+                    next_a = a[lane] * c[lane] - b[lane] * s[lane] + real
+                    b[lane] = a[lane] * s[lane] + b[lane] * c[lane] + imag
+                    a[lane] = next_a
+            for lane in range(many):
+                out[first + lane, i] = readings[first + lane, i] - a[lane]

@@ -84,8 +84,9 @@ def matrix_harmonics(
     rates = np.zeros((sets, points, n, 2 * n)), np.zeros((sets, points, n, n))
     seen = np.zeros((sets, points, m, 2 * n)), np.zeros((sets, points, m, n))
     _sweep()(
-        model.rates_jacobian, model.reading_jacobian, np.ascontiguousarray(parameters, dtype=np.float64),
-        np.ascontiguousarray(deflections, dtype=np.float64), u, where, len(model.identified), *rates, *seen,
+        _pointer(model.rates_jacobian), _pointer(model.reading_jacobian),
+        np.ascontiguousarray(parameters, dtype=np.float64), np.ascontiguousarray(deflections, dtype=np.float64),
+        u, where, len(model.identified), *rates, *seen,
     )  # fmt: skip
     mass = np.linalg.inv(rates[1])
     by_state = -mass @ rates[0]
@@ -159,6 +160,27 @@ def _series(values: Array) -> Complex:
         return out
     found = np.fft.fft(values, axis=-3) / points
     return np.asarray(np.take(found, np.arange(-HIGHEST, HIGHEST + 1) % points, axis=-3))
+
+
+class _Pointer(types.WrapperAddressProtocol):  # type: ignore[misc]
+    """A kernel as its address, which Numba otherwise looks up at every call, at the price of a hundred of them."""
+
+    def __init__(self, kernel: Any) -> None:
+        made = kernel.get_compile_result(JACOBIAN)
+        self._kernel, self._address = kernel, made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
+
+    def __wrapper_address__(self) -> int:
+        return int(self._address)
+
+    def signature(self) -> Any:
+        return JACOBIAN
+
+
+@lru_cache(maxsize=64)
+def _pointer(kernel: Any) -> _Pointer:
+    import numba.experimental.function_type  # noqa: F401  # tells Numba what an address is
+
+    return _Pointer(kernel)
 
 
 @lru_cache(maxsize=1)
