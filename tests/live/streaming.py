@@ -25,7 +25,8 @@ def blocks_of(
 ) -> list[Block]:
     """A record as blocks of `size` samples, or of the sizes given in turn."""
     sizes = [size] if isinstance(size, int) else list(size)
-    blocks, low = [], 0
+    blocks: list[Block] = []
+    low = 0
     while low < given.samples:
         high = min(low + sizes[len(blocks) % len(sizes)], given.samples)
         begin = start + round(low * SECOND / rate)

@@ -27,6 +27,7 @@ from windsysid.live.engine_state import EngineState, TurbineState
 from windsysid.live.estimate import Estimator, estimators
 from windsysid.live.follower import Followed, Follower, WindowTask
 from windsysid.live.gate import Gate
+from windsysid.live.open_alarms import TOO_LATE
 from windsysid.live.store.contents import Alarm, Commit, Severity, StoredBlock
 from windsysid.live.store.store import Store
 from windsysid.live.streams import StreamHealth, Verdict
@@ -69,8 +70,7 @@ class Engine:
     silence
         Seconds without a block after which a turbine is called silent.
     patience
-        Seconds without a block after which the windows of a silent turbine are closed as they are: what is sent for
-        them afterwards is too late.
+        Seconds without a block after which a silent turbine's windows are closed; what comes for them is too late.
     now
         The service's clock [ns since 1970].
     on_event
@@ -87,18 +87,10 @@ class Engine:
     """
 
     def __init__(
-        self,
-        turbines: Sequence[Followed],
-        store: Store,
-        *,
-        workers: int | None = None,
-        lateness: float = 30.0,
-        silence: float = 300.0,
-        patience: float = 3600.0,
-        now: Callable[[], int] = time.time_ns,
-        on_event: Callable[..., None] | None = None,
-        limits: Limits = Limits(),
-    ) -> None:
+        self, turbines: Sequence[Followed], store: Store, *, workers: int | None = None, lateness: float = 30.0,
+        silence: float = 300.0, patience: float = 3600.0, now: Callable[[], int] = time.time_ns,
+        on_event: Callable[..., None] | None = None, limits: Limits = Limits(),
+    ) -> None:  # fmt: skip
         self._store, self._now, self._limits = store, now, limits
         self._lateness, self._silence, self._patience = (round(x * SECOND) for x in (lateness, silence, patience))
         self._tell = on_event or (lambda *_, **__: None)
@@ -169,7 +161,7 @@ class Engine:
                 self._data_alarm(follower, "refused", "notice", f"a block was refused: {error}"[:400])
             raise
         done.add_done_callback(lambda _: self._gate.leave(size))
-        self._count(blocks=1, samples=len(block.values), blocks_ns=_ns(time.thread_time() - begun))
+        self._count(blocks=1, samples=len(block.values), blocks_ns=round((time.thread_time() - begun) * SECOND))
         return done
 
     def _take(self, follower: Follower, block: Block) -> "Future[None]":
@@ -183,8 +175,12 @@ class Engine:
             follower.counts[placed.arrival] += 1
             if placed.arrival == "too late":
                 follower.counts["late samples"] += len(block.values)
-                self._data_alarm(follower, "too late", "notice", _TOO_LATE)
-            return follower.last if follower.last is not None and not follower.last.done() else _done()
+                self._data_alarm(follower, "too late", "notice", TOO_LATE)
+            if follower.last is not None and not follower.last.done():
+                return follower.last
+            known: Future[None] = Future()
+            known.set_result(None)
+            return known
         if placed.sequence != block.sequence:
             block = replace(block, sequence=placed.sequence)
         health = follower.streams[block.stream].health
@@ -266,7 +262,7 @@ class Engine:
         found = estimate(follower, task, blocks, estimator)
         with follower.lock:
             follower.counts.update({name: count for name, count in found.counts.items() if count})
-        self._count(windows_ns=_ns(reading + found.joining), estimates_ns=_ns(found.estimating))
+        self._count(windows_ns=round((reading + found.joining) * SECOND), estimates_ns=round(found.estimating * SECOND))
         return found.row
 
     def _take_rows(self, follower: Follower) -> None:
@@ -293,7 +289,7 @@ class Engine:
                     stored = self._store.submit(
                         Commit((), [follower.status()], healths, results=[concluded.result], alarms=alarms)
                     )
-                self._count(windows=1, watch_ns=_ns(time.thread_time() - begun))
+                self._count(windows=1, watch_ns=round((time.thread_time() - begun) * SECOND))
                 stored.result()
                 with follower.lock:
                     follower.means, follower.concluded = concluded.means, None
@@ -416,10 +412,8 @@ class Engine:
         with self._summing:
             sums = Counter(self._sums)
         seconds = {part: sums[f"{part}_ns"] / SECOND for part in ("blocks", "windows", "estimates", "watch")}
-        return EngineState(
-            turbines, sums["blocks"], sums["samples"], sums["windows"], self._rate, self._gate.inside, seconds,
-            len(self._estimators),
-        )  # fmt: skip
+        counts = (sums["blocks"], sums["samples"], sums["windows"])
+        return EngineState(turbines, *counts, self._rate, self._gate.inside, seconds, len(self._estimators))
 
     def _count(self, **numbers: int) -> None:
         with self._summing:
@@ -454,19 +448,3 @@ class Engine:
         with follower.lock:
             for window in sorted({*foreign, *follower.over(self._lateness)}):
                 self._close(follower, window)
-
-
-def _done() -> "Future[None]":
-    future: Future[None] = Future()
-    future.set_result(None)
-    return future
-
-
-def _ns(seconds: float) -> int:
-    return round(seconds * SECOND)
-
-
-_TOO_LATE = (
-    "blocks came too late: their windows have results already. The logger's clock was set back, or they were held up;"
-    " set the clock, or raise lateness"
-)

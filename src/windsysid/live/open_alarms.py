@@ -4,7 +4,12 @@ from windsysid.live.store.contents import Alarm, Severity
 from windsysid.live.streams import Verdict, sensor_alarm
 from windsysid.live.timeline import SECOND
 
-__all__ = ["OpenAlarms"]
+__all__ = ["TOO_LATE", "OpenAlarms"]
+
+TOO_LATE = (
+    "blocks came too late: their windows have results already. The logger's clock was set back, or they were held up;"
+    " set the clock, or raise lateness"
+)
 
 QUIET = 600 * SECOND
 """A stream without a refused or late block for so long [ns] has none any more."""
