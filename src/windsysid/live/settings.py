@@ -239,7 +239,7 @@ class Settings:
     silence: float = 300.0
     formulation: str = "spectral"
     workers: int | None = None
-    alarms_per_year: float = 1.0
+    alarms_per_year: float = 0.1
     learn: int = 144
     keep: dict[str, str] = field(default_factory=dict)
 
@@ -273,7 +273,7 @@ def _settings(file: TomlTable) -> Settings:
     learn = file.time("learn", "1 d", "10 min", "60 d")
     formulation = file.choice("formulation", ("spectral", "joint", "auto"), "spectral")
     workers = file.whole("workers", None, 1, 256)
-    alarms = file.number("alarms_per_year", 1.0, 1e-3, 100.0)
+    alarms = file.number("alarms_per_year", 0.1, 1e-3, 100.0)
     turbines = _turbines(file)
     names = [member.name for member in turbines]
     sources = [made for table in file.tables("source", "source") if (made := _source(table, names)) is not None]
