@@ -142,7 +142,7 @@ ws.write_record(ws.simulate("verne555", duration=30.0, rate=50.0), "results/reco
 }
 """What the code of a page takes for granted, by the page's name."""
 
-LONG = {"README", "benchmarks_structural", "filters", "particles", "planning", "wind"}
+LONG = {"README", "results", "benchmarks_structural", "filters", "particles", "planning", "wind"}
 """Pages whose code takes more than some seconds: run by `make test-all`, as tutorials are."""
 
 
