@@ -28,7 +28,8 @@ def test_bands_are_given_as_two_numbers_any_number_of_times(path, tmp_path):
     summary = json.loads(done.stdout)
     assert np.round([mode["frequency_hz"]["estimate"] for mode in summary["modes"]], 1).tolist() == [1.1, 2.7]
     assert sorted(file.name for file in (tmp_path / "out").iterdir() if not file.name.startswith(".")) == [
-        "summary.json"
+        "answer.json",
+        "summary.json",
     ]
 
 

@@ -633,7 +633,12 @@ def test_the_command_says_it_and_writes_it(results, tmp_path, monkeypatch, capsy
         cli.main()
     assert ended.value.code in (0, None)
     assert "moved: k_side_side fell by" in capsys.readouterr().out
-    assert sorted(path.name for path in output.glob("[!.]*")) == ["changes.png", "report.html", "summary.json"]
+    assert sorted(path.name for path in output.glob("[!.]*")) == [
+        "answer.json",
+        "changes.png",
+        "report.html",
+        "summary.json",
+    ]
     summary = json.loads((output / "summary.json").read_text())
     assert summary["moved"] == ["k_side_side"]
     assert "noise_tower_acceleration" in summary["statistics"]

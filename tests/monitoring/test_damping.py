@@ -223,7 +223,12 @@ def test_the_command_says_it_and_writes_it(folders, tmp_path, capsys):
     output = tmp_path / "separation"
     assert said("damping", *map(str, folders), "--output", str(output)) in (0, None)
     assert "c_fore_aft: structure and a parked rotor's air" in capsys.readouterr().out
-    assert sorted(path.name for path in output.glob("[!.]*")) == ["damping.png", "report.html", "summary.json"]
+    assert sorted(path.name for path in output.glob("[!.]*")) == [
+        "answer.json",
+        "damping.png",
+        "report.html",
+        "summary.json",
+    ]
     summary = json.loads((output / "summary.json").read_text())
     assert summary["coefficients"]["c_fore_aft"]["aerodynamic"][0]["value"] > 2e4
     assert summary["records"][1]["parked"]

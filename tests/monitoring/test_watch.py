@@ -239,7 +239,12 @@ def test_the_command_answers_with_a_sentence_a_table_a_figure_and_a_summary(run,
     assert done.code == 0, done.err
     assert done.out.startswith("k_x fell by")  # the answer first
     assert "2026-03-" in done.out
-    assert {path.name for path in output.glob("[!.]*")} == {"report.html", "monitor.png", "summary.json"}
+    assert {path.name for path in output.glob("[!.]*")} == {
+        "answer.json",
+        "report.html",
+        "monitor.png",
+        "summary.json",
+    }
     summary = json.loads((output / "summary.json").read_text())
     assert [c["name"] for c in summary["changes"]] == ["k_x"]
     assert "noise_tower_acceleration" in summary["series"]

@@ -87,12 +87,13 @@ def demo(page: PageSettings, plan: Plan = Plan(), *, now: int | None = None) -> 
 def story(plan: Plan = Plan()) -> str:
     """What will happen, in the reader's minutes."""
     softer, fails = (plan.window * after / plan.speed for after in (plan.softer_after, plan.fails_after))
-    return (
-        f"Demo: three simulated towers, {plan.speed:g} times faster than life. The watch learns from"
-        f" {plan.history * plan.window / 3600.0:g} h first. Then T2 loses {100.0 * plan.softer_by:g} % of its"
-        f" stiffness after {softer:.0f} s, and a sensor of T3 fails after {fails:.0f} s. T1 stays as it is. The first"
-        " run on a machine compiles models before the first estimate, which takes a minute or two."
-    )
+    return " ".join((
+        f"Demo: three simulated towers, {plan.speed:g} times faster than life.",
+        f"The watch learns from {plan.history * plan.window / 3600.0:g} h first.",
+        f"Then T2 loses {100.0 * plan.softer_by:g} % of its stiffness after {softer:.0f} s, and a sensor of T3 fails"
+        f" after {fails:.0f} s. T1 stays as it is.",
+        "The first run on a machine compiles models before the first estimate, which takes minutes.",
+    ))  # fmt: skip
 
 
 class DemoTower:

@@ -124,8 +124,9 @@ def test_a_reader_finds_the_way_by_keyboard(served, tab):
     tab.keyboard.press("Tab")
     assert tab.evaluate("document.activeElement.textContent") == "Skip to the content"
     tab.keyboard.press("Enter")
+    tab.wait_for_function("document.activeElement.id === 'main'")
     tab.keyboard.press("Tab")
-    assert tab.evaluate("document.activeElement.id") == "turbine-T02"
+    tab.wait_for_function("document.activeElement.id === 'turbine-T02'")
     tab.keyboard.press("Enter")
     tab.get_by_role("heading", level=1, name="T02").wait_for()
 
