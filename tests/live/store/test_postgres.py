@@ -1,6 +1,7 @@
 """What only a store on a server can suffer."""
 
 import sys
+import threading
 import time
 
 import pytest
@@ -11,6 +12,7 @@ from tests.live.store.things import alarm, blocks, result
 from windsysid.errors import StoreError
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit
+from windsysid.live.store.postgres import LOCK
 
 
 def test_commits_wait_for_a_server_that_was_killed_and_come_once(server: Server):
@@ -46,6 +48,18 @@ def test_closing_while_the_server_is_away_ends(server: Server):
     again = open_store(server.url)
     assert sequences(again) == [0]
     again.close()
+
+
+def test_the_next_service_waits_for_a_lock_that_is_being_let_go(server: Server):
+    import psycopg
+
+    url = server.emptied()
+    holder = psycopg.connect(url, autocommit=True)
+    holder.execute(f"SELECT pg_advisory_lock({LOCK})")
+    closing = threading.Timer(0.5, holder.close)
+    closing.start()
+    open_store(url).close()
+    closing.join()
 
 
 def test_no_message_has_the_password(server: Server):

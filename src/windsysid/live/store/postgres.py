@@ -24,6 +24,9 @@ WAITING = {
 }  # fmt: skip
 """A server that says nothing is given up after seconds, where the URL says nothing else."""
 
+LETTING_GO_MS = 3000
+"""A service that has just ended still holds the lock until the server has seen its connection close."""
+
 PASSING = ("08", "53", "55", "57", "58", "40")
 """Classes of errors that may pass: connection, resources, lock, operator, system, rollback."""
 
@@ -88,9 +91,15 @@ class Postgres:
     def _claim(self) -> Any:
         """A connection that holds the lock: the server lets it go with the connection."""
         connection = self._open()
-        if not connection.execute(f"SELECT pg_try_advisory_lock({LOCK})").fetchone()[0]:
+        connection.execute(f"SET lock_timeout TO {LETTING_GO_MS}")
+        try:
+            connection.execute(f"SELECT pg_advisory_lock({LOCK})")
+        except self._driver.errors.LockNotAvailable:
             connection.close()
-            raise StoreError(f"{self.name}: another service writes to it: stop that one, or choose another store")
+            raise StoreError(
+                f"{self.name}: another service writes to it: stop that one, or choose another store"
+            ) from None
+        connection.execute("RESET lock_timeout")
         return connection
 
     def _make(self, connection: Any) -> None:
