@@ -193,3 +193,11 @@ def test_the_code_of_a_page_runs(
         for words in commands(code) if kind == "sh" and is_tutorial(page) else ():
             ended = run(*words)
             assert ended.code == 0, (words, ended.err)
+
+
+def test_version_is_the_same_everywhere():
+    """What a reader cites, and the newest heading of what changed."""
+    assert f"\nversion: {windsysid.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert newest is not None
+    assert newest[1] == windsysid.__version__
