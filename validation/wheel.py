@@ -52,7 +52,7 @@ def pythons() -> Iterator[str]:
     """The Pythons that are here."""
     for minor in MINORS:
         versions = sorted(Path.home().glob(f".pyenv/versions/3.{minor}.*/bin/python"))
-        found = which(f"python3.{minor}") or (str(versions[-1]) if versions else None)
+        found = str(versions[-1]) if versions else which(f"python3.{minor}")  # a shim of pyenv starts one Python alone
         if found is not None:
             yield found
 

@@ -15,6 +15,7 @@ __all__ = [
     "is_same_quantity",
     "parse_quantity",
     "si_unit",
+    "spell",
     "to_si",
     "unit_text",
 ]
@@ -152,3 +153,16 @@ def parse_quantity(text: str, unit: str) -> float:
 def unit_text(unit: str) -> str:
     """A unit as it is printed: ``N*m/rad`` → N·m/rad, ``m/s^2`` → m/s²."""
     return unit.replace("*", "·").replace("^2", "²")
+
+
+def spell(seconds: float, digits: int = 3) -> str:
+    """A duration in words: ``45 s``, ``9.3 min``, ``5.2 h``, ``12 d``."""
+    for unit, size, most in (
+        ("s", 1.0, 120.0),
+        ("min", 60.0, 7200.0),
+        ("h", 3600.0, 172800.0),
+        ("d", 86400.0, math.inf),
+    ):
+        if seconds < most:
+            return f"{float(f'{seconds / size:.{digits}g}'):g} {unit}"
+    return "never"

@@ -12,7 +12,7 @@ import pytest
 from windsysid.errors import ConfigurationError
 from windsysid.identification import planning
 from windsysid.identification.identify import identify
-from windsysid.identification.planning import plan, spell
+from windsysid.identification.planning import plan
 from windsysid.identification.posterior_mode import information
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import pose
@@ -21,6 +21,7 @@ from windsysid.simulation.record import simulate_record
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
+from windsysid.units import spell
 
 
 def one_mode(*, damping_ratio: float = 0.037, noise: float = 0.005, time_constant: float = 1.0) -> Turbine:

@@ -33,7 +33,7 @@ def study(told: list[str]) -> Study:
         patch.setattr(run, "STARTS", (0.0, 500.0))
         patch.setattr(run, "FACTORS", (0.3, 3.0))
         patch.setattr(run, "COMPARED", 1)
-        return run_study(0, told.append)
+        return run_study(0, lambda doing, share: told.append(doing))
 
 
 @pytest.fixture(scope="module")

@@ -82,7 +82,11 @@ def compare(
     if output is not None and len(after) > 1:
         raise ConfigurationError("--output goes with two folders: compare one later record at a time")
     write = claim_output(context, output, before, *after, overwrite=overwrite)
-    comparisons = [compare_results(before, later) for later in after]
+    comparisons = []
+    with show_progress("compare") as progress:
+        for i, later in enumerate(after):
+            progress(f"comparing {later}", i / len(after))
+            comparisons.append(compare_results(before, later))
     if len(after) == 1:
         print_and_save(comparisons[0], output, write, json=json)
     elif json:
@@ -109,7 +113,13 @@ def damping(
     from windsysid.results.posterior import load_posterior
 
     write = claim_output(context, output, *results, overwrite=overwrite)
-    found = separate_damping([load_posterior(folder) for folder in results])
+    with show_progress("damping") as progress:
+        known = []
+        for i, folder in enumerate(results):
+            progress(f"reading {folder}", i / len(results))
+            known.append(load_posterior(folder))
+        progress("telling structure and air apart")
+        found = separate_damping(known)
     print_and_save(found, output, write, json=json)
 
 
@@ -150,7 +160,9 @@ def monitor(
         raise ConfigurationError("--turbine goes with an archive that windsysid batch wrote")
     inputs = (*results, *([] if covariates is None else [covariates]))
     write = claim_output(context, output, *inputs, overwrite=overwrite)
-    found = watch(read_blocks(results, covariates), alarms_per_year=alarms_per_year)
+    with show_progress("monitor") as progress:
+        progress(f"watching {len(results)} results")
+        found = watch(read_blocks(results, covariates), alarms_per_year=alarms_per_year)
     print_and_save(found, output, write, json=json)
 
 

@@ -3,12 +3,15 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import typer
 from typer.core import TyperCommand, TyperOption
 
 from windsysid.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from windsysid.output.progress import Shown
 
 __all__ = [
     "ListsLoads",
@@ -96,15 +99,16 @@ def rotor_speeds(option: str, given: tuple[str, str] | None) -> tuple[float, flo
 
 
 @contextmanager
-def show_progress(title: str) -> Iterator[Any]:
-    """Say on standard error what is being done: a spinner on a terminal, nothing in a pipe."""
+def show_progress(title: str) -> Iterator["Shown"]:
+    """Say on standard error what is being done and how long it will take: on a terminal, nothing in a pipe."""
     from rich.console import Console
-    from rich.text import Text
+
+    from windsysid.output.progress import Shown
 
     console = Console(stderr=True)
-    spinner = "dots" if console.encoding.startswith("utf") else "line"
-    with console.status(Text(title), spinner=spinner) as status:  # a Text, since Rich takes a str for markup
-        yield lambda text: status.update(Text(f"{title}: {text}"))
+    shown = Shown(title)
+    with console.status(shown, spinner="dots" if console.encoding.startswith("utf") else "line"):
+        yield shown
 
 
 def print_table(headings: Any, rows: Any, title: str) -> None:

@@ -111,8 +111,8 @@ def watch_archive(
         raise ConfigurationError("--output goes with one turbine: give --turbine, or take windsysid report")
     found, short = {}, {}
     with show_progress("monitor") as progress:
-        for name in names:
-            progress(name)
+        for i, name in enumerate(names):
+            progress(f"watching {name}", i / len(names))
             try:
                 found[name] = watch(archive_blocks(archive, name), alarms_per_year=alarms_per_year)
             except ConfigurationError as error:

@@ -1,7 +1,8 @@
 """The command that identifies a record, whole or in pieces."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,6 +13,7 @@ from windsysid.errors import ConfigurationError
 if TYPE_CHECKING:
     from windsysid.identification.prior import Prior
     from windsysid.mechanics.sensors import Sensor
+    from windsysid.output.progress import Progress
     from windsysid.records.formats.mapping import Mapping as FileMapping
     from windsysid.records.record import Record
     from windsysid.results.identification import Identification
@@ -109,9 +111,7 @@ def identify(
                 formulation="spectral" if formulation == "spectral" else "joint",
             )  # fmt: skip
         else:
-            recorded = data = read_record(
-                record, mapping=rules, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
-            )
+            recorded = data = read_record(record, mapping=rules, progress=partial(progress, f"reading {record}"))
             if add_noise != 0.0:
                 data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
             progress(f"{formulation} formulation, {data.samples} samples")
@@ -151,7 +151,7 @@ def _identify_in_pieces(
     mapping: "FileMapping | None",
     length: float,
     output: Path,
-    progress: Callable[[str], None],
+    progress: "Progress",
     *,
     rate: float | None,
     loads: str,
@@ -166,7 +166,7 @@ def _identify_in_pieces(
     share, reached = 0.0, 0.0
     last: list[Record] = []
     if checkpoint.exists():
-        progress(f"going on from {checkpoint}")
+        progress(f"going on from {checkpoint}", None)
 
     def reading(done: float) -> None:
         nonlocal share
@@ -175,7 +175,7 @@ def _identify_in_pieces(
     def taken(seconds: float) -> None:
         nonlocal reached
         reached = seconds
-        progress(f"{100 * share:.0f} % of {record}, {seconds:.0f} s of it taken in")
+        progress(f"{record}, {seconds:.0f} s of it taken in", share)
 
     def pieces() -> Iterator["Record"]:
         for piece in iterate_record(record, length, mapping=mapping, progress=reading):

@@ -1,5 +1,6 @@
 """The command that finds modes from ambient vibration."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -91,8 +92,7 @@ def oma(
     with show_progress("oma") as progress:
         data: list[RecordLike] = []
         for record in records:
-            progress(f"reading {record}")
-            data.append(read_record(record, mapping=rules))
+            data.append(read_record(record, mapping=rules, progress=partial(progress, f"reading {record}")))
         found = analyse_vibration(
             data,
             sensors=None if not lists else lists if len(lists) > 1 else lists[0],

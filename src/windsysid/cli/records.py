@@ -1,5 +1,6 @@
 """The commands that make, look at and list: simulate, inspect, turbines, study."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -112,10 +113,8 @@ def inspect_command(
     write = claim_output(context, output, record, overwrite=overwrite)
     machine = load_turbine(turbine) if turbine is not None else None
     with show_progress("inspect") as progress:
-        data = read_record(
-            record, mapping=mapping, progress=lambda done: progress(f"reading {record}, {100 * done:.0f} %")
-        )
-        progress(f"{data.samples} samples")
+        data = read_record(record, mapping=mapping, progress=partial(progress, f"reading {record}"))
+        progress(f"looking at {data.samples} samples")
         found = inspect_record(data, machine, section_length=section_length)
     print_and_save(found, output, write)
 

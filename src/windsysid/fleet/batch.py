@@ -4,7 +4,7 @@ import glob
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from itertools import islice
@@ -18,8 +18,10 @@ from windsysid.fleet.joining import check_clocks, join_late, read_scadas
 from windsysid.fleet.members import Member, member_of, read_fleet, single
 from windsysid.fleet.scada import Scada
 from windsysid.fleet.tasks import Task
+from windsysid.output.progress import Progress, unheard
 from windsysid.records.formats import FORMATS
 from windsysid.turbine.file import load_turbine
+from windsysid.units import spell
 
 __all__ = ["Batch", "batch"]
 
@@ -72,7 +74,7 @@ class Batch:
         count = sum(self.taken.values())
         words = {"ok": "identified", "refused": "refused", "failed": "failed"}
         parts = [f"{self.taken.get(status, 0)} {word}" for status, word in words.items()]
-        told = f"{count} records taken in {_span(self.seconds)}: {', '.join(parts)}"
+        told = f"{count} records taken in {spell(self.seconds)}: {', '.join(parts)}"
         told += f"; {self.known} were there already" if self.known else ""
         told += f"; {self.unmatched} files fit no pattern" if self.unmatched else ""
         told += f"; SCADA joined to {self.joined} of them" if self.joined else ""
@@ -93,7 +95,7 @@ def batch(
     workers: int | None = None,
     scheduler: str | None = None,
     limit: float = LIMIT_SECONDS,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = unheard,
 ) -> Batch:
     """Identify every record of some folders and keep one row for each in an archive (docs/fleet.md).
 
@@ -121,7 +123,7 @@ def batch(
     limit
         Seconds that a record may take; its worker is then ended, and the row says so.
     progress
-        Called with what is being done, in words.
+        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
 
     Raises
     ------
@@ -148,10 +150,10 @@ def batch(
         members = read_fleet(fleet)
     else:
         members = (single(str(turbine), **own),)
-    begun, folder, say = time.monotonic(), Path(archive).resolve(), progress or (lambda _: None)
+    begun, folder = time.monotonic(), Path(archive).resolve()
     settings = {member.name: _settings(member, formulation) for member in members}
     scadas, notes = read_scadas(members)
-    say("looking for records")
+    progress("looking for records", None)
     theirs, unmatched = _assigned(_files(sources, folder), members)
     if unmatched:
         bare = (member for member in members if not theirs[member.name])
@@ -166,11 +168,11 @@ def batch(
         joined = 0
         for member in members:
             if member.name in scadas and known[member.name]:
-                say(f"joining SCADA to records of {member.name}")
+                progress(f"joining SCADA to records of {member.name}", None)
                 joined += join_late(folder, member.name, scadas[member.name], load_turbine(member.turbine).rotor_speed)
         with closing(Worker(limit)) as looker:
-            tasks = _tasks(new, known, folder, formulation, settings, limit, looker, say, scadas)
-            counted = _Counted(sum(len(task.sources) for task in tasks), say)
+            tasks = _tasks(new, known, folder, formulation, settings, limit, looker, progress, scadas)
+            counted = _Counted(sum(len(task.sources) for task in tasks), progress)
             if scheduler is None:
                 more = min(workers or _processors(), len(tasks)) - 1
                 run_here(tasks, [looker, *(Worker(limit) for _ in range(more))], counted.tell)
@@ -185,8 +187,8 @@ def batch(
 class _Counted:
     """Counts records as they come, and says how fast they come."""
 
-    def __init__(self, total: int, say: Callable[[str], None]) -> None:
-        self.total, self.say, self.taken, self.whys = total, say, Counter[str](), Counter[tuple[str, str]]()
+    def __init__(self, total: int, progress: Progress) -> None:
+        self.total, self.progress, self.taken, self.whys = total, progress, Counter[str](), Counter[tuple[str, str]]()
         self.begun = time.monotonic()
 
     def tell(self, status: str, why: str) -> None:
@@ -195,10 +197,9 @@ class _Counted:
         if status != "ok":
             self.whys[status, why] += 1
         done, seconds = sum(self.taken.values()), time.monotonic() - self.begun
-        rate = done / max(seconds, 1e-9)
-        told = f"{done} of {self.total} records, {rate:.2g} a second, {_span((self.total - done) / rate)} left"
+        told = f"{done} of {self.total} records, {done / max(seconds, 1e-9):.2g} a second"
         bad = done - self.taken["ok"]
-        self.say(f"{told}; {bad} without a result" if bad else told)
+        self.progress(f"{told}, {bad} without a result" if bad else told, done / self.total)
 
     def reasons(self) -> list[str]:
         """A sentence for each of the commonest reasons why there is no result."""
@@ -286,7 +287,7 @@ def _new(paths: Sequence[Path], known: dict[str, Known]) -> list[Path]:
 
 def _tasks(
     new: dict[Member, list[Path]], known: dict[str, dict[str, Known]], archive: Path, formulation: str,
-    settings: dict[str, str], limit: float, looker: Worker, say: Callable[[str], None],
+    settings: dict[str, str], limit: float, looker: Worker, progress: Progress,
     scadas: dict[str, Scada],
 ) -> list[Task]:  # fmt: skip
     """Records of a turbine and day together, the days in order; ConfigurationError where all have another clock than
@@ -304,7 +305,7 @@ def _tasks(
             days.setdefault((day, member.name), []).append((str(path), row.tries if row is not None else 0))
             looked += 1
             if looked % _LOOKS_PER_REPORT == 0:
-                say(f"when they began: {looked} of {total} records")
+                progress("when the records began", looked / total)
         if member.name in scadas and starts:
             check_clocks(member.name, scadas[member.name], starts)
     return [
@@ -324,13 +325,3 @@ def _look(worker: Worker, path: Path, member: Member) -> str | None:
 
 def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _span(seconds: float) -> str:
-    """A length of time in words."""
-    minutes, hours, days = seconds / 60.0, seconds / 3600.0, seconds / 86400.0
-    if days >= 2.0:
-        return f"{days:.3g} days"
-    if hours >= 2.0:
-        return f"{hours:.3g} h"
-    return f"{minutes:.3g} min" if minutes >= 2.0 else f"{seconds:.0f} s"

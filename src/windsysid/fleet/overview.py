@@ -7,7 +7,7 @@ the season's, and no turbine's. What falls in the cold and comes back is named a
 
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,6 +25,7 @@ from windsysid.fleet.sisters import MIN_SISTERS, Standing, stand
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.watch import watch
 from windsysid.output.answers import Answer
+from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
 from windsysid.results.plain import finite
 
@@ -153,9 +154,7 @@ class Overview(Answer):
         return [*self.sentences, *self.tables(), *self.notes]
 
 
-def oversee(
-    archive: str | Path, *, alarms_per_year: float = 0.1, progress: Callable[[str], None] | None = None
-) -> Overview:
+def oversee(archive: str | Path, *, alarms_per_year: float = 0.1, progress: Progress = unheard) -> Overview:
     """Look over all turbines of an archive.
 
     Parameters
@@ -165,7 +164,7 @@ def oversee(
     alarms_per_year
         False alarms of jumps that are accepted in a year, all turbines together.
     progress
-        Called with what is being done, in words.
+        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
 
     Raises
     ------
@@ -173,15 +172,15 @@ def oversee(
         If the folder is no archive, or the rate is out of range.
     """
     tables = {}
-    for name in turbines_of(archive):
-        if progress is not None:
-            progress(f"reading {name}")
+    names = turbines_of(archive)
+    for i, name in enumerate(names):
+        progress(f"reading {name}", i / len(names))
         tables[name] = read_table(archive, name, (*WANTED, "why", "duration", "health"))
     return overview_of(tables, Path(archive), alarms_per_year=alarms_per_year, progress=progress)
 
 
 def overview_of(
-    tables: Mapping[str, Any], archive: Path, *, alarms_per_year: float, progress: Callable[[str], None] | None = None
+    tables: Mapping[str, Any], archive: Path, *, alarms_per_year: float, progress: Progress = unheard
 ) -> Overview:
     """The same of rows by turbine that have been read."""
     notes: list[str] = []
@@ -190,9 +189,8 @@ def overview_of(
         raise ConfigurationError(f"archive {archive}: no record says when it began: nothing can be put in order")
     span = float(np.nanmin(seconds)), float(np.nanmax(seconds))
     watches: dict[str, Watch] = {}
-    for i, (name, table) in enumerate(tables.items(), 1):
-        if progress is not None:
-            progress(f"watching {name}, {i} of {len(tables)}")
+    for i, (name, table) in enumerate(tables.items()):
+        progress(f"watching {name}", i / len(tables))
         try:
             watches[name] = watch(blocks_of(table), alarms_per_year=alarms_per_year / len(tables))
         except ConfigurationError as error:

@@ -6,7 +6,6 @@ sum of squared slopes of the innovations; on clocks it is the curvature of the l
 """
 
 import math
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -17,6 +16,7 @@ from windsysid.identification.clocks import clock_information, shifted
 from windsysid.identification.posterior_mode import THREADS, look, neighbours, score
 from windsysid.identification.problem import TurbineProblem
 from windsysid.loads.statistics import learned_statistics
+from windsysid.output.progress import Progress
 
 __all__ = ["planned_information"]
 
@@ -31,7 +31,7 @@ CLOCK_SAMPLES = 10_000
 
 
 def planned_information(
-    problem: TurbineProblem, rate: float, finding: float, progress: Callable[[str], object]
+    problem: TurbineProblem, rate: float, finding: float, progress: Progress
 ) -> tuple[Array, Array]:
     """I(t₀) (n, n), and the growth [1/s] in each block of the record (BLOCKS, n, n), in relative coordinates.
 
@@ -51,7 +51,7 @@ def planned_information(
     found: list[Array] = []
     with ThreadPoolExecutor(THREADS) as pool:
         for begin, end in zip([0, *ends[:-1]], ends, strict=True):
-            progress(f"information of {end / rate:.0f} s of {len(problem.readings) / rate:.0f} s")
+            progress("information of the simulated record", begin / len(problem.readings))
             part = slice(begin, end)
             bank, scored = score(bank, problem.inputs[part], problem.readings[part], widths, pool)
             found.append(to_relative.T @ scored.fisher @ to_relative)
@@ -62,7 +62,7 @@ def planned_information(
     start = np.diag(np.repeat([0.0, 1.0], [exact, whole - exact]))
     start[:size, :size] += found[0]
     if problem.clocks:
-        progress("information on clocks")
+        progress("information on clocks", None)
         some = slice(first, first + CLOCK_SAMPLES)
         block = problem.inputs[some], problem.readings[some]
         samples = shifted(problem, [block], np.zeros(len(problem.clocks)))

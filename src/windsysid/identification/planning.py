@@ -16,7 +16,7 @@ Statistical Signal Processing: Estimation Theory (Prentice Hall 1993), ch. 3; Lj
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -30,6 +30,7 @@ from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import TurbineProblem, pose, seen_by
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
+from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
 from windsysid.results.budget import Budget, budget_of
 from windsysid.results.directions import describe_information, standard_deviations
@@ -39,6 +40,7 @@ from windsysid.results.tolerance import Tolerance
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
+from windsysid.units import spell
 
 __all__ = ["Plan", "plan"]
 
@@ -256,7 +258,7 @@ def plan(
     load_scale: float = 1.0,
     rotor_speed: float | None = None,
     seed: int = 0,
-    progress: Callable[[str], object] = lambda _: None,
+    progress: Progress = unheard,
 ) -> Plan:
     """Tell how well a planned record will show the coefficients of `turbine`, and how long a record the wish needs.
 
@@ -278,7 +280,7 @@ def plan(
     seed
         Of the simulated record.
     progress
-        Called with a word on what is being done.
+        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
 
     Raises
     ------
@@ -295,7 +297,7 @@ def plan(
     finding = min(PERIODS * 2.0 * math.pi / slowest, duration)
     thinning = max(1, int(rate / (ENOUGH * fastest / (2.0 * math.pi))))
     length = min(max(RELAXATIONS / damping, 20.0 * finding), max(MOST_SAMPLES * thinning / rate, 2.0 * finding))
-    progress(f"simulating {spell(length)}")
+    progress(f"simulating {spell(length)}", None)
     problem = _simulated(seen, unknown, rate / thinning, thinning, length, min(3.0 / damping, length), seed)
     start, growths = planned_information(problem, rate / thinning, finding, progress)
     growth = growths.mean(axis=0)
@@ -313,19 +315,6 @@ def plan(
     )  # fmt: skip
     accuracy = _accuracy(draft, growths, length * damping)
     return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are good to {percent(accuracy)}"))
-
-
-def spell(seconds: float, digits: int = 3) -> str:
-    """A duration in words: ``45 s``, ``9.3 min``, ``5.2 h``, ``12 d``."""
-    for unit, size, most in (
-        ("s", 1.0, 120.0),
-        ("min", 60.0, 7200.0),
-        ("h", 3600.0, 172800.0),
-        ("d", 86400.0, math.inf),
-    ):
-        if seconds < most:
-            return f"{float(f'{seconds / size:.{digits}g}'):g} {unit}"
-    return "never"
 
 
 def percent(share: float) -> str:

@@ -9,7 +9,7 @@ Likelihood (Oxford 2001), ch. 3.4.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
+from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.results.identification import Identification
@@ -99,7 +100,7 @@ def profile_likelihood(
     section: tuple[float, float] | None = None,
     prior: Prior | None = None,
     parameters: Sequence[str] | None = None,
-    progress: Callable[[str], object] = lambda _: None,
+    progress: Progress = unheard,
 ) -> Profile:
     """Profile the posterior of one parameter of `turbine`, given `record`, in the joint formulation.
 
@@ -110,7 +111,7 @@ def profile_likelihood(
     record, turbine, sensors, section, prior, parameters
         As for `windsysid.identify`.
     progress
-        Called with a word on what is being done.
+        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
 
     Raises
     ------
@@ -118,7 +119,7 @@ def profile_likelihood(
         As `windsysid.identify` raises them, and if `name` is not identified.
     """
     record, turbine = as_record(record), as_turbine(turbine)
-    progress("identifying")
+    progress("identifying", None)
     found = identify(
         record, turbine, sensors=sensors, formulation="joint", section=section, prior=prior, parameters=parameters
     )
@@ -130,7 +131,7 @@ def profile_likelihood(
     return _profile(problem, names.index(name), found, progress)
 
 
-def _profile(problem: TurbineProblem, k: int, found: Identification, progress: Callable[[str], object]) -> Profile:
+def _profile(problem: TurbineProblem, k: int, found: Identification, progress: Progress) -> Profile:
     prior_mean, prior_cov = problem.prior
     n, q = len(problem.parameters), problem.parameters[k]
     start = np.concatenate(
@@ -154,7 +155,7 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: C
         steps = list(STEPS)
         while steps:
             at = side * steps.pop(0)
-            progress(f"{q.name} held {at:+g} σ from its estimate")
+            progress(f"{q.name} held {at:+g} σ from its estimate", None)
             drops[at] = height - _held(problem, k, centre + at * sigma, mode)
             if not steps and drops[at] < 0.5 * SIGMAS**2 and abs(at) < FARTHEST:
                 steps = [2.0 * abs(at)]

@@ -8,7 +8,6 @@ Energy Handbook (3rd ed. 2021), ch. 5.
 """
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import Spectrum, analyse, analyse_unlocked, directions_of
 from windsysid.modal.stability import NEUTRAL_GROWTH, GroundResonance, meeting_speed, unstable_ranges
 from windsysid.modal.tracking import bends, link
+from windsysid.output.progress import Progress, unheard
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
 from windsysid.turbine.coercion import TurbineLike, as_turbine
@@ -49,7 +49,7 @@ def find_modes(
     *,
     speeds: tuple[float, float] | None = None,
     operating: tuple[float, float] | None = None,
-    progress: Callable[[str], object] = lambda _: None,
+    progress: Progress = unheard,
 ) -> Campbell:
     """Modes against rotor speed: of a turbine file, without bands, or of an identification, with the bands of its
     posterior.
@@ -63,7 +63,7 @@ def find_modes(
     operating
         Least and greatest operating speed [rad/s]; 10 % around the usual one by default.
     progress
-        Called with a word on what is being done.
+        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
 
     Raises
     ------
@@ -92,8 +92,8 @@ def find_modes(
     left_out: dict[str, list[float]] = {}
     new = [*np.linspace(*chosen, DIAGRAM_SPEEDS).tolist(), *np.linspace(*working, OPERATING_SPEEDS).tolist(), reference]
     for _ in range(REFINEMENT_ROUNDS):
-        for speed in new:
-            progress(f"{speed * RPM:.3g} rpm")
+        for i, speed in enumerate(new):
+            progress(f"modes at {speed * RPM:.3g} rpm", i / len(new))
             try:
                 known[speed] = machine.spectrum(speed)
             except ConfigurationError as error:
@@ -113,7 +113,7 @@ def find_modes(
             f"turbine '{machine.turbine.name}': nothing oscillates between {grid[0] * RPM:.3g} and"
             f" {grid[-1] * RPM:.3g} rpm"
         )
-    progress("stability")
+    progress("stability", None)
     unstable = unstable_ranges(lambda s: known[s].growth if s in known else machine.growth(s), grid)
     notes = [*machine.notes(found[at].method, posterior), *(
         f"left out, {len(where)} speeds up to {max(where) * RPM:.3g} rpm: {why}" for why, where in left_out.items()

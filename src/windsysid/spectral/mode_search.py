@@ -1,6 +1,6 @@
 """The search for modes in a record's spectra: bands, the modes of each, and bands placed anew around them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
+from windsysid.output.progress import Progress
 from windsysid.spectral.bands import Peak, find_peaks, group_peaks, widened
 from windsysid.spectral.modal_checks import is_flank
 from windsysid.spectral.oma_data import Readings, transforms
@@ -61,7 +62,7 @@ def search_modes(
     readings: Readings,
     bands: Sequence[tuple[float, float]] | None,
     limits: tuple[float, float] | None,
-    say: Callable[[str], None],
+    progress: Progress,
 ) -> Found:
     """The modes in bands that are given, or in those that spectra show between limits [Hz]; without any, in the lowest
     `MOST_BANDS`."""
@@ -75,7 +76,7 @@ def search_modes(
             )
         readings = readings._replace(low=max(readings.low, limits[0]), high=min(readings.high, limits[1]))
     if bands is None:
-        say("spectral peaks")
+        progress("spectral peaks", None)
         seen = [
             peak._replace(alone=is_hump(peak, readings))
             for peak in find_peaks(frequency, values, readings.low, readings.high)
@@ -89,12 +90,12 @@ def search_modes(
         seen = []
         wanted = [_checked_band(band, readings, step) for band in bands]
     found: list[BandFit] = []
-    for low, high, count in wanted:
-        say(f"{low:.4g} … {high:.4g} Hz")
+    for i, (low, high, count) in enumerate(wanted):
+        progress(f"modes from {low:.4g} to {high:.4g} Hz", i / len(wanted))
         most = count if bands is None else MOST_MODES
         found.append(fit_between(frequency, values, readings, low, high, count, most))
     for again in range(AGAIN if bands is None else 0):
-        say("bands around what was found")
+        progress("bands around what was found", None)
         found = search_again(found, frequency, values, readings, [] if again else seen, keep=again > 0)
     empty = [
         (low, high)

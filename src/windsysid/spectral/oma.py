@@ -8,12 +8,13 @@ bands (Laplace). What was found says where the bands should have been, so that t
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensors import Sensor
+from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
 from windsysid.spectral.modal_sensors import ModalSensor
@@ -39,7 +40,7 @@ def analyse_vibration(
     bands: Sequence[tuple[float, float]] | None = None,
     limits: tuple[float, float] | None = None,
     section: tuple[float, float] | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = unheard,
 ) -> OperationalModes:
     """Find the modes of a structure from its ambient vibration.
 
@@ -70,7 +71,6 @@ def analyse_vibration(
         If there is nothing to analyse, a channel cannot be used, or records have no sensor in common.
     """
     begun = time.process_time()
-    say = progress or (lambda _: None)
     several = isinstance(record, list | tuple)
     records = [
         as_record(each) for each in (cast("list[RecordLike]", record) if several else [cast("RecordLike", record)])
@@ -80,10 +80,10 @@ def analyse_vibration(
     machine = None if turbine is None else as_turbine(turbine)
     lists = _sensors_of_each(sensors, len(records))
     singles = [
-        _analysed(each, listed, machine, bands, limits, section, say)
+        _analysed(each, listed, machine, bands, limits, section, progress)
         for each, listed in zip(records, lists, strict=True)
     ]
-    say("the result")
+    progress("the result", None)
     found = result_of(singles[0]) if len(singles) == 1 else join(singles)
     modes = with_references(named(found.modes, found.channels), machine, found.rotor_hz)
     if found.doubts:
@@ -111,21 +111,21 @@ def _analysed(
     bands: Sequence[tuple[float, float]] | None,
     limits: tuple[float, float] | None,
     section: tuple[float, float] | None,
-    say: Callable[[str], None],
+    progress: Progress,
 ) -> Single:
     """One record's modes."""
     used = whole.section(*section) if section is not None else whole
     if sensors is None and machine is not None:
         sensors = [sensor for sensor in machine.sensors if sensor.channel in used] or None
-    say("lines and multi-blade coordinates")
+    progress("lines and multi-blade coordinates", None)
     readings = prepare_readings(used, sensors)
-    found = search_modes(readings, bands, limits, say)
+    found = search_modes(readings, bands, limits, progress)
     if found.reached is not None:
         further = (
             f"modes were sought up to {found.reached:.4g} Hz: peaks go on beyond it, give --range LOW HIGH for them"
         )
         readings = readings._replace(high=found.reached, notes=(*readings.notes, further))
-    say("checks")
+    progress("checks", None)
     middle = readings.samples // 2
     halves = [transforms(readings, part) for part in (slice(0, middle), slice(readings.samples - middle, None))]
     parted = without_flanks([described(one, halves, readings) for one in found.bands if modes_of(one)])

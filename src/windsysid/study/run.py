@@ -5,7 +5,7 @@ seeds, starts that are off by 0.3 to 3 times, sections that start anywhere, the 
 identified coefficients, and every other method on the same records.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from windsysid._types import Array
 from windsysid.identification.force_balance import analysis_band, measured_motion
 from windsysid.identification.prior import Prior
 from windsysid.mechanics.compile import compile_model
+from windsysid.output.progress import Progress, unheard
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.simulation.integrate import Response, integrate
 from windsysid.study.arms import identify_section, record_balance
@@ -27,8 +28,6 @@ from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Study", "run_study"]
-
-Progress = Callable[[str], None]
 
 SETTLING = 30.0
 """The second averaging window starts so many seconds into the section."""
@@ -116,30 +115,30 @@ class Study:
         }
 
 
-def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
-    """Run the whole study; `progress` is told what it is doing."""
+def run_study(seed: int = 0, progress: Progress = unheard) -> Study:
+    """Run the whole study; `progress` is told what it is doing, and the share of that which is done."""
     turbine = load_turbine("verne555").exact()
-    progress("simulating the 600 s reference record")
+    progress("simulating the 600 s reference record", None)
     reference = simulate_reference(turbine, seed)
-    progress("arm A: loads known")
+    progress("arm A: loads known", None)
     loads = reference.inputs[:, 3:]
     with_loads = record_balance(turbine, reference, loads)
     arm_a = identify_section(turbine, reference, with_loads)
     by_differences = identify_section(turbine, reference, record_balance(turbine, reference, loads, "differences"))
-    progress("arm A by the particle filter")
+    progress("arm A by the particle filter", None)
     particles = identify_section_by_particles(turbine, reference, with_loads)
-    progress("arm B: loads withheld")
+    progress("arm B: loads withheld", None)
     arm_b = identify_section(turbine, reference, record_balance(turbine, reference, None))
 
-    progress("starts off by 0.3 to 3 times")
     shown = list(PUBLISHED)
     histories = {}
-    for factor in FACTORS:
+    for i, factor in enumerate(FACTORS):
+        progress("starts off by 0.3 to 3 times", i / len(FACTORS))
         found = identify_section(turbine, reference, with_loads, prior=Prior(factor, factor, spread=1.0))
         histories[factor] = [found.history(name)[0] / turbine.values[name] for name in shown]
-    progress("sections that start anywhere")
     sections = {}
-    for start in STARTS:
+    for i, start in enumerate(STARTS):
+        progress("sections that start anywhere", i / len(STARTS))
         found = identify_section(turbine, reference, with_loads, (start, start + SECTION[1] - SECTION[0]))
         sections[float(start)] = {
             name: (found[name].estimate / turbine.values[name], 2.0 * found[name].std / turbine.values[name])
@@ -147,19 +146,19 @@ def run_study(seed: int = 0, progress: Progress = lambda _: None) -> Study:
         }
     errors, covered = [], []
     for number in range(SEEDS):
-        progress(f"seed {number + 1} of {SEEDS}")
+        progress(f"seed {number + 1} of {SEEDS}", number / SEEDS)
         other = simulate_reference(turbine, number)
         found = identify_section(turbine, other, record_balance(turbine, other, other.inputs[:, 3:]))
         errors.append(average_errors(found))
         covered += [e.low <= (e.reference or 0.0) <= e.high for e in found.estimates]
 
-    progress("wind that changes direction")
+    progress("wind that changes direction", None)
     wind = direction_change_study(seed)
     methods = []
     for number in range(COMPARED):
-        progress(f"the methods side by side: record {number + 1} of {COMPARED}")
+        progress(f"the methods side by side: record {number + 1} of {COMPARED}", number / COMPARED)
         methods += run_methods(turbine, number)
-    progress("the response of the identified model")
+    progress("the response of the identified model", None)
     motion = measured_motion(reference.record, turbine, cutoff=analysis_band(turbine)[0] / 2.0)
     return Study(
         turbine=turbine,

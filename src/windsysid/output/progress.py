@@ -1,0 +1,73 @@
+"""What a command that takes seconds says meanwhile: one line that a terminal draws again and again."""
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
+
+from windsysid.units import spell
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderResult
+
+__all__ = ["Progress", "Shown", "unheard"]
+
+Progress: TypeAlias = Callable[[str, float | None], object]
+"""Told what is being done, and the share of it that is done, from 0 to 1; None where nobody knows."""
+
+SILENT = 2.0
+"""Seconds [s] before times are told: what is over sooner needs none."""
+
+
+def unheard(doing: str, share: float | None = None) -> None:
+    """Nobody listens."""
+
+
+class Shown:
+    """The line of a command's progress: what is done, its share in per cent, and the time left.
+
+    The time left is that of the step that is named, from the pace since its share was first told. Where no share is
+    known, the line tells the seconds that have passed.
+    """
+
+    def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self.title, self.clock = title, clock
+        self.doing, self.share = "", 0.0
+        self.begun = self.since = clock()
+        self.first: float | None = None
+
+    def __call__(self, doing: str, share: float | None = None) -> None:
+        """Go on with `doing`, of which `share` (0 to 1) is done; a share that falls is that of another step."""
+        if share is None:
+            self.first = None
+        elif self.first is None or share < self.share:
+            self.first, self.since = share, self.clock()
+        self.doing, self.share = doing, share or 0.0
+
+    def times(self) -> str:
+        """Per cent and the time left, or the time that has passed; nothing in the first seconds."""
+        now = self.clock()
+        told = [] if self.first is None else [f"{100.0 * self.share:.0f} %"]
+        if now - self.begun < SILENT:
+            return told[0] if told else ""
+        if self.first is not None and self.share > self.first:
+            left = (now - self.since) * (1.0 - self.share) / (self.share - self.first)
+            told.append(f"{spell(round(left), 2)} left")
+        else:
+            told.append(f"{spell(round(now - self.begun), 2)} so far")
+        return ", ".join(told)
+
+    def line(self, width: int) -> str:
+        """One line of at most `width` columns; what is done is cut, the times are not."""
+        from rich.cells import cell_len
+
+        times = self.times()
+        end = f" ({times})" if times else ""
+        text = f"{self.title}: {self.doing}" if self.doing else self.title
+        room = max(width - cell_len(end), 1)
+        return (text if cell_len(text) <= room else f"{text[: room - 1]}…") + end
+
+    def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
+        """Draw it as it is now: Rich asks twelve times a second."""
+        from rich.text import Text
+
+        yield Text(self.line(options.max_width), no_wrap=True, overflow="crop")
