@@ -150,13 +150,13 @@ def _from_logger(turbine: str, stream: str) -> Iterator["Block"]:
     """Blocks of a logger's lines; one that is none is said, and the next is taken."""
     from dataclasses import replace
 
-    from windsysid.live.codec import BlockRefused, decode
+    from windsysid.live.codec import BlockRefused, check, decode
 
     for number, line in enumerate(sys.stdin.buffer, 1):
         if not line.strip():
             continue
         try:
-            block = decode(line, turbine=turbine)
+            block = check(decode(line, turbine=turbine))
         except BlockRefused as error:
             print(f"windsysid: line {number} was not sent: {error}", file=sys.stderr)
         else:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
+from windsysid.live.arrow import NotArrowError, read_columns
 from windsysid.live.block import Block
 from windsysid.records.checks import check_channels
 from windsysid.records.moments import moment, tidy
@@ -65,7 +66,7 @@ class Limits(NamedTuple):
 
 
 def decode(payload: bytes, *, turbine: str, limits: Limits = Limits()) -> Block:
-    """The block that a sender means.
+    """The block that a sender means, as it says it: `check`, which `Engine.push` calls, says whether it can be taken.
 
     Parameters
     ----------
@@ -82,12 +83,10 @@ def decode(payload: bytes, *, turbine: str, limits: Limits = Limits()) -> Block:
     if len(payload) > limits.payload:
         raise BlockRefused(f"block of {len(payload)} bytes: expected {limits.payload} at most; send shorter blocks")
     if payload.startswith(ARROW):
-        block = _of_arrow(payload, turbine, limits)
-    elif payload.lstrip()[:1] == b"{":
-        block = _of_json(payload, turbine, limits)
-    else:
-        raise BlockRefused(f"block begins with {payload[:8]!r}: expected an Arrow IPC stream or a JSON object")
-    return check(block, limits)
+        return _of_arrow(payload, turbine, limits)
+    if payload.lstrip()[:1] == b"{":
+        return _of_json(payload, turbine)
+    raise BlockRefused(f"block begins with {payload[:8]!r}: expected an Arrow IPC stream or a JSON object")
 
 
 def encode_arrow(block: Block) -> bytes:
@@ -183,52 +182,18 @@ _known: dict[tuple[tuple[str, ...], tuple[str, ...]], tuple[tuple[str, ...], NDA
 
 def _of_arrow(payload: bytes, turbine: str, limits: Limits) -> Block:
     try:
-        import pyarrow as pa
-    except ImportError:
-        raise ConfigurationError("Arrow blocks need pyarrow: pip install 'windsysid[live]'") from None
-    try:
-        with pa.ipc.open_stream(payload) as reader:
-            schema = reader.schema
-            if len(schema) > limits.channels:
-                raise BlockRefused(f"block has {len(schema)} channels: expected {limits.channels} at most")
-            marks = {key.decode(): value.decode() for key, value in (schema.metadata or {}).items()}
-            fields = [schema.field(i) for i in range(len(schema))]
-            for field in fields:
-                if field.type not in (pa.float32(), pa.float64()):
-                    raise BlockRefused(
-                        f"channel '{field.name[:40]}': expected float32 or float64, got {field.type}"[:160]
-                    )
-            batches = []
-            rows = 0
-            for batch in reader:
-                batch.validate()  # of floats, all there is to check
-                rows += batch.num_rows
-                if rows > limits.samples:
-                    raise BlockRefused(f"block has more than {limits.samples} samples: send shorter blocks")
-                batches.append(batch)
-        units = tuple(map(_unit_of, fields))
-        single = len(schema) > 0 and all(field.type == pa.float32() for field in fields)
-        values = np.empty((rows, len(schema)), dtype=np.float32 if single else np.float64)
-        at = 0
-        for batch in batches:
-            for i, column in enumerate(batch.columns):
-                values[at : at + batch.num_rows, i] = column.to_numpy(zero_copy_only=False)
-            at += batch.num_rows
-    except BlockRefused:
-        raise
-    except (pa.ArrowException, UnicodeDecodeError, ValueError, TypeError, OSError, MemoryError, OverflowError) as error:
-        raise BlockRefused(f"no Arrow IPC stream: {' '.join(str(error).split())[:100]}") from None
-    return _built(turbine, marks, tuple(schema.names), units, values)
+        told = read_columns(payload, most_rows=limits.samples, most_columns=limits.channels)
+    except NotArrowError as error:
+        raise BlockRefused(f"no block in an Arrow IPC stream: {' '.join(str(error).split())[:120]}") from None
+    units = []
+    for name, unit in zip(told.names, told.units, strict=True):
+        if unit is None:
+            raise BlockRefused(f"channel '{name[:40]}' has no unit: write it into the field's metadata as 'unit'")
+        units.append(unit)
+    return _built(turbine, told.marks, told.names, tuple(units), told.values)
 
 
-def _unit_of(field: Any) -> str:
-    unit: bytes | None = (field.metadata or {}).get(b"unit")
-    if unit is None:
-        raise BlockRefused(f"channel '{field.name[:40]}' has no unit: write it into the field's metadata as 'unit'")
-    return unit.decode()
-
-
-def _of_json(payload: bytes, turbine: str, limits: Limits) -> Block:
+def _of_json(payload: bytes, turbine: str) -> Block:
     try:
         told = json.loads(payload)
     except (ValueError, RecursionError) as error:

@@ -19,7 +19,7 @@ from typing import Any
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, Limits, decode
 from windsysid.live.settings import Broker
-from windsysid.live.sources.broker import LONGEST_PAYLOAD, TOPIC, Marks, Topics, connect, marks_of, needed, new_client
+from windsysid.live.sources.broker import LONGEST_PAYLOAD, TOPIC, Marks, Topics, connect, marks_of, new_client
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 
 __all__ = ["MqttSource"]
@@ -81,9 +81,8 @@ class MqttSource:
         Raises
         ------
         ConfigurationError
-            If paho or pyarrow is not installed, or the broker's authority cannot be read.
+            If paho is not installed, or the broker's authority cannot be read.
         """
-        await asyncio.to_thread(needed, "pyarrow", "Arrow blocks need pyarrow")  # the first block need not wait for it
         async for succeeded in retries(stop):
             session = _Session(self, push)
             why = await session.hold(stop)

@@ -4,6 +4,7 @@ import json
 import math
 import zlib
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -25,17 +26,27 @@ def columns_of(block: Block) -> tuple[Any, ...]:
     little = np.ascontiguousarray(block.values, dtype=block.values.dtype.newbyteorder("<"))
     return (
         block.turbine, block.stream, int(block.sequence), int(block.start), float(block.rate),
-        pack_text(block.channels), pack_text(block.units), little.dtype.str, little.tobytes(),
+        _packed_names(block.channels), _packed_names(block.units), little.dtype.str, little.tobytes(),
     )  # fmt: skip
 
 
 def block_of(columns: Sequence[Any]) -> Block:
     """The block of `columns_of`."""
     turbine, stream, sequence, start, rate, channels, units, dtype, content = columns
-    names = tuple(json.loads(channels))
+    names = _names(channels)
     values = np.frombuffer(content, dtype=dtype)
     values = values.astype(values.dtype.newbyteorder("="), copy=False).reshape(-1, max(len(names), 1))
-    return Block(turbine, sequence, start, rate, names, tuple(json.loads(units)), values, stream)
+    return Block(turbine, sequence, start, rate, names, _names(units), values, stream)
+
+
+@lru_cache(4096)  # loggers send the same names all day
+def _packed_names(names: tuple[str, ...]) -> str:
+    return pack_text(names)
+
+
+@lru_cache(4096)
+def _names(packed: str) -> tuple[str, ...]:
+    return tuple(json.loads(packed))
 
 
 def pack_text(value: Any) -> str:
