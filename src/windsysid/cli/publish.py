@@ -63,8 +63,6 @@ def publish(
     sent = known = 0
     try:
         with show_progress("publish") as progress:
-            if not logger:
-                publisher.committed(turbine, stream)  # what is committed is not sent again
             blocks = (
                 _from_logger(turbine, stream)
                 if logger
@@ -88,7 +86,8 @@ def publish(
 
 
 def _told(publisher: "Publisher", turbine: str, sent: int, known: int) -> str:
-    parts = [f"{turbine}: {sent} blocks committed"]
+    committed = max(0, sent - publisher.refused - publisher.dropped)
+    parts = [f"{turbine}: {committed} blocks committed"]
     if known:
         parts.append(f"{known} were sent before")
     if publisher.refused:

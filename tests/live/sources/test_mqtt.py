@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,7 +58,6 @@ def test_what_a_publisher_sends_comes_bit_for_bit_and_is_forgotten(mosquitto: Mo
         sent = [block_of(k, turbine, stream) for k in range(1, 101) for turbine, stream in (("T01", ""), ("T02", "b"))]
         assert publisher.send(*sent) == 200
         assert publisher.wait(60.0)
-        assert publisher.committed("T01") == publisher.committed("T02", "b") == 100
         assert publisher.send(*sent) == 0  # they were sent
     service.stop()
     found = {(block.turbine, block.stream, block.sequence): block for block in service.taker.blocks}
@@ -116,6 +116,76 @@ def test_a_block_that_can_never_be_taken_is_acknowledged_counted_and_told(mosqui
     assert [each["sequence"] for each in told] == [None, 2]
     assert told[1]["reason"] == "two is none"
     assert (service.source.state.blocks, service.source.state.refused) == (2, 2)
+    service.stop()
+    logger.close()
+
+
+def test_a_publisher_lets_go_of_a_block_that_is_refused_and_says_so(
+    mosquitto: Mosquitto, caplog: pytest.LogCaptureFixture
+):
+    class Picky(Taker):
+        def push(self, block):
+            if block.sequence in (1, 7):
+                raise BlockRefused("no such block")
+            return super().push(block)
+
+    service = Service(MqttSource(mosquitto.broker, ["T01"]), Picky())
+    with Publisher(mosquitto.broker, patience=0.5) as publisher:
+        publisher.send(*(block_of(k) for k in range(1, 31)))
+        assert publisher.wait(60.0)
+        assert publisher.refused == 2
+    assert caplog.text.count("no such block") >= 2
+    with Publisher(mosquitto.broker) as other:
+        with pytest.raises(BlockRefused, match="stream: expected up to 40 letters"):  # it would be sent for ever
+            other.send(block_of(1, stream="two words"))
+        assert len(other.ring) == 0
+    service.stop()
+    assert service.taker.numbers() == [k for k in range(1, 31) if k not in (1, 7)]
+
+
+def test_a_store_that_was_deleted_gets_the_blocks_that_the_broker_says_are_committed(mosquitto: Mosquitto):
+    service = Service(MqttSource(mosquitto.broker, ["T01"]))
+    blocks = [block_of(k) for k in range(1, 21)]
+    with Publisher(mosquitto.broker, patience=0.5) as publisher:
+        publisher.send(*blocks)
+        assert publisher.wait(60.0)
+    service.stop()
+    logger = Logger(mosquitto.broker, "windsysid/+/committed")
+    wait_for(lambda: ("windsysid/T01/committed", b"20") in logger.heard)  # kept by the broker
+    logger.close()
+    with Publisher(mosquitto.broker, patience=0.5) as publisher:
+        wait_for(lambda: publisher.connected)
+        publisher.send(*blocks)
+        assert not publisher.wait(1.0)  # nobody has them
+        fresh = Service(MqttSource(mosquitto.broker, ["T01"]))
+        assert publisher.wait(60.0)
+    fresh.stop()
+    assert fresh.taker.numbers() == list(range(1, 21))
+
+
+def test_turbines_that_are_held_back_do_not_stall_the_others_for_good(
+    mosquitto: Mosquitto, monkeypatch: pytest.MonkeyPatch
+):
+    """More is held back than the broker sends unacknowledged; then it is acknowledged, the newest first."""
+    monkeypatch.setattr("windsysid.live.sources.mqtt.ON_THEIR_WAY", 40)
+    taker = Taker()
+    taker.holding = True
+    service = Service(MqttSource(mosquitto.broker, ["T01", "T02"]), taker)
+    wait_for(lambda: service.source.state.state == "running")
+    logger = Logger(mosquitto.broker, "windsysid/+/committed")
+    for k in range(1, 101):
+        logger.say("windsysid/T01/blocks", encode_json(block_of(k)), Marks(k, after=k - 1 if k > 1 else None))
+    for k in range(1, 11):
+        logger.say("windsysid/T02/blocks", encode_json(block_of(k, "T02")))
+    wait_for(lambda: len(taker.blocks) == 40)
+    time.sleep(0.5)
+    assert len(taker.blocks) == 40  # the broker's window is full, as it was told
+    taker.holding = False
+    for future in reversed(taker.held):
+        future.set_result(None)
+    wait_for(lambda: len(taker.blocks) == 110)
+    wait_for(lambda: ("windsysid/T02/committed", b"10") in logger.heard)
+    assert [block.sequence for block in taker.blocks if block.turbine == "T01"] == list(range(1, 101))
     service.stop()
     logger.close()
 

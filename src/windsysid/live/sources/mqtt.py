@@ -236,7 +236,7 @@ class _Session:
     def _refuse(self, message: Any, turbine: str, marks: Marks, why: str) -> None:
         self._source.count(f"{turbine}: {why}")
         told = {"sequence": marks.sequence, "stream": marks.stream, "reason": why[:400]}
-        self._client.publish(self._source.topics.refused(turbine), json.dumps(told), qos=0)
+        self._client.publish(self._source.topics.refused(turbine), json.dumps(told), qos=1)
         if marks.sequence is not None and _is_name(marks.stream):
             self._source.took(turbine, marks.stream, marks.sequence, marks.after)
         self._client.ack(message.mid, message.qos)

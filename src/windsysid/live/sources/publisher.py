@@ -8,6 +8,8 @@ back to the first block that is not committed, one block at first and twice as m
         publisher.send(block)
 """
 
+import contextlib
+import json
 import logging
 import random
 import threading
@@ -18,7 +20,7 @@ from types import TracebackType
 from typing import Any
 
 from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused, encode_arrow
+from windsysid.live.codec import BlockRefused, check, encode_arrow
 from windsysid.live.settings import Broker
 from windsysid.live.sources.broker import (
     LONGEST_PAYLOAD,
@@ -58,6 +60,11 @@ class _Sending:
         """Send again from the first block that is not committed."""
         self.sent.clear()
         self.width = width
+
+    def drop(self, number: int) -> None:
+        """A block is not under way any more."""
+        with contextlib.suppress(ValueError):
+            self.sent.remove(number)
 
 
 class Publisher:
@@ -135,10 +142,12 @@ class Publisher:
         Raises
         ------
         BlockRefused
-            If one is too long for a message: none of the blocks is kept.
+            If one is none, or too long for a message: none of the blocks is kept.
         OutputError
             If the buffer cannot be written: the blocks are not kept.
         """
+        for block in blocks:
+            check(block)  # what the service could never take is not worth a place in the buffer
         packed = [(Flow(block.turbine, block.stream), Packed(block.sequence, encode_arrow(block))) for block in blocks]
         longest = max((len(block.payload) for _, block in packed), default=0)
         if longest > LONGEST_PAYLOAD:
@@ -172,14 +181,6 @@ class Publisher:
         with self._changed:
             return self._changed.wait_for(enough, timeout)
 
-    def committed(self, turbine: str, stream: str = "", *, timeout: float = 2.0) -> int | None:
-        """Up to which number a logger's blocks are committed, as the broker has it; None where nothing was heard."""
-        flow = Flow(turbine, stream)
-        with self._changed:
-            self._open(flow)
-            self._changed.wait_for(lambda: self._flows[flow].committed is not None, timeout)
-            return self._flows[flow].committed
-
     def close(self) -> None:
         """Disconnect; what is not committed stays in the buffer's file."""
         with self._changed:
@@ -198,7 +199,7 @@ class Publisher:
 
     def _hear(self, client: Any, flow: Flow) -> None:
         client.subscribe(self.topics.committed(*flow), qos=1)
-        client.subscribe(self.topics.refused(flow.turbine), qos=0)
+        client.subscribe(self.topics.refused(flow.turbine), qos=1)
 
     # the thread
 
@@ -286,19 +287,34 @@ class Publisher:
                 self._changed.notify_all()
 
     def _on_message(self, _client: Any, _userdata: Any, message: Any) -> None:
+        if message.retain:  # of a store that may be gone, or restored from a backup: what it had is not what it has
+            return
         with self._changed:
-            if message.topic.endswith("/refused"):
-                self.refused += 1
-                self._why = f"a block was refused: {message.payload[:300].decode(errors='replace')}"
-                logger.warning("%s", self._why)
-                return
             flow = self._told.get(message.topic)
-            try:
-                number = int(message.payload)
-            except ValueError:
+            if flow is None:
+                self._refused(message)
                 return
-            if flow is not None:
-                self._heard(flow, self._flows[flow], number)
+            with contextlib.suppress(ValueError):
+                self._heard(flow, self._flows[flow], int(message.payload))
+
+    def _refused(self, message: Any) -> None:
+        """The service will never take a block: it goes, and the log says so."""
+        try:
+            told = json.loads(message.payload)
+            number, stream = int(told["sequence"]), str(told["stream"])
+        except (ValueError, TypeError, KeyError, RecursionError):
+            return
+        flows = [f for f in self._flows if f.stream == stream and self.topics.refused(f.turbine) == message.topic]
+        for flow in flows:
+            if not self.ring.holds(flow, number):  # another publisher's, or told before
+                continue
+            self.refused += 1
+            self._why = f"a block was refused: {message.payload[:300].decode(errors='replace')}"
+            logger.warning("%s", self._why)
+            self.ring.drop(flow, number)
+            self._flows[flow].drop(number)
+            self._due.add(flow)
+            self._changed.notify_all()
 
     def _heard(self, flow: Flow, sending: _Sending, number: int) -> None:
         if sending.committed is not None and number <= sending.committed:

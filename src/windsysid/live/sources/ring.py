@@ -109,14 +109,21 @@ class Ring:
 
     def forget(self, flow: Flow, upto: int) -> None:
         """Let go of the blocks of a flow up to a number."""
+        self._delete("turbine = ? AND stream = ? AND sequence <= ?", (*flow, upto))
+
+    def drop(self, flow: Flow, sequence: int) -> None:
+        """Let go of one block."""
+        self._delete("turbine = ? AND stream = ? AND sequence = ?", (*flow, sequence))
+
+    def _delete(self, where: str, given: tuple[object, ...]) -> None:
         with self._lock:
-            which = "FROM block WHERE turbine = ? AND stream = ? AND sequence <= ?"
-            ((count, size),) = self._ask(f"SELECT count(*), coalesce(sum(length(payload)), 0) {which}", (*flow, upto))
+            which = f"FROM block WHERE {where}"
+            ((count, size),) = self._ask(f"SELECT count(*), coalesce(sum(length(payload)), 0) {which}", given)
             if not count:
                 return
             try:
                 self._db.execute("PRAGMA synchronous = NORMAL")  # what comes back after a power cut is sent once more
-                self._db.execute(f"DELETE {which}", (*flow, upto))
+                self._db.execute(f"DELETE {which}", given)
                 self._db.execute("PRAGMA synchronous = FULL")
             except sqlite3.Error as error:
                 raise self._failed(error) from None
