@@ -1,12 +1,16 @@
 """What several test modules share. Generated models go to the user's own cache, so that a second run is fast."""
 
 import sys
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
 
 import pytest
 
 from windsysid import cli
+from windsysid.loads.hypothesis import HYPOTHESES
+from windsysid.mechanics.model import MODELS
+from windsysid.mechanics.sensors import SENSORS
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
@@ -16,6 +20,21 @@ def verne555() -> Turbine:
     """The scale model with masses and sensors known exactly: bounds, and other ways to the same numbers, know no
     tolerances."""
     return load_turbine("verne555").exact()
+
+
+@contextmanager
+def registers_as_before() -> Iterator[None]:
+    """Forget afterwards what is registered inside: models, load hypotheses, sensors, and examples that did it."""
+    registers: tuple[dict[str, Any], ...] = (MODELS, HYPOTHESES, SENSORS)
+    known = [dict(register) for register in registers]
+    try:
+        yield
+    finally:
+        for register, before in zip(registers, known, strict=True):
+            register.clear()
+            register.update(before)
+        for name in [name for name in sys.modules if name.split(".")[0] == "examples"]:
+            del sys.modules[name]
 
 
 class Ended(NamedTuple):

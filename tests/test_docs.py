@@ -13,7 +13,7 @@ import pytest
 import typer
 
 import windsysid
-from tests.conftest import Ended
+from tests.conftest import Ended, registers_as_before
 from windsysid.cli import app
 
 ROOT = Path(__file__).parents[1]
@@ -184,15 +184,17 @@ def test_the_code_of_a_page_runs(
     monkeypatch.setattr("sys.path", [str(ROOT), *sys.path])
     (tmp_path / "results").mkdir()
     known: dict[str, object] = {"__name__": "page"}
-    exec(GIVEN.get(page.stem, ""), known)
-    for kind, code, why in blocks(page):
-        if why:
-            continue
-        if kind == "python":
-            exec(compile(code, str(page), "exec"), known)
-        for words in commands(code) if kind == "sh" and is_tutorial(page) else ():
-            ended = run(*words)
-            assert ended.code == 0, (words, ended.err)
+    with registers_as_before():
+        exec(GIVEN.get(page.stem, ""), known)
+        for kind, code, why in blocks(page):
+            if why:
+                continue
+            if kind == "python":
+                exec(compile(code, str(page), "exec"), known)
+            for words in commands(code) if kind == "sh" and is_tutorial(page) else ():
+                ended = run(*words)
+                assert ended.code == 0, (words, ended.err)
+                assert words[0] != "identify" or "trust: yes" in ended.out, "a tutorial ends in an answer to trust"
 
 
 def test_version_is_the_same_everywhere():

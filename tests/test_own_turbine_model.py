@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 
 import windsysid as ws
+from tests.conftest import registers_as_before
 from windsysid.errors import ConfigurationError
 from windsysid.loads.family import candidates, describe_hypotheses
-from windsysid.loads.hypothesis import HYPOTHESES
-from windsysid.mechanics.model import MODELS
 from windsysid.mechanics.sensor_lists import as_sensor
-from windsysid.mechanics.sensors import SENSORS
 
 FILE = Path(__file__).parents[1] / "examples" / "own_turbine_model.py"
 SEEDS = (0, 1, 2)
@@ -25,18 +23,14 @@ SEEDS = (0, 1, 2)
 @pytest.fixture(scope="module")
 def own() -> Iterator[Any]:
     """The example, registered for the tests of this file."""
-    registries: tuple[dict[str, Any], ...] = (MODELS, HYPOTHESES, SENSORS)
-    known = [dict(registry) for registry in registries]
-    spec = importlib.util.spec_from_file_location("own_turbine_model", FILE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    vars(module)["turbine"] = vars(module)["turbine"].exact()
-    yield module
-    for registry, before in zip(registries, known, strict=True):
-        registry.clear()
-        registry.update(before)
+    with registers_as_before():
+        spec = importlib.util.spec_from_file_location("own_turbine_model", FILE)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        vars(module)["turbine"] = vars(module)["turbine"].exact()
+        yield module
 
 
 @pytest.fixture(scope="module")
