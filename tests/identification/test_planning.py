@@ -82,6 +82,8 @@ def test_the_band_falls_with_the_root_of_time_and_the_wish_is_met_when_it_says()
     assert found.band("c_x", needed) == pytest.approx(0.1, rel=1e-6)
     assert found.band("c_x", 100.0 * needed) == pytest.approx(0.01, rel=0.01)
     assert found.verdict.startswith("no: not known within ±10 % (2σ) in 2 min: c_x (")
+    row = found.to_dataframe().set_index("name").loc["c_x"]
+    assert (row["band"], row["needed"]) == (found.band("c_x"), found.needed("c_x"))
     assert f"±10 % after {spell(needed, 2)}" in found.answer("c_x")
     assert found.answer("k_x").startswith("k_x: yes, ±")
 

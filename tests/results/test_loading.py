@@ -107,7 +107,43 @@ def test_other_answers_come_back(make: Callable[..., Any], found: ws.Identificat
     assert type(again) is type(answer)
     assert str(again) == str(answer)
     equal(again, answer)
+    frame = answer.to_dataframe()
+    assert len(frame)
+    assert again.to_dataframe().equals(frame)
+    assert "<" in answer._repr_html_()
     assert len(again.plot().axes) == len(answer.plot().axes)
+
+
+def test_a_table_of_an_answer_holds_its_numbers(found: ws.Identification, record: ws.Record):
+    change = of_comparison(found, record).coefficients[0]
+    row = ws.compare(found, found).to_dataframe().set_index("name").loc[change.name]
+    assert (row["before"], row["after"], row["moved"]) == (change.before, change.after, False)
+
+    watched = of_monitor(found, record)
+    assert watched.to_xarray()["level"].sel(name="k_x").to_numpy() == pytest.approx(watched.series[0].level)
+    assert watched.to_dataframe()["level"].to_numpy() == pytest.approx(watched.series[0].level)
+
+    diagram = ws.modes(found)
+    curve = diagram.curves[0]
+    drawn = diagram.to_xarray()["frequency"].sel(mode=curve.name)
+    np.testing.assert_array_equal(drawn, curve.frequency)
+    assert drawn["speed"].attrs == {"units": "rad/s"}
+
+    split = of_damping(found, record).splits[0]
+    parts = ws.damping([found.posterior, found.posterior]).to_dataframe().set_index(["name", "part"])
+    totals = parts.loc[(split.name, "total")]
+    assert [tuple(values) for values in totals[["estimate", "low", "high"]].to_numpy()] == list(
+        map(tuple, split.measured)
+    )
+
+
+def test_a_record_comes_back_from_its_table(record: ws.Record):
+    from windsysid.records.coercion import as_record
+
+    again = as_record(record.to_dataframe())
+    assert (again.channels, again.units) == (record.channels, record.units)
+    np.testing.assert_array_equal(again.values, record.values)
+    np.testing.assert_allclose(again.time, record.time)
 
 
 def test_the_page_of_a_result_is_drawn_again(saved: Path, tmp_path: Path, run: Callable[..., Any]):

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from windsysid.output.answers import Answer
 from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
 from windsysid.results.plain import finite
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["Glance", "Overview", "oversee", "overview_of"]
 
@@ -97,6 +100,18 @@ class Overview(Answer):
     events: tuple[Event, ...]
     alarms_per_year: float
     notes: tuple[str, ...] = field(default=())
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each turbine: ``turbine``; ``records``, and how many were ``identified``, ``refused`` or
+        ``failed``; the shares ``trusted`` and ``available`` [1]; ``changes``, how many jumps."""
+        import pandas as pd
+
+        rows = []
+        for name, g in self.glances.items():
+            jumps = len(self.watches[name].changes) if name in self.watches else 0
+            rows.append((name, g.records, g.identified, g.refused, g.failed, g.trusted, g.available, jumps))
+        columns = ["turbine", "records", "identified", "refused", "failed", "trusted", "available", "changes"]
+        return pd.DataFrame(rows, columns=columns)
 
     @property
     def sentences(self) -> list[str]:

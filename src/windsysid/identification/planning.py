@@ -19,7 +19,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,6 +41,9 @@ from windsysid.simulation.record import simulate_record
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import spell
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["Plan", "plan"]
 
@@ -130,6 +133,15 @@ class Plan(Answer):
             middle = math.sqrt(low * high)
             low, high = (low, middle) if self.band(name, middle) <= self.within else (middle, high)
         return high
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each coefficient: ``name``, ``band``, its relative ±2σ after the planned duration, and ``needed``,
+        the duration [s] after which it is as wished; infinite where it is not seen, or never."""
+        import pandas as pd
+
+        names = list(self.coefficients)
+        bands, needed = [self.band(name) for name in names], [self.needed(name) for name in names]
+        return pd.DataFrame({"name": names, "band": bands, "needed": needed})
 
     @cached_property
     def budget(self) -> Budget:

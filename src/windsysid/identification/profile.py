@@ -34,6 +34,8 @@ from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     pass
 
 __all__ = [
@@ -78,6 +80,12 @@ class Profile(Answer):
     low: float
     high: float
     gaussian: tuple[float, float]
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each place where the parameter was held: ``value`` in `unit`, and ``log_posterior``."""
+        import pandas as pd
+
+        return pd.DataFrame({"value": self.values, "log_posterior": self.log_posterior})
 
     def __repr__(self) -> str:
         return f"<Profile: {str(self).splitlines()[0]}>"

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from windsysid.inspection.channels import kinds, most_telling
 from windsysid.inspection.health import SEVERITIES, Finding
@@ -14,6 +14,9 @@ from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.records.record import Record
 from windsysid.units import RPM, unit_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["STOPS_TITLE", "Inspection"]
 
@@ -67,6 +70,14 @@ class Inspection(Answer):
     stops: tuple[Stop, ...]
     notes: tuple[str, ...]
     first: tuple[str, ...] = ()
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each finding, the worst first: ``channel``, ``kind``, ``severity``, ``text``, and ``count``, the
+        samples or gaps concerned."""
+        import pandas as pd
+
+        rows = [(f.channel, f.kind, f.severity, f.text, f.count) for f in self.findings]
+        return pd.DataFrame(rows, columns=["channel", "kind", "severity", "text", "count"])
 
     @property
     def verdict(self) -> str:

@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from windsysid.output.table import Table
 from windsysid.results.plain import finite
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 __all__ = ["MEASURED_HEADINGS", "Campbell", "Margin", "MeasuredMode"]
 
@@ -144,6 +148,29 @@ class Campbell(Answer):
                 mode = mode._replace(curve=name, expected=there[name])
             placed.append(mode)
         return replace(self, measured=tuple(placed))
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each mode and rotor speed: ``mode``, ``speed`` [rad/s], ``frequency`` [Hz], ``damping`` ratio, and
+        their standard deviations, zero where there is no posterior; NaN where the mode does not oscillate."""
+        import pandas as pd
+
+        return pd.concat([
+            pd.DataFrame({
+                "mode": curve.name, "speed": self.speeds, "frequency": curve.frequency,
+                "frequency_std": curve.frequency_std, "damping": curve.damping, "damping_std": curve.damping_std,
+            })
+            for curve in self.curves
+        ], ignore_index=True)  # fmt: skip
+
+    def to_xarray(self) -> "xr.Dataset":
+        """The same with the dimensions ``mode`` and ``speed`` [rad/s]."""
+        import xarray as xr
+
+        values = ("frequency", "frequency_std", "damping", "damping_std")
+        return xr.Dataset(
+            {name: (("mode", "speed"), [getattr(curve, name) for curve in self.curves]) for name in values},
+            coords={"mode": [c.name for c in self.curves], "speed": ("speed", self.speeds, {"units": "rad/s"})},
+        )
 
     @property
     def measured_rows(self) -> list[tuple[str, ...]]:

@@ -3,12 +3,15 @@
 import json
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.plain import finite
 from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["HEADINGS", "MOVED_MIN_ODDS", "Change", "Comparison"]
 
@@ -108,6 +111,16 @@ class Comparison(Answer):
     same: bool
     doubts: tuple[str, ...]
     notes: tuple[str, ...]
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each `Change`: its fields, whether it ``moved``, and whether it is of a coefficient, a mode or a
+        statistic (``quantity``)."""
+        import pandas as pd
+
+        of = (("coefficient", self.coefficients), ("mode", self.modes), ("statistic", self.statistics))
+        moved = self.moved
+        rows = [(quantity, *one, one in moved) for quantity, changes in of for one in changes]
+        return pd.DataFrame(rows, columns=["quantity", *Change._fields, "moved"])
 
     @property
     def moved(self) -> tuple[Change, ...]:

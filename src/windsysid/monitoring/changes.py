@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from windsysid._types import Array
 from windsysid.monitoring.series import DAY, Blocks
@@ -11,6 +11,10 @@ from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.plain import finite
 from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 __all__ = ["HEADINGS", "Change", "Series", "Watch"]
 
@@ -115,6 +119,37 @@ class Watch(Answer):
     alarms_per_year: float
     begins: int
     notes: tuple[str, ...]
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each series and record: ``time`` [s], ``name``, ``unit``, what was known after that record
+        (``level``, ``low``, ``high``), the record less the effect of its covariates (``adjusted``), and the test for
+        a jump (``statistic``, ``limit``)."""
+        import pandas as pd
+
+        return pd.concat([
+            pd.DataFrame({
+                "time": self.blocks.time, "name": s.name, "unit": unit_text(s.unit), "level": s.level, "low": s.low,
+                "high": s.high, "adjusted": s.adjusted, "statistic": s.statistic, "limit": s.limit,
+            })
+            for s in self.series
+        ], ignore_index=True)  # fmt: skip
+
+    def to_xarray(self) -> "xr.Dataset":
+        """The same with the dimensions ``name`` and ``time`` [s]."""
+        import xarray as xr
+
+        followed = ("level", "low", "high", "adjusted", "statistic")
+        return xr.Dataset(
+            {
+                **{what: (("name", "time"), [getattr(s, what) for s in self.series]) for what in followed},
+                "limit": ("name", [s.limit for s in self.series]),
+            },
+            coords={
+                "name": [s.name for s in self.series],
+                "unit": ("name", [unit_text(s.unit) for s in self.series]),
+                "time": ("time", self.blocks.time, {"units": "s"}),
+            },
+        )
 
     @property
     def sentence(self) -> str:

@@ -1,13 +1,17 @@
 """Structural and aerodynamic damping told apart: the result and its words."""
 
 import json
+import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.plain import finite
 from windsysid.units import RPM, unit_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["HEADINGS", "Band", "Separation", "Split", "State"]
 
@@ -116,6 +120,23 @@ class Separation(Answer):
     lacking: tuple[str, ...]
     notes: tuple[str, ...]
     doubts: tuple[str, ...]
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each coefficient and part of it: ``name``, ``unit``, ``part`` (``total``, ``structure`` or
+        ``air``), ``record`` where it is of one record's state, ``estimate``, ``low``, ``high``, and ``critical``,
+        2√(km), to which damping ratios refer. What the records do not determine is NaN."""
+        import pandas as pd
+
+        rows: list[tuple[Any, ...]] = []
+        for split in self.splits:
+            parts = [("structure", "", split.structural)]
+            for part, bands in (("air", split.aerodynamic), ("total", split.measured)):
+                parts += [(part, state.record, band) for state, band in zip(self.states, bands, strict=True)]
+            for part, record, band in parts:
+                known = (math.nan,) * 3 if band is None else tuple(band)
+                rows.append((split.name, unit_text(split.unit), part, record, *known, split.critical))
+        columns = ["name", "unit", "part", "record", "estimate", "low", "high", "critical"]
+        return pd.DataFrame(rows, columns=columns)
 
     @property
     def base(self) -> str:

@@ -14,6 +14,7 @@ from windsysid.output.folders import Saveable
 from windsysid.output.table import Table
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -26,6 +27,10 @@ class Answer(Saveable):
     @abstractmethod
     def contents(self) -> Sequence[Table | str]:
         """The answer as sentences and tables: first what was asked, then what it rests on."""
+
+    @abstractmethod
+    def to_dataframe(self) -> "pd.DataFrame":
+        """The answer's numbers as they are, one thing a row: SI units, Hz for frequencies, bands of ±2σ."""
 
     def __str__(self) -> str:
         """The parts as text, as wide as the terminal."""

@@ -305,6 +305,14 @@ class Record:
             attrs={**self.attributes, **self.marks},
         )
 
+    def to_dataframe(self) -> pd.DataFrame:
+        """A column for each channel, called ``name [unit]``, and ``time`` [s] as the index: as functions of windsysid
+        take it back."""
+        import pandas as pd
+
+        columns = [f"{name} [{unit}]" for name, unit in zip(self.channels, self.units, strict=True)]
+        return pd.DataFrame(self.values.copy(), index=pd.Index(self.time.copy(), name="time"), columns=columns)
+
     def _repr_html_(self) -> str:
         """As a notebook shows it: channels with units, to be unfolded."""
         shown: str = self.to_xarray()._repr_html_()

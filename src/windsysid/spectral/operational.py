@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from windsysid.results.plain import finite
 from windsysid.results.posterior import SIGMAS, section_name
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["ANALYSIS", "BandSpectrum", "Doubt", "DoubtKind", "OperationalMode", "OperationalModes", "Part"]
 
@@ -281,6 +284,19 @@ class OperationalModes(Answer):
     def to_json(self) -> str:
         """`summary` as JSON text."""
         return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Frequency and damping ratio of each mode, a row each: ``name``, ``quantity``, ``unit``, ``estimate``,
+        ``low``, ``high`` (±2σ), ``in_file``, what the turbine file gives, NaN without one, and ``trusted``."""
+        import pandas as pd
+
+        rows: list[tuple[Any, ...]] = []
+        for mode in self.modes:
+            known, told = mode.reference or (np.nan, np.nan), mode.mode
+            rows.append((mode.name, "frequency", "Hz", *told.frequency_hz, known[0], mode.trusted))
+            rows.append((mode.name, "damping ratio", "1", *told.damping_ratio, known[1], mode.trusted))
+        columns = ["name", "quantity", "unit", "estimate", "low", "high", "in_file", "trusted"]
+        return pd.DataFrame(rows, columns=columns)
 
     @property
     def headings(self) -> tuple[str, ...]:
