@@ -20,7 +20,7 @@ from windsysid.live import engine as module
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
 from windsysid.live.engine import Engine, Followed
-from windsysid.live.estimate import Estimated
+from windsysid.live.estimate import Estimated, Here
 from windsysid.live.store.contents import Commit
 from windsysid.live.timeline import SECOND, Gathered, Windows
 from windsysid.records.record import Record
@@ -71,9 +71,9 @@ class Site:
         self.engine: Engine | None = None
         self.told: list[tuple[str, dict[str, Any]]] = []
 
-    def start(self, names: Sequence[str] = ("T01",), **options: Any) -> Engine:
+    def start(self, names: Sequence[str] = ("T01",), window: float = 60.0, **options: Any) -> Engine:
         self.estimator = Counting()
-        turbines = [Followed(Member(name, "tower"), window=60.0) for name in names]
+        turbines = [Followed(Member(name, "tower"), window=window) for name in names]
         tell = lambda event, **told: self.told.append((event, told))  # noqa: E731
         self.engine = Engine(turbines, self.store, now=self.clock, on_event=tell, **options)
         return self.engine
@@ -205,6 +205,62 @@ def test_a_sender_that_counts_from_the_beginning_again_loses_nothing(site):
     finish(engine)
     assert site.samples() == [1200, 1200]
     assert site.counts()["numbering restarted"] >= 1
+
+
+def test_a_rate_that_changes_cuts_the_window_in_which_it_does(site):
+    engine = site.start()
+    fast = [block for block in stream(80.0) if block.start < START + 80 * SECOND]
+    slow = blocks_of(record(1500, 10.0), 10.0, 10, start=START + 80 * SECOND)
+    push(engine, [*fast, *(replace(block, sequence=80 + block.sequence) for block in slow)])
+    finish(engine)
+    assert site.samples()[:3] == [1200, 400, 600]  # 20 s at 20 Hz, 40 s at 10 Hz: the longer one
+    assert site.counts()["samples cut by a clock jump"] == 400
+
+
+def test_windows_of_another_length_after_a_restart_cut_the_one_that_is_open(site):
+    blocks = stream(400.0)
+    engine = site.start()
+    push(engine, blocks[:90])
+    site.end()
+    engine = site.start(window=70.0)
+    push(engine, blocks[80:])
+    finish(engine)
+    results = site.store.results("T01")
+    assert [(r.window - START) // SECOND for r in results[:2]] == [0, 60]
+    assert results[1].until == START + 90 * SECOND  # its last sample
+    assert [r.row["samples"] for r in results[:2]] == [1200, 600]
+    boundary = Windows.of("T01", 70.0)
+    assert [r.window for r in results[2:]] == [boundary.start(r.window) for r in results[2:]]
+    assert 0 <= results[2].window - results[1].until < 70 * SECOND  # what comes before is too late
+    assert [r.row["samples"] for r in results[2:-1]] == [1400] * (len(results) - 3)
+    late = (results[2].window - results[1].until) // SECOND
+    assert site.counts()["too late"] in (late, late - 1)  # a block may reach over the boundary
+
+
+def test_a_rotor_that_stops_and_starts_is_told_by_its_windows(site, monkeypatch):
+    """The row is the real one: short windows are refused, and say how the rotor turned."""
+    monkeypatch.setattr(module, "estimators", lambda _: [Here()])
+    engine = Engine([Followed(Member("T01", "verne555"), window=60.0)], site.store, now=site.clock)
+    site.engine = engine
+    rated = load_turbine("verne555").rotor_speed
+    assert rated is not None
+    shares = np.repeat([1.0, 1.0, 0.0, 0.0, 1.0, 1.0], 60 * 20)
+    shares[2 * 1200 - 600 : 2 * 1200] = np.linspace(1.0, 0.0, 600)
+    noise = record(len(shares))
+    values = np.column_stack([noise.values, rated * shares])
+    turning = Record(noise.time, values, (*noise.channels, "rotor_speed"), (*noise.units, "rad/s"))
+    push(engine, blocks_of(turning, 20.0, 20, start=START))
+    finish(engine)
+    states = [result.row["state"] for result in site.store.results("T01")]
+    assert states == ["running", "transient", "parked", "parked", "running", "running"]
+    site.end()
+    assert site.store.kept_statuses["T01"].state == "running"
+    assert not [alarm for alarm in site.store.alarms() if alarm.kind == "structure"]
+
+
+def test_a_turbine_with_scada_of_files_is_refused(site):
+    with pytest.raises(WindsysidError, match="T01: scada is for files"):
+        Engine([Followed(Member("T01", "tower", scada="scada.csv"))], site.store)
 
 
 def test_publishers_hear_up_to_where_nothing_is_missing(site):

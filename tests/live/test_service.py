@@ -1,5 +1,6 @@
 """The service as a process: it starts with one line or none, and a signal ends it in order."""
 
+import asyncio
 import json
 import logging
 import os
@@ -14,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import httpx
 import pytest
@@ -22,8 +24,10 @@ import windsysid as ws
 from windsysid.errors import ConfigurationError, StoreError
 from windsysid.fleet.members import Member
 from windsysid.live.logs import event, start_log
-from windsysid.live.service import listen, serve, url_of
+from windsysid.live.service import _supply, listen, serve, url_of
 from windsysid.live.settings import LogSettings, PageSettings, Settings
+from windsysid.live.sources.folder import FolderSource
+from windsysid.live.sources.source import SourceState
 from windsysid.live.store import open_store
 
 PATIENCE = 120.0
@@ -168,6 +172,28 @@ def test_it_goes_on_where_it_was_and_a_second_signal_ends_it_at_once(tmp_path: P
             service.process.send_signal(number)
             time.sleep(0.2)
         assert service.end()[0] in (code, 0)
+
+
+def test_a_source_that_failed_says_so_and_is_started_again(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("windsysid.live.service.RETRY_SECONDS", 0.01)
+
+    class Broken(FolderSource):
+        runs = 0
+
+        async def run(self, push: object, stop: asyncio.Event) -> None:
+            self.runs += 1
+            seen.append(self.state)
+            if self.runs == 2:
+                stop.set()
+            raise ValueError("not\nagain")
+
+    async def run() -> None:
+        await _supply(source, SimpleNamespace(push=None), asyncio.Event())  # type: ignore[arg-type]
+
+    seen: list[SourceState] = []
+    source = Broken("folder", "T01")
+    asyncio.run(run())
+    assert [(state.state, state.text) for state in seen] == [("waiting", ""), ("failed", "not again")]
 
 
 def test_a_port_that_is_taken_is_one_line_or_the_next_one():

@@ -199,6 +199,16 @@ def test_what_is_no_toml_is_one_line(tmp_path: Path):
         read_settings(tmp_path / "live.toml")
 
 
+def test_a_mapping_that_nothing_reads_is_refused(tmp_path: Path):
+    (tmp_path / "logger.toml").write_text('[channels]\nAX = {name = "tower_x_acceleration", unit = "m/s^2"}\n')
+    text = SMALLEST.replace('turbine = "tower"', 'turbine = "tower"\nmapping = "logger.toml"', 1)
+    assert faults(tmp_path, text) == [
+        "[[turbine]] 'T01': mapping is for sources folder and replay, and it has none: take it out"
+    ]
+    files = '[[source]]\nkind = "folder"\npath = "."\nturbine = "T01"\n'
+    assert read_settings(written(tmp_path, text + files)).turbines[0].mapping is not None
+
+
 def test_the_same_name_twice_is_refused(tmp_path: Path):
     twice = SMALLEST + '[[turbine]]\nname = "T01"\nturbine = "tower"\n'
     assert faults(tmp_path, twice) == ["[[turbine]]: two are called 'T01': give each a name of its own"]

@@ -31,7 +31,7 @@ from windsysid.live.open_alarms import TOO_LATE
 from windsysid.live.store.contents import Alarm, Commit, Severity, StoredBlock
 from windsysid.live.store.store import Store
 from windsysid.live.streams import StreamHealth, Verdict
-from windsysid.live.timeline import SECOND
+from windsysid.live.timeline import SECOND, sample_time
 from windsysid.live.watching import resume, start
 from windsysid.records.moments import moment_text
 from windsysid.turbine.file import load_turbine
@@ -101,12 +101,12 @@ class Engine:
         self._idle = threading.Condition()
         self._sums, self._summing = Counter[str](), threading.Lock()
         self._rate = 0.0
-        statuses = {status.turbine: status for status in store.statuses()}
         for followed in turbines:
             follower = self._follower(followed)
-            if follower.name in statuses:
-                follower.restore(statuses[follower.name])
             self._followers[follower.name] = follower
+        for status in store.statuses():
+            if status.turbine in self._followers:
+                self._followers[status.turbine].restore(status)
         for alarm in store.alarms(open_only=True, most=100_000):
             if alarm.turbine in self._followers and alarm.ended is None:
                 self._followers[alarm.turbine].alarms.restore(alarm)
@@ -228,8 +228,8 @@ class Engine:
 
     # windows
 
-    def _close(self, follower: Follower, window: int) -> None:
-        self._tasks.put(follower.close(window, self._now()))
+    def _close(self, follower: Follower, window: int, until: int | None = None) -> None:
+        self._tasks.put(follower.close(window, self._now(), until))
 
     def _work(self, estimator: Estimator) -> None:
         """Take closed windows until the engine ends."""
@@ -440,11 +440,13 @@ class Engine:
 
     def _go_on(self, follower: Follower) -> None:
         """Take up the windows that the store has blocks of."""
+        ends: dict[int, int] = {}
         for window, block in self._store.waiting(follower.name):
             follower.note(block, block.sequence, [window])
             follower.see(block)
-        # a window of other boundaries was cut by settings that were changed since
-        foreign = [window for window in follower.open if follower.windows.start(window) != window]
+            ends[window] = max(ends.get(window, 0), sample_time(block, len(block.values)))
+        # a window of other boundaries was cut by settings that were changed since: it ends with its last sample
+        foreign = {window: end for window, end in ends.items() if follower.windows.start(window) != window}
         with follower.lock:
             for window in sorted({*foreign, *follower.over(self._lateness)}):
-                self._close(follower, window)
+                self._close(follower, window, foreign.get(window))

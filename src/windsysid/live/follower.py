@@ -11,6 +11,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row
 from windsysid.live.block import Block
@@ -42,7 +43,8 @@ class Followed:
     Attributes
     ----------
     member
-        Name, turbine file and sensors. Its mapping and its SCADA are of files: blocks come with names and units.
+        Name, turbine file and sensors. Its mapping is of files, since blocks come with names and units; one with SCADA
+        is refused.
     window
         Length of a window [s].
     formulation
@@ -92,6 +94,10 @@ class Follower:
     """What the engine knows of one turbine."""
 
     def __init__(self, followed: Followed, settings: str, watching: Watching) -> None:
+        if followed.member.scada is not None:
+            raise ConfigurationError(
+                f"{followed.member.name}: scada is for files: take it out, and push its channels as a stream of blocks"
+            )
         self.followed, self.settings, self.watching = followed, settings, watching
         self.name = followed.member.name
         self.windows = Windows.of(self.name, followed.window)
@@ -209,9 +215,9 @@ class Follower:
             return []
         return sorted(window for window in self.open if window + self.windows.length + lateness <= clock)
 
-    def close(self, window: int, now: int) -> WindowTask:
-        """Close an open window: what comes for it from now on is too late."""
-        until = window + self.windows.length
+    def close(self, window: int, now: int, until: int | None = None) -> WindowTask:
+        """Close an open window: what comes for it from now on is too late. `until` is its end where it is another's."""
+        until = window + self.windows.length if until is None else until
         for name, numbers in self.open.pop(window).items():
             stream = self.streams[name]
             if numbers and not stream.restarted:  # what is missing before them would be too late

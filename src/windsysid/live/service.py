@@ -151,7 +151,7 @@ async def _run(
     stop, end = asyncio.Event(), _End()
     for number in (signal.SIGTERM, signal.SIGINT):
         _on_signal(number, functools.partial(end.by, number, stop))
-    server, streams = _server(settings, store, engine, note)
+    server, streams = _server(settings, store, engine, sources, note)
     web = asyncio.create_task(server.serve(sockets=[listening]), name="page")
     others = [asyncio.create_task(_supply(source, engine, stop)) for source in sources]
     told: list[Recipient] = [LogRecipient(), *map(recipient_of, settings.notices)]
@@ -218,7 +218,7 @@ def _on_signal(number: signal.Signals, act: Callable[[], None]) -> None:
             signal.signal(number, lambda *_: loop.call_soon_threadsafe(act))
 
 
-def _server(settings: Settings, store: Store, engine: Engine, note: str) -> tuple[Any, Any]:
+def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[Source], note: str) -> tuple[Any, Any]:
     import uvicorn
 
     from windsysid.live.page.app import app, streams_of
@@ -228,7 +228,7 @@ def _server(settings: Settings, store: Store, engine: Engine, note: str) -> tupl
         def capture_signals(self) -> Iterator[None]:
             yield  # signals are ours
 
-    page = app(store, engine, _access_of(settings.page), note=note)
+    page = app(store, engine, _access_of(settings.page), sources=sources, note=note)
     certificate, key = settings.page.certificate, settings.page.key
     config = uvicorn.Config(
         page, log_config=None, access_log=False, server_header=False, lifespan="off",
@@ -251,6 +251,7 @@ async def _supply(source: Source, engine: Engine, stop: asyncio.Event) -> None:
             if stop.is_set():
                 return
             known = isinstance(error, WindsysidError | OSError)
+            source.state = source.state._replace(state="failed", text=" ".join(str(error).split()) or repr(error))
             event_text = f"source failed: {error}; tried again in {RETRY_SECONDS:g} s"
             logging.getLogger("windsysid").error("%s: %s", source.describe(), event_text, exc_info=not known)
         with contextlib.suppress(TimeoutError):

@@ -277,6 +277,9 @@ def _settings(file: TomlTable) -> Settings:
     turbines = _turbines(file)
     names = [member.name for member in turbines]
     sources = [made for table in file.tables("source", "source") if (made := _source(table, names)) is not None]
+    read = {one.turbine for one in sources if isinstance(one, FolderSettings | ReplaySettings)}
+    for name in (one.name for one in turbines if one.mapping is not None and one.name not in read):
+        file.fault(f"[[turbine]] '{name}': mapping is for sources folder and replay, and it has none: take it out")
     notices = [told for table in file.tables("notify", "notify") if (told := _notice(table)) is not None]
     if not file.given.get("source"):
         file.fault("[[source]] is missing: expected one table or more, of kind mqtt, folder, opcua or replay")

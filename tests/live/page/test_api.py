@@ -10,6 +10,8 @@ from windsysid.errors import WindsysidError
 from windsysid.live.page.app import STATIC, app, streams_of
 from windsysid.live.page.streams import Streams, TooManyStreams
 from windsysid.live.page.views import series_title
+from windsysid.live.sources.folder import FolderSource
+from windsysid.live.sources.source import SourceState
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit, Level, Result
 
@@ -32,7 +34,7 @@ def test_the_overview_has_the_worst_first(client):
         ("T03", "sensor"),
         ("T01", "steady"),
     ]
-    assert "k_fore_aft fell" in turbines[0]["answer"]
+    assert "fore-aft stiffness fell" in turbines[0]["answer"]
     assert turbines[1]["faults"][0]["state"] == "stuck"
 
 
@@ -134,6 +136,25 @@ def test_metrics_escape_names_and_count_verdicts(client):
     assert 'windsysid_turbines{verdict="moved"} 1' in text
     assert 'windsysid_turbine_trusted{turbine="T01"} 1' in text
     assert text.endswith("\n")
+
+
+def test_a_source_that_failed_is_on_the_overview_in_health_and_in_metrics(store):
+    bad = FolderSource("/nowhere", "T01")
+    bad.state = SourceState("failed", "the disk is broken", 7, 1)
+    good = FolderSource("/here", "T02")
+    good.state = SourceState("running", "", 9)
+    client = TestClient(app(store, sources=[bad, good]), base_url=OWN)
+    overview = client.get("/api/overview").json()
+    assert overview["sources"][0] == {
+        "name": "folder /nowhere of T01", "state": "failed", "text": "the disk is broken", "blocks": 7, "refused": 1,
+    }  # fmt: skip
+    health = client.get("/health").json()
+    assert (health["status"], health["sources"]) == ("degraded", {"failed": 1, "running": 1})
+    metrics = client.get("/metrics").text
+    assert 'windsysid_source_state{source="folder /nowhere of T01",state="failed"} 1' in metrics
+    assert 'windsysid_source_blocks_total{source="folder /here of T02"} 9' in metrics
+    bad.state = SourceState("running")
+    assert client.get("/health").json()["status"] == "ok"
 
 
 def test_a_store_that_is_away_is_said_in_one_line(store):

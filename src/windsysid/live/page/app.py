@@ -4,9 +4,10 @@ Everything is read from the store when it is asked for. The one thing that is wr
 """
 
 import time
-from collections.abc import AsyncIterator
+from collections import Counter
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path as FilePath
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, Literal, cast
 
 from fastapi import APIRouter, Depends, FastAPI, Header, HTTPException, Path, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -31,8 +32,10 @@ from windsysid.live.page.views import (
     levels_of,
     overview_of,
     results_of,
+    sources_of,
     turbine_of,
 )
+from windsysid.live.sources.source import Source
 from windsysid.live.store.store import Store
 
 __all__ = ["app", "streams_of"]
@@ -79,8 +82,9 @@ UNKNOWN = _errors(_404="there is none of this name")
 
 
 def app(
-    store: Store, engine: Engine | None = None, access: Access = Access(), *, limits: Limits = Limits(), note: str = ""
-) -> FastAPI:
+    store: Store, engine: Engine | None = None, access: Access = Access(), *, limits: Limits = Limits(),
+    sources: Sequence[Source] = (), note: str = "",
+) -> FastAPI:  # fmt: skip
     """The page over a store.
 
     Parameters
@@ -93,6 +97,8 @@ def app(
         only. `Access.check` says whether an address may be listened on.
     limits
         Of sizes and rates.
+    sources
+        Whose state is shown.
     note
         A sentence that stands above the turbines.
 
@@ -107,8 +113,8 @@ def app(
     )  # fmt: skip
     page.state.streams = streams = Streams(store, limits.streams)
     door = Door(access, limits)
-    overview = _Overviews(store, engine, door, note)
-    page.include_router(_service(store, overview, door), responses=ERRORS)
+    overview = _Overviews(store, engine, door, sources, note)
+    page.include_router(_service(store, overview, door, sources), responses=ERRORS)
     page.include_router(_turbines(store, engine, overview.newest, door), responses=ERRORS)
     page.include_router(_alarms(store, engine, door), responses=ERRORS)
     page.include_router(_events(streams, door), responses=_beside_text(ERRORS))
@@ -129,16 +135,16 @@ def streams_of(page: FastAPI) -> Streams:
 class _Overviews:
     """Overviews of one store."""
 
-    def __init__(self, store: Store, engine: Engine | None, door: Door, note: str) -> None:
+    def __init__(self, store: Store, engine: Engine | None, door: Door, sources: Sequence[Source], note: str) -> None:
         self.newest = Newest(store)
-        self._store, self._engine, self._door, self._note = store, engine, door, note
+        self._store, self._engine, self._door, self._sources, self._note = store, engine, door, sources, note
 
     def __call__(self, role: Role) -> models.Overview:
         found = overview_of(self._store, self._engine, self.newest, role, self._door.asks)
-        return found.model_copy(update={"note": self._note})
+        return found.model_copy(update={"note": self._note, "sources": sources_of(self._sources)})
 
 
-def _service(store: Store, overview: _Overviews, door: Door) -> APIRouter:
+def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[Source]) -> APIRouter:
     """The page itself, the overview and health."""
     router = APIRouter()
 
@@ -153,9 +159,11 @@ def _service(store: Store, overview: _Overviews, door: Door) -> APIRouter:
 
     @router.get("/health")
     def health() -> models.Health:
-        """Whether the service and its store answer; no token is asked for."""
+        """Whether the service and its store answer, and how its sources are; no token is asked for."""
         store.last_event()
-        return models.Health(status="ok", version=__version__)
+        states = Counter(source.state.state for source in sources)
+        status: Literal["ok", "degraded"] = "degraded" if states["failed"] or states["trying"] else "ok"
+        return models.Health(status=status, version=__version__, sources=states)
 
     return router
 

@@ -59,6 +59,14 @@ def metrics_text(overview: Overview, sizes: Mapping[str, int], streams: int) -> 
         "sensor_faults", "gauge", "Channels that are not good.",
         [({"turbine": one.name}, float(len(one.faults))) for one in turbines],
     )  # fmt: skip
+    sources = overview.sources
+    states = [({"source": one.name, "state": one.state}, 1.0) for one in sources]
+    add("source_state", "gauge", "1 for the state that a source is in.", states)
+    for name, text, field in (
+        ("source_blocks_total", "Blocks that a source brought.", "blocks"),
+        ("source_refused_total", "Blocks, messages and files of a source that were refused.", "refused"),
+    ):
+        add(name, "counter", text, [({"source": one.name}, float(getattr(one, field))) for one in sources])
     if service is not None:
         add("blocks_per_second", "gauge", "Blocks that are committed.", [({}, service.blocks_per_second)])
         cost = service.cost_per_sample

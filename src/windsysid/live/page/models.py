@@ -24,6 +24,8 @@ __all__ = [
     "Series",
     "Service",
     "Share",
+    "Source",
+    "SourceStateName",
     "TurbinePage",
     "TurbineSummary",
     "Verdict",
@@ -47,11 +49,15 @@ class Problem(BaseModel):
     detail: str
 
 
+SourceStateName = Literal["waiting", "running", "trying", "failed", "ended"]
+
+
 class Health(BaseModel):
     """That the service answers."""
 
-    status: Literal["ok"]
+    status: Annotated[Literal["ok", "degraded"], Field(description="degraded: a source failed or cannot be reached")]
     version: str
+    sources: Annotated[dict[str, int], Field(description="how many sources are in which state")] = {}
 
 
 class ChannelHealth(BaseModel):
@@ -109,6 +115,16 @@ class Service(BaseModel):
     cost_per_sample: Annotated[float | None, Field(description="µs of processor time")]
 
 
+class Source(BaseModel):
+    """Where samples come from, and how that goes."""
+
+    name: Annotated[str, Field(description="what it reads from, without secrets")]
+    state: Annotated[SourceStateName, Field(description="trying: what it reads from cannot be reached")]
+    text: Annotated[str, Field(description="why it does not run; empty where it does")]
+    blocks: int
+    refused: int
+
+
 class Overview(BaseModel):
     """All turbines, the worst first."""
 
@@ -120,6 +136,7 @@ class Overview(BaseModel):
     note: Annotated[str, Field(description="what the service wants its readers to know")] = ""
     turbines: list[TurbineSummary]
     service: Service | None
+    sources: list[Source] = []
 
 
 class FoundMode(BaseModel):

@@ -12,6 +12,7 @@ from windsysid.configuration import parse_toml
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
 from windsysid.live.page.states import Engine, TurbineState
+from windsysid.live.sources.source import Source
 from windsysid.live.store.contents import Alarm, Health, Level, Result, Status
 from windsysid.live.store.store import Store
 from windsysid.results.held import hold
@@ -25,6 +26,7 @@ __all__ = [
     "overview_of",
     "results_of",
     "series_title",
+    "sources_of",
     "turbine_of",
 ]
 
@@ -45,6 +47,14 @@ TWO_PI = 2.0 * math.pi
 _KINDS = {"k": "stiffness", "c": "damping", "f": "frequency"}
 
 _WORDS = (("side_side", "side-side"), ("fore_aft", "fore-aft"))
+
+
+def sources_of(sources: Iterable[Source]) -> list[models.Source]:
+    """How the sources are."""
+    return [
+        models.Source(name=source.describe(), **source.state._asdict())  # a state is of one moment
+        for source in sources
+    ]
 
 
 def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, login: bool) -> models.Overview:
@@ -172,9 +182,15 @@ def alarm_seen(alarm: Alarm) -> models.AlarmSeen:
     return models.AlarmSeen(
         key=alarm.key, turbine=alarm.turbine, kind=alarm.kind, severity=alarm.severity, about=alarm.about,
         title=series_title(alarm.about), opened=_ms(alarm.opened), earliest=_ms(alarm.earliest),
-        latest=_ms(alarm.latest), ended=_ms_or_none(alarm.ended), text=alarm.text,
+        latest=_ms(alarm.latest), ended=_ms_or_none(alarm.ended), text=_in_words(alarm),
         acknowledged=_ms_or_none(alarm.acknowledged), by=alarm.by, remark=alarm.remark,
     )  # fmt: skip
+
+
+def _in_words(alarm: Alarm) -> str:
+    """What is told of an alarm, with the coefficient in words: ``k_side_side fell`` → side-side stiffness fell."""
+    quantity, _, where = series_title(alarm.about).partition(", ")
+    return alarm.text.replace(alarm.about, f"{where} {quantity}") if quantity in _KINDS.values() else alarm.text
 
 
 def series_title(name: str, kind: str = "") -> str:

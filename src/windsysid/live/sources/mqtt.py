@@ -73,7 +73,8 @@ class MqttSource:
 
     def describe(self) -> str:
         """The broker and the number of turbines."""
-        return f"MQTT broker {self.broker.url}, {len(self.turbines)} turbines"
+        count = len(self.turbines)
+        return f"MQTT broker {self.broker.url}, {count} turbine{'' if count == 1 else 's'}"
 
     async def run(self, push: Push, stop: asyncio.Event) -> None:
         """Bring blocks until `stop` is set; a broker that goes away is connected to again.

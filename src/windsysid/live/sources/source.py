@@ -24,7 +24,8 @@ class SourceState(NamedTuple):
     Attributes
     ----------
     state
-        ``waiting``, ``running``, ``trying`` (what it reads from cannot be reached), ``ended``.
+        ``waiting``, ``running``, ``trying`` (what it reads from cannot be reached), ``failed`` (what does not mend
+        itself: the service starts it again), ``ended``.
     text
         Why it is not running; empty where it is.
     blocks

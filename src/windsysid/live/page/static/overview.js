@@ -7,8 +7,9 @@ export const pathOf = (name) => `#/turbine/${encodeURIComponent(name)}`;
 
 export function overviewPage(overview) {
   const { turbines } = overview;
+  const sources = overview.sources.filter((one) => one.state === "failed" || one.state === "trying").map(trouble);
   if (!turbines.length) {
-    return [h("h1", {}, "Turbines"), h("p", { class: "note" },
+    return [h("h1", {}, "Turbines"), sources, h("p", { class: "note" },
       "No turbine has sent anything yet. Once the first block of samples is here, its turbine is listed, and its first estimate comes when its first window has ended.")];
   }
   const counts = Object.entries(VERDICTS)
@@ -20,12 +21,18 @@ export function overviewPage(overview) {
   ];
   return [
     h("h1", {}, steady ? `${plural(turbines.length, "turbine")}, as it was` : plural(turbines.length, "turbine")),
+    sources,
     overview.note ? h("p", { class: "note" }, overview.note) : null,
     h("ul", { class: "summary", "aria-label": "How many turbines are how" },
       counts.map(([verdict, [shape, word], count]) => h("li", {}, badge([shape, `${count} ${word}`], verdict)))),
     table("The worst first. What follows is as of now; a turbine's page has its history.", columns,
       turbines.map((one) => row(one, overview.at)), { stacked: true, kind: "turbines" }),
   ];
+}
+
+function trouble(source) {
+  const [tone, what] = source.state === "failed" ? ["bad", "A source failed, and is started again within a minute"] : ["warn", "A source cannot be reached, and is tried again"];
+  return h("p", { class: `note ${tone}`, role: "status" }, `${what}. ${source.name}: ${source.text}`);
 }
 
 function row(one, now) {

@@ -7,6 +7,7 @@ import { overviewPage } from "/static/overview.js";
 import { TurbineView } from "/static/turbine.js";
 
 const REST = 1000; // ms between two readings of the same thing
+const SLOW = 15000; // ms after which the overview is read again though nothing was told
 
 const main = document.getElementById("main");
 let role = "reader";
@@ -108,6 +109,11 @@ async function changed(changes) {
   }
   busy = false;
 }
+
+// What is wrong with a source stands in no event: the overview is read again now and then.
+setInterval(() => {
+  if (!main.hidden && !document.hidden && overview !== null && route().page === "overview") changed({ turbines: [], results: [], alarms: [], all: false });
+}, SLOW);
 
 function connected(is) {
   const line = document.getElementById("connection");
