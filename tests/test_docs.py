@@ -121,7 +121,7 @@ class ws:
     fit = staticmethod(lambda *a, values, **more: _fit(*a, values={**values, "c_x": 0.3}, **more))
 """,
     "filters": MODEL,
-    "particles": MODEL,
+    "particles": MODEL.replace("gate=6.0, ", ""),
     "inspect": TOWER + "folder = 'inspected'",
     "oma": TOWER + "ws.write_record(record, 'record.csv')",
     "records": TOWER

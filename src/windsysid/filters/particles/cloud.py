@@ -3,6 +3,7 @@
 import math
 from typing import Any, NamedTuple
 
+import numba.experimental.function_type  # noqa: F401  registers the type of an address; else only compiling does
 import numpy as np
 from numba import types
 from numpy.typing import ArrayLike, NDArray
