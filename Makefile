@@ -6,12 +6,16 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 STUDY ?= results/study
 
-.PHONY: study test test-all lint bench field validation docs clean
+.PHONY: study test tests test-all lint bench field validation docs clean
 
 study: $(VENV)/.installed
 	$(BIN)/windsysid study --output $(STUDY) --overwrite
 
-test: lint
+# Types and tests are checked side by side: either waits for the other's processes now and then.
+test: $(VENV)/.installed
+	@$(MAKE) --no-print-directory -j 2 lint tests
+
+tests: $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
 test-all: lint
@@ -26,7 +30,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "windsysid needs Python 3.11 or newer; got $$($(PYTHON) --version). Try: make PYTHON=python3.12 ..."; exit 2; }
 	test -d $(VENV) || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
+	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
 	touch $@
 
 bench: $(VENV)/.installed $(PEERS)/.installed
@@ -34,7 +38,7 @@ bench: $(VENV)/.installed $(PEERS)/.installed
 
 $(PEERS)/.installed: pyproject.toml constraints.txt benchmarks/peers.txt
 	test -d $(PEERS) || $(PYTHON) -m venv $(PEERS)
-	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . -r benchmarks/peers.txt
+	$(PEERS)/bin/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e . -r benchmarks/peers.txt
 	touch $@
 
 # `make validation` proves what "trust: yes" is worth (docs/adversary.md): many hours, interruptible; RUNS=1 is a first look.
@@ -61,7 +65,7 @@ docs: $(VENV)/.docs
 	@echo "site: results/site/index.html"
 
 $(VENV)/.docs: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
 	touch $@
 
 clean:

@@ -213,7 +213,8 @@ def test_a_silent_channel_is_refused_and_a_faint_one_is_no_trouble(verne555, rec
 
     with pytest.raises(RecordError, match="'tower_x_acceleration' is 0 m/s² from the first sample to the last"):
         identify(heard(0.0), verne555)
-    assert np.isfinite([e.estimate for e in identify(heard(1e-9), verne555).estimates]).all()
+    faint = identify(heard(1e-9), verne555, section=(0.0, 10.0), loads="broadband")
+    assert np.isfinite([e.estimate for e in faint.estimates]).all()
 
 
 @pytest.mark.parametrize("formulation", ["joint", "force-balance"])
@@ -312,11 +313,11 @@ def test_a_record_read_rarely_is_not_made_softer_by_the_steps_of_the_equations(v
 def test_readings_may_be_fewer_than_the_steps_of_the_equations(verne555):
     # Twenty readings a second of blades that vibrate at 4 Hz are too few for Runge–Kutta, and enough for what the
     # record knows.
-    record = simulate_record(verne555, duration=40.0, rate=100.0, seed=2)
+    record = simulate_record(verne555, duration=20.0, rate=100.0, seed=2)
     full, found = (identify(record, verne555, rate=rate, loads="broadband") for rate in (None, 20.0))
     assert found.rate == pytest.approx(20.0)
     assert found.loads is not None
-    assert found.samples == len(found.time) == len(found.innovation) == len(found.loads.mean) == 800
+    assert found.samples == len(found.time) == len(found.innovation) == len(found.loads.mean) == 400
     assert np.isfinite(found.innovation).all()
     assert "5 steps of the equations for each reading" in found.notes[0]
     for few, many in zip(found.estimates, full.estimates, strict=True):
