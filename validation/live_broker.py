@@ -7,9 +7,11 @@ store, once, bit for bit.
 ``python -m validation.live_broker --malformed 10000``: nonsense between good blocks: the service must live on, in the
 same memory, with every good block.
 
-``python -m validation.live_broker --turbines 100 300 --seconds 60``: turbines at 100 Hz in blocks of 1 s, in real time
-through publisher, mosquitto, engine and SQLite: how long it takes from the last sample of a block until it is
-committed, and where the service's time goes.
+``python -m validation.live_broker --turbines 100 300 --seconds 60``: simulated towers at 100 Hz in blocks of 1 s, in
+real time through publisher, mosquitto, engine and SQLite: how long it takes from the last sample of a block until it is
+committed, and where the service's time goes. Windows of 10 minutes end all the time from the first half minute on, at
+first with what came since the beginning: after 11 minutes (``--seconds 840``) they are whole, and the time from the
+message that closed a window to its estimate on disk is told of these alone.
 
 The disk is not tried here: after a power cut it is SQLite and its file system that keep their word.
 """
@@ -45,13 +47,14 @@ from windsysid.live.sources.mqtt import MqttSource
 from windsysid.live.sources.publisher import Publisher
 from windsysid.live.store.opening import open_store
 from windsysid.live.timeline import SECOND, Windows
+from windsysid.simulation.record import simulate_record
 
 __all__ = ["main"]
 
 LONG = 7200.0
 """A window [s] that no run here fills: its blocks stay in the store, where they are counted."""
 
-CHANNELS, UNITS = ("tower_x_acceleration", "tower_y_acceleration"), ("m/s^2", "m/s^2")
+CHANNELS, UNITS = ("tower_x_acceleration", "tower_z_acceleration"), ("m/s^2", "m/s^2")
 TURBINES = ("T01", "T02", "T03")
 PACE = 0.02
 """Between two rounds of blocks while parts are killed [s]."""
@@ -73,7 +76,13 @@ def block_of(number: int, turbine: str) -> Block:
 def serve(port: int, home: Path, turbines: list[str], window: float, report: Path | None) -> None:
     """A service: MQTT, engine, SQLite; ends in order on SIGTERM."""
     store = open_store(str(home / "store.sqlite"))
-    engine = Engine([Followed(Member(name, "tower"), window) for name in turbines], store, workers=None)
+    told: dict[str, int] = {}
+
+    def tell(what: str, *, turbine: str = "", window: int = 0, **_: object) -> None:
+        if what == "window":
+            told[f"{turbine} {window}"] = time.time_ns()
+
+    engine = Engine([Followed(Member(name, "tower"), window) for name in turbines], store, workers=None, on_event=tell)
     source = MqttSource(Broker(f"mqtt://127.0.0.1:{port}"), turbines)
     timing = _Timing(engine) if report is not None else None
 
@@ -96,6 +105,14 @@ def serve(port: int, home: Path, turbines: list[str], window: float, report: Pat
 
     asyncio.run(run())
     engine.drain(4.0)
+    if report is not None:
+        results = [(one, told.get(f"{name} {one.window}")) for name in turbines for one in store.results(name)]
+        estimates = [
+            (one.window / SECOND, one.until / SECOND, (at - one.closed) / SECOND, one.row["status"])
+            for one, at in results
+            if at is not None
+        ]
+        report.write_text(json.dumps(json.loads(report.read_text()) | {"estimates": estimates}))
     store.close()
 
 
@@ -152,8 +169,11 @@ def publish(port: int, home: Path) -> None:
 
 def load(port: int, turbines: list[str], seconds: float) -> None:
     """Loggers of many turbines in real time: 100 Hz, blocks of 1 s that end when they are sent."""
-    rng = np.random.default_rng(1)
-    values = [rng.standard_normal((100, 2)).astype(np.float32) for _ in range(16)]
+    values = []
+    for seed in range(2):
+        record = simulate_record("tower", duration=600.0, rate=100.0, seed=seed)
+        columns = [record.channels.index(name) for name in CHANNELS]
+        values.append(np.ascontiguousarray(record.values[:, columns], dtype=np.float32))
     encode_arrow(block_of(0, TURBINES[0]))  # loads what it needs
     with Publisher(Broker(f"mqtt://127.0.0.1:{port}"), patience=30.0) as publisher:
         until(lambda: publisher.connected, "the broker is there")
@@ -163,7 +183,9 @@ def load(port: int, turbines: list[str], seconds: float) -> None:
             time.sleep(max(0.0, due - time.time()))
             start = round((due - 1.0) * SECOND)
             name = turbines[k % len(turbines)]
-            publisher.send(Block(name, start, start, 100.0, CHANNELS, UNITS, values[k % 16]))
+            low = k // len(turbines) % 600 * 100
+            samples = values[k % len(turbines) % len(values)][low : low + 100]
+            publisher.send(Block(name, start, start, 100.0, CHANNELS, UNITS, samples))
         publisher.wait(60.0)
 
 
@@ -387,6 +409,18 @@ def timed(turbines: int, seconds: float, home: Path) -> str:
         f" {told['windows']} windows estimated; {np.mean(committed < 1.0):.1%} within 1 s, last fifth's median"
         f" {1e3 * np.median(late):.0f} ms"
     ]
+    begin = min((window for window, *_ in told["estimates"]), default=0.0) + 600.0
+    for what, some in (
+        ("cut by the run's begin", [one for one in told["estimates"] if one[0] < begin]),
+        ("whole", [one for one in told["estimates"] if one[0] >= begin]),
+    ):
+        if some:
+            low, high, most = np.percentile([took for _, _, took, _ in some], (50, 95, 100))
+            ok = sum(status == "ok" for *_, status in some)
+            lines.append(
+                f"  {len(some)} windows {what} ({ok} ok), from the message that closed them to the estimate on disk:"
+                f" median {low:.2f} s   95th percentile {high:.2f} s   longest {most:.2f} s"
+            )
     for name, span in parts_of.items():
         low, high, most = 1e3 * np.percentile(span, (50, 95, 100))
         lines.append(f"  {name:28} median {low:6.0f} ms   95th percentile {high:6.0f} ms   longest {most:6.0f} ms")

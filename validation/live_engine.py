@@ -2,8 +2,14 @@
 
 ``python -m validation.live_engine --turbines 50 --rate 100 --hours 1``: so many towers through the engine and SQLite as
 fast as they go, blocks of 1 s as Arrow. Printed are processor time a sample by part, how many turbines that is in real
-time on two cores, memory at several instants, and the time from push to commit. With ``--speed 1`` blocks are pushed
-when they are due instead, and the last figure is that of a site.
+time on two cores, memory and the store's size at several instants, and the time from push to commit.
+
+``python -m validation.live_engine --turbines 1000 --hours 0.233 --speed 1``: blocks are pushed when they are due, as on
+a site. All turbines begin at one moment, while their windows end at moments of their own: windows that the beginning
+cut are told apart from whole ones, which come after eleven minutes. Printed besides are how long a window that is over
+waits for its estimate, and whether the pace was kept.
+
+``python -m validation.live_engine --turbines 50 --hours 24 --block 10``: a day, as fast as it goes: is memory flat?
 
 ``python -m validation.live_engine --coverage 40``: so many towers whose coefficients are drawn from their priors, each
 followed for some hours: how often ±2σ of the windows' estimates and of the levels holds the truth.
@@ -29,6 +35,7 @@ from windsysid.live.block import Block
 from windsysid.live.codec import decode, encode_arrow
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.store.opening import open_store
+from windsysid.live.store.store import Store
 from windsysid.live.timeline import SECOND, Windows
 from windsysid.live.watching import Options
 from windsysid.records.record import Record
@@ -48,38 +55,52 @@ LOOKS = 10
 """Instants at which memory is read."""
 
 
-def speed(turbines: int, rate: float, hours: float, *, workers: int, pace: float, folder: Path) -> None:
+def speed(turbines: int, rate: float, hours: float, *, workers: int, pace: float, block: float, folder: Path) -> None:
     """Push streams through engine and store, and print what it cost."""
     records = [_record(seed, rate) for seed in range(RECORDS)]
     identify(records[0], "tower", formulation="spectral")  # compiled before the clock runs
-    payloads = [_payloads(record, rate, single=seed % 2 == 0) for seed, record in enumerate(records)]
+    payloads = [_payloads(record, rate, block, single=seed % 2 == 0) for seed, record in enumerate(records)]
     store = open_store(str(folder / "live.db"))
     names = [f"T{i:04d}" for i in range(turbines)]
-    engine = Engine([Followed(Member(name, "tower")) for name in names], store, workers=workers)
-    starts = {name: Windows.of(name, WINDOW).start(BEGIN) for name in names}
-    seconds, decoding, waits = round(3600.0 * hours), 0.0, _Waits()
+    told: dict[tuple[str, int], int] = {}
+
+    def tell(what: str, *, turbine: str = "", window: int = 0, **_: object) -> None:
+        if what == "window":
+            told[turbine, window] = time.time_ns()
+
+    engine = Engine([Followed(Member(name, "tower")) for name in names], store, workers=workers, on_event=tell)
+    starts = {name: BEGIN if pace else Windows.of(name, WINDOW).start(BEGIN) for name in names}
+    pushes, decoding, waits, lag = round(3600.0 * hours / block), 0.0, _Waits(), 0.0
     begun, process, own = time.monotonic(), time.process_time(), time.thread_time()
     print(
-        f"{turbines} turbines, {rate:g} Hz, 2 channels, blocks of 1 s, {hours:g} h of each; {workers} workers",
+        f"{turbines} turbines, {rate:g} Hz, 2 channels, blocks of {block:g} s, {hours:g} h of each; {workers} workers;"
+        f" {f'{pace:g} times real time' if pace else 'as fast as it goes'}",
         flush=True,
     )
-    print(f"{'hours':>6} {'blocks/s':>9} {'waiting':>8} {'engine MB':>10} {'workers MB':>11}", flush=True)
-    looks = {round(i * seconds / LOOKS) for i in range(LOOKS + 1)}
-    for k in range(seconds):
-        if pace:
-            time.sleep(max(0.0, begun + k / pace - time.monotonic()))
+    print(
+        f"{'hours':>6} {'blocks/s':>9} {'waiting':>8} {'engine MB':>10} {'workers MB':>11} {'store MB':>9}", flush=True
+    )
+    looks = {round(i * pushes / LOOKS) for i in range(LOOKS + 1)}
+    for k in range(pushes):
         for i, name in enumerate(names):
+            if pace:
+                ahead = begun + (k + i / turbines) * block / pace - time.monotonic()
+                lag = max(lag, -ahead)
+                if ahead > 0.002:
+                    time.sleep(ahead)
             at = time.thread_time()
             payload = payloads[i % RECORDS][k % len(payloads[0])]
-            block = decode(payload, turbine=name)
+            one = decode(payload, turbine=name)
             decoding += time.thread_time() - at
-            block = replace(block, sequence=k, start=starts[name] + k * SECOND)
-            waits.start(engine.push(block))
+            one = replace(one, sequence=k, start=starts[name] + round(k * block * SECOND))
+            waits.start(engine.push(one))
         if k in looks:
-            _look(engine, k, time.monotonic() - begun)
-    engine.finish()
-    _look(engine, seconds, time.monotonic() - begun)
+            _look(engine, k * block, time.monotonic() - begun, folder)
     passed = time.monotonic() - begun
+    behind = [turbine.behind for turbine in engine.state().turbines.values()]
+    engine.finish()
+    whole = time.monotonic() - begun
+    _look(engine, pushes * block, whole, folder)
     own = time.thread_time() - own
     process = time.process_time() - process
     state = engine.state()
@@ -93,12 +114,39 @@ def speed(turbines: int, rate: float, hours: float, *, workers: int, pace: float
     for name, spent in (*parts.items(), ("all", total)):
         print(f"{name:<26} {1e6 * spent / state.samples:8.2f} µs a sample {100 * spent / total:6.1f} %")
     each = total / state.samples * rate
-    print(f"\n{state.blocks / passed:.0f} blocks/s in {passed:.0f} s")
+    print(f"\n{state.blocks / whole:.0f} blocks/s in {whole:.0f} s")
     print(f"a turbine at {rate:g} Hz takes {100 * each:.3f} % of a processor: {2.0 / each:.0f} in real time on two")
     print(f"push to commit: median {waits.at(50):.0f} ms, 95 % {waits.at(95):.0f} ms, 99 % {waits.at(99):.0f} ms")
+    if pace:
+        _told_of_pace(store, names, told, pushes * block, passed, lag, max(behind))
     statuses = Counter(row["status"] for name in names for row in (result.row for result in store.results(name)))
     print(f"windows: {', '.join(f'{number} {status}' for status, number in statuses.items())}")
     store.close()
+
+
+def _told_of_pace(
+    store: Store, names: Sequence[str], told: dict[tuple[str, int], int], seconds: float, passed: float, lag: float,
+    behind: float,
+) -> None:  # fmt: skip
+    """How a run at the pace of a site went: whether it kept up, and how long a window that is over waits."""
+    results = [result for name in names for result in store.results(name)]
+    end = BEGIN + round(seconds * SECOND)
+    over = [result for result in results if result.until <= end - 30 * SECOND]  # the others the end of the run closed
+    for what, some in (
+        ("cut by the run's begin", [result for result in over if result.window < BEGIN]),
+        ("whole", [result for result in over if result.window >= BEGIN]),
+    ):
+        took = [(told[result.turbine, result.window] - result.closed) / SECOND for result in some]
+        if took:
+            median, high, most = np.percentile(took, (50, 95, 100))
+            print(
+                f"{len(took)} windows {what}, from the block that closed them to the estimate on disk: median"
+                f" {median:.2f} s, 95 % {high:.2f} s, longest {most:.2f} s"
+            )
+    print(
+        f"{seconds:.0f} s of stream were pushed in {passed:.0f} s; the farthest behind its pace {lag:.2f} s; at the end"
+        f" the oldest window had waited {behind:.1f} s"
+    )
 
 
 def _record(seed: int, rate: float) -> Record:
@@ -107,10 +155,10 @@ def _record(seed: int, rate: float) -> Record:
     return record.select(name for name in record.channels if name.endswith("acceleration"))
 
 
-def _payloads(record: Record, rate: float, *, single: bool) -> list[bytes]:
-    """A record as blocks of a second, in single precision or double."""
+def _payloads(record: Record, rate: float, seconds: float, *, single: bool) -> list[bytes]:
+    """A record as blocks of so many seconds, in single precision or double."""
     values = record.values.astype(np.float32) if single else record.values
-    n = round(rate)
+    n = round(rate * seconds)
     return [
         encode_arrow(Block("", 0, 0, rate, record.channels, record.units, values[low : low + n]))
         for low in range(0, record.samples, n)
@@ -142,12 +190,15 @@ class _Waits:
         return float("nan")
 
 
-def _look(engine: Engine, k: int, passed: float) -> None:
+def _look(engine: Engine, seconds: float, passed: float, folder: Path) -> None:
     state = engine.state()
     waiting = sum(turbine.windows for turbine in state.turbines.values())
     here, workers = _memory(os.getpid()), sum(_memory(child) for child in _children())
+    stored = sum(file.stat().st_size for file in folder.glob("live.db*")) / 1e6
     print(
-        f"{k / 3600:6.2f} {state.blocks / max(passed, 1e-9):9.0f} {waiting:8d} {here:10.0f} {workers:11.0f}", flush=True
+        f"{seconds / 3600:6.2f} {state.blocks / max(passed, 1e-9):9.0f} {waiting:8d} {here:10.0f} {workers:11.0f}"
+        f" {stored:9.0f}",
+        flush=True,
     )
 
 
@@ -249,6 +300,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rate", type=float, default=100.0, help="[Hz]")
     parser.add_argument("--hours", type=float, default=1.0, help="of stream time")
     parser.add_argument("--speed", type=float, default=0.0, help="times real time; 0 is as fast as it goes")
+    parser.add_argument("--block", type=float, default=1.0, help="length of a block [s]; 600 must be a multiple")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--coverage", type=int, default=0, metavar="TOWERS")
     parser.add_argument("--windows", type=int, default=24, help="of each tower's coverage")
@@ -258,7 +310,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         coverage(given.coverage, given.windows, given.first, workers=given.workers)
         return
     with tempfile.TemporaryDirectory() as folder:
-        speed(given.turbines, given.rate, given.hours, workers=given.workers, pace=given.speed, folder=Path(folder))
+        speed(
+            given.turbines, given.rate, given.hours, workers=given.workers, pace=given.speed, block=given.block,
+            folder=Path(folder),
+        )  # fmt: skip
 
 
 if __name__ == "__main__":
