@@ -156,8 +156,8 @@ def fuzz_csv(folder, count, seed):
 
 
 def test_damaged_text_is_refused_or_read_as_it_stands(tmp_path):
-    read = fuzz_csv(tmp_path, 600, 1)
-    assert read > 100  # or nothing was tested
+    read = fuzz_csv(tmp_path, 300, 1)
+    assert read > 50  # or nothing was tested
 
 
 @pytest.mark.slow
