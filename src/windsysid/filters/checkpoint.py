@@ -26,6 +26,15 @@ _KIND = "expected a file written by save_belief, got one that is damaged or of a
 def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrite: bool = False) -> None:
     """Write what a filter of `model` believes to the file `path`; a folder that is missing is made.
 
+    Parameters
+    ----------
+    path
+        Of the file.
+    model, belief
+        The model, and what a filter believes of its states.
+    overwrite
+        Replace a file that is there.
+
     Raises
     ------
     OutputError
@@ -38,6 +47,18 @@ def save_belief(path: str | Path, model: StateSpace, belief: Belief, *, overwrit
 
 def load_belief(path: str | Path, model: StateSpace) -> Belief:
     """Read what `save_belief` wrote for a model of the same states and inputs.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    model
+        The model that the belief is of.
+
+    Returns
+    -------
+    Belief
+        As it was saved: the filter goes on from it.
 
     Raises
     ------

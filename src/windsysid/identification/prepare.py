@@ -57,6 +57,22 @@ MAX_UNREFINED_STEP = 0.6
 def add_noise(record: Record, channels: Sequence[str], percent: float, seed: int) -> tuple[Record, dict[str, float]]:
     """White noise of `percent` of each channel's standard deviation added to it; returns the noise rms per channel too.
 
+    Parameters
+    ----------
+    record
+        Left as it is.
+    channels
+        To which noise is added.
+    percent
+        Of each channel's standard deviation [%].
+    seed
+        The same seed gives the same noise.
+
+    Returns
+    -------
+    Record, dict
+        The noisy record, and the standard deviation of the noise of each channel, in the channel's unit.
+
     Raises
     ------
     ConfigurationError

@@ -54,8 +54,15 @@ VAGUE_PRIOR_FACTOR = 100.0
 def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike) -> Comparison:
     """What moved from one record of a turbine to another; the other way round it is the same change backwards.
 
-    Both are posteriors, results, or the folders that results were saved in, of `windsysid.identify` or of
-    `windsysid.oma`.
+    Parameters
+    ----------
+    before, after
+        Posteriors, results, or the folders that results were saved in, of `windsysid.identify` or of `windsysid.oma`.
+
+    Returns
+    -------
+    Comparison
+        What moved, by how much [%], and at which odds.
 
     Raises
     ------

@@ -351,7 +351,13 @@ class Record:
 
     @classmethod
     def from_labelled(cls, table: Labelled, how: str) -> Record:
-        """A record from a labelled table that was taken apart; `how` a user writes a unit there."""
+        """A record from a labelled table that was taken apart; `how` a user writes a unit there.
+
+        Raises
+        ------
+        RecordError
+            If a channel that must have a unit has none, or its values are no numbers.
+        """
         given = {name: unit or f"{AS_WRITTEN}unknown" for name, (_, unit) in table.columns.items()}
         values = {name: _numbers(column, name) for name, (column, _) in table.columns.items()}
         unsaid = [name for name in given if given[name] == f"{AS_WRITTEN}unknown" and implied_unit(name)]

@@ -64,6 +64,13 @@ def analyse_vibration(
         note tells where there are more.
     section
         Start and end [s].
+    progress
+        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+
+    Returns
+    -------
+    OperationalModes
+        Frequencies [Hz], damping ratios and shapes with their bands, and what speaks against them.
 
     Raises
     ------

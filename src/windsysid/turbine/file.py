@@ -18,6 +18,15 @@ def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False
     """Write a turbine as TOML, every value with its unit, so that `load_turbine` gives it back; a folder that is
     missing is made.
 
+    Parameters
+    ----------
+    turbine
+        What is written.
+    path
+        Of the file.
+    overwrite
+        Replace a file that is there.
+
     Raises
     ------
     OutputError
@@ -40,6 +49,16 @@ def packaged_turbines() -> tuple[str, ...]:
 
 def load_turbine(name_or_path: str | Path) -> Turbine:
     """Load a packaged turbine by name, or any turbine from a TOML file.
+
+    Parameters
+    ----------
+    name_or_path
+        One of `packaged_turbines`, or the path of a file that ends in ``.toml``.
+
+    Returns
+    -------
+    Turbine
+        In SI units.
 
     Raises
     ------

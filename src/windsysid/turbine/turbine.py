@@ -120,7 +120,13 @@ class Turbine:
         return shortest, f"{PARKED_PERIODS} periods of the slowest mode ({shortest:.3g} s; the rotor is parked)"
 
     def with_values(self, values: Mapping[str, float]) -> "Turbine":
-        """The same turbine with other values, such as identified coefficients."""
+        """The same turbine with other values, such as identified coefficients.
+
+        Raises
+        ------
+        ConfigurationError
+            If it has no parameter of a name.
+        """
         unknown = set(values) - set(self.values)
         if unknown:
             raise ConfigurationError(f"turbine '{self.name}' has no parameter '{min(unknown)}'")

@@ -106,6 +106,8 @@ class ParticleFilter:
         beyond.
     threads
         As many as there are processors, by default.
+    name
+        How results call it.
 
     Raises
     ------
@@ -153,7 +155,8 @@ class ParticleFilter:
         return self.cloud(model, particles)
 
     def cloud(self, model: StateSpace, particles: ArrayLike) -> Cloud:
-        """Particles (n, N) drawn from any other prior as a belief that no sample has reached yet."""
+        """Particles (n, N) drawn from any other prior as a belief that no sample has reached yet;
+        ConfigurationError if they are not finite or not N."""
         given = np.array(particles, dtype=np.float64, order="C")
         if given.shape != (len(model.states), self.particles) or not np.isfinite(given).all():
             raise ConfigurationError(
@@ -222,7 +225,7 @@ class ParticleFilter:
         return Cloud(run.particles, run.log_weights, run.centre, last, reached), info
 
     def bounds_of(self, model: StateSpace) -> dict[int, tuple[float, float]]:
-        """Bounds in filter coordinates, by the number of the state."""
+        """Bounds in filter coordinates, by the number of the state; ConfigurationError if one is not identified."""
         found = {}
         first = model.parameter_block.start
         names = [q.name for q in model.parameters]

@@ -124,7 +124,10 @@ class MixtureInfo(NamedTuple):
 class RaoBlackwellised:
     """Particles on the parameters with a Kalman filter each; the protocol of `windsysid.filters.Filter` over a `Split`.
 
-    Attributes are those of `windsysid.filters.ParticleFilter`.
+    Attributes
+    ----------
+    particles, seed, resampling, threshold, discount, bounds, threads, name
+        As those of `windsysid.filters.ParticleFilter`.
 
     Raises
     ------
