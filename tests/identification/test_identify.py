@@ -13,6 +13,7 @@ import xarray as xr
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as identify_module
+from windsysid.identification.joint import identify_jointly_from
 from windsysid.identification.pieces import identify_pieces
 from windsysid.identification.prepare import add_noise, usable_sensors, with_noise
 from windsysid.identification.prior import Prior
@@ -441,6 +442,23 @@ def test_auto_goes_by_filters_and_holds_them_against_spectra(verne555):
     assert found.formulation == "joint"
     assert found.diagnosis.trusted
     assert any(note.startswith("joint formulation; spectra agree within") for note in found.notes)
+    assert any("it explains the record" in note for note in found.notes)
+    assert len(found.mean) == 1, "the search began where spectra ended, without estimates on line"
+    alone = identify(record, verne555, formulation="joint")
+    assert len(alone.mean) == record.samples
+    for one, other in zip(found.estimates, alone.estimates, strict=True):
+        assert abs(one.estimate - other.estimate) < 0.02 * other.std, one.name
+        assert one.std == pytest.approx(other.std, rel=0.01), one.name
+    assert [len(w) for w in (found.innovation, found.innovation_time)] == [record.samples] * 2
+
+
+def test_auto_takes_the_long_way_where_the_load_model_of_spectra_does_not_explain_the_record(verne555, monkeypatch):
+    record = simulate_record(verne555, duration=60.0, rate=100.0, seed=8).section(0.0, 45.0)
+    monkeypatch.setattr("windsysid.identification.joint.is_explained", lambda whiteness: False)
+    sensors = verne555.sensors
+    near = identify_by_spectrum(record, verne555, sensors, Prior())
+    assert identify_jointly_from(near, record, verne555, sensors, Prior()) is None
+    assert identify_jointly_from(near._replace(hypothesis="rotor-wind"), record, verne555, sensors, Prior()) is None
 
 
 def test_auto_says_why_spectra_do_not_apply(verne555, record):

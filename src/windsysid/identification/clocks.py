@@ -223,7 +223,7 @@ def clock_information(
             total += float(info.log_likelihood.sum())
         return total
 
-    middle = likelihood(np.zeros_like(clocks[0]))
+    middle = seen.found.log_likelihood
     above, below = ([likelihood(sign * WIDTH * one) for one in clocks] for sign in (1.0, -1.0))
     gradient = np.array([up - down for up, down in zip(above, below, strict=True)]) / (2.0 * WIDTH)
     curvature = np.diag([2.0 * middle - up - down for up, down in zip(above, below, strict=True)]) / WIDTH**2

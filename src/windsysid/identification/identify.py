@@ -10,7 +10,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.conclude import Formulation, conclude
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
-from windsysid.identification.joint import identify_jointly
+from windsysid.identification.joint import identify_jointly, identify_jointly_from
 from windsysid.identification.outcome import Outcome
 from windsysid.identification.prepare import (
     check_length,
@@ -137,13 +137,17 @@ class _Found(NamedTuple):
         return self._replace(outcome=outcome._replace(notes=(*outcome.notes, note), doubts=(*outcome.doubts, *doubts)))
 
 
-def _jointly(asked: _Asked) -> _Found:
+def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
+    """By filters, from where spectra ended if that is said."""
     part, turbine, sensors = asked.part.on_own_times(), asked.turbine, asked.sensors
     found = usable_sensors(part, turbine, sensors)
     faults = noted(screened(asked.part, turbine, found))
     part, steps, resampled = resample_for_model(part, turbine, asked.rate, sensors or turbine.sensors)
     check_length(part.name, part.duration, part.rate, turbine)
-    outcome = identify_jointly(part, turbine, found, asked.prior or Prior(), asked.parameters, loads=asked.loads)
+    prior, uniform = asked.prior or Prior(), part.is_uniform
+    outcome = identify_jointly_from(near, part, turbine, found, prior, asked.parameters) if near and uniform else None
+    if outcome is None:
+        outcome = identify_jointly(part, turbine, found, prior, asked.parameters, loads=asked.loads)
     outcome = thin_to_readings(outcome, steps)._replace(notes=(*resampled, *outcome.notes, *faults))
     read = replace(part, time=part.time[::steps], values=part.values[::steps])
     return _Found("joint", outcome, read, found)
@@ -192,7 +196,7 @@ def _by_what_fits(asked: _Asked) -> _Found:
         return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
     if not doubts and not spectral.outcome.turns:
         return spectral.saying("spectral formulation: the record is stationary, and nothing that moves turns")
-    joint = _jointly(asked)
+    joint = _jointly(asked, None if doubts else spectral.outcome)
     if doubts:
         return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
     name, off = _compare(joint.outcome, spectral.outcome)

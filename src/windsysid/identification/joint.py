@@ -10,23 +10,26 @@ import math
 import time
 from collections.abc import Sequence
 
+import numpy as np
+
 from windsysid._types import Array
-from windsysid.identification.load_choice import Question, choose
+from windsysid.errors import WindsysidError
+from windsysid.identification.load_choice import Question, choose, is_explained, warm
 from windsysid.identification.outcome import Outcome, known_loads
 from windsysid.identification.prior import Prior
-from windsysid.identification.problem import TurbineProblem
+from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.identification.recursive import join_histories, spread_over_samples
 from windsysid.identification.solve import Solution, solve
 from windsysid.identification.tolerances import doubt_tolerances, learned_tolerances, note_tolerances
 from windsysid.loads.family import candidates
 from windsysid.loads.hypothesis import HYPOTHESES
-from windsysid.loads.statistics import learned_statistics
+from windsysid.loads.statistics import coordinates_of, learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.tolerance import Tolerance
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["describe_solution", "first_estimate", "identify_jointly", "load_models"]
+__all__ = ["describe_solution", "first_estimate", "identify_jointly", "identify_jointly_from", "load_models"]
 
 
 FIRST_PERIODS = 10.0
@@ -50,6 +53,45 @@ def identify_jointly(
     history = join_histories([best.history, *filter(None, [solution.history])])
     known = spread_over_samples(*problem.prior, history, solution.samples)
     return describe_solution(problem, solution, turbine, choice.why, known, elapsed)
+
+
+def identify_jointly_from(
+    near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    chosen: Sequence[str] | None = None,
+) -> Outcome | None:  # fmt: skip
+    """The same from where the spectra of a stationary record end, `near`, without estimates on line.
+
+    Nothing has to be found in the first samples then: the search begins where it almost ends, under the load model of
+    the spectra. None where that does not explain the record, or the search does not end: the long way is asked then.
+    """
+    if near.hypothesis != load_models(record, turbine, "auto")[0]:
+        return None
+    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
+    warm(problem)
+    started = time.perf_counter()
+    known = len(problem.wide_prior[0])
+    start = np.concatenate(
+        [
+            near.theta,
+            coordinates_of(problem.statistics, {one.name: one.estimate for one in near.statistics}),
+            [one.estimate / one.spread for one in near.tolerances],
+        ]
+    )[:known]
+    if near.joint_cov is None or len(start) < known or [*near.model.parameters] != [*problem.parameters]:
+        return None
+    samples = [(problem.inputs, problem.readings)]
+    try:
+        solution = solve(
+            problem, samples, None, rate=record.rate, start=(start, near.joint_cov[:known, :known])
+        )  # fmt: skip
+    except (WindsysidError, np.linalg.LinAlgError):
+        return None
+    if not solution.settled or not is_explained(solution.whiteness):
+        return None
+    n, elapsed = len(problem.parameters), time.perf_counter() - started
+    only = solution.mean[None, :n], np.sqrt(np.diag(solution.cov)[:n])[None]
+    why = f"load model {near.hypothesis}: it explains the record"
+    return describe_solution(problem, solution, turbine, why, only, elapsed)
 
 
 def load_models(record: Record, turbine: Turbine, loads: str) -> tuple[str, ...]:

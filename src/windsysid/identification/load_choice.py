@@ -37,11 +37,11 @@ from windsysid.loads.statistics import coordinates_of, values_of
 from windsysid.mechanics.rotor import as_rotor
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
-from windsysid.results.whiteness import examine
+from windsysid.results.whiteness import Whiteness, examine
 from windsysid.statespace.compose import StateSpace
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Candidate", "Choice", "Question", "choose"]
+__all__ = ["Candidate", "Choice", "Question", "choose", "is_explained", "warm"]
 
 Start = Callable[[Array, Array], tuple[Array, Array]]
 
@@ -115,7 +115,7 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
     for name in names:
         begun = time.perf_counter()
         problem = pose(*question, name)
-        _warm(problem)
+        warm(problem)
         warming += time.perf_counter() - begun
         candidate = _start_candidate(problem, first)
         try:
@@ -137,7 +137,7 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
     return Choice(best, _describe_choice(best, tried, min(length, question.record.samples) / rate), warming)
 
 
-def _warm(problem: TurbineProblem) -> None:
+def warm(problem: TurbineProblem) -> None:
     """Compile or load every kernel."""
     nothing = problem.inputs[:0], problem.readings[:0]
     for model in (problem.model, problem.build(problem.prior[0])):
@@ -161,7 +161,7 @@ def _take_in(candidate: Candidate, until: int, rate: float, start: Start) -> Can
     model, seen = problem.build(known.theta), slice(0, known.samples)
     info = EKF.run(model, EKF.init(model), problem.inputs[seen], problem.readings[seen])[1]
     evidence = _log_evidence(float(info.log_likelihood.sum()), known)
-    white = _is_explained(problem, info, rate)
+    white = _explains(problem, info, rate)
     driven = _loads_matter(model, problem.inputs[seen], info)
     return Candidate(problem, online, join_histories([candidate.history, history]), evidence, white, driven)
 
@@ -174,12 +174,18 @@ def _log_evidence(log_likelihood: float, known: Online) -> float:
     return log_likelihood - 0.5 * float(off @ prior @ off) + 0.5 * (sizes[0] - sizes[1])
 
 
-def _is_explained(problem: TurbineProblem, info: Info, rate: float) -> bool:
+def _explains(problem: TurbineProblem, info: Info, rate: float) -> bool:
     """Whether the innovations have no peak within reach of a natural frequency."""
     turbine = problem.turbine
     natural = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
-    found = examine(info.whitened, names=problem.model.readings, rate=rate, frequencies=natural, gated=info.gated)
-    return not any(channel.peak > found.spectrum_bound for channel in found.channels)
+    return is_explained(
+        examine(info.whitened, names=problem.model.readings, rate=rate, frequencies=natural, gated=info.gated)
+    )
+
+
+def is_explained(whiteness: Whiteness) -> bool:
+    """Whether innovations have no peak within reach of a natural frequency that noise would not show."""
+    return not any(channel.peak > whiteness.spectrum_bound for channel in whiteness.channels)
 
 
 def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:

@@ -89,7 +89,8 @@ class Solution(NamedTuple):
     Attributes
     ----------
     history
-        The estimates on line, after those that the search began with; None where the recursion lost its way.
+        The estimates on line, after those that the search began with; None without a recursion, or where it lost its
+        way.
     mean, cov
         The mode of the posterior of all unknowns, the clocks last (n,), and the inverse of its information (n, n).
     iterations, settled
@@ -134,8 +135,9 @@ class Solution(NamedTuple):
 
 
 def solve(
-    problem: Problem, samples: Samples, online: Online, *, rate: float, start: tuple[Array, Array] | None = None
-) -> Solution:
+    problem: Problem, samples: Samples, online: Online | None, *, rate: float,
+    start: tuple[Array, Array] | None = None,
+) -> Solution:  # fmt: skip
     """Find the mode of the posterior of all samples.
 
     Parameters
@@ -143,12 +145,13 @@ def solve(
     samples
         All of them, from the first on.
     online
-        What is known on line after some of them, none perhaps (`windsysid.identification.recursive.begin`).
+        What is known on line after some of them, none perhaps (`windsysid.identification.recursive.begin`). With None
+        there is no recursion and no history, and `start` is needed.
     rate
         Samples per second [Hz].
     start
-        Where the search for the mode begins, and how uncertain that is (n,), (n, n): where the recursion ends by
-        default. With it, a recursion that loses its way costs the history only.
+        Where the search for the mode begins, and how uncertain that is (n,), (n, n), the tolerances left out or not:
+        where the recursion ends by default. With it, a recursion that loses its way costs the history only.
 
     Raises
     ------
@@ -156,13 +159,17 @@ def solve(
         If the filter diverges.
     """
     history: History | None = None
-    try:
-        online, history = _take_in(problem, samples, online)
-        check_finite(online.theta, online.precision)
-    except (WindsysidError, np.linalg.LinAlgError):
-        if start is None:
-            raise
-    mode, outliers, seen = _search(problem, samples, start or (online.theta, online.cov), rate)
+    if online is not None:
+        try:
+            online, history = _take_in(problem, samples, online)
+            check_finite(online.theta, online.precision)
+            start = start or (online.theta, online.cov)
+        except (WindsysidError, np.linalg.LinAlgError):
+            if start is None:
+                raise
+    if start is None:
+        raise ValueError("a search begins where the recursion ends, or at a start")
+    mode, outliers, seen = _search(problem, samples, start, rate)
     return Solution(
         history=history,
         mean=mode.mean,

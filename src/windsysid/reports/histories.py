@@ -11,6 +11,6 @@ __all__ = ["figure"]
 
 
 def figure(found: Identification, place: Axes | None = None) -> Figure:
-    """The history of every coefficient with its band and reference; the bands alone where spectra left no history."""
-    draw = coefficient_bands if found.formulation == "spectral" else coefficient_histories
+    """The history of every coefficient with its band and reference; the bands alone where there is none."""
+    draw = coefficient_bands if len(found.mean) == 1 else coefficient_histories
     return draw(found, place=place)

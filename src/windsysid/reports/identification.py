@@ -46,7 +46,7 @@ def identification_report(identification: Identification, record: Record | None 
         ),
         *(
             [Section("How the estimates came about", figures=[(coefficient_histories(i), _HISTORIES[i.formulation])])]
-            if i.formulation in _HISTORIES
+            if i.formulation in _HISTORIES and len(i.mean) > 1
             else []
         ),
         _explains_section(i),
