@@ -44,6 +44,9 @@ MAX_ITERATIONS = 15
 MODE_TOLERANCE = 0.05
 """Newton's decrement, the squared length of a step in standard deviations, below which it is the last."""
 
+LEFT = 0.01
+"""The same of the step that would follow, were it as much shorter than this one as this one is than the step before."""
+
 NEARLY_SETTLED = 1.0
 """The same, below which a search that cannot rise any more has settled."""
 
@@ -206,7 +209,7 @@ def find_mode(
         return value if np.isfinite(value) else -np.inf
 
     widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
-    settled = False
+    settled, before = False, 0.0
     with ThreadPoolExecutor(THREADS) as pool:
         here = look(build, samples, start.copy(), widths, pool=pool)
         best = objective(here)
@@ -221,14 +224,14 @@ def find_mode(
             step = np.asarray(np.linalg.solve(curvature, pull), dtype=np.float64)
             distance = float(step @ curvature @ step)
             step *= min(1.0, MAX_STEP_SIGMAS / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
-            if distance < MODE_TOLERANCE:  # so short a step is taken unseen
+            if distance < MODE_TOLERANCE or distance**2 < LEFT * before:  # so short a step is taken unseen
                 theta, settled = theta + step, True
                 break
             widths = INCREMENT / np.sqrt(np.diag(curvature))
             for _ in range(MAX_HALVINGS):
                 candidate = look(build, samples, theta + step, widths, pool=pool)
                 if (value := objective(candidate)) > best:
-                    here, best = candidate, value
+                    here, best, before = candidate, value, float(step @ curvature @ step)
                     theta = here.theta
                     break
                 step = 0.5 * step
