@@ -12,7 +12,8 @@ is simulated or identified. Each becomes the row that an identification would gi
   coefficients and trust, as ``python -m validation.years --faults`` found.
 - Bands: a level without covariates that is constant, or wanders by a stated size a day.
 
-Seeds begin at 700000; none of them was looked at while building. ``python -m validation.live_watch`` prints the tables.
+Seeds begin at `--first`; those that the pages name were not looked at while building. ``python -m
+validation.live_watch`` prints the tables.
 """
 
 import argparse
@@ -36,8 +37,6 @@ from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR
 from windsysid.output.console import render
 
 __all__ = ["false_alarms", "rows_of"]
-
-FIRST_SEED = 700_000
 
 WIND = 12.0
 """[m/s]"""
@@ -128,13 +127,15 @@ def said(taken: Sequence[Taken]) -> list[Alarm]:
 
 
 def false_alarms(
-    place: Site, days: float, rate: float, tolerated: Mapping[str, float], seed: int
-) -> tuple[list[float], float]:
-    """When a watch without a change had alarms [days after it began], and the processor time of a window [s]."""
+    place: Site, days: float, learn: int, rate: float, tolerated: Mapping[str, float], seed: int
+) -> tuple[list[float], list[bool], float]:
+    """When a watch without a change had alarms [days after it began], which of them were of the noise, and the
+    processor time of a window [s]."""
     blocks = simulate_blocks(of_these(place, FOLLOWED), days=days, seed=seed)
     noise = {NOISE: noise_of(len(blocks.time), seed)}
-    taken, cost = watched(rows_of(blocks, noise), Options(alarms_per_year=rate, tolerated=tolerated))
-    return [(alarm.opened - BEGIN) / 1e9 / DAY for alarm in said(taken)], cost
+    taken, cost = watched(rows_of(blocks, noise), Options(learn=learn, alarms_per_year=rate, tolerated=tolerated))
+    alarms = said(taken)
+    return [(alarm.opened - BEGIN) / 1e9 / DAY for alarm in alarms], [alarm.about == NOISE for alarm in alarms], cost
 
 
 def of_these(place: Site, names: Sequence[str]) -> Site:
@@ -205,10 +206,14 @@ def main() -> None:
     parser.add_argument("--days", type=float, default=21.0, help="how long each of them lasts, a week or more")
     parser.add_argument("--trials", type=int, default=12, help="trials of each change, and of each wander")
     parser.add_argument("--before", type=float, nargs="+", default=[3.0, 30.0], help="days that a watch is old")
+    parser.add_argument("--learn", type=int, default=144, help="windows that watches without a change learn from")
+    parser.add_argument("--first", type=int, default=700_000, help="the first seed")
     parser.add_argument("--only", choices=("alarms", "delays", "causes", "bands"), help="one of the tables")
     options = parser.parse_args()
     if min(options.watches, options.trials) < 1 or not 7.0 <= options.days <= 3660.0 or min(options.before) < 1.5:
         raise SystemExit("--watches, --trials: expected 1 or more; --days: expected 7 to 3660; --before: 1.5 or more")
+    if not 12 <= options.learn <= 2016:
+        raise SystemExit(f"--learn: expected 12 to 2016 windows, got {options.learn}")
     place = site("nrel5mw", WIND)
     trials = range(options.trials)
     with ProcessPoolExecutor() as pool:
@@ -217,7 +222,7 @@ def main() -> None:
             for heading in ("change", "days before", "seen", "median", "90 %", "when within", "size within", "others"):
                 table.add_column(heading, justify="left" if heading == "change" else "right")
             for i, (days, factor) in enumerate((days, factor) for days in options.before for factor in SIZES):
-                seeds = [FIRST_SEED + 1000 * i + k for k in trials]
+                seeds = [options.first + 1000 * i + k for k in trials]
                 found = _delays(list(pool.map(partial(delay, place, factor, days), seeds)))
                 seen = int(np.isfinite(found.seconds).sum())
                 table.add_row(
@@ -233,7 +238,7 @@ def main() -> None:
             names = {"structure": "k_x × 0.95", "noise": "noise × 3.5", "gain": "gain × 0.8: k_x, c_x, noise, trust"}
             for i, (what, name) in enumerate(names.items()):
                 kinds = list(
-                    pool.map(partial(cause, place, what), [FIRST_SEED + 20_000 + 1000 * i + k for k in trials])
+                    pool.map(partial(cause, place, what), [options.first + 20_000 + 1000 * i + k for k in trials])
                 )
                 every = [kind for one in kinds for kind in one]
                 silent = sum(not one for one in kinds)
@@ -245,25 +250,26 @@ def main() -> None:
                 table.add_column(heading, justify="right")
             for i, wander in enumerate(WANDERS):
                 shares = np.array(
-                    list(pool.map(partial(coverage, wander), [FIRST_SEED + 40_000 + 1000 * i + k for k in trials]))
+                    list(pool.map(partial(coverage, wander), [options.first + 40_000 + 1000 * i + k for k in trials]))
                 )
                 table.add_row(f"{100.0 * wander:g} %", *(f"{100.0 * share:.1f} %" for share in shares.mean(axis=0)))
             print(render(table, f"{options.trials} series, σ of a window {100.0 * SIGMA:g} %"), flush=True)
         if options.only in (None, "alarms"):
             table = Table(title="Alarms without a change", title_justify="left")
-            for heading in ("stated a year", "tolerated", "alarms", "years", "in a year", "in the first week", "ms"):
+            headings = ("stated a year", "tolerated", "alarms", "years", "in a year", "in week 1", "of noise", "ms")
+            for heading in headings:
                 table.add_column(heading, justify="left" if heading == "tolerated" else "right")
             years = options.watches * options.days * DAY / YEAR
             for i, (rate, sizes) in enumerate(
                 ((STATED, TOLERATED_DRIFT), (OFTEN, dict.fromkeys(TOLERATED_DRIFT, 0.0)))
             ):
-                run = partial(false_alarms, place, options.days, rate, sizes)
-                each = list(pool.map(run, [FIRST_SEED + 60_000 + 1000 * i + k for k in range(options.watches)]))
+                run = partial(false_alarms, place, options.days, options.learn, rate, sizes)
+                each = list(pool.map(run, [options.first + 60_000 + 1000 * i + k for k in range(options.watches)]))
                 when = [day for one in each for day in one[0]]
                 table.add_row(
                     f"{rate:g}", "nothing" if i else "as by default", f"{len(when)}", f"{years:.2g}",
                     f"{len(when) / years:.2g}", f"{sum(day <= 7.0 for day in when)}",
-                    f"{1e3 * np.mean([one[1] for one in each]):.2g}",
+                    f"{sum(sum(one[1]) for one in each)}", f"{1e3 * np.mean([one[2] for one in each]):.2g}",
                 )  # fmt: skip
             told = f"{options.watches} watches of {options.days:g} days each; ms of a processor a window of"
             print(render(table, f"{told} {len(FOLLOWED) + 1} series"), flush=True)

@@ -284,7 +284,8 @@ class Watching:
     def _level(self, name: str, said: tuple[float, float] | None, now: Now) -> Level:
         one = self._watched[name]
         window = band_of(one, *(said or (math.nan, math.nan)))
-        return Level(name, one.unit, one.kind, *window, *band_of(one, now.level, now.std), now.statistic, self._limit())
+        level = band_of(one, now.level, math.hypot(now.std, now.shared))
+        return Level(name, one.unit, one.kind, *window, *level, now.statistic, self._limit())
 
     # what is said of it
 

@@ -21,7 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.monitoring.jumps import Belief, Progress, Rates, Track, learn_rates, track
+from windsysid.monitoring.jumps import (
+    EXPECTED_SCATTER,
+    TYPICAL_WANDER,
+    Belief,
+    Progress,
+    Rates,
+    Track,
+    learn_growth,
+    learn_rates,
+    shared_error,
+    track,
+)
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,
     MAX_HINDSIGHT_BLOCKS,
@@ -55,7 +66,9 @@ class Now(NamedTuple):
     Attributes
     ----------
     level, std
-        At mean covariates.
+        At mean covariates; the standard deviation is that of a change of the level.
+    shared
+        What its blocks are off by together (`windsysid.monitoring.jumps.shared_error`), which no change shows.
     statistic
         Of the test for a jump; 0 while learning.
     new, again
@@ -64,6 +77,7 @@ class Now(NamedTuple):
 
     level: float
     std: float
+    shared: float
     statistic: float
     new: Jump | None = None
     again: tuple[Jump, ...] = ()
@@ -140,12 +154,13 @@ class Follower:
         """Where the series stands before any rates were learned: as if no covariate had an effect on it."""
         y, r = self._blocks()
         if not np.isfinite(y).any():
-            return Now(math.nan, math.nan, 0.0)
+            return Now(math.nan, math.nan, 0.0, 0.0)
         nothing = np.empty((len(y), 0))
         prior, _ = first_belief(y, r, 0, self.kind, self.logarithmic)
-        usual = float(np.median(r[np.isfinite(y)]))
-        done = track(y, r, nothing, prior, Rates(1e-6 * usual, 1.0), test=False)
-        return Now(float(done.level[-1]), float(done.std[-1]), 0.0)
+        wander = float(np.median(r[np.isfinite(y)])) * math.exp(2.0 * TYPICAL_WANDER[0])
+        growth = learn_growth(y, r, self.logarithmic) if self.kind == "c" else 0.0
+        done = track(y, r, nothing, prior, Rates(wander, EXPECTED_SCATTER, growth, self.logarithmic), test=False)
+        return self._now(done)
 
     def learn(self, x: Array, *, anew: bool) -> Now:
         """Learn the rates from the blocks that are kept, with covariates x (n, m).
@@ -158,14 +173,16 @@ class Follower:
         y, r = self._blocks(x)
         before, scale = self.kept.before, self.kept.scale
         if not np.isfinite(y).any():
-            return self.guess() if before is None else _now(self._restart(x))
+            return self.guess() if before is None else self._now(self._restart(x))
         if anew or before is None:
             before, scale = first_belief(y, r, x.shape[1], self.kind, self.logarithmic)
-        rates = self.kept.rates or Rates(0.0, 1.0)
+        rates = self.kept.rates or Rates(0.0, 1.0, logarithmic=self.logarithmic)
         self.kept = self.kept._replace(before=before, scale=scale, rates=rates)
         y, r, freed = self._cleared(x)
-        self.kept = self.kept._replace(rates=learn_rates(y, r, x, before, freed))
-        return _now(self._restart(x))
+        self.kept = self.kept._replace(
+            rates=learn_rates(y, r, x, before, freed, kind=self.kind, logarithmic=self.logarithmic)
+        )
+        return self._now(self._restart(x))
 
     def let_go(self, x: Array, count: int) -> None:
         """Forget the first `count` of the blocks, with covariates x (n, m), but for what they taught."""
@@ -199,7 +216,7 @@ class Follower:
         again = self._look_back(covariates)
         if again:
             done = self._restart(covariates())
-        now = _now(done)._replace(again=again)
+        now = self._now(done)._replace(again=again)
         if now.statistic <= limit or len(self.kept.jumps) == MAX_JUMPS:
             return now
         x = covariates()
@@ -253,6 +270,12 @@ class Follower:
         least = self.tolerated * self.kept.scale
         return track(y[part], r[part], x[part], past, self.kept.rates, tolerated=least, freed=freed[part])
 
+    def _now(self, done: Track) -> Now:
+        level = float(done.level[-1])
+        rates = self.kept.rates or Rates(0.0, 1.0, logarithmic=self.logarithmic)
+        shared = shared_error(level, *self._blocks(), rates)
+        return Now(level, float(done.std[-1]), shared, float(done.statistic[-1]))
+
     def _restart(self, x: Array) -> Track:
         done = self._run(x)[0]
         self._head = done.progress
@@ -293,7 +316,3 @@ class Follower:
 def _told(x: Array) -> NDArray[np.bool_]:
     """Blocks (n,) with all covariates (n, m)."""
     return np.asarray(np.isfinite(x).all(axis=1), dtype=bool)
-
-
-def _now(done: Track) -> Now:
-    return Now(float(done.level[-1]), float(done.std[-1]), float(done.statistic[-1]))

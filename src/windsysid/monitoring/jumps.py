@@ -18,6 +18,10 @@ threshold of b² it takes more than b² / `INNOVATION_LIMIT_SIGMAS`² blocks. Th
 `threshold` turns a rate of false alarms into b²: Siegmund and Venkatraman's approximation for white innovations, every
 k, no clipping and ν₀ = 0, beside which there are fewer.
 
+The variance of a damping grows with the damping that its block found: low estimates are told with narrow bands, and a
+level that weighs blocks by these comes out low, by more σ the more blocks there are. Where it does so by a power that
+is learned, r_t ∝ y_t^g, it is taken at the level that is foreseen, r_t (hᵀ m / y_t)^g.
+
 Sources: Willsky & Jones, IEEE Trans. AC-21(1), 1976, https://doi.org/10.1109/TAC.1976.1101146; Lai, IEEE Trans.
 IT-44(7), 1998, https://doi.org/10.1109/18.737522; Siegmund & Venkatraman, Ann. Statist. 23(1), 1995,
 https://doi.org/10.1214/aos/1176324466; Huber, Ann. Math. Statist. 35(1), 1964, https://doi.org/10.1214/aoms/1177703732.
@@ -33,13 +37,17 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 
 __all__ = [
+    "EXPECTED_SCATTER",
     "INNOVATION_LIMIT_SIGMAS",
     "MAX_JUMP_AGE_BLOCKS",
+    "TYPICAL_WANDER",
     "Belief",
     "Progress",
     "Rates",
     "Track",
+    "learn_growth",
     "learn_rates",
+    "shared_error",
     "threshold",
     "track",
 ]
@@ -63,14 +71,24 @@ CANDIDATE_SPACING = 0.1
 MAX_CANDIDATES = 400
 """More blocks k than `MAX_JUMP_AGE_BLOCKS` and `CANDIDATE_SPACING` ever keep."""
 
-TYPICAL_WANDER = (math.log(1e-3), math.log(10.0))
+TYPICAL_WANDER = (math.log(1e-2), math.log(10.0))
 """Prior of ln(√q / √r): median and standard deviation.
 
-One block in a thousand lets the level move by its own σ, give or take a factor of ten.
+A block lets the level move by a hundredth of its own σ, give or take a factor of ten: by 12 hundredths in a day of 10
+minutes.
 """
 
 TYPICAL_SCATTER = 0.5
 """Prior standard deviation of ln s."""
+
+EXPECTED_SCATTER = math.exp(2.0 * TYPICAL_SCATTER**2)
+"""Mean of s² before anything was learned."""
+
+MAX_GROWTH = 2.0
+"""Power with which a variance may grow with its estimate: 1 for a mode under broadband load, 2 for a constant ratio."""
+
+MAX_VALUE_RATIO = 4.0
+"""Factor between a block and the level beyond which the variance of the block is moved no further."""
 
 
 class Belief(NamedTuple):
@@ -81,10 +99,24 @@ class Belief(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """The variance q that a level gains per block, and the factor s² on the variance of its blocks."""
+    """The variance q that a level gains per block, and what is known of the variance of its blocks.
+
+    Attributes
+    ----------
+    wander
+        q.
+    scatter
+        The factor s² on the variance.
+    growth
+        The power g of a block's value with which its variance grows.
+    logarithmic
+        Whether blocks are logarithms of values; of use only with a growth.
+    """
 
     wander: float
     scatter: float
+    growth: float = 0.0
+    logarithmic: bool = True
 
 
 class Progress(NamedTuple):
@@ -187,8 +219,9 @@ def track(
     begun, sums = np.empty(MAX_CANDIDATES, dtype=np.int64), np.empty((MAX_CANDIDATES, 2 + h.shape[1]))
     begun[:kept], sums[:kept] = before.begun, before.sums
     rest = np.array(
-        [rates.wander, rates.scatter, limit, INNOVATION_LIMIT_SIGMAS, CANDIDATE_SPACING, tolerated, PULL_LIMIT_SIGMAS]
-    )
+        [rates.wander, rates.scatter, limit, INNOVATION_LIMIT_SIGMAS, CANDIDATE_SPACING, tolerated, PULL_LIMIT_SIGMAS,
+         rates.growth, float(rates.logarithmic), MAX_VALUE_RATIO]
+    )  # fmt: skip
     whole = np.array([first, MAX_JUMP_AGE_BLOCKS if test else 0, before.blocks, kept], dtype=np.int64)
     log_likelihood, stopped, kept = _kernel()(
         y, r, h, freed, rest, whole, mean, cov, begun, sums, level, std, whitened, statistic, since
@@ -202,17 +235,27 @@ def _no_candidates(d: int) -> tuple[NDArray[np.int64], Array]:
     return np.empty(0, dtype=np.int64), np.empty((0, 2 + d))
 
 
-def learn_rates(y: Array, r: Array, x: Array, prior: Belief, freed: Array | None = None) -> Rates:
+def learn_rates(
+    y: Array,
+    r: Array,
+    x: Array,
+    prior: Belief,
+    freed: Array | None = None,
+    *,
+    kind: str = "k",
+    logarithmic: bool = True,
+) -> Rates:
     """Wander and scatter of a series by maximum likelihood, with priors `TYPICAL_WANDER` and `TYPICAL_SCATTER`.
 
-    The wander is averaged over its likelihood.
+    The wander is averaged over its likelihood. Of a damping, kind ``c``, it is learned how its variance grows, too.
     """
     from scipy.optimize import minimize
 
     usual = float(np.nanmedian(np.where(np.isfinite(y), r, np.nan)))
+    growth = learn_growth(y, r, logarithmic) if kind == "c" else 0.0
 
     def rates(at: Array) -> Rates:
-        return Rates(usual * math.exp(2.0 * at[0]), math.exp(2.0 * at[1]))
+        return Rates(usual * math.exp(2.0 * at[0]), math.exp(2.0 * at[1]), growth, logarithmic)
 
     def cost(at: Array) -> float:
         if abs(at).max() > 30.0:
@@ -234,7 +277,37 @@ def learn_rates(y: Array, r: Array, x: Array, prior: Belief, freed: Array | None
     costs = np.array([cost(np.array([at, found.x[1]])) for at in around])
     weight = np.exp(costs.min() - costs)
     tried = [rates(np.array([at, found.x[1]])) for at in around]
-    return Rates(float(weight @ [one.wander for one in tried] / weight.sum()), tried[0].scatter)
+    return tried[0]._replace(wander=float(weight @ [one.wander for one in tried] / weight.sum()))
+
+
+def learn_growth(y: Array, r: Array, logarithmic: bool) -> float:
+    """The power with which variances (T,) grow with what blocks (T,) say, 0 … `MAX_GROWTH`, by least squares.
+
+    For values in logarithms r is the variance of a logarithm, and grows by 2 less than that of the value.
+    """
+    good = np.isfinite(y) & (np.ones(len(y), dtype=bool) if logarithmic else y > 0.0)
+    if not good.any():
+        return 0.0
+    at = y[good] if logarithmic else np.log(y[good])
+    at = at - at.mean()
+    spread = float(at @ at)
+    slope = float(at @ np.log(r[good])) / spread if spread > 0.0 else 0.0
+    lowest = -2.0 if logarithmic else 0.0
+    return min(max(slope, lowest), lowest + MAX_GROWTH)
+
+
+def shared_error(level: float, y: Array, r: Array, rates: Rates) -> float:
+    """What the errors of blocks (T,) have in common with each other, as a standard deviation, in filter coordinates.
+
+    An estimate that is Gaussian with the relative standard deviation ς is so to first order. Its mean is off by a part
+    of ς² of its value, in all blocks alike, so that no number of them takes it away.
+    """
+    there = np.isfinite(y)
+    if not there.any():
+        return 0.0
+    usual = rates.scatter * float(np.median(r[there]))
+    std = math.sqrt(usual)
+    return min(std, usual if rates.logarithmic else usual / max(abs(level), std))
 
 
 @lru_cache(maxsize=64)
@@ -277,15 +350,8 @@ def _run(
 
     It gives the likelihood, the block that it stopped at, and how many blocks k are kept.
     """
-    wander, scatter, limit, clip, spacing, tolerated, pull = (
-        rest[0],
-        rest[1],
-        rest[2],
-        rest[3],
-        rest[4],
-        rest[5],
-        rest[6],
-    )
+    wander, scatter, limit, clip, spacing = rest[0], rest[1], rest[2], rest[3], rest[4]
+    tolerated, pull, growth, logarithmic, most_ratio = rest[5], rest[6], rest[7], rest[8], rest[9]
     first, window, before, kept = whole[0], whole[1], whole[2], whole[3]
     d = h.shape[1]
     gain, cross = np.zeros(d), np.zeros(d)
@@ -309,6 +375,13 @@ def _run(
                 for j in range(d):
                     cross[i] += cov[i, j] * h[t, j]
                 innovation -= h[t, i] * mean[i]
+            if growth != 0.0:
+                foreseen, ratio = y[t] - innovation, 1.0
+                if logarithmic > 0.0:
+                    ratio = math.exp(min(max(-innovation, -30.0), 30.0))
+                elif foreseen > 0.0:
+                    ratio = foreseen / max(y[t], foreseen / most_ratio)
+                variance *= min(max(ratio, 1.0 / most_ratio), most_ratio) ** growth
             for i in range(d):
                 variance += h[t, i] * cross[i]
             root = math.sqrt(variance)

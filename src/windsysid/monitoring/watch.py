@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.changes import Change, Series, Watch
-from windsysid.monitoring.jumps import Rates, Track, learn_rates, threshold, track
+from windsysid.monitoring.jumps import Rates, Track, learn_rates, shared_error, threshold, track
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,
     MAX_HINDSIGHT_BLOCKS,
@@ -137,7 +137,9 @@ def _follow(
     begin, first, least = begins, begins, tolerated[kind] * scale
     tested = np.zeros(count)
     while True:
-        rates = learn_rates(y[:begin], r[:begin], x[:begin], prior, freed[:begin])
+        rates = learn_rates(
+            y[:begin], r[:begin], x[:begin], prior, freed[:begin], kind=kind, logarithmic=blocks.logarithmic[i]
+        )
         end = min(2 * begin, count)
         while True:
             whole = track(
@@ -176,6 +178,7 @@ def _describe(
     """A `Series` in units and percent."""
     level, std = one.track.level, one.track.std
     belief, now = one.track.belief, float(level[-1])
+    told = np.hypot(std, shared_error(now, y, blocks.std[:, i] ** 2, one.rates))
     sigma = np.sqrt(np.diag(belief.cov))
     name = blocks.names[i]
 
@@ -190,8 +193,8 @@ def _describe(
         name=name,
         unit=blocks.units[i] if blocks.units else "",
         level=value(level),
-        low=value(level - SIGMAS * std),
-        high=value(level + SIGMAS * std),
+        low=value(level - SIGMAS * told),
+        high=value(level + SIGMAS * told),
         adjusted=value(y - np.where(np.isfinite(x), x, 0.0) @ belief.mean[1:]),
         whitened=one.track.whitened,
         statistic=one.track.statistic,
