@@ -1,5 +1,7 @@
 """What is particular to HAWC2 and Bladed."""
 
+import warnings
+
 import numpy as np
 from validation.format_samples import SAMPLES, truth
 
@@ -78,3 +80,14 @@ def test_bladed_headers_that_do_not_fit_their_numbers_are_refused(tmp_path):
     path = bladed(tmp_path)
     (tmp_path / "x.%41").unlink()
     refused(path, r"has no x\.%41 beside it")
+
+
+def test_a_damaged_single_that_is_a_signalling_nan_is_missing(tmp_path):
+    path = bladed(tmp_path)
+    bits = np.frombuffer(path.read_bytes(), "<u4").copy()
+    bits[7] = 0x7FA00000
+    path.write_bytes(bits.tobytes())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        record = read_record(path)
+    assert np.isnan(record.values).sum() == 1

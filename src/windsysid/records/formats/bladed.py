@@ -22,7 +22,7 @@ from windsysid.records.formats.columns import Cell
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Grid, Series, source_of_series, tidy_step
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.source import Source, doubles
 from windsysid.records.formats.text import plain_numbers
 from windsysid.records.record import AS_WRITTEN, Array
 
@@ -102,7 +102,7 @@ def open_bladed(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
             return table[low:high]
         with header.data.open("rb") as file:
             file.seek(low * width * np.dtype(kind).itemsize)
-            return np.fromfile(file, kind, (high - low) * width).reshape(high - low, width).astype(np.float64)
+            return doubles(np.fromfile(file, kind, (high - low) * width)).reshape(high - low, width)
 
     def together(indices: Sequence[int], low: int, high: int) -> list[Array]:
         found = rows(low, high)

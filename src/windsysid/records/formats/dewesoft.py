@@ -9,13 +9,11 @@ import locale
 from pathlib import Path
 from typing import Any, NoReturn
 
-import numpy as np
-
 from windsysid.errors import RecordError
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Series, cell_of, source_of_series, utc
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.source import Source, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]
@@ -50,7 +48,7 @@ def _series(file: Any, name: str, channel: Any, start: str) -> Series:
         except Exception as error:
             _refuse(error)
         both = found if rate > 0.0 else tuple(values[low:high] for values in found)
-        return np.asarray(both[part], dtype=np.float64)
+        return doubles(both[part])
 
     return Series(
         cell_of(name, name, channel.unit),

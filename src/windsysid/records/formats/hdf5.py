@@ -18,7 +18,7 @@ from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.netcdf import check_seal, unpacked
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.source import Source, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT", "datasets", "opened", "stored"]
@@ -90,8 +90,8 @@ def _stored(path: str, values: Any, dataset: Any, kind: Any, unit: str | None) -
             whole[axis] = one
         try:
             if values is dataset:
-                return np.asarray(unpacked(dataset, tuple(whole)), dtype=np.float64)
-            return np.asarray(values[tuple(whole)], dtype=np.float64)
+                return doubles(unpacked(dataset, tuple(whole)))
+            return doubles(values[tuple(whole)])
         except Exception as error:
             raise damaged(error) from error
 

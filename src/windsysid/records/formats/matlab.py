@@ -20,7 +20,7 @@ from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.hdf5 import datasets, opened, stored
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.source import Source, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]
@@ -113,7 +113,7 @@ def _array(path: str, shape: tuple[int, ...], numeric: bool, get: Callable[[], A
         array = np.asarray(get())
         if array.dtype.kind not in "fiub":
             raise RecordError(f"'{path}' holds {array.dtype}, expected real numbers; leave it out or convert it")
-        return np.asarray(np.reshape(array, kept)[index], dtype=np.float64)
+        return doubles(np.reshape(array, kept)[index])
 
     kept = tuple(size for size in shape if size != 1)
     return Stored(path, kept, read, numeric)

@@ -17,7 +17,7 @@ from windsysid.records.formats.files import damaged, quiet, read_start
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Series, cell_of, short_names, source_of_series, utc
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.source import Source, doubles
 from windsysid.records.moments import tidy
 from windsysid.records.record import Array
 
@@ -112,7 +112,7 @@ def _series(file: Any, group: int, index: int, written: str, name: str, start: s
     def times() -> Array:
         try:
             with quiet("asammdf"):
-                return np.asarray(file.get_master(group), dtype=np.float64)
+                return doubles(file.get_master(group))
         except Exception as error:
             raise damaged(error) from error
 
@@ -141,7 +141,7 @@ def _read(file: Any, channels: list[tuple[int, int]], low: int, high: int) -> li
 def _numbers(signal: Any) -> Array:
     if signal.samples.dtype.kind not in "fiub" or signal.samples.ndim != 1:
         raise RecordError(f"channel '{signal.name}' holds text or arrays, expected numbers; leave it out")
-    values = np.asarray(signal.samples, dtype=np.float64)
+    values = doubles(signal.samples)
     invalid = signal.invalidation_bits
     return values if invalid is None else np.where(np.asarray(invalid, dtype=bool), np.nan, values)
 

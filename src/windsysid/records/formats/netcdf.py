@@ -22,7 +22,7 @@ from windsysid.records.formats.columns import Cell, name_and_unit, plan_columns
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Block, Source, indexed_source
+from windsysid.records.formats.source import Block, Source, doubles, indexed_source
 from windsysid.records.moments import has_zone, split_start
 from windsysid.records.record import Array, Record
 from windsysid.units import si_unit, to_si
@@ -225,7 +225,7 @@ def _since(time: "h5netcdf.Variable") -> str | None:
 def unpacked(variable: Any, rows: Any) -> Array:
     """Unpack values by CF conventions 1.11: the fill value is missing (2.5.1), then scale and offset apply (8.1)."""
     raw, attributes = variable[rows], variable.attrs
-    values = np.asarray(raw, dtype=np.float64)
+    values = doubles(raw)
     for key in ("_FillValue", "missing_value"):
         if key in attributes:
             values = np.where(np.isin(raw, attributes[key]), np.nan, values)

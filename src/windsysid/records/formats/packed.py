@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from windsysid.errors import RecordError
+from windsysid.records.formats.source import doubles
 from windsysid.records.record import Array
 
 __all__ = ["Packed", "open_packed"]
@@ -130,7 +131,7 @@ def open_packed(path: Path) -> Packed:
         start, step = (np.nan, np.nan) if kind == 1 else (first, second)
         return Packed(
             path, names, tuple(unit[1:-1] for unit in units), description, samples, start, step, times,
-            scale.astype(np.float64), offset.astype(np.float64), file.tell(), kind == 3,
+            doubles(scale), doubles(offset), file.tell(), kind == 3,
         )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from windsysid.records.formats.columns import Cell, find_time, name_and_unit, pl
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
-from windsysid.records.formats.source import Block, Source, shifted
+from windsysid.records.formats.source import Block, Source, doubles, shifted
 from windsysid.records.moments import split_start
 from windsysid.records.record import Array, Record
 
@@ -190,7 +190,7 @@ def _moments(column: Any) -> Any:
 
 
 def _numbers(column: Any) -> Array:
-    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)
+    return doubles(column.to_numpy(zero_copy_only=False))
 
 
 FORMAT = Format("Parquet", (".parquet",), open_parquet, write_parquet, (b"PAR1",))

@@ -8,7 +8,7 @@ checked whole: time must increase inside a block and from one block to the next.
 import itertools
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,10 +16,18 @@ from windsysid.errors import RecordError
 from windsysid.records.checks import Array, check_block, check_channels, refuse_outside
 from windsysid.records.record import Record
 
-__all__ = ["Block", "Progress", "Source", "gather", "gather_section", "indexed_source", "pieces", "shifted"]
+__all__ = [
+    "Block", "Progress", "Source", "doubles", "gather", "gather_section", "indexed_source", "pieces", "shifted",
+]  # fmt: skip
 
 Progress = Callable[[float], None]
 """Called with the fraction of the file that has been read."""
+
+
+def doubles(values: Any) -> Array:
+    """Numbers in double precision; the signalling NaN that a damaged single may be is missing as any other is."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(values, dtype=np.float64)
 
 
 class Block(NamedTuple):

@@ -23,7 +23,7 @@ from windsysid.records.formats.files import damaged, quiet
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Grid, Series, cell_of, short_names, source_of_series, utc
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.source import Source, doubles
 from windsysid.records.record import Array
 
 __all__ = ["FORMAT"]
@@ -115,7 +115,7 @@ def _series(channel: Any, written: str, name: str) -> Series:
             raise damaged(error) from error
         if values.dtype.kind not in "fiub":
             raise RecordError(f"channel '{name}' holds text, expected numbers; leave it out of the mapping file")
-        return np.asarray(values, dtype=np.float64)
+        return doubles(values)
 
     return Series(cell, len(channel), numbers, _grid(properties))
 

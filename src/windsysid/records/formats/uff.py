@@ -21,7 +21,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Grid, Series, cell_of, source_of_series, tidy_step
-from windsysid.records.formats.source import Source
+from windsysid.records.formats.source import Source, doubles
 from windsysid.records.record import Array
 from windsysid.units import si_unit, to_si
 
@@ -117,7 +117,7 @@ class _Set:
             size = np.dtype(self.kind).itemsize
             with self.path.open("rb") as file:
                 file.seek(self.at + first * size)
-                found = np.fromfile(file, self.kind, last - first).astype(np.float64)
+                found = doubles(np.fromfile(file, self.kind, last - first))
         else:
             found = self.text[first:last]
         return found if stride == 1 else np.ascontiguousarray(found[part::2])
