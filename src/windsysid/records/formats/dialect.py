@@ -146,8 +146,8 @@ def _preamble(rows: list[list[str]]) -> int:
 
 def split(line: str, delimiter: str) -> list[str]:
     """The cells of one line, without the blanks and quotes around them."""
-    if delimiter == " " and '"' not in line:
-        return line.split()
+    if line and '"' not in line:
+        return line.split() if delimiter == " " else [cell.strip() for cell in line.split(delimiter)]
     try:
         cells = next(
             csv.reader([line.strip() if delimiter == " " else line], delimiter=delimiter, skipinitialspace=True)
