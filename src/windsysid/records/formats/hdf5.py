@@ -18,6 +18,7 @@ from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.netcdf import check_seal, unpacked
+from windsysid.records.formats.probing import probe
 from windsysid.records.formats.source import Source, doubles
 from windsysid.records.record import Array
 
@@ -31,7 +32,8 @@ def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Sour
     """Open a file of any layout; its datasets are read as far as they are needed."""
     if read_start(path, len(_MAGIC)) != _MAGIC:
         raise RecordError("is not HDF5; give the file the ending of what it is, or export it again")
-    check_seal(path)
+    if not check_seal(path):
+        probe(path)
     file = opened(path)
     try:
         arrays = [array for name, dataset in datasets(file) for array in stored(name, dataset)]

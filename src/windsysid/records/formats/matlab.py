@@ -20,6 +20,7 @@ from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.hdf5 import datasets, opened, stored
 from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.probing import probe
 from windsysid.records.formats.source import Source, doubles
 from windsysid.records.record import Array
 
@@ -65,6 +66,7 @@ def _follow(path: Path, order: str) -> None:
 
 
 def _new(path: Path) -> Iterator[Stored]:
+    probe(path)
     for name, dataset in datasets(opened(path)):
         kind = dataset.attrs.get("MATLAB_class", b"double")
         kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)

@@ -22,6 +22,7 @@ from windsysid.records.formats.columns import Cell, name_and_unit, plan_columns
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.probing import probe
 from windsysid.records.formats.source import Block, Source, doubles, indexed_source
 from windsysid.records.moments import has_zone, split_start
 from windsysid.records.record import Array, Record
@@ -48,8 +49,8 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         raise RecordError("is classic netCDF, expected netCDF-4; convert it with 'nccopy -k nc4'")
     if start != _HDF5:
         raise RecordError("is not netCDF-4; give the file the ending of what it is, or export it again")
-    if whole or path.stat().st_size < _MAX_CHECKED_BYTES:
-        check_seal(path)
+    if (whole or path.stat().st_size < _MAX_CHECKED_BYTES) and not check_seal(path):
+        probe(path)
     file = open_hdf5(path)
     try:
         time_name = _time_name(mapping)
