@@ -157,11 +157,11 @@ def test_a_file_that_grew_is_taken_again(tmp_path: Path):
     path = tmp_path / "a.csv"
     path.write_text("12345")
     known = {str(path): Known(5, "ok", 0, "s", "2026-03-01")}
-    assert _new([path], known) == []
+    assert _new([str(path)], known) == []
     path.write_text("123456")
-    assert _new([path], known) == [path]
+    assert _new([str(path)], known) == [str(path)]
     for status, tries, taken in (("failed", 1, True), ("failed", 3, False), ("refused", 0, False)):
-        assert bool(_new([path], {str(path): Known(6, status, tries, "s", "2026-03-01")})) == taken
+        assert bool(_new([str(path)], {str(path): Known(6, status, tries, "s", "2026-03-01")})) == taken
 
 
 def test_a_day_is_that_of_the_start_then_of_the_name():

@@ -25,6 +25,7 @@ from windsysid.records.formats.format import package
 from windsysid.records.moments import moment
 
 __all__ = [
+    "UNDATED",
     "Known",
     "add_rows",
     "claim_archive",
@@ -43,6 +44,7 @@ MARK = {b"windsysid_archive": b"1"}
 """Metadata of every file of an archive: its form."""
 
 UNDATED = "undated"
+"""How the day of a record begins whose day is not known."""
 _DATE = re.compile(r"(?<!\d)(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?!\d{3})")
 
 

@@ -11,11 +11,12 @@ from itertools import islice
 from pathlib import Path
 
 from windsysid.errors import ConfigurationError
-from windsysid.fleet.archive import Known, claim_archive, day_of, known_sources, place_of
+from windsysid.fleet.archive import UNDATED, Known, claim_archive, day_of, known_sources, place_of
 from windsysid.fleet.engine import run_here, run_on_dask
 from windsysid.fleet.guard import DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.joining import check_clocks, join_late, read_scadas
 from windsysid.fleet.members import Member, member_of, read_fleet, single
+from windsysid.fleet.remote import is_remote, list_remote, size_of
 from windsysid.fleet.scada import Scada
 from windsysid.fleet.tasks import Task
 from windsysid.output.progress import Progress, unheard
@@ -105,7 +106,8 @@ def batch(
     Parameters
     ----------
     sources
-        Files, folders (with all below them) and patterns such as ``"data/2026-*/*.parquet"``.
+        Files, folders (with all below them) and patterns such as ``"data/2026-*/*.parquet"``; or such addresses in an
+        object store, ``"s3://bucket/data"`` (`windsysid.fleet.remote`).
     archive
         Folder of the archive: made where it is missing, added to where it is there.
     turbine
@@ -150,6 +152,10 @@ def batch(
         members = read_fleet(fleet)
     else:
         members = (single(str(turbine), **own),)
+    if is_remote(str(archive)):
+        raise ConfigurationError(
+            f"archive {archive}: expected a folder: records may be in an object store, the archive not; copy it there"
+        )
     begun, folder = time.monotonic(), Path(archive).resolve()
     settings = {member.name: _settings(member, formulation) for member in members}
     scadas, notes = read_scadas(members)
@@ -215,45 +221,47 @@ def _settings(member: Member, formulation: str) -> str:
         raise ConfigurationError(f"'{member.name}': {error}") from None
 
 
-def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[Path]:
+def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[str]:
     """The files that sources name, absolute, each once, in order; of folders those with the ending of a format."""
     listed = [sources] if isinstance(sources, str | Path) else list(sources)
-    found: dict[Path, None] = {}
+    found: dict[str, None] = {}
     for source in listed:
         path = Path(source)
-        if path.is_dir():
+        if isinstance(source, str) and is_remote(source):
+            below = list_remote(source)
+        elif path.is_dir():
             below = _walk(path.resolve(), archive)
         elif path.is_file():
-            below = [path.resolve()]
+            below = [str(path.resolve())]
         else:
-            below = [Path(name).resolve() for name in glob.glob(str(source), recursive=True)]
-            below = [each for one in below for each in (_walk(one, archive) if one.is_dir() else [one])]
+            named = [Path(name).resolve() for name in glob.glob(str(source), recursive=True)]
+            below = [each for one in named for each in (_walk(one, archive) if one.is_dir() else [str(one)])]
         if not below:
             raise ConfigurationError(f"source {source}: expected a file, a folder or a pattern with records, got none")
         found |= dict.fromkeys(below)
     return sorted(found)
 
 
-def _walk(folder: Path, archive: Path) -> list[Path]:
+def _walk(folder: Path, archive: Path) -> list[str]:
     """Files below a folder that may be records, none of them hidden or of the archive."""
     found = []
     for place, folders, names in os.walk(folder):
         here = Path(place)
         folders[:] = [name for name in folders if not name.startswith(".") and here / name != archive]
         paths = (here / name for name in names if not name.startswith("."))
-        found += [path for path in paths if any(one.is_named(path) for one in FORMATS)]
+        found += [str(path) for path in paths if any(one.is_named(path) for one in FORMATS)]
     return found
 
 
-def _assigned(files: Sequence[Path], members: Sequence[Member]) -> tuple[dict[str, list[Path]], int]:
+def _assigned(files: Sequence[str], members: Sequence[Member]) -> tuple[dict[str, list[str]], int]:
     """The records of each turbine, and how many files fit none; SCADA files are no records."""
     tables = {member.scada for member in members}
-    theirs: dict[str, list[Path]] = {member.name: [] for member in members}
+    theirs: dict[str, list[str]] = {member.name: [] for member in members}
     unmatched = 0
     for path in files:
-        if str(path) in tables:
+        if path in tables:
             continue
-        member = member_of(path, members)
+        member = member_of(Path(path), members)
         if member is None:
             unmatched += 1
         else:
@@ -275,22 +283,22 @@ def _check_settings(archive: Path, known: dict[str, dict[str, Known]], settings:
             )
 
 
-def _new(paths: Sequence[Path], known: dict[str, Known]) -> list[Path]:
+def _new(paths: Sequence[str], known: dict[str, Known]) -> list[str]:
     """Records that are not known, have another size than they had, or failed and may be tried again."""
     found = []
     for path in paths:
-        row = known.get(str(path))
-        if row is None or row.size != path.stat().st_size or (row.status == "failed" and row.tries < RUNS):
+        row = known.get(path)
+        if row is None or row.size != size_of(path) or (row.status == "failed" and row.tries < RUNS):
             found.append(path)
     return found
 
 
 def _tasks(
-    new: dict[Member, list[Path]], known: dict[str, dict[str, Known]], archive: Path, formulation: str,
+    new: dict[Member, list[str]], known: dict[str, dict[str, Known]], archive: Path, formulation: str,
     settings: dict[str, str], limit: float, looker: Worker, progress: Progress,
     scadas: dict[str, Scada],
 ) -> list[Task]:  # fmt: skip
-    """Records of a turbine and day together, the days in order; ConfigurationError where all have another clock than
+    """Records of a turbine and day together, in order; ConfigurationError where all have another clock than
     their SCADA: SCADA says its zone, and they do not, or the other way round."""
     days: dict[tuple[str, str], list[tuple[str, int]]] = {}
     of = {member.name: member for member in new}
@@ -298,11 +306,12 @@ def _tasks(
     for member, paths in new.items():
         starts: set[str] = set()
         for path in paths:
-            row = known[member.name].get(str(path))
-            start = _look(looker, path, member) if row is None else None
+            row = known[member.name].get(path)
+            named = is_remote(path) and not day_of(None, path).startswith(UNDATED)  # saves that it is copied twice
+            start = _look(looker, path, member) if row is None and not named else None
             starts |= set() if start is None else {start}
-            day = row.day if row is not None else day_of(start, str(path))
-            days.setdefault((day, member.name), []).append((str(path), row.tries if row is not None else 0))
+            day = row.day if row is not None else day_of(start, path)
+            days.setdefault((member.name, day), []).append((path, row.tries if row is not None else 0))
             looked += 1
             if looked % _LOOKS_PER_REPORT == 0:
                 progress("when the records began", looked / total)
@@ -310,14 +319,14 @@ def _tasks(
             check_clocks(member.name, scadas[member.name], starts)
     return [
         Task(of[name], day, str(place_of(archive, name, day)), tuple(sources), formulation, settings[name], limit)
-        for (day, name), sources in sorted(days.items())
+        for (name, day), sources in sorted(days.items())  # turbine by turbine: each worker reads its SCADA once
     ]
 
 
-def _look(worker: Worker, path: Path, member: Member) -> str | None:
+def _look(worker: Worker, path: str, member: Member) -> str | None:
     """When a record begins; None where it does not say it, or cannot be opened."""
     try:
-        start: str | None = worker.ask({"do": "look", "source": str(path), "member": asdict(member)})["start"]
+        start: str | None = worker.ask({"do": "look", "source": path, "member": asdict(member)})["start"]
     except (DeadWorkerError, HangingWorkerError):
         return None
     return start

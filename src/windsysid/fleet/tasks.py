@@ -9,6 +9,7 @@ from pathlib import Path
 from windsysid.fleet.archive import add_rows
 from windsysid.fleet.guard import DEATHS, DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.members import Member
+from windsysid.fleet.remote import size_of
 from windsysid.fleet.rows import Row, failed_row
 
 __all__ = ["FLUSH_SECONDS", "Task", "Tell", "run_task"]
@@ -92,5 +93,8 @@ def _take(task: Task, source: str, worker: Worker) -> Row:
             break
         except DeadWorkerError as error:
             why = f"{error}, {DEATHS} times"
-    path = Path(source)
-    return failed_row(source, path.stat().st_size if path.exists() else -1, task.settings, why)
+    try:
+        size = size_of(source)
+    except OSError:
+        size = -1
+    return failed_row(source, size, task.settings, why)

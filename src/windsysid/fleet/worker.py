@@ -23,6 +23,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.fleet.joining import join
 from windsysid.fleet.members import Member
+from windsysid.fleet.remote import fetched, size_of
 from windsysid.fleet.rows import Row, empty_row, failed_row, row_of
 from windsysid.fleet.scada import Scada, read_scada
 from windsysid.kernels.cache import cache_folder
@@ -32,6 +33,7 @@ from windsysid.output.locks import release, try_lock
 from windsysid.records.formats import format_of, load_mapping, read_record
 from windsysid.records.formats.files import named_after
 from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.probing import Guard
 from windsysid.records.moments import shift_moment
 from windsysid.records.record import Record
 from windsysid.results.plain import finite
@@ -51,6 +53,7 @@ _compiled: set[str] = set()
 
 def main() -> None:
     """Answer requests until standard input ends."""
+    Guard.on = True
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what libraries print is no answer
 
@@ -63,7 +66,7 @@ def main() -> None:
         request = json.loads(line)
         member = Member(**request["member"])
         if request["do"] == "look":
-            say({"event": "done", "start": _start_of(Path(request["source"]), member)})
+            say({"event": "done", "start": _start_of(request["source"], member)})
         elif request["do"] == "samples":
             begun = time.process_time()
             row = take_samples(request, member, request["formulation"], request["settings"], say)
@@ -73,11 +76,11 @@ def main() -> None:
             say({"event": "done", "row": finite(row)})
 
 
-def _start_of(source: Path, member: Member) -> str | None:
+def _start_of(source: str, member: Member) -> str | None:
     """When a record begins, by its header; None where it does not say it or cannot be opened."""
     try:
-        with named_after(source):
-            opened = format_of(source).open(source, _mapping(member.mapping))
+        with fetched(source) as path, named_after(path):
+            opened = format_of(path).open(path, _mapping(member.mapping))
         if opened.start is None:
             return None
         return shift_moment(opened.start, opened.first if opened.first == opened.first else 0.0)
@@ -89,14 +92,15 @@ def take(source: str, member: Member, formulation: str, settings: str, say: Say)
     """The row of a record, whatever happens."""
     size = -1
     try:
-        size = Path(source).stat().st_size
+        size = size_of(source)
         row = empty_row(source, size, settings)
         machine = _turbine(member.turbine)
         sensors = _sensors(member.sensors)
-        try:
-            record = read_record(source, mapping=_mapping(member.mapping))
-        except (RecordError, ConfigurationError) as error:
-            return row | {"status": "refused", "why": " ".join(str(error).split())}
+        with fetched(source) as path:
+            try:
+                record = read_record(path, mapping=_mapping(member.mapping))
+            except (RecordError, ConfigurationError) as error:
+                return row | {"status": "refused", "why": " ".join(str(error).replace(str(path), source).split())}
         with _one_compiles(member.turbine, say):
             row = row_of(row, record, machine, sensors, formulation)
         scada = None
