@@ -2,9 +2,13 @@
 
 ``python -m validation.fleet --years 3``: years of ten sisters, one 10-minute record an hour, simulated as what the
 records would say (as validation/years.py does; bands from `windsysid.plan`). Sisters scatter by 1 %. One is softened by
-3 % in May, the sensor of one fails in July, one is iced in January; then the same of healthy sisters. All sisters have
+3 % in May, the sensor of one fails in July, one is iced in the first hard frost from December on: ice grows for half a
+day and falls off when a day was above 1 °C; then the same of healthy sisters. All sisters have
 the same weather; turbines stop, and idle in little wind. With ``--levelled`` damping follows the wind no further than
 from 3.2 to 14.4 m/s, which no straight line does.
+
+``python -m validation.fleet --healthy 20 --rate 1``: false alarms of healthy years, stated so often that they can be
+counted.
 """
 
 import argparse
@@ -16,12 +20,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from validation.years import Site, site
 from windsysid._types import Array
 from windsysid.fleet.archive import add_rows, place_of, table_of
 from windsysid.fleet.overview import Overview, overview_of
 from windsysid.fleet.rows import Row, empty_row
+from windsysid.monitoring.watch import YEAR
 
 __all__ = ["Fault", "main", "simulate_fleet"]
 
@@ -44,9 +50,12 @@ class Fault(NamedTuple):
 FAULTS = (
     Fault("T03", "soft", datetime(2026, 5, 12, tzinfo=UTC), datetime(2027, 1, 1, tzinfo=UTC)),
     Fault("T05", "sensor", datetime(2026, 7, 6, tzinfo=UTC), datetime(2027, 1, 1, tzinfo=UTC)),
-    Fault("T08", "ice", datetime(2026, 1, 14, tzinfo=UTC), datetime(2026, 1, 20, tzinfo=UTC)),
+    Fault("T08", "ice", datetime(2025, 12, 1, tzinfo=UTC), datetime(2026, 3, 1, tzinfo=UTC)),
 )
-"""3 % less stiffness; spikes; 4 % less stiffness for six days."""
+"""3 % less stiffness; spikes; 4 % less stiffness from the first frost between these dates until it thaws."""
+
+ICE_BELOW, ICE_ABOVE, ICE_GROWS = -3.0, 1.0, 12
+"""Mean temperature [°C] of the last day at which ice begins to grow, and falls off; hours that it grows."""
 
 NAMED = {"T03": "turbine", "T05": "sensor", "T08": "ice"}
 """What the page should call them."""
@@ -97,6 +106,7 @@ def _rows(
         fault.kind: (time >= (fault.begin - BEGIN).total_seconds()) & (time < (fault.end - BEGIN).total_seconds())
         for fault in faults
     }
+    iced = _ice(temperature, inside["ice"]) if "ice" in inside else np.zeros(hours)
     columns = {}
     failing = inside.get("sensor", np.zeros(hours, dtype=bool)) & (rng.random(hours) < 0.6)
     for coefficient, sigma in zip(place.names, place.sigma, strict=True):
@@ -105,7 +115,7 @@ def _rows(
         truth = np.cumsum(steps) + SCATTER * rng.standard_normal()
         if stiff:
             truth = truth - 0.0003 * (temperature - 8.0)
-            truth = truth + math.log(0.97) * inside.get("soft", 0.0) + math.log(0.96) * inside.get("ice", 0.0)
+            truth = truth + math.log(0.97) * inside.get("soft", 0.0) + math.log(0.96) * iced
         else:
             air = 1.0 + 0.5 * (wind / 8.0 - 1.0)
             truth = (1.0 + truth) * np.where(parked | idle, 0.5, np.clip(air, 0.7, 1.4) if levelled else air)
@@ -139,6 +149,20 @@ def _rows(
             ]
         rows.append(row)
     return rows
+
+
+def _ice(temperature: Array, may: NDArray[np.bool_]) -> Array:
+    """How much ice there is (T,), 0 to 1, by the hour: once, in the first frost of the time in which there may be."""
+    day = np.convolve(temperature, np.full(24, 1.0 / 24.0))[: len(temperature)]
+    frosts = np.flatnonzero(may & (day < ICE_BELOW))
+    if not frosts.size:
+        return np.zeros(len(temperature))
+    begin = int(frosts[0])
+    thaws = np.flatnonzero(day[begin:] > ICE_ABOVE)
+    grown = np.clip(np.arange(1, len(temperature) - begin + 1) / ICE_GROWS, 0.0, 1.0)
+    if thaws.size:
+        grown[thaws[0] :] = 0.0
+    return np.append(np.zeros(begin), grown)
 
 
 def _parameter(name: str, own: float, sigma: float) -> Row:
@@ -177,32 +201,53 @@ def years(fleets: int, first: int, *, levelled: bool = False) -> None:
     for faults in (FAULTS, ()):
         right = wrong = 0
         for seed in range(first, first + fleets):
-            page = _page(place, seed, faults, levelled)
+            page = _page(place, seed, faults, levelled, 0.1)
             kinds = {(name, event.kind) for event in page.events for name in event.turbine.split(", ")}
             wanted = set(NAMED.items()) if faults else set()
             right += len(wanted & kinds)
             wrong += len(kinds - wanted)
-            print(f"seed {seed}:", *page.sentences, sep="\n  ")
+            print(f"seed {seed}:", *page.sentences, sep="\n  ", flush=True)
         told = f"{right} of {len(NAMED) * fleets} named as they should be, " if faults else "healthy: "
         print(f"{told}{wrong} turbines named that should not be, in {fleets} years of ten turbines")
 
 
-def _page(place: Site, seed: int, faults: tuple[Fault, ...], levelled: bool) -> Overview:
+def healthy(fleets: int, first: int, rate: float, *, levelled: bool = False) -> None:
+    """Print how many false alarms healthy fleets have at a stated rate, and how many were to be expected."""
+    place = site("tower", 12.0)
+    alarms, outliers, expected = [], 0, 0.0
+    for seed in range(first, first + fleets):
+        page = _page(place, seed, (), levelled, rate)
+        alarms.append(sum(len(one.changes) for one in page.watches.values()))
+        outliers += any(event.kind == "outlier" for event in page.events)
+        spans = [one.blocks.time[-1] - one.blocks.time[one.begins] for one in page.watches.values()]
+        expected += rate * float(np.mean(spans)) / YEAR
+        print(f"seed {seed}: {alarms[-1]}", flush=True)
+    print(
+        f"{sum(alarms)} false alarms in {fleets} healthy years of ten turbines, {expected:.1f} expected at {rate:g} a"
+        f" year; an outlier on {outliers} of {fleets} pages"
+    )
+
+
+def _page(place: Site, seed: int, faults: tuple[Fault, ...], levelled: bool, rate: float) -> Overview:
     fleet = simulate_fleet(place, seed, faults=faults, levelled=levelled)
     tables = {name: table_of(rows) for name, rows in fleet}
-    return overview_of(tables, Path("simulated"), alarms_per_year=0.1)
+    return overview_of(tables, Path("simulated"), alarms_per_year=rate)
 
 
 def main() -> int:
     """Run what is asked for; 1 where something was lost."""
     parser = argparse.ArgumentParser(prog="python -m validation.fleet", description=__doc__.splitlines()[0])
     parser.add_argument("--years", type=int, metavar="N", help="so many years of ten turbines, faulty and healthy")
+    parser.add_argument("--healthy", type=int, metavar="N", help="so many healthy years of ten turbines")
+    parser.add_argument("--rate", type=float, default=1.0, help="false alarms a year that are stated for them")
     parser.add_argument("--levelled", action="store_true", help="damping levels off in strong wind")
     parser.add_argument("--archive", type=Path, help="write the archive of one faulty year")
     parser.add_argument("--seed", type=int, default=0, help="of the first fleet")
     options = parser.parse_args()
     if options.years is not None:
         years(options.years, options.seed, levelled=options.levelled)
+    if options.healthy is not None:
+        healthy(options.healthy, options.seed, options.rate, levelled=options.levelled)
     if options.archive is not None:
         write_fleet(site("tower", 12.0), options.seed, options.archive, faults=FAULTS)
     return 0

@@ -1,0 +1,78 @@
+"""What came and went is one event; ice is named by the weather of the day on which it came."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from windsysid.fleet.events import Event, events_of
+from windsysid.monitoring.changes import Change, Series, Watch
+from windsysid.monitoring.series import DAY, Blocks
+
+DAYS = 120
+BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
+AIR = {"T01": (BEGIN.timestamp() + DAY * np.arange(DAYS), np.where(np.arange(DAYS) < 20, -6.0, 9.0))}
+"""Frost for twenty days, then spring."""
+
+
+def events(*jumps: tuple[float, float], spread: float = 0.1) -> list[Event]:
+    """Of one turbine that has these jumps: day, percent."""
+    column, days = np.ones((DAYS, 1)), np.arange(DAYS)
+    level = np.exp(sum(0.01 * size * (days >= day) for day, size in jumps))
+    blocks = Blocks(
+        ("k",), DAY * days, column, column, (True,), (1.0,), np.empty((DAYS, 0)), (), None,
+        tuple("x" * DAYS), begin=BEGIN,
+    )  # fmt: skip
+    nothing = (0.0, 0.0, 0.0)
+    series = Series("k", "N/m", *[level] * 6, 1.0, nothing, {}, 0.0, 1.0, 1.0)
+    changes = tuple(
+        Change(
+            "k", day * DAY, day * DAY, day * DAY, day * DAY, size, size - spread, size + spread, "the turbine",
+            f"k {size:+g} %",
+        )
+        for day, size in jumps
+    )  # fmt: skip
+    return events_of({"T01": Watch(blocks, (series,), changes, 0.1, 0, ())}, [], [], AIR)
+
+
+def test_what_fell_in_the_frost_and_came_back_in_the_thaw_is_ice():
+    (event,) = events((15.0, -4.0), (30.0, 4.1))
+    assert event.kind == "ice"
+    assert event.told.startswith("k fell by 3.9 % on 2026-01-16")
+    assert "rose again on 2026-01-31" in event.told
+    assert "at -6 °C when it fell" in event.told
+
+
+def test_ice_that_grows_and_falls_off_in_steps_is_one_event():
+    (event,) = events((10.0, -1.0), (11.0, -2.0), (12.0, -1.2), (25.0, 1.5), (28.0, 2.7))
+    assert event.kind == "ice"
+    assert "fell by 4.1 % on 2026-01-11 00:00+00:00 … 2026-01-13" in event.told
+    assert "rose again on 2026-01-26 00:00+00:00 … 2026-01-29" in event.told
+
+
+def test_what_falls_in_steps_is_told_once_with_the_size_that_the_blocks_have():
+    (event,) = events((40.0, -1.5), (41.0, -1.5))
+    assert event.told.startswith("k fell by 2.96 % in 2 steps on 2026-02-10 00:00+00:00 … 2026-02-11")
+
+
+def test_an_alarm_whose_jump_may_be_none_is_no_event():
+    assert events((40.0, -1.0), spread=1.5) == []
+
+
+@pytest.mark.parametrize(
+    "jumps",
+    [
+        [(40.0, -4.0), (55.0, 4.0)],  # in spring
+        [(15.0, 4.0), (30.0, -4.0)],  # ice makes nothing stiffer
+        [(15.0, -4.0), (30.0, 1.0)],  # came back by a quarter only
+        [(15.0, -4.0), (90.0, 4.0)],  # months later
+    ],
+)
+def test_what_is_not_like_ice_is_the_turbine(jumps: list[tuple[float, float]]):
+    assert {event.kind for event in events(*jumps)} == {"turbine"}
+
+
+def test_a_loss_after_the_ice_is_named_by_itself():
+    kinds = {event.kind: event.told for event in events((10.0, -4.0), (20.0, 4.0), (45.0, -3.0))}
+    assert set(kinds) == {"ice", "turbine"}
+    assert kinds["turbine"] == "k -3 %"
