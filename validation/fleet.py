@@ -60,6 +60,9 @@ ICE_BELOW, ICE_ABOVE, ICE_GROWS = -3.0, 1.0, 12
 NAMED = {"T03": "turbine", "T05": "sensor", "T08": "ice"}
 """What the page should call them."""
 
+OFF = ("T03", "outlier")
+"""The softened one is off its sisters, too, where its scatter is on that side: true, and not asked for."""
+
 
 def simulate_fleet(
     place: Site,
@@ -205,7 +208,7 @@ def years(fleets: int, first: int, *, levelled: bool = False) -> None:
             kinds = {(name, event.kind) for event in page.events for name in event.turbine.split(", ")}
             wanted = set(NAMED.items()) if faults else set()
             right += len(wanted & kinds)
-            wrong += len(kinds - wanted)
+            wrong += len(kinds - wanted - ({OFF} if faults else set()))
             print(f"seed {seed}:", *page.sentences, sep="\n  ", flush=True)
         told = f"{right} of {len(NAMED) * fleets} named as they should be, " if faults else "healthy: "
         print(f"{told}{wrong} turbines named that should not be, in {fleets} years of ten turbines")

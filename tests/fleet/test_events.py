@@ -5,26 +5,33 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
+from windsysid._types import Array
 from windsysid.fleet.events import Event, events_of
 from windsysid.monitoring.changes import Change, Series, Watch
 from windsysid.monitoring.series import DAY, Blocks
 
 DAYS = 120
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
-AIR = {"T01": (BEGIN.timestamp() + DAY * np.arange(DAYS), np.where(np.arange(DAYS) < 20, -6.0, 9.0))}
+TIME: Array = DAY * np.arange(DAYS, dtype=np.float64)
+AIR = {"T01": (BEGIN.timestamp() + TIME, np.where(TIME < 20.0 * DAY, -6.0, 9.0).astype(np.float64))}
 """Frost for twenty days, then spring."""
 
 
 def events(*jumps: tuple[float, float], spread: float = 0.1) -> list[Event]:
     """Of one turbine that has these jumps: day, percent."""
-    column, days = np.ones((DAYS, 1)), np.arange(DAYS)
-    level = np.exp(sum(0.01 * size * (days >= day) for day, size in jumps))
+    column = np.ones((DAYS, 1))
+    log = np.zeros(DAYS)
+    for day, size in jumps:
+        log[day * DAY <= TIME] += 0.01 * size
+    level: Array = np.exp(log)
     blocks = Blocks(
-        ("k",), DAY * days, column, column, (True,), (1.0,), np.empty((DAYS, 0)), (), None,
+        ("k",), TIME, column, column, (True,), (1.0,), np.empty((DAYS, 0)), (), None,
         tuple("x" * DAYS), begin=BEGIN,
     )  # fmt: skip
-    nothing = (0.0, 0.0, 0.0)
-    series = Series("k", "N/m", *[level] * 6, 1.0, nothing, {}, 0.0, 1.0, 1.0)
+    series = Series(
+        "k", "N/m", level=level, low=level, high=level, adjusted=level, whitened=level, statistic=level, limit=1.0,
+        drift=(0.0, 0.0, 0.0), slopes={}, wander=0.0, scatter=1.0, smallest=1.0,
+    )  # fmt: skip
     changes = tuple(
         Change(
             "k", day * DAY, day * DAY, day * DAY, day * DAY, size, size - spread, size + spread, "the turbine",
