@@ -36,6 +36,8 @@ START = Windows.of("T01", 60.0).start(NOON)
 class Counting:
     """Takes a window at once: its row says how many samples it had; it may be told to wait."""
 
+    compiling = False
+
     def __init__(self) -> None:
         self.free = threading.Event()
         self.free.set()

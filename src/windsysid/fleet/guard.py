@@ -59,6 +59,7 @@ class Worker:
 
     def __init__(self, limit: float) -> None:
         self.limit = limit
+        self.compiling = False  # for the first time in this process: seconds, or minutes where nothing is cached
         self._stopped = threading.Event()
         self._process: subprocess.Popen[str] | None = None
         self._answers: queue.Queue[str | None] = queue.Queue()
@@ -86,8 +87,10 @@ class Worker:
         while True:
             answer = self._next(limit)
             if answer is None:
+                self.compiling = False
                 raise self._ended()
             event = answer.pop("event")
+            self.compiling = event == "compiling"
             if event == "done":
                 return answer
             limit = None if event == "waiting" else COMPILE_FACTOR * self.limit

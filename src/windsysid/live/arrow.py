@@ -35,7 +35,7 @@ SCHEMA, BATCH = 1, 3
 FLOATING_POINT = 3
 """Of the types of a field (Type)."""
 
-FLOATS = {1: np.dtype("<f4"), 2: np.dtype("<f8")}
+FLOATS: dict[int, np.dtype[np.floating]] = {1: np.dtype("<f4"), 2: np.dtype("<f8")}
 """By precision; 0 is half."""
 
 _i16, _i32, _u32, _i64 = (struct.Struct(f"<{code}").unpack_from for code in "hiIq")

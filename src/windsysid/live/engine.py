@@ -376,10 +376,7 @@ class Engine:
         return self.wait_idle(timeout)
 
     def drain(self, timeout: float = 4.0) -> bool:
-        """End within `timeout` [s]: open windows stay open in the store, and those not yet estimated wait there.
-
-        Returns whether no closed window was left waiting.
-        """
+        """End within `timeout` [s], and say whether no closed window waits; open windows stay open in the store."""
         until = time.monotonic() + timeout
         idle = self.wait_idle(max(0.0, timeout - 1.5))
         self._stopping.set()
@@ -413,7 +410,8 @@ class Engine:
             sums = Counter(self._sums)
         seconds = {part: sums[f"{part}_ns"] / SECOND for part in ("blocks", "windows", "estimates", "watch")}
         counts = (sums["blocks"], sums["samples"], sums["windows"])
-        return EngineState(turbines, *counts, self._rate, self._gate.inside, seconds, len(self._estimators))
+        compiling = any(estimator.compiling for estimator in self._estimators)
+        return EngineState(turbines, *counts, self._rate, self._gate.inside, seconds, len(self._estimators), compiling)
 
     def _count(self, **numbers: int) -> None:
         with self._summing:

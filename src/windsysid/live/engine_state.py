@@ -38,6 +38,8 @@ class EngineState(NamedTuple):
         ``estimates`` and ``watch``.
     workers
         At once.
+    compiling
+        Whether one of them compiles a turbine's equations.
     """
 
     turbines: dict[str, TurbineState]
@@ -48,3 +50,4 @@ class EngineState(NamedTuple):
     pending: int
     seconds: dict[str, float]
     workers: int
+    compiling: bool = False

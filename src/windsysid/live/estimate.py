@@ -37,6 +37,11 @@ class Estimator(Protocol):
         """The row of a window, whatever happens."""
         ...
 
+    @property
+    def compiling(self) -> bool:
+        """Whether a turbine's equations are being compiled, which takes minutes on a machine that never did."""
+        ...
+
     def close(self) -> None:
         """End what is under way: `take` raises `windsysid.fleet.guard.StoppedError`."""
         ...
@@ -44,6 +49,8 @@ class Estimator(Protocol):
 
 class Here:
     """Windows taken in the caller's thread: for tests, and where a process is too much."""
+
+    compiling = False
 
     def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
         """The row of a window, whatever happens."""
@@ -69,6 +76,11 @@ class InWorker:
 
     def __init__(self, limit: float = LIMIT_SECONDS) -> None:
         self._worker = Worker(limit)
+
+    @property
+    def compiling(self) -> bool:
+        """Whether a turbine's equations are being compiled."""
+        return self._worker.compiling
 
     def take(self, gathered: Gathered, source: str, member: Member, formulation: str, settings: str) -> Estimated:
         """The row of a window, whatever happens."""

@@ -292,9 +292,10 @@ def test_what_an_engine_says_is_shown_and_measured(store):
         windows, behind = 3, 40.0
 
     class State:
-        samples, rate, seconds, turbines = (
+        samples, rate, compiling, seconds, turbines = (
             4_000_000,
             2.5,
+            True,
             {"blocks": 4.0, "estimates": 20.0},
             {name: OfTurbine() for name in ("T01", "T09")},
         )
@@ -308,7 +309,7 @@ def test_what_an_engine_says_is_shown_and_measured(store):
 
     client = TestClient(app(store, Engine()), base_url=OWN)
     found = client.get("/api/overview").json()
-    assert found["service"] == {"blocks_per_second": 2.5, "cost_per_sample": 6.0}
+    assert found["service"] == {"blocks_per_second": 2.5, "cost_per_sample": 6.0, "compiling": True}
     first = next(one for one in found["turbines"] if one["name"] == "T01")
     assert (first["windows_waiting"], first["behind"]) == (3, 40.0)
     for path in ("", "/levels", "/results"):  # of one that has sent nothing yet

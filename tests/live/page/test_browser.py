@@ -4,11 +4,14 @@ import shutil
 import threading
 import time
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
 
 from windsysid.live.page.access import Access
 from windsysid.live.page.app import app, streams_of
+from windsysid.live.sources.folder import FolderSource
+from windsysid.live.sources.source import SourceState
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit
 
@@ -115,6 +118,17 @@ def test_every_chart_has_its_table_and_fits_a_phone(served, tab):
     tab.locator("#range-0[aria-pressed=true]").wait_for()
     rows = figures.first.locator("tbody tr").count()
     assert 30 <= rows <= 40
+
+
+def test_a_page_says_that_equations_are_compiled_and_what_a_source_lacks(store, tab):
+    seconds: dict[str, float] = {}
+    state = SimpleNamespace(turbines={}, samples=0, rate=0.0, seconds=seconds, compiling=True)
+    source = FolderSource("/nowhere", "T01")
+    source.state = SourceState("failed", "it is <b>broken</b>")
+    with serving(app(store, SimpleNamespace(state=lambda: state), sources=[source])) as address:
+        tab.goto(address)
+        tab.get_by_text("The equations are being compiled").wait_for()
+        tab.get_by_text("folder /nowhere of T01: it is <b>broken</b>").wait_for()
 
 
 def test_a_reader_finds_the_way_by_keyboard(served, tab):

@@ -113,6 +113,7 @@ class Service(BaseModel):
 
     blocks_per_second: float | None
     cost_per_sample: Annotated[float | None, Field(description="µs of processor time")]
+    compiling: Annotated[bool, Field(description="a turbine's equations are being compiled: the estimate waits")]
 
 
 class Source(BaseModel):

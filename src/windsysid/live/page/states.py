@@ -41,6 +41,11 @@ class EngineState(Protocol):
         ...
 
     @property
+    def compiling(self) -> bool:
+        """Whether a turbine's equations are being compiled."""
+        ...
+
+    @property
     def seconds(self) -> Mapping[str, float]:
         """Processor time since the start, by part [s]."""
         ...

@@ -75,7 +75,9 @@ def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, 
     service = None
     if state is not None:
         cost = 1e6 * sum(state.seconds.values()) / state.samples if state.samples else None
-        service = models.Service(blocks_per_second=_number(state.rate), cost_per_sample=_number(cost))
+        service = models.Service(
+            blocks_per_second=_number(state.rate), cost_per_sample=_number(cost), compiling=state.compiling
+        )
     return models.Overview(
         at=_now(), event=event, role="operator" if role == "operator" else "reader", login=login,
         version=__version__, turbines=summaries, service=service,

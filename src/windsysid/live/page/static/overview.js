@@ -5,11 +5,13 @@ import { VERDICTS, plural, rpm, span, when } from "/static/words.js";
 
 export const pathOf = (name) => `#/turbine/${encodeURIComponent(name)}`;
 
+const COMPILING = "The equations are being compiled: seconds where this machine has done it before, minutes where it has not. Estimates wait for it, samples are kept meanwhile.";
+
 export function overviewPage(overview) {
   const { turbines } = overview;
   const sources = overview.sources.filter((one) => one.state === "failed" || one.state === "trying").map(trouble);
   if (!turbines.length) {
-    return [h("h1", {}, "Turbines"), sources, h("p", { class: "note" },
+    return [h("h1", {}, "Turbines"), sources, overview.service?.compiling ? h("p", { class: "note", role: "status" }, COMPILING) : null, h("p", { class: "note" },
       "No turbine has sent anything yet. Once the first block of samples is here, its turbine is listed, and its first estimate comes when its first window has ended.")];
   }
   const counts = Object.entries(VERDICTS)
@@ -22,6 +24,7 @@ export function overviewPage(overview) {
   return [
     h("h1", {}, steady ? `${plural(turbines.length, "turbine")}, as it was` : plural(turbines.length, "turbine")),
     sources,
+    overview.service?.compiling ? h("p", { class: "note", role: "status" }, COMPILING) : null,
     overview.note ? h("p", { class: "note" }, overview.note) : null,
     h("ul", { class: "summary", "aria-label": "How many turbines are how" },
       counts.map(([verdict, [shape, word], count]) => h("li", {}, badge([shape, `${count} ${word}`], verdict)))),
