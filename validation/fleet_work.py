@@ -7,6 +7,8 @@ twice, and the files of both archives must have the same bytes.
 
 ``python -m validation.fleet_work --speed 1000``: so many records by one and by two workers.
 
+``python -m validation.fleet_work --reading``: what reading alone costs, by format.
+
 ``python -m validation.fleet_work --cost 5``: what ten minutes of a tower at 100 Hz cost, and a year of 100 towers.
 """
 
@@ -34,7 +36,8 @@ from windsysid.fleet.batch import batch
 from windsysid.fleet.members import single
 from windsysid.fleet.rows import Row
 from windsysid.fleet.worker import take
-from windsysid.records.formats import write_record
+from windsysid.records.formats import read_record, write_record
+from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.file import load_turbine
 
@@ -340,6 +343,35 @@ def cost(count: int, home: Path) -> str:
     return "\n".join(told)
 
 
+def reading(home: Path) -> str:
+    """Processor time of reading ten minutes of a tower at 100 Hz, by format: the median of five."""
+    record = replace(simulate_record("tower", duration=600.0, rate=100.0), start=BEGIN.isoformat())
+    paths = [home / f"record.{ending}" for ending in ("csv", "parquet", "nc", "tdms")]
+    for path in paths[:-1]:
+        write_record(record, path)
+    _write_tdms(record, paths[-1])
+    told = []
+    for path in paths:
+        seconds = []
+        for _ in range(6):
+            begun = time.process_time()
+            read_record(path)
+            seconds.append(time.process_time() - begun)
+        told.append(f"{path.suffix[1:]} {1000.0 * sorted(seconds[1:])[2]:.0f} ms")  # the first one imports
+    return f"reading {record.samples} samples of {len(record.channels)} channels: {', '.join(told)}"
+
+
+def _write_tdms(record: Record, path: Path) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    timing = {"wf_increment": 1.0 / record.rate, "wf_start_offset": 0.0, "wf_samples": record.samples}
+    with TdmsWriter(path) as writer:
+        writer.write_segment([
+            ChannelObject("mast", name, record[name], properties={"unit_string": unit, **timing})
+            for name, unit in zip(record.channels, record.units, strict=True)
+        ])  # fmt: skip
+
+
 def _measured(work: Callable[[], object]) -> _Run:
     """Run something that starts workers, and look at them meanwhile."""
     waits: dict[int, float] = {}
@@ -382,6 +414,7 @@ def main() -> int:
     parser.add_argument("--dask", action="store_true", help="of a Dask scheduler, which is killed, too")
     parser.add_argument("--speed", type=int, metavar="N", help="take so many records by one and by two workers")
     parser.add_argument("--cost", type=int, metavar="N", help="take so many records of ten minutes at 100 Hz")
+    parser.add_argument("--reading", action="store_true", help="read ten minutes at 100 Hz from each format")
     parser.add_argument("--seed", type=int, default=0, help="of the instants")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as home:
@@ -392,6 +425,8 @@ def main() -> int:
                 return 1
         if options.speed is not None:
             print(speed(options.speed, Path(home) / "speed"))
+        if options.reading:
+            print(reading(Path(home)))
         if options.cost is not None:
             print(cost(options.cost, Path(home) / "cost"))
     return 0
