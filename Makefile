@@ -6,6 +6,9 @@ BIN := $(VENV)/bin
 PEERS := .venv-peers
 STUDY ?= results/study
 
+# Libraries' modules are compiled where they are first used, and once for every process that tests start.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: study test tests test-all lint bench field validation docs clean
 
 study: $(VENV)/.installed
