@@ -1,14 +1,9 @@
-"""Does the diagnosis find what is wrong, and nothing where all is well? Records of the scale model with one thing wrong
-at a time.
+"""Records of the scale model with one thing wrong at a time, for the tests of the diagnosis.
 
-Each record of 100 s is identified from priors drawn 30 % off, with the broadband load model, which does not hold what
-was added. Beside how often ±2σ held the reference and how large the errors were in standard deviations stands how often
-the result was trusted: where the errors are those that the bands say (1.0, and 95 %), an untrusted result is a false
-alarm; where they are larger, a trusted one is a miss. ``python -m validation.trust [--runs N]`` prints the table; a run
-takes some seconds.
+`windsysid` simulates them. How often a verdict is right is counted on records that it did not make
+(`validation.adversary`).
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -16,24 +11,21 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.errors import WindsysidError
 from windsysid.identification.conclude import conclude
 from windsysid.identification.joint import identify_jointly
 from windsysid.identification.prepare import usable_sensors
 from windsysid.identification.prior import Prior
 from windsysid.mechanics.compile import compile_model
-from windsysid.output.console import render
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
 from windsysid.simulation.random_loads import draw_loads
 from windsysid.simulation.record import LEAD_IN
 from windsysid.statespace.gauss_markov import GaussMarkov
-from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["FAULTS", "Judged", "faulty_record", "identify_broadband", "judge"]
+__all__ = ["FAULTS", "faulty_record", "identify_broadband"]
 
 Rng = np.random.Generator
 
@@ -43,19 +35,6 @@ class Fault(NamedTuple):
 
     loads: Callable[[Turbine, Array, Array, float, float, Rng], Array] | None = None
     readings: Callable[[Array, Array, float, Rng], Array] | None = None
-
-
-class Judged(NamedTuple):
-    """Of R runs: share of coefficients inside ±2σ, rms of error over σ; medians of the highest peak within reach, of
-    the highest level around a natural frequency, and of colour; share of results that were trusted.
-    """
-
-    covered: float
-    error: float
-    peak: float
-    near: float
-    colour: float
-    trusted: float
 
 
 def _harmonic(order: int) -> Fault:
@@ -152,72 +131,3 @@ def identify_broadband(record: Record, turbine: Turbine, prior: Prior) -> Identi
     """Identify with the load model of the turbine file and no other, however well another would do."""
     outcome = identify_jointly(record, turbine, usable_sensors(record, turbine, None), prior, loads="broadband")
     return conclude(outcome, record, "joint")
-
-
-def judge(fault: Fault, size: float, runs: int) -> Judged:
-    """Identify `runs` faulty records, seeds 0, 1, …; an error counts as not trusted and not covered."""
-    turbine = load_turbine("verne555").exact()
-    rows: list[tuple[float, ...]] = []
-    for seed in range(runs):
-        prior = DrawnPrior(seed=seed)
-        try:
-            found = identify_broadband(faulty_record(fault, size, seed), turbine, prior)
-        except WindsysidError:
-            rows.append((0.0, np.inf, np.inf, np.inf, np.inf, 0.0))
-            continue
-        assert found.diagnosis.whiteness is not None
-        truth = [turbine.values[e.name] for e in found.estimates]
-        inside = [e.low <= value <= e.high for e, value in zip(found.estimates, truth, strict=True)]
-        squares = [((e.estimate - value) / e.std) ** 2 for e, value in zip(found.estimates, truth, strict=True)]
-        channels = found.diagnosis.whiteness.channels
-        worst = [max(values) for values in zip(*((c.peak, c.near, c.colour) for c in channels), strict=True)]
-        rows.append((float(np.mean(inside)), float(np.mean(squares)), *worst, float(found.diagnosis.trusted)))
-    covered, squares, peak, near, colour, trusted = np.array(rows).T
-    return Judged(
-        covered=float(covered.mean()),
-        error=float(np.sqrt(squares.mean())),
-        peak=float(np.median(peak)),
-        near=float(np.median(near)),
-        colour=float(np.median(colour)),
-        trusted=float(trusted.mean()),
-    )
-
-
-def main() -> None:
-    """Print the table."""
-    from rich.table import Table
-
-    parser = argparse.ArgumentParser(prog="python -m validation.trust", description=__doc__)
-    parser.add_argument("--runs", type=int, default=10, help="records for each fault (10)")
-    parser.add_argument("--none", type=int, default=50, help="records without a fault (50)")
-    options = parser.parse_args()
-    table = Table(title="what is wrong, and whether the diagnosis says so", title_justify="left")
-    for heading in (
-        "fault",
-        "size",
-        "runs",
-        "±2σ covers",
-        "rms of error/σ",
-        "highest peak",
-        "near a mode",
-        "colour",
-        "trusted",
-    ):
-        table.add_column(heading, justify="left" if heading == "fault" else "right")
-    for name, (fault, sizes) in FAULTS.items():
-        for size in sizes:
-            runs = options.runs if size else options.none
-            j = judge(fault, size, runs)
-            numbers = (
-                f"{100 * j.covered:.0f} %",
-                f"{j.error:.2f}",
-                f"{j.peak:.2g}",
-                f"{j.near:.2g}",
-                f"{j.colour:.3f}",
-            )
-            table.add_row(name, f"{size:g}" if size else "", str(runs), *numbers, f"{100 * j.trusted:.0f} %")
-    print(render(table))
-
-
-if __name__ == "__main__":
-    main()

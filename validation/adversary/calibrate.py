@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.adversary.scenarios import SCENARIOS, record
-from windsysid.filters import EKF
+from windsysid.filters import EKF, Info
+from windsysid.identification.bending import find_bending
 from windsysid.identification.clocks import PASSED
 from windsysid.identification.prepare import resample_for_model
 from windsysid.identification.prior import Prior
@@ -32,9 +33,11 @@ from windsysid.results.diagnosis import (
     UNSTEADY_MAX,
 )
 from windsysid.results.lines import find_line
+from windsysid.results.load_history import Loads
 from windsysid.results.steadiness import how_late
-from windsysid.results.straightness import find_bent
+from windsysid.results.straightness import Bending, find_bent
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE, examine
+from windsysid.statespace.compose import StateSpace
 from windsysid.turbine.file import load_turbine
 
 __all__ = ["KINDS", "LIMITS", "is_condemned", "measure"]
@@ -64,6 +67,8 @@ LIMITS = {
     "line in innovations, over its bound": 1.0,
     "line in readings, over its bound": 1.0,
     "cubes, over their bound": 1.0,
+    "level over frequency, over its bounds": 1.0,
+    "bending with amplitude, over its bound": 1.0,
 }
 """What is judged."""
 
@@ -71,6 +76,14 @@ TOGETHER = (("level over time", "level over time, σ"), ("tails", "tails, σ"),
             ("shared by two channels", "shared by two channels, σ"), ("peak", "peak, over its bound"),
             ("around a mode", "peak, over its bound"))  # fmt: skip
 """Of these both have to be beyond their limits; of all others each condemns by itself."""
+
+
+def bend(problem: TurbineProblem, model: StateSpace, info: Info) -> Bending | None:
+    """What shows most that stiffness or damping goes with amplitude, all loads of the file's size."""
+    freedoms = problem.turbine.model.freedoms
+    size = np.outer([1.0, -1.0], [load.rms for load in problem.turbine.loads])
+    loads = Loads(tuple(one.load for one in freedoms), size, size)
+    return find_bending(model, problem.inputs, problem.readings, info, loads=loads, freedoms=freedoms)
 
 
 def measure(name: str, seed: int) -> list[float]:
@@ -81,6 +94,7 @@ def measure(name: str, seed: int) -> list[float]:
     problem = pose(fine, turbine, turbine.sensors, Prior())
     model = problem.build(_truth(problem, name))
     info = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1]
+    bending = bend(problem, model, info)
     z = info.whitened[::steps]
     frequencies = problem.frequencies(problem.prior[0])
     w = examine(z, names=model.readings, rate=made.rate, frequencies=frequencies)
@@ -114,6 +128,8 @@ def measure(name: str, seed: int) -> list[float]:
         max(c.line for c in w.channels) / w.line_bound,
         math.nan if line is None else line.ratio / line.bound,
         math.nan if bent is None else bent.statistic / bent.bound,
+        0.0 if w.smooth is None else w.smooth.ratio,
+        math.nan if bending is None else abs(bending.sigmas) / bending.bound,
     ]
 
 

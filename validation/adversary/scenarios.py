@@ -94,6 +94,8 @@ SCENARIOS: dict[str, Scenario] = {
     "line 5 % from a mode": Scenario("line", plus_line(1.64, 0.04, (0,))),
     "line amid the modes": Scenario("line", plus_line(2.6, 0.1, (0, 1))),
     "line 3 % from blades": Scenario("line", plus_line(4.15, 0.02, (2,))),
+    "3P on the support": Scenario("line", plus_line(3.48, 0.02, (0, 1))),
+    "1P on the support": Scenario("line", plus_line(1.16, 0.125, (0, 1))),
     "narrow band at the support": Scenario("loads", plus_narrow_band(1.9, 0.03, 0.3, (0, 1))),
     "narrow band at the blades": Scenario("loads", plus_narrow_band(3.6, 0.05, 0.3, (2, 3, 4))),
     "hump on the support": Scenario("loads", plus_narrow_band(1.2, 0.3, 1.0, (0, 1))),

@@ -106,6 +106,7 @@ def conclude(
         line=_line(outcome, record, modes, speed) if formulation != "force-balance" else None,
         late=_late(outcome, record) if formulation == "joint" else None,
         bent=_bent(outcome) if formulation == "joint" else None,
+        bending=outcome.bending,
     )
     return Identification(
         method=_METHODS[formulation],

@@ -14,6 +14,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
+from windsysid.identification.bending import find_bending
+from windsysid.identification.clocks import shifted
 from windsysid.identification.load_choice import Question, choose, is_explained, warm
 from windsysid.identification.outcome import Outcome, known_loads
 from windsysid.identification.prior import Prior
@@ -26,6 +28,7 @@ from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.straightness import Bending
 from windsysid.results.tolerance import Tolerance
 from windsysid.turbine.turbine import Turbine
 
@@ -52,7 +55,8 @@ def identify_jointly(
     elapsed = time.perf_counter() - started - choice.warming
     history = join_histories([best.history, *filter(None, [solution.history])])
     known = spread_over_samples(*problem.prior, history, solution.samples)
-    return describe_solution(problem, solution, turbine, choice.why, known, elapsed)
+    found = describe_solution(problem, solution, turbine, choice.why, known, elapsed)
+    return found._replace(bending=_bending(problem, solution))
 
 
 def identify_jointly_from(
@@ -91,7 +95,18 @@ def identify_jointly_from(
     n, elapsed = len(problem.parameters), time.perf_counter() - started
     only = solution.mean[None, :n], np.sqrt(np.diag(solution.cov)[:n])[None]
     why = f"load model {near.hypothesis}: it explains the record"
-    return describe_solution(problem, solution, turbine, why, only, elapsed)
+    found = describe_solution(problem, solution, turbine, why, only, elapsed)
+    return found._replace(bending=_bending(problem, solution))
+
+
+def _bending(problem: TurbineProblem, solution: Solution) -> Bending | None:
+    """What shows most that stiffness or damping goes with amplitude, of a record in one block."""
+    n = len(solution.mean) - len(problem.clocks)
+    ((inputs, readings),) = shifted(problem, [(problem.inputs, problem.readings)], solution.mean[n:])
+    return find_bending(
+        problem.build(solution.mean[:n]), inputs, readings, solution.info,
+        loads=solution.loads, freedoms=problem.turbine.model.freedoms,
+    )  # fmt: skip
 
 
 def load_models(record: Record, turbine: Turbine, loads: str) -> tuple[str, ...]:

@@ -11,8 +11,8 @@ Kirubarajan 2001, §5.4). Each test is against what white noise of that length w
 A long record makes any test reject, so a departure counts only if it is significant and large, and large is measured in
 what a reader relies on. The score of the likelihood is a sum of innovations weighted by what they say of a coefficient,
 and a coefficient of a vibration listens around its natural frequency: where the spectrum is S there, the score varies
-by √S more than the bands hold. Colour out of reach of every natural frequency does little harm, as ``python -m
-validation.trust`` shows; it is a remark and no reason.
+by √S more than the bands hold. Colour out of reach of every natural frequency does little harm; it is a remark and no
+reason.
 
 Limits of chance are such that each of some ten tests condemns one healthy record in 500; ``python -m
 validation.adversary.calibrate`` prints every limit beside what healthy records show. Limits of size say what does harm.
@@ -37,7 +37,7 @@ from windsysid.filters import Info
 from windsysid.results.directions import describe_directions
 from windsysid.results.lines import Line
 from windsysid.results.steadiness import Late
-from windsysid.results.straightness import Bent
+from windsysid.results.straightness import Bending, Bent, doubt_bending, doubt_bent
 from windsysid.results.stretches import MIN_REMARKED_OUTLIERS, OUTLIER_SIGMAS, band_of_interest
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE, ChannelCheck, Whiteness, chance_limit, examine
 from windsysid.statespace.parameter import Parameter
@@ -163,6 +163,7 @@ def diagnose(
     line: Line | None = None,
     late: Late | None = None,
     bent: Bent | None = None,
+    bending: Bending | None = None,
 ) -> Diagnosis:
     """Judge a result by its innovations and its priors.
 
@@ -195,6 +196,8 @@ def diagnose(
         How late the blades seem to be, where that was looked for.
     bent
         What shows most that a spring or damper is no straight line, where that was looked for.
+    bending
+        What shows most that stiffness or damping goes with amplitude, where that was looked for.
     """
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = tuple(
@@ -209,7 +212,8 @@ def diagnose(
         for verdict in (  # the most telling first
             _judge_steadiness(whiteness), _judge_lines(whiteness, line, rotor_hz),
             *((spectrum, common) if loud else (common,)), _judge_size(whiteness), _judge_lateness(late),
-            _judge_straightness(bent), *(() if loud else (spectrum,)), _judge_outliers(whiteness),
+            _Verdict([*doubt_bent(bent), *doubt_bending(bending)], []), *(() if loud else (spectrum,)),
+            _judge_outliers(whiteness),
         ):  # fmt: skip
             reasons += verdict.reasons
             remarks += verdict.remarks
@@ -338,6 +342,13 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
         verdict.remarks.append(
             f"the innovations of {worst.name} are not white (squared autocorrelations add up to {worst.colour:.2f})"
         )
+    smooth = w.smooth
+    if not verdict.reasons and smooth is not None and smooth.ratio > 1.0:
+        low, high = (_name_frequency(f, rotor_hz) for f in (smooth.low_hz, smooth.high_hz))
+        verdict.reasons.append(
+            f"the level of the innovations goes from {smooth.low:.2f} around {low} to {smooth.high:.2f} around {high};"
+            f" {LIKELY_LOADS}"
+        )
     return verdict
 
 
@@ -367,18 +378,6 @@ def _judge_lateness(late: Late | None) -> _Verdict:
         [
             f"blades seem {'later' if late.lag > 0 else 'earlier'} than the tower ({late.sigmas:.1f} standard"
             " deviations): likely an instrument (a late logger, a wrong azimuth); align the clocks"
-        ],
-        [],
-    )
-
-
-def _judge_straightness(bent: Bent | None) -> _Verdict:
-    if bent is None or bent.statistic <= bent.bound:
-        return _Verdict([], [])
-    return _Verdict(
-        [
-            f"what is not explained of {bent.channel} goes with cubes of {bent.coordinate}: likely a spring that"
-            " hardens, or friction; its coefficients hold at this amplitude only"
         ],
         [],
     )

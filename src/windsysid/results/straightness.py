@@ -14,13 +14,16 @@ Source: Rao, Proc. Camb. Phil. Soc. 44, 1948, https://doi.org/10.1017/S030500410
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["Bent", "find_bent"]
+__all__ = ["Bending", "Bent", "Law", "doubt_bending", "doubt_bent", "find_bent"]
+
+Law = Literal["stiffness", "damping"]
+"""What goes with amplitude: a force with the cube of displacement, or with the sign of velocity."""
 
 CUBES = ((3, 0), (2, 1), (1, 2), (0, 3))
 """Powers of q and of q̇."""
@@ -43,6 +46,23 @@ class Bent(NamedTuple):
     coordinate: str
     channel: str
     statistic: float
+    bound: float
+
+
+class Bending(NamedTuple):
+    """What shows most that stiffness or damping goes with amplitude (`windsysid.identification.bending`).
+
+    Attributes
+    ----------
+    law, coordinates
+        Which, and of which degrees of freedom, alike where there are several.
+    sigmas, bound
+        By how many standard deviations of chance stiffness grows, or damping falls, with amplitude; and how many count.
+    """
+
+    law: Law
+    coordinates: tuple[str, ...]
+    sigmas: float
     bound: float
 
 
@@ -86,3 +106,33 @@ def _scaled(values: Array) -> Array:
     """Values (T, n) about their mean, of rms 1."""
     centred = values - np.nanmean(values, axis=0)
     return np.asarray(centred / np.maximum(np.nanstd(centred, axis=0), 1e-300))
+
+
+def doubt_bent(bent: Bent | None) -> list[str]:
+    """Why a result is not to be trusted, as far as cubes of the motion show in innovations; none where they do not."""
+    if bent is None or bent.statistic <= bent.bound:
+        return []
+    return [
+        f"what is not explained of {bent.channel} goes with cubes of {bent.coordinate}: likely a spring that"
+        " hardens, or friction; its coefficients hold at this amplitude only"
+    ]
+
+
+def doubt_bending(bending: Bending | None) -> list[str]:
+    """The same, as far as stiffness or damping goes with amplitude."""
+    if bending is None or abs(bending.sigmas) <= bending.bound:
+        return []
+    grows = (bending.sigmas > 0.0) is (bending.law == "stiffness")
+    return [
+        f"{bending.law} of {' and '.join(bending.coordinates)} {'grows' if grows else 'falls'} with amplitude"
+        f" ({abs(bending.sigmas):.1f} standard deviations): likely {_CAUSES[bending.law, grows]}; it holds at this"
+        " amplitude only"
+    ]
+
+
+_CAUSES: dict[tuple[Law, bool], str] = {
+    ("stiffness", True): "a spring that hardens, or play",
+    ("stiffness", False): "a spring that softens: a crack or a loose bolt",
+    ("damping", False): "a spring or joint with dry friction",
+    ("damping", True): "a spring or joint whose damper is no straight line",
+}

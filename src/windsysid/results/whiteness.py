@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.results.colour import Colour, smooth_colour
 from windsysid.results.lines import LINE_CHANCE, line_bound
 from windsysid.results.steadiness import Shared, most_shared, steadiness
 from windsysid.results.stretches import (
@@ -122,6 +123,8 @@ class Whiteness(NamedTuple):
         The same for the ratio of a line, but for a share `LINE_CHANCE` of records.
     shared
         What two channels share most (`windsysid.results.steadiness`); None of one channel alone.
+    smooth
+        How the level departs from 1 over half-octaves (`windsysid.results.colour`); None of too short a record.
     """
 
     used: int
@@ -138,6 +141,7 @@ class Whiteness(NamedTuple):
     colour_bound: float
     line_bound: float
     shared: Shared | None
+    smooth: Colour | None = None
 
 
 def examine(
@@ -207,6 +211,11 @@ def _together(parts: dict[tuple[int, ...], Whiteness], m: int) -> Whiteness:
         colour_bound=max(w.colour_bound for w in parts.values()),
         line_bound=max(w.line_bound for w in parts.values()),
         shared=_most_shared_of(parts),
+        smooth=max(
+            (w.smooth for w in parts.values() if w.smooth is not None),
+            key=lambda smooth: smooth.statistic / smooth.bound,
+            default=None,
+        ),
     )
 
 
@@ -275,6 +284,13 @@ def _judge_alike(sums: Sums, names: Sequence[str], frequencies: Sequence[float])
         colour_bound=(chance_limit(FALSE_ALARM_CHANCE / m, lags) - lags) / fewest,
         line_bound=line_bound(sums.tested, LINE_SURROUNDINGS, LINE_CHANCE),
         shared=most_shared(sums.shared, sums.shared_pairs),
+        smooth=smooth_colour(
+            frequency,
+            np.where(frequency[:, None] <= sums.highest, spectrum, np.nan),
+            freedom,
+            reach=reach,
+            chance=FALSE_ALARM_CHANCE,
+        ),
     )
 
 

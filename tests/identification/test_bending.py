@@ -1,0 +1,85 @@
+"""Dry friction and play make damping and stiffness go with amplitude, and the filter's innovations say so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from windsysid.filters import EKF
+from windsysid.identification.bending import find_bending
+from windsysid.identification.prior import Prior
+from windsysid.identification.problem import pose
+from windsysid.records.record import Record
+from windsysid.results.load_history import Loads
+from windsysid.results.straightness import Bending, doubt_bending
+from windsysid.turbine.file import load_turbine
+
+RATE, SUBSTEPS, SECONDS, RECORDS = 10.0, 5, 400.0, 4
+TOWER = load_turbine("tower")
+
+
+def vibration(friction: float, play: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Displacement, velocity and acceleration (T, 2, R) of a tower top along and across the rotor's axis, R records;
+    its spring has play [m], and friction [N] acts beside."""
+    rng = np.random.default_rng(31)
+    v = TOWER.values
+    m, k, c = (np.array([[v[f"{what}_{f}"]] for f in ("side_side", "fore_aft")]) for what in ("mass", "k", "c"))
+    step, count = 1.0 / (RATE * SUBSTEPS), round(SECONDS * RATE)
+    stay = np.exp(-step)
+    rms = np.array([[2e4], [8e4]])
+    q, r, w = np.zeros((2, RECORDS)), np.zeros((2, RECORDS)), rms * rng.standard_normal((2, RECORDS))
+    out = np.empty((3, count, 2, RECORDS))
+    lead = round(50.0 * RATE)
+    for n in range(-lead, count):
+        for part, kick in enumerate(rng.standard_normal((SUBSTEPS, 2, RECORDS))):
+            a = (w - k * (q - np.clip(q, -play, play)) - c * r - friction * np.tanh(r / 1e-3)) / m
+            if part == 0 and n >= 0:
+                out[:, n] = q, r, a
+            r = r + step * a
+            q = q + step * r
+            w = stay * w + np.sqrt(1.0 - stay**2) * rms * kick
+    return out[0], out[1], out[2]
+
+
+def bendings(friction: float = 0.0, play: float = 0.0) -> list[Bending]:
+    """Of each record, with the coefficients of this amplitude."""
+    q, r, a = vibration(friction, play)
+    sensors = tuple(sensor.model_copy(update={"feels_gravity": False}) for sensor in TOWER.sensors)
+    loads = TOWER.loads[:2]
+    noise = 0.005 * np.random.default_rng(5).standard_normal(a.shape)
+    found = []
+    for i in range(RECORDS):
+        values = dict(TOWER.values)
+        for j, name in enumerate(("side_side", "fore_aft")):
+            values[f"k_{name}"] *= 1.0 - np.mean(q[:, j, i] * np.clip(q[:, j, i], -play, play)) / np.mean(
+                q[:, j, i] ** 2
+            )
+            values[f"c_{name}"] += friction * np.mean(np.abs(r[:, j, i])) / np.mean(r[:, j, i] ** 2)
+        record = Record(
+            time=np.arange(len(a)) / RATE, values=a[:, :, i] + noise[:, :, i],
+            channels=tuple(sensor.channel for sensor in sensors), units=("m/s^2", "m/s^2"), name="tower",
+        )  # fmt: skip
+        problem = pose(record, replace(TOWER, loads=loads, sensors=sensors), sensors, Prior())
+        theta = [p.coordinate(values[p.name]) if p.name in values else 0.0 for p in problem.parameters]
+        model = problem.build(np.concatenate([theta, np.zeros(len(problem.statistics))]))
+        info = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1]
+        names = tuple(one.load for one in problem.turbine.model.freedoms)
+        size = np.outer([1.0, -1.0], [load.rms for load in loads])
+        one = find_bending(
+            model, problem.inputs, problem.readings, info,
+            loads=Loads(names, size, size), freedoms=problem.turbine.model.freedoms,
+        )  # fmt: skip
+        assert one is not None
+        found.append(one)
+    return found
+
+
+def test_straight_springs_and_dampers_are_not_doubted():
+    assert not [one for one in bendings() if doubt_bending(one)]
+
+
+@pytest.mark.parametrize(("fault", "law"), [({"friction": 2e3}, "damping"), ({"play": 0.02}, "stiffness")])
+def test_friction_and_play_are_found_and_named(fault: dict[str, float], law: str):
+    found = bendings(**fault)
+    assert all(one.sigmas > one.bound and one.law == law for one in found), found
+    assert law in doubt_bending(found[0])[0]
