@@ -399,8 +399,7 @@ def test_added_noise_is_told_to_the_filter_and_repeats(run, record, tmp_path):
     summaries = []
     for number, options in enumerate([("--add-noise", "20", "--seed", "1")] * 2 + [()]):
         command = ("identify", record, "--turbine", "verne555", "--output", tmp_path / str(number), "--no-report")
-        command += ("--formulation", "joint", "--loads", "broadband")
-        assert run(*command, *options).code == 0
+        assert run(*command, "--formulation", "joint", "--loads", "broadband", *options).code == 0
         summaries.append(json.loads((tmp_path / str(number) / "summary.json").read_text())["modes"])
     assert summaries[0] == summaries[1]
     collective = [

@@ -149,16 +149,16 @@ class Publisher:
         for block in blocks:
             check(block)  # what the service could never take is not worth a place in the buffer
         packed = [(Flow(block.turbine, block.stream), Packed(block.sequence, encode_arrow(block))) for block in blocks]
-        longest = max((len(block.payload) for _, block in packed), default=0)
+        longest = max((len(one.payload) for _, one in packed), default=0)
         if longest > LONGEST_PAYLOAD:
             raise BlockRefused(f"block of {longest} bytes: expected {LONGEST_PAYLOAD} at most; send shorter blocks")
         with self._changed:
             new = []
             newest = dict(self._newest)
-            for flow, block in packed:
-                if flow not in newest or block.sequence > newest[flow]:
-                    newest[flow] = block.sequence
-                    new.append((flow, block))
+            for flow, one in packed:
+                if flow not in newest or one.sequence > newest[flow]:
+                    newest[flow] = one.sequence
+                    new.append((flow, one))
             if not new:
                 return 0
             dropped = self.ring.put(new)
