@@ -107,6 +107,7 @@ def conclude(
         late=_late(outcome, record) if formulation == "joint" else None,
         bent=_bent(outcome) if formulation == "joint" else None,
         bending=outcome.bending,
+        blades_move=any(freedom.blade for freedom in turbine.model.freedoms),
     )
     return Identification(
         method=_METHODS[formulation],

@@ -164,6 +164,7 @@ def diagnose(
     late: Late | None = None,
     bent: Bent | None = None,
     bending: Bending | None = None,
+    blades_move: bool = False,
 ) -> Diagnosis:
     """Judge a result by its innovations and its priors.
 
@@ -192,12 +193,12 @@ def diagnose(
         Of each mode, its name and its damping ratio with the ±2σ band.
     line
         What stands out most of the readings beside a mode, where that was looked for.
-    late
-        How late the blades seem to be, where that was looked for.
-    bent
-        What shows most that a spring or damper is no straight line, where that was looked for.
-    bending
-        What shows most that stiffness or damping goes with amplitude, where that was looked for.
+    late, bent, bending
+        How late the blades seem to be, and what shows most that a spring or damper is no straight line, or that
+        stiffness or damping goes with amplitude, where that was looked for.
+    blades_move
+        Whether blades are degrees of freedom. Only for them was it measured what a level of the innovations that goes
+        with frequency does to estimates; elsewhere it is a remark.
     """
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = tuple(
@@ -207,7 +208,7 @@ def diagnose(
     if white and whiteness is None:
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
     if whiteness is not None:
-        common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz)
+        common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz, blades_move)
         loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
         for verdict in (  # the most telling first
             _judge_steadiness(whiteness), _judge_lines(whiteness, line, rotor_hz),
@@ -316,7 +317,7 @@ def _describe_certainty(high: float) -> str:
     return " (negative over its whole band)" if high < 0.0 else ""
 
 
-def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
+def _judge_spectrum(w: Whiteness, rotor_hz: float, blades_move: bool) -> _Verdict:
     verdict = _Verdict([], [])
     over = sorted((c for c in w.channels if c.peak > max(PEAK_MAX_LEVEL, w.spectrum_bound)), key=lambda c: -c.peak)
     loud = max(w.channels, key=lambda c: np.nan_to_num(c.near))
@@ -345,7 +346,7 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float) -> _Verdict:
     smooth = w.smooth
     if not verdict.reasons and smooth is not None and smooth.ratio > 1.0:
         low, high = (_name_frequency(f, rotor_hz) for f in (smooth.low_hz, smooth.high_hz))
-        verdict.reasons.append(
+        (verdict.reasons if blades_move else verdict.remarks).append(
             f"the level of the innovations goes from {smooth.low:.2f} around {low} to {smooth.high:.2f} around {high};"
             f" {LIKELY_LOADS}"
         )

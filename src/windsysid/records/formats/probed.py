@@ -4,6 +4,8 @@ import contextlib
 import sys
 from typing import Any
 
+__all__ = ["main"]
+
 ROWS = 1 << 16
 
 
