@@ -85,9 +85,7 @@ def identify_jointly_from(
         return None
     samples = [(problem.inputs, problem.readings)]
     try:
-        solution = solve(
-            problem, samples, None, rate=record.rate, start=(start, near.joint_cov[:known, :known])
-        )  # fmt: skip
+        solution = solve(problem, samples, None, rate=record.rate, start=(start, near.joint_cov[:known, :known]))
     except (WindsysidError, np.linalg.LinAlgError):
         return None
     if not solution.settled or not is_explained(solution.whiteness):

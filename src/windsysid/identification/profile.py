@@ -36,8 +36,6 @@ from windsysid.units import unit_text
 if TYPE_CHECKING:
     import pandas as pd
 
-    pass
-
 __all__ = [
     "Profile",
     "interpolate_on",
