@@ -32,6 +32,7 @@ from windsysid.live.store.contents import Alarm, Commit, Severity, StoredBlock
 from windsysid.live.store.store import Store
 from windsysid.live.streams import StreamHealth, Verdict
 from windsysid.live.timeline import SECOND, sample_time
+from windsysid.live.turns import ShortTurns
 from windsysid.live.watching import resume, start
 from windsysid.records.moments import moment_text
 from windsysid.turbine.file import load_turbine
@@ -94,16 +95,13 @@ class Engine:
         self._store, self._now, self._limits = store, now, limits
         self._lateness, self._silence, self._patience = (round(x * SECOND) for x in (lateness, silence, patience))
         self._tell = on_event or (lambda *_, **__: None)
-        self._followers: dict[str, Follower] = {}
         self._tasks: queue.Queue[WindowTask | None] = queue.Queue()
         self._stopping = threading.Event()
         self._gate = Gate(BOUND, BOUND_BYTES)
         self._idle = threading.Condition()
         self._sums, self._summing = Counter[str](), threading.Lock()
         self._rate = 0.0
-        for followed in turbines:
-            follower = self._follower(followed)
-            self._followers[follower.name] = follower
+        self._followers = {followed.member.name: self._follower(followed) for followed in turbines}
         for status in store.statuses():
             if status.turbine in self._followers:
                 self._followers[status.turbine].restore(status)
@@ -112,6 +110,7 @@ class Engine:
                 self._followers[alarm.turbine].alarms.restore(alarm)
         for follower in self._followers.values():
             self._go_on(follower)
+        self._turns = ShortTurns()
         self._estimators = estimators(workers)
         self._threads = [
             threading.Thread(target=self._work, args=(estimator,), name=f"window-{i}", daemon=True)
@@ -397,6 +396,7 @@ class Engine:
             thread.join(max(0.0, until - time.monotonic()))
         with contextlib.suppress(TimeoutError):
             last.exception(max(0.1, until - time.monotonic()))
+        self._turns.end()
         return idle
 
     def state(self) -> EngineState:

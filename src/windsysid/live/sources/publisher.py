@@ -33,6 +33,7 @@ from windsysid.live.sources.broker import (
     properties_of,
 )
 from windsysid.live.sources.ring import Flow, Packed, Ring
+from windsysid.live.turns import ShortTurns
 
 __all__ = ["Publisher"]
 
@@ -115,6 +116,7 @@ class Publisher:
         self._why = ""
         for flow in self._newest:
             self._open(flow)
+        self._turns = ShortTurns()
         self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
         self._thread.start()
 
@@ -187,6 +189,7 @@ class Publisher:
             self._closing = True
             self._changed.notify_all()
         self._thread.join()
+        self._turns.end()
         self.ring.close()
 
     def _open(self, flow: Flow) -> None:
