@@ -175,7 +175,7 @@ def load(port: int, turbines: list[str], seconds: float) -> None:
         columns = [record.channels.index(name) for name in CHANNELS]
         values.append(np.ascontiguousarray(record.values[:, columns], dtype=np.float32))
     encode_arrow(block_of(0, TURBINES[0]))  # loads what it needs
-    with Publisher(Broker(f"mqtt://127.0.0.1:{port}"), patience=30.0) as publisher:
+    with Publisher(Broker(f"mqtt://127.0.0.1:{port}")) as publisher:
         until(lambda: publisher.connected, "the broker is there")
         began = time.time() + 1.0
         for k in range(round(seconds) * len(turbines)):

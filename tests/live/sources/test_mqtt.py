@@ -71,6 +71,25 @@ def test_what_a_publisher_sends_comes_bit_for_bit_and_is_forgotten(mosquitto: Mo
         assert other.values.tobytes() == block.values.tobytes()
 
 
+def test_a_publisher_sends_no_more_than_a_broker_keeps_for_a_service_that_is_slow(mosquitto: Mosquitto):
+    turbines = [f"T{i:03d}" for i in range(100)]
+    taker = Taker()
+    taker.holding = True
+    service = Service(MqttSource(mosquitto.broker, turbines), taker)
+    wait_for(lambda: service.source.state.state == "running")
+    with Publisher(mosquitto.broker, patience=60.0) as publisher:
+        publisher.send(*(block_of(k, turbine) for turbine in turbines for k in range(1, 41)))
+        wait_for(lambda: len(taker.blocks) >= 500)
+        time.sleep(1.0)
+        taker.holding = False
+        for future in list(taker.held):
+            future.set_result(None)
+        assert publisher.wait(40.0)  # mosquitto drops what comes beyond 1000 that wait, and nobody hears of it
+        assert publisher.resent == 0
+    service.stop()
+    assert len(taker.blocks) == 4000
+
+
 def test_what_is_not_committed_is_not_acknowledged_and_comes_again(mosquitto: Mosquitto):
     taker = Taker()
     taker.holding = True

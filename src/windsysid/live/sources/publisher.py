@@ -39,8 +39,12 @@ __all__ = ["Publisher"]
 
 logger = logging.getLogger(__name__)
 
-WIDEST = 64
+WIDEST = 32
 """Blocks of a flow that were sent and are not committed, at most."""
+
+UNDER_WAY = 500
+"""Blocks of all flows that were sent and are not committed, at most: mosquitto as it comes keeps 1000 messages for a
+service, and drops what comes beyond without a word."""
 
 LONGEST_PAUSE = 30.0
 """Between two attempts to reach the broker [s]."""
@@ -110,7 +114,7 @@ class Publisher:
         self._newest = self.ring.flows()
         self._flows: dict[Flow, _Sending] = {}
         self._told: dict[str, Flow] = {}  # by the topic on which it is told what is committed
-        self._due: set[Flow] = set()
+        self._due: dict[Flow, None] = {}  # in the order in which their turn comes
         self._client: Any = None
         self._connected = self._closing = self._over = False
         self._why = ""
@@ -167,7 +171,7 @@ class Publisher:
             self._newest = newest
             for flow in {flow for flow, _ in new}:
                 self._open(flow)
-                self._due.add(flow)
+                self._due[flow] = None
             self._changed.notify_all()
         if dropped:
             self.dropped += dropped
@@ -235,7 +239,7 @@ class Publisher:
     def _go_on(self, client: Any) -> bool:
         """Wait for something to do, and do it; False when the connection is over."""
         with self._changed:
-            self._changed.wait_for(lambda: self._closing or self._over or (self._connected and self._due), 0.25)
+            self._changed.wait_for(lambda: self._closing or self._over or self._may_send(), 0.25)
             if self._closing or self._over:
                 return False
             if not self._connected:
@@ -246,18 +250,26 @@ class Publisher:
                     self.resent += len(sending.sent)
                     sending.go_back(1)
                     sending.patience = min(2.0 * sending.patience, LONGEST_PATIENCE)
-                    self._due.add(flow)
-            due, self._due = self._due, set()
-            for flow in due:
+                    self._due[flow] = None
+            while self._may_send():
+                flow = next(iter(self._due))
+                del self._due[flow]
                 self._send_more(client, flow, self._flows[flow])
             self._changed.notify_all()
         return True
+
+    def _may_send(self) -> bool:
+        return bool(self._connected and self._due) and self._room() > 0
+
+    def _room(self) -> int:
+        """Blocks that may be sent before more are committed."""
+        return UNDER_WAY - sum(len(sending.sent) for sending in self._flows.values())
 
     def _send_more(self, client: Any, flow: Flow, sending: _Sending) -> None:
         if sending.committed is not None:
             self.ring.forget(flow, sending.committed)
         last = sending.sent[-1] if sending.sent else None
-        for block in self.ring.after(flow, last, sending.width - len(sending.sent)):
+        for block in self.ring.after(flow, last, min(sending.width - len(sending.sent), self._room())):
             after = last if last is not None and self.ring.holds(flow, last) else None
             marks = Marks(block.sequence, flow.stream, after)
             client.publish(self.topics.blocks(flow.turbine), block.payload, qos=1, properties=properties_of(marks))
@@ -276,7 +288,7 @@ class Publisher:
             for flow, sending in self._flows.items():
                 self._hear(client, flow)
                 sending.go_back(WIDEST)
-                self._due.add(flow)
+                self._due[flow] = None
             self._connected, self._why = True, ""
             self._changed.notify_all()
 
@@ -316,7 +328,7 @@ class Publisher:
             logger.warning("%s", self._why)
             self.ring.drop(flow, number)
             self._flows[flow].drop(number)
-            self._due.add(flow)
+            self._due[flow] = None
             self._changed.notify_all()
 
     def _heard(self, flow: Flow, sending: _Sending, number: int) -> None:
@@ -328,5 +340,5 @@ class Publisher:
             sending.sent.popleft()
         sending.width = min(2 * sending.width, WIDEST)
         sending.patience, sending.until = self.patience, time.monotonic() + self.patience
-        self._due.add(flow)
+        self._due[flow] = None
         self._changed.notify_all()
