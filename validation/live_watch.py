@@ -10,6 +10,8 @@ is simulated or identified. Each becomes the row that an identification would gi
 - Delays: one coefficient, at the threshold that all of the turbine's together have, 3 or 30 days after the watch began.
 - Causes: k_x, c_x and a noise, of which the structure, a sensor's noise, or a sensor's gain changes; a gain moves
   coefficients and trust, as ``python -m validation.years --faults`` found.
+- Drifts: k_x alone, which falls evenly over 60 days, 30 days after the watch began; and watches of months without a
+  drift, with the temperature told and not told.
 - Bands: a level without covariates that is constant, or wanders by a stated size a day.
 
 Seeds begin at `--first`; those that the pages name were not looked at while building. ``python -m
@@ -21,6 +23,7 @@ import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -58,6 +61,12 @@ STATED, OFTEN = 0.1, 10.0
 
 AFTER = 2.0
 """Days after a change."""
+
+DRIFTS = (0.99, 0.98, 0.97, 0.95)
+"""Factors on k_x at the end of a drift."""
+
+DRIFT_BEFORE, DRIFT_OVER, DRIFT_AFTER = 30.0, 60.0, 30.0
+"""Days before, of, and after a drift."""
 
 WANDERS = (0.0, 0.0002, 0.002, 0.01)
 """What a level wanders in a day, relative."""
@@ -160,6 +169,41 @@ def delay(place: Site, factor: float, before: float, seed: int) -> tuple[float, 
     return (first.opened - change) / 1e9, first.earliest <= change <= first.latest, within, others
 
 
+def drift(place: Site, factor: float, seed: int) -> tuple[float, bool, int, int]:
+    """One trial: days from the begin of a drift to its alarm, infinite without one; whether its size was within band as
+    it was first said; alarms of jumps, and others of drifts."""
+    blocks = simulate_blocks(place, days=DRIFT_BEFORE + DRIFT_OVER + DRIFT_AFTER, seed=seed, only="k_x")
+    share = np.clip((blocks.time / DAY - DRIFT_BEFORE) / DRIFT_OVER, 0.0, 1.0)
+    blocks.theta[:, 0] += np.log1p((factor - 1.0) * share)
+    series = len(place.names) + 2  # noises
+    taken, _ = watched(rows_of(blocks, {}), Options(alarms_per_year=STATED / series))
+    every = [alarm for one in taken for alarm in one.alarms if alarm.kind != "data"]
+    keys = {alarm.key for alarm in every}
+    slow = {key for key in keys if ":drift:" in key}
+    change = BEGIN + round(DRIFT_BEFORE * DAY) * 10**9
+    first = next((alarm for alarm in every if alarm.key in slow and alarm.opened > change), None)
+    if first is None:
+        return math.inf, False, len(keys - slow), len(slow)
+    days = (first.opened - change) / 1e9 / DAY
+    band = first.text.partition("(")[2].partition(" %)")[0].split(" … ")
+    within = float(band[0]) <= 100.0 * (factor - 1.0) * min(days / DRIFT_OVER, 1.0) <= float(band[1])
+    return days, within, len(keys - slow), len(slow) - 1
+
+
+def quiet(
+    place: Site, days: float, rate: float, tolerated: Mapping[str, float], weather: bool, seed: int
+) -> tuple[int, int]:
+    """Alarms of jumps and of drifts of a watch of which nothing changes; without `weather` it knows no condition."""
+    blocks = simulate_blocks(of_these(place, FOLLOWED), days=days, seed=seed)
+    if not weather:
+        blocks = replace(blocks, covariates=np.empty((len(blocks.time), 0)), covariate_names=())
+    noise = {NOISE: noise_of(len(blocks.time), seed)}
+    taken, _ = watched(rows_of(blocks, noise), Options(alarms_per_year=rate, tolerated=tolerated))
+    keys = [alarm.key for alarm in said(taken)]
+    slow = sum(":drift:" in key for key in keys)
+    return len(keys) - slow, slow
+
+
 def cause(place: Site, what: str, seed: int) -> list[str]:
     """Kinds of the alarms that a change of the structure, of a sensor's noise or gain gives."""
     blocks = simulate_blocks(of_these(place, ("k_x", "c_x")), days=6.0, seed=seed)
@@ -208,7 +252,7 @@ def main() -> None:
     parser.add_argument("--before", type=float, nargs="+", default=[3.0, 30.0], help="days that a watch is old")
     parser.add_argument("--learn", type=int, default=144, help="windows that watches without a change learn from")
     parser.add_argument("--first", type=int, default=700_000, help="the first seed")
-    parser.add_argument("--only", choices=("alarms", "delays", "causes", "bands"), help="one of the tables")
+    parser.add_argument("--only", choices=("alarms", "delays", "causes", "drift", "bands"), help="one of the tables")
     options = parser.parse_args()
     if min(options.watches, options.trials) < 1 or not 7.0 <= options.days <= 3660.0 or min(options.before) < 1.5:
         raise SystemExit("--watches, --trials: expected 1 or more; --days: expected 7 to 3660; --before: 1.5 or more")
@@ -221,12 +265,12 @@ def main() -> None:
             table = Table(title="From a change of k_x to its alarm", title_justify="left")
             for heading in ("change", "days before", "seen", "median", "90 %", "when within", "size within", "others"):
                 table.add_column(heading, justify="left" if heading == "change" else "right")
-            for i, (days, factor) in enumerate((days, factor) for days in options.before for factor in SIZES):
+            for i, (before, factor) in enumerate((days, factor) for days in options.before for factor in SIZES):
                 seeds = [options.first + 1000 * i + k for k in trials]
-                found = _delays(list(pool.map(partial(delay, place, factor, days), seeds)))
+                found = _delays(list(pool.map(partial(delay, place, factor, before), seeds)))
                 seen = int(np.isfinite(found.seconds).sum())
                 table.add_row(
-                    f"k_x × {factor:g}", f"{days:g}", f"{seen} of {len(seeds)}", _hours(found.seconds, 0.5),
+                    f"k_x × {factor:g}", f"{before:g}", f"{seen} of {len(seeds)}", _hours(found.seconds, 0.5),
                     _hours(found.seconds, 0.9), f"{100.0 * found.when:.0f} %", f"{100.0 * found.size:.0f} %",
                     f"{found.other}",
                 )  # fmt: skip
@@ -244,6 +288,36 @@ def main() -> None:
                 silent = sum(not one for one in kinds)
                 table.add_row(name, f"{every.count('structure')}", f"{every.count('sensor')}", f"{silent}")
             print(render(table), flush=True)
+        if options.only in (None, "drift"):
+            firsts = [options.first + 80_000 + 1000 * i for i in range(len(DRIFTS) + 3)]
+            table = Table(title=f"k_x that falls over {DRIFT_OVER:g} days", title_justify="left")
+            for heading in ("change", "seen", "median", "last", "size within", "jumps", "other drifts"):
+                table.add_column(heading, justify="left" if heading == "change" else "right")
+            for factor, first in zip(DRIFTS, firsts, strict=False):
+                drifts = list(pool.map(partial(drift, place, factor), [first + k for k in trials]))
+                days = np.sort([one[0] for one in drifts])
+                seen = int(np.isfinite(days).sum())
+                table.add_row(
+                    f"k_x × {factor:g}", f"{seen} of {len(drifts)}", _days(days[(len(days) - 1) // 2]), _days(days[-1]),
+                    f"{100.0 * sum(one[1] for one in drifts) / max(seen, 1):.0f} %", f"{sum(one[2] for one in drifts)}",
+                    f"{sum(one[3] for one in drifts)}",
+                )  # fmt: skip
+            print(render(table, f"watched for {DRIFT_AFTER:g} days more; days from the begin of the drift"), flush=True)
+            table = Table(title="Alarms where nothing drifts", title_justify="left")
+            for heading in ("stated a year", "tolerated", "temperature", "years", "of jumps", "of drifts"):
+                table.add_column(heading, justify="left" if heading in ("tolerated", "temperature") else "right")
+            nothing = dict.fromkeys(TOLERATED_DRIFT, 0.0)
+            rows = ((STATED, TOLERATED_DRIFT, True), (OFTEN, nothing, True), (STATED, TOLERATED_DRIFT, False))
+            for (rate, sizes, weather), first in zip(rows, firsts[len(DRIFTS) :], strict=True):
+                rest = partial(quiet, place, options.days, rate, sizes, weather)
+                counts = list(pool.map(rest, [first + k for k in range(options.watches)]))
+                table.add_row(
+                    f"{rate:g}", "nothing" if sizes is nothing else "as by default", "told" if weather else "not told",
+                    f"{options.watches * options.days * DAY / YEAR:.2g}", f"{sum(one[0] for one in counts)}",
+                    f"{sum(one[1] for one in counts)}",
+                )  # fmt: skip
+            told = f"{options.watches} watches of {options.days:g} days each, {len(FOLLOWED) + 1} series"
+            print(render(table, f"{told}; half of the stated rate is of drifts"), flush=True)
         if options.only in (None, "bands"):
             table = Table(title="±2σ of the level holds the truth (95.4 % is right)", title_justify="left")
             for heading in ("wander a day", "first day", "days 2 to 7", "days 8 to 21"):
@@ -280,6 +354,10 @@ def _delays(trials: Sequence[tuple[float, bool, bool, int]]) -> Delays:
     seen = max(int(np.isfinite(seconds).sum()), 1)
     within = [sum(one[i] for one in trials) / seen for i in (1, 2)]
     return Delays(seconds, within[0], within[1], sum(one[3] for one in trials))
+
+
+def _days(days: float) -> str:
+    return "none" if math.isinf(days) else f"{days:.0f} d"
 
 
 def _hours(seconds: Array, share: float) -> str:

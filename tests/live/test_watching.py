@@ -8,6 +8,9 @@ import pytest
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.rows import Row, empty_row
+from windsysid.live import slow_drifts
+from windsysid.live import watching as watching_module
+from windsysid.live.checkpoint import pack, unpack
 from windsysid.live.store.contents import Alarm
 from windsysid.live.watching import Options, Taken, Watching, resume, start
 from windsysid.monitoring import following
@@ -113,6 +116,91 @@ def test_a_watch_goes_on_from_any_checkpoint_to_the_same_bits(monkeypatch: pytes
         watching = resume(taken.checkpoint, "T1", options)
 
 
+@pytest.fixture
+def weeks_of_40_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (following, watching_module, slow_drifts):
+        monkeypatch.setattr(module, "MAX_KEPT_BLOCKS", 160)
+    for module in (following, watching_module):
+        monkeypatch.setattr(module, "LET_GO_BLOCKS", 40)
+    monkeypatch.setattr(watching_module, "TEST_EVERY_BLOCKS", 12)
+    slow_drifts.limit_of.cache_clear()
+
+
+def drifting(count: int, end: float, *, seed: int = 0, since: int = 170, over: int = 400) -> list[Row]:
+    """Rows in which k_x drifts to `end` from window `since` on, and stays there."""
+    rows = stream(count, seed=seed)
+    for k, one in enumerate(rows):
+        one["parameters"][0]["own"] += end * min(max((k - since) / over, 0.0), 1.0)
+    return rows
+
+
+@pytest.mark.usefixtures("weeks_of_40_windows")
+def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it():
+    taken = feed(start("T1", Options(learn=24)), drifting(640, -0.06))
+    said = [(k, alarm) for k, one in enumerate(taken) for alarm in one.alarms]
+    assert {alarm.key for _, alarm in said} == {said[0][1].key}
+    (first, opened), (_, last) = said[0], said[-1]
+    assert 170 + 60 < first < 170 + 300
+    assert (opened.about, opened.kind, opened.severity) == ("k_x", "structure", "warning")
+    assert "k_x fell slowly, by " in opened.text
+    assert "its usual wander in such a time is" in opened.text
+    assert "the temperature is not known here" in opened.text
+    assert (last.severity, last.opened, last.ended) == ("alarm", opened.opened, None)
+    assert last.latest > opened.latest
+    assert 3 <= len(said) <= 7
+
+
+@pytest.mark.usefixtures("weeks_of_40_windows")
+def test_a_drift_that_goes_back_ends_its_alarm():
+    rows = drifting(900, -0.04)
+    for k, one in enumerate(rows[600:], 600):
+        one["parameters"][0]["own"] += 0.04 * min((k - 600) / 100.0, 1.0)
+    alarms = list(last_said(feed(start("T1", Options(learn=24)), rows)).values())
+    assert alarms[0].ended is not None
+    assert BEGIN + 600 * STEP < alarms[0].ended < BEGIN + 760 * STEP
+    assert {alarm.severity for alarm in alarms[1:]} <= {"notice"}
+
+
+@pytest.mark.usefixtures("weeks_of_40_windows")
+def test_what_does_not_drift_beyond_what_is_tolerated_is_no_alarm():
+    for seed in range(4):
+        assert not last_said(feed(start("T1", Options(learn=24)), drifting(640, -0.004, seed=seed)))
+
+
+@pytest.mark.usefixtures("weeks_of_40_windows")
+def test_after_a_jump_no_drift_is_counted_from_before_it():
+    taken = feed(start("T1", Options(learn=24)), stream(640, at=300, jump={"k_x": -0.03}))
+    (alarm,) = last_said(taken).values()
+    assert "slowly" not in alarm.text
+
+
+@pytest.mark.usefixtures("weeks_of_40_windows")
+def test_a_watch_goes_on_from_a_checkpoint_through_a_drift_to_the_same_bits():
+    rows, options = drifting(420, -0.06), Options(learn=24)
+    once = feed(start("T1", options), rows)
+    assert any("slowly" in alarm.text for one in once for alarm in one.alarms)
+    watching = start("T1", options)
+    for k, one in enumerate(rows):
+        taken = watching.take(one, BEGIN + k * STEP)
+        assert taken == once[k], k
+        if k % 7 == 0:
+            watching = resume(taken.checkpoint, "T1", options)
+
+
+def test_a_checkpoint_of_the_version_before_is_read():
+    rows = stream(330, at=300, jump={"k_x": -0.04})
+    content = feed(start("T1"), rows)[-1].checkpoint
+    header, arrays = unpack(content, "checkpoint")
+    for one in header["series"]:
+        del one["past"]
+    header["cases"] = [case[:4] for case in header["cases"]]
+    assert header["cases"]
+    before = pack(header, arrays).replace(b"watch 2", b"watch 1")
+    (next_row,) = stream(1, seed=5)
+    window = BEGIN + 330 * STEP
+    assert resume(before, "T1").take(next_row, window) == resume(content, "T1").take(next_row, window)
+
+
 def test_a_checkpoint_never_outgrows_the_windows_that_are_kept(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("windsysid.live.watching.MAX_KEPT_BLOCKS", 100)
     monkeypatch.setattr("windsysid.live.watching.LET_GO_BLOCKS", 25)
@@ -127,7 +215,7 @@ def test_a_checkpoint_never_outgrows_the_windows_that_are_kept(monkeypatch: pyte
         (lambda content: b"", "another version or damaged"),
         (lambda content: content[:-1], "damaged"),
         (lambda content: content[:200] + b"x" + content[201:], "damaged"),
-        (lambda content: content.replace(b"watch 1", b"watch 9"), "another version"),
+        (lambda content: content.replace(b"watch 2", b"watch 9"), "another version"),
     ],
 )
 def test_a_checkpoint_that_does_not_fit_is_one_line(spoil: Any, message: str):

@@ -2,6 +2,8 @@
 
 Rules, in their order:
 
+- **Drift.** What is said of a jump holds for a slow drift, which is a jump from what the level was weeks or months ago
+  to what it is now. While it is open, its alarm is said anew where the drift became half as large again, or grave.
 - **Cause.** A jump of a sensor's noise is the sensor's. A jump of anything else is put down to a sensor first where a
   noise jumped with it, where most results were trusted before and are not after, or where records have findings of
   their channels since. Otherwise it is the structure.
@@ -20,13 +22,24 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Literal, NamedTuple
 
+from windsysid.fleet.rows import Row
+from windsysid.live.slow_drifts import Drifted
 from windsysid.live.store.contents import Alarm, Severity
 from windsysid.live.watched import Watched
 from windsysid.monitoring.locating import Jump
 from windsysid.monitoring.watch import HEARD, SENSOR, SOUND, UNEXPLAINED, UNWATCHED, percent_of, tell
 from windsysid.results.posterior import SIGMAS
 
-__all__ = ["BLIND_WINDOWS", "Case", "Circumstances", "blind_alarm", "came_back", "jump_alarm"]
+__all__ = [
+    "BLIND_WINDOWS",
+    "Case",
+    "Circumstances",
+    "blind_alarm",
+    "came_back",
+    "drift_alarm",
+    "jump_alarm",
+    "why_blind",
+]
 
 GRAVE_LOSS = {"k": 2.0, "f": 1.0, "c": 30.0}
 """Loss from which a jump of the structure is an alarm [%]: of stiffness, frequency, damping."""
@@ -56,12 +69,15 @@ class Case(NamedTuple):
         Whether it takes back an earlier one.
     alarm
         As it was last said.
+    drift
+        Whether it is a slow drift: a jump from a reference to what was said last.
     """
 
     series: str
     jump: Jump
     returns: bool
     alarm: Alarm
+    drift: bool = False
 
 
 class Circumstances(NamedTuple):
@@ -105,13 +121,46 @@ def jump_alarm(
     between = date(earliest) if earliest == latest else f"{date(earliest)} … {date(latest)}"
     told = tell(watched.name, percent, between, f"{date(opened)} UTC", why)
     severity = "notice" if returns else _severity(watched.kind, kind, percent)
-    text = f"{told}; {'it takes back an earlier change' if returns else ADVICE[kind]}"
-    if about.changed:
-        text += "; settings or version changed with it: look at these first"
     return Alarm(
         f"{turbine}:{watched.name}:{found}", turbine, kind, severity, watched.name, opened, earliest, latest,
-        opened if returns else None, text,
+        opened if returns else None, told + _advice(kind, about, returns=returns),
     )  # fmt: skip
+
+
+def drift_alarm(
+    turbine: str, watched: Watched, drift: Drifted, when: tuple[int, int, int, int], about: Circumstances, *,
+    returns: bool, weather: bool,
+) -> Alarm:  # fmt: skip
+    """A slow drift as an alarm; parameters as of `jump_alarm`.
+
+    Parameters
+    ----------
+    weather
+        Whether the temperature is known, so that a season is taken out.
+    """
+    earliest, latest, found, opened = when
+    kind, why = _cause(watched, about)
+    jump = drift.jump
+    percent = percent_of(jump.size, jump.std, jump.before, watched.logarithmic)
+    verb = "rose" if percent[0] > 0.0 else "fell"
+    alone = percent_of(SIGMAS * drift.wander, 0.0, jump.before, watched.logarithmic)[0]
+    told = (
+        f"{watched.name} {verb} slowly, by {abs(percent[0]):.3g} % ({percent[1]:+.3g} … {percent[2]:+.3g} %) from"
+        f" {date(earliest)} to {date(latest)}, found on {date(opened)} UTC"
+    )
+    told += f": its usual wander in such a time is {alone:.2g} % (2σ); {why}"
+    if not weather and watched.kind != "noise":
+        told += "; the temperature is not known here, and a season moves it as well"
+    severity = "notice" if returns else _severity(watched.kind, kind, percent)
+    return Alarm(
+        f"{turbine}:{watched.name}:drift:{found}", turbine, kind, severity, watched.name, opened, earliest, latest,
+        opened if returns else None, told + _advice(kind, about, returns=returns),
+    )  # fmt: skip
+
+
+def _advice(kind: Literal["structure", "sensor"], about: Circumstances, *, returns: bool) -> str:
+    text = f"; {'it takes back an earlier change' if returns else ADVICE[kind]}"
+    return f"{text}; settings or version changed with it: look at these first" if about.changed else text
 
 
 def _cause(watched: Watched, about: Circumstances) -> tuple[Literal["structure", "sensor"], str]:
@@ -148,6 +197,17 @@ def blind_alarm(turbine: str, since: int, opened: int, ended: int | None, why: s
     """Nothing could be taken in since a window began."""
     text = f"nothing of {turbine} could be watched since {date(since)} UTC: {why}; jumps are found when it can again"
     return Alarm(f"{turbine}::{since}", turbine, "data", "notice", "", opened, since, opened, ended, text)
+
+
+def why_blind(row: Row | None) -> str:
+    """Why a window could not be taken in; None is one that is missing."""
+    if row is None:
+        return "no window came"
+    if row["status"] != "ok":
+        return f"windows are {row['status']}: {' '.join(str(row['why']).split())[:120]}"
+    if row["state"] == "transient":
+        return "the rotor starts or stops in every window"
+    return f"windows of a turbine that is {row['state']} lack SCADA, or there were too few of them to learn from"
 
 
 def date(time: int) -> str:

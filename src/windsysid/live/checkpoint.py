@@ -13,8 +13,11 @@ from windsysid.errors import ConfigurationError
 
 __all__ = ["pack", "unpack"]
 
-MARK = b"windsysid watch 1\n"
+MARK = b"windsysid watch 2\n"
 """The number is the version: it grows when what is kept, or what follows from it, is another."""
+
+READ = (b"windsysid watch 1\n", MARK)
+"""Versions that are read: the first has no references of slow drifts."""
 
 
 def pack(header: dict[str, Any], arrays: Sequence[NDArray[Any]]) -> bytes:
@@ -34,7 +37,7 @@ def unpack(content: bytes, what: str) -> tuple[dict[str, Any], list[NDArray[Any]
     ConfigurationError
         If the bytes are damaged, of another version, or of another kind: one line that names `what`.
     """
-    if not content.startswith(MARK):
+    if not content.startswith(READ):
         raise ConfigurationError(f"{what}: it is of another version or damaged: start without it, or restore it")
     at = len(MARK) + 4
     body = content[at:]

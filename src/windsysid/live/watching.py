@@ -2,8 +2,9 @@
 
 A row gives a block of each series: of a coefficient what the window says without its prior, of a sensor the noise that
 was found. Each is followed by `windsysid.monitoring.following`, through the conditions of
-`windsysid.live.conditions`; what jumped becomes an alarm by the rules of `windsysid.live.alarms`. Windows that are
-refused, failed, transient or missing are blocks without an estimate: the level wanders on, its band widens.
+`windsysid.live.conditions`; what jumped, or drifted (`windsysid.live.slow_drifts`), becomes an alarm by the rules of
+`windsysid.live.alarms`. Windows that are refused, failed, transient or missing are blocks without an estimate: the
+level wanders on, its band widens.
 """
 
 import math
@@ -16,25 +17,32 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.rows import Row
+from windsysid.fleet.series import COVARIATES
 from windsysid.live.alarms import (
     BLIND_WINDOWS,
     Case,
     Circumstances,
     blind_alarm,
     came_back,
+    drift_alarm,
     jump_alarm,
     takes_back,
+    why_blind,
 )
 from windsysid.live.checkpoint import pack, unpack
-from windsysid.live.conditions import (
-    NONE,
-    Standards,
-    conditions_of,
-    covariates_of,
-    learn_standards,
-    state_of,
+from windsysid.live.conditions import NONE, Standards, covariates_of, learn_standards
+from windsysid.live.slow_drifts import (
+    TEST_EVERY_BLOCKS,
+    Drifted,
+    Past,
+    Reference,
+    drifted_since,
+    grew,
+    limit_of,
+    remembered,
 )
 from windsysid.live.store.contents import Alarm, Level
+from windsysid.live.watch_state import NO_WINDOWS, KeptWindows, WatchState
 from windsysid.live.watched import Watched, band_of, in_coordinates_of, said_of
 from windsysid.monitoring.following import LET_GO_BLOCKS, MAX_KEPT_BLOCKS, Follower, Kept, Now
 from windsysid.monitoring.jumps import Belief, Rates, threshold
@@ -60,9 +68,10 @@ class Options(NamedTuple):
     learn
         Windows to learn from before the first alarm: a day of 10 minutes, 12 to 2016.
     alarms_per_year
-        False alarms that are accepted of a turbine in a year, all series together: 1e-6 to 100.
+        False alarms that are accepted of a turbine in a year, all series together: 1e-6 to 100. Jumps may have one
+        half of them, drifts the other.
     tolerated
-        Of ``k``, ``c``, ``f`` and ``noise``: relative jumps up to this size are no alarm, however sure.
+        Of ``k``, ``c``, ``f`` and ``noise``: relative changes up to this size are no alarm, however sure.
     """
 
     window: float = 600.0
@@ -85,69 +94,6 @@ class Taken(NamedTuple):
     checkpoint: bytes
 
 
-class _Windows(NamedTuple):
-    """The windows that are kept (n,): their starts, states, whether trusted and without findings, and (n, 4)."""
-
-    time: NDArray[np.int64]
-    state: NDArray[np.int8]
-    trusted: NDArray[np.bool_]
-    sound: NDArray[np.bool_]
-    conditions: NDArray[np.float32]
-
-    def later(self, count: int) -> "_Windows":
-        return _Windows._make(part[count:] for part in self)
-
-    def and_then(self, time: int, row: Row | None) -> "_Windows":
-        if row is None:
-            newest: tuple[Any, ...] = (time, NONE, False, False, np.full(self.conditions.shape[1], np.nan))
-        else:
-            newest = (time, state_of(row), bool(row["trusted"]), not row["health"], conditions_of(row))
-        parts: tuple[NDArray[Any], ...] = self
-        new = (np.array([one], dtype=part.dtype) for one, part in zip(newest, parts, strict=True))
-        return _Windows._make(np.concatenate(both) for both in zip(parts, new, strict=True))
-
-
-_NO_WINDOWS = _Windows(
-    np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0, bool), np.empty(0, bool), np.empty((0, 4), np.float32)
-)
-
-
-class _State(NamedTuple):
-    """All of a watch but its windows and series.
-
-    Attributes
-    ----------
-    taken
-        Windows with a state so far.
-    next_learning
-        How many of them the rates are learned at next, as long as none had to leave: the windows to learn from, halved
-        as often as leaves enough, then doubled.
-    standards
-        None before they were learned.
-    let_go
-        Windows that have left.
-    blind_since, blind_open
-        Start of the first of the windows that could not be taken in, one after the other, and how many they are; when
-        that was said. None where the newest could, or nothing was said.
-    why
-        Why the newest could not.
-    settings, changed
-        What the newest row was made by, and the window that it was first made so; the latter is None where it has
-        always been.
-    """
-
-    taken: int
-    next_learning: int
-    standards: Standards | None
-    let_go: int
-    blind_since: int | None
-    blind: int
-    blind_open: int | None
-    why: str
-    settings: str
-    changed: int | None
-
-
 class Watching:
     """The watch over one turbine: it changes with every row, and its checkpoints are all that it takes to go on.
 
@@ -155,13 +101,14 @@ class Watching:
     """
 
     def __init__(
-        self, turbine: str, options: Options, state: _State, windows: _Windows,
-        series: Mapping[Watched, Kept], cases: tuple[Case, ...],
+        self, turbine: str, options: Options, state: WatchState, windows: KeptWindows,
+        series: Mapping[Watched, Kept], cases: tuple[Case, ...], past: Mapping[str, Past],
     ) -> None:  # fmt: skip
         self.turbine, self.options = turbine, options
         self._state, self._windows, self._cases = state, windows, cases
         self._followers = {one.name: self._follower(one, kept) for one, kept in series.items()}
         self._watched = {one.name: one for one in series}
+        self._past = dict(past)
 
     def take(self, row: Row, window: int) -> Taken:
         """Take in the row of the window that begins at `window` [ns since 1970]; rows come in order of windows.
@@ -180,14 +127,14 @@ class Watching:
             raise ConfigurationError(
                 f"{self.turbine}: expected a window after {self._windows.time[-1]}, got {window}: take them in order"
             )
-        step = round(1e9 * self.options.window)
+        step, tested = round(1e9 * self.options.window), self._windows_so_far // TEST_EVERY_BLOCKS
         if len(self._windows.time):
             last = int(self._windows.time[-1])
             missing = round((window - last) / step) - 1
             for k in range(max(0, missing - LET_GO_BLOCKS), missing):  # the level wanders on, a week at most
                 self._block(last + (k + 1) * step, None)
         said, now = self._block(window, row)
-        alarms = self._alarms(now, window + step)
+        alarms = self._alarms(now, window + step, drifts=self._windows_so_far // TEST_EVERY_BLOCKS > tested)
         levels = tuple(self._level(name, said.get(name), now[name]) for name in now)
         return Taken(levels, alarms, self.checkpoint())
 
@@ -199,16 +146,24 @@ class Watching:
             "state": self._state._asdict() | {"standards": self._state.standards and list(self._state.standards)},
             "series": [
                 {"watched": list(one), "let_go": kept.let_go, "rates": kept.rates and list(kept.rates),
-                 "scale": kept.scale, "jumps": [list(jump) for jump in kept.jumps], "learned": kept.before is not None}
+                 "scale": kept.scale, "jumps": [list(jump) for jump in kept.jumps], "learned": kept.before is not None,
+                 "past": self._past.get(one.name)}
                 for one, kept in series
             ],
-            "cases": [[case.series, list(case.jump), case.returns, list(case.alarm)] for case in self._cases],
+            "cases": [
+                [case.series, list(case.jump), case.returns, list(case.alarm), case.drift] for case in self._cases
+            ],
         }  # fmt: skip
         arrays: list[NDArray[Any]] = [*self._windows]
         for _, kept in series:
             arrays += [kept.y, kept.std]
             arrays += [] if kept.before is None else [*kept.before]
         return pack(header, arrays)
+
+    @property
+    def _windows_so_far(self) -> int:
+        """Windows so far, with those that are missing."""
+        return self._state.let_go + len(self._windows.time)
 
     def _follower(self, one: Watched, kept: Kept) -> Follower:
         return Follower(one.kind, one.logarithmic, self.options.tolerated[one.kind], kept)
@@ -241,7 +196,12 @@ class Watching:
         for name, follower in self._followers.items():
             enough = follower.kept.rates is not None or follower.known >= MIN_BLOCKS // 2
             if learning is not None and enough:
-                now[name] = follower.learn(self._covariates(), anew=learning)
+                x = self._covariates()
+                now[name] = follower.learn(x, anew=learning)
+                if not learning:
+                    past, wander = self._past.get(name, Past()), follower.wander_beside_trend(x)
+                    first = int(self._windows.time[0])
+                    self._past[name] = remembered(past, follower.kept, LET_GO_BLOCKS, first, wander)
             else:
                 now[name] = follower.follow(newest, self._covariates, limit)
         self._see(window, row, newest, any(math.isfinite(follower.kept.y[-1]) for follower in self._followers.values()))
@@ -278,8 +238,9 @@ class Watching:
         return True
 
     def _limit(self) -> float:
-        """Of the test of each series, so that all of them together have the false alarms that are accepted."""
-        return threshold(self.options.alarms_per_year * self.options.window / YEAR / max(1, len(self._followers)))
+        """Of the test of each series for a jump; together they have half of the false alarms that are accepted."""
+        rate = 0.5 * self.options.alarms_per_year / max(1, len(self._followers))
+        return threshold(rate * self.options.window / YEAR)
 
     def _level(self, name: str, said: tuple[float, float] | None, now: Now) -> Level:
         one = self._watched[name]
@@ -289,18 +250,25 @@ class Watching:
 
     # what is said of it
 
-    def _alarms(self, now: Mapping[str, Now], end: int) -> tuple[Alarm, ...]:
+    def _alarms(self, now: Mapping[str, Now], end: int, *, drifts: bool) -> tuple[Alarm, ...]:
         """What is new, measured again, put down to another cause, or over after the window that ends at `end`."""
         before = {case.alarm.key: case.alarm for case in self._cases}
         found = {(name, jump.found): jump for name, one in self._followers.items() for jump in one.kept.jumps}
-        cases = [case._replace(jump=found.pop((case.series, case.jump.found), case.jump)) for case in self._cases]
+        cases = [
+            case if case.drift else case._replace(jump=found.pop((case.series, case.jump.found), case.jump))
+            for case in self._cases
+        ]
         moved = bool(found) or any(case.jump != one.jump for case, one in zip(cases, self._cases, strict=True))
         for (name, _), jump in sorted(found.items(), key=lambda one: one[1].found):
             earlier = [case.jump for case in cases if case.series == name and not case.returns]
             returns = any(takes_back(one, jump) for one in earlier)
             cases.append(Case(name, jump, returns, self._jump_alarm(name, jump, cases, returns=returns)))
+            if name in self._past:
+                self._past[name] = self._past[name]._replace(references=())
         if moved:
             cases = [self._said_anew(case, cases) for case in cases]
+        if drifts:
+            cases = self._with_drifts(cases, now)
         cases = [self._ended(case, now[case.series], end) for case in cases]
         self._cases = tuple(cases[-MAX_CASES:])
         changed = [case.alarm for case in cases if before.get(case.alarm.key) != case.alarm]
@@ -309,16 +277,55 @@ class Watching:
 
     def _said_anew(self, case: Case, cases: list[Case]) -> Case:
         """What is said of a jump by all that is known now, while what was about it is kept."""
-        newest = self._state.let_go + len(self._windows.time) - 1
+        newest = self._windows_so_far - 1
         young = newest - case.jump.found <= MAX_HINDSIGHT_BLOCKS
-        if not young or case.jump.earliest < self._state.let_go:
+        if case.drift or not young or case.jump.earliest < self._state.let_go:
             return case
         alarm = self._jump_alarm(case.series, case.jump, cases, returns=case.returns)
         return case._replace(alarm=alarm._replace(ended=case.alarm.ended))
 
+    def _with_drifts(self, cases: list[Case], now: Mapping[str, Now]) -> list[Case]:
+        """With the drifts that are new; those that are open are said anew where they grew."""
+        limit = limit_of(0.5 * self.options.alarms_per_year, self.options.window, len(self._followers))
+        cases = [self._grown(case, now[case.series], cases) for case in cases]
+        open_ones = {case.series for case in cases if case.drift and case.alarm.ended is None}
+        for name, one in self._followers.items():
+            past = self._past.get(name, Past())
+            tried = [drifted_since(it, past, now[name], one.kept, one.tolerated) for it in past.references]
+            found = max(tried, key=lambda it: it.z, default=None)
+            if found is None or name in open_ones or not found.z > limit:
+                continue
+            returns = any(takes_back(it.jump, found.jump) for it in cases if it.series == name and not it.returns)
+            alarm = self._drift_alarm(name, found, cases, returns=returns)
+            cases.append(Case(name, found.jump, returns, alarm, drift=True))
+        return cases
+
+    def _grown(self, case: Case, now: Now, cases: list[Case]) -> Case:
+        """A drift that is open, as it is now, where it grew."""
+        one, past = self._followers[case.series], self._past.get(case.series, Past())
+        since = next((it for it in past.references if it.block == case.jump.earliest), None)
+        if not case.drift or case.alarm.ended is not None or since is None:
+            return case
+        drift = drifted_since(since, past, now, one.kept, one.tolerated)
+        alarm = self._drift_alarm(case.series, drift, cases, returns=False, opened=case.alarm.opened)
+        if not (grew(case.jump, drift.jump) or alarm.severity == "alarm" != case.alarm.severity):
+            return case
+        return case._replace(jump=drift.jump._replace(found=case.jump.found), alarm=alarm._replace(key=case.alarm.key))
+
+    def _drift_alarm(
+        self, name: str, drift: Drifted, cases: list[Case], *, returns: bool, opened: int | None = None
+    ) -> Alarm:
+        newest = int(self._windows.time[-1])
+        when = drift.time, newest, newest, opened or newest + round(1e9 * self.options.window)
+        about = self._circumstances(name, drift.jump, cases, when)
+        standards = self._state.standards
+        weather = standards is not None and COVARIATES.index("temperature") in standards.columns
+        return drift_alarm(self.turbine, self._watched[name], drift, when, about, returns=returns, weather=weather)
+
     def _jump_alarm(self, name: str, jump: Jump, cases: list[Case], *, returns: bool) -> Alarm:
-        about = self._circumstances(name, jump, cases)
-        return jump_alarm(self.turbine, self._watched[name], jump, self._when(jump), about, returns=returns)
+        when = self._when(jump)
+        about = self._circumstances(name, jump, cases, when)
+        return jump_alarm(self.turbine, self._watched[name], jump, when, about, returns=returns)
 
     def _ended(self, case: Case, now: Now, end: int) -> Case:
         if case.alarm.ended is not None or not came_back(case.jump, now.level, now.std):
@@ -332,7 +339,9 @@ class Watching:
         )
         return earliest, latest, found, found + round(1e9 * self.options.window)
 
-    def _circumstances(self, name: str, jump: Jump, cases: list[Case]) -> Circumstances:
+    def _circumstances(
+        self, name: str, jump: Jump, cases: list[Case], when: tuple[int, int, int, int]
+    ) -> Circumstances:
         noisy = [
             case.series for case in cases
             if self._watched[case.series].kind == "noise"
@@ -341,7 +350,7 @@ class Watching:
         first = self._state.let_go
         known = self._windows.state != NONE
         here = jump._replace(**{at: int(known[: max(0, getattr(jump, at) - first)].sum()) for at in _PLACES})
-        when, changed = self._when(jump), self._state.changed
+        changed = self._state.changed
         return Circumstances(
             [other for other in dict.fromkeys(noisy) if other != name],
             any(one.kind == "noise" for one in self._watched.values()),
@@ -357,7 +366,7 @@ class Watching:
             self._state = state._replace(blind=0, why="" if state.blind_open is None else state.why)
             return
         since = window if state.blind == 0 else state.blind_since
-        self._state = state._replace(blind=state.blind + 1, blind_since=since, why=_why_blind(row))
+        self._state = state._replace(blind=state.blind + 1, blind_since=since, why=why_blind(row))
 
     def _blind(self, end: int) -> Alarm | None:
         """That nothing can be watched, or that it can again."""
@@ -386,8 +395,8 @@ def start(turbine: str, options: Options = Options()) -> Watching:
     first = options.learn
     while first >= 2 * MIN_BLOCKS:
         first //= 2
-    state = _State(0, first, None, 0, None, 0, None, "", "", None)
-    return Watching(turbine, options, state, _NO_WINDOWS, {}, ())
+    state = WatchState(0, first, None, 0, None, 0, None, "", "", None)
+    return Watching(turbine, options, state, NO_WINDOWS, {}, (), {})
 
 
 def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Watching:
@@ -403,7 +412,7 @@ def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Wat
     if header["turbine"] != turbine:
         raise ConfigurationError(f"checkpoint of {turbine}: it is one of '{header['turbine']}': start without it")
     rest = iter(arrays)
-    windows = _Windows._make(next(rest) for _ in _Windows._fields)
+    windows = KeptWindows._make(next(rest) for _ in KeptWindows._fields)
     series = {}
     for one in header["series"]:
         y, std = next(rest), next(rest)
@@ -411,12 +420,19 @@ def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Wat
         rates = None if one["rates"] is None else Rates(*one["rates"])
         jumps = tuple(Jump(*jump) for jump in one["jumps"])
         series[Watched(*one["watched"])] = Kept(y, std, one["let_go"], before, rates, one["scale"], jumps)
-    state = _State(**header["state"])
+    state = WatchState(**header["state"])
     if state.standards is not None:
         parts = (tuple(part) if isinstance(part, list) else part for part in state.standards)
         state = state._replace(standards=Standards._make(parts))
-    cases = tuple(Case(name, Jump(*jump), returns, Alarm(*alarm)) for name, jump, returns, alarm in header["cases"])
-    return Watching(turbine, options, state, windows, series, cases)
+    cases = tuple(
+        Case(name, Jump(*jump), returns, Alarm(*alarm), *drift)
+        for name, jump, returns, alarm, *drift in header["cases"]
+    )
+    pasts = {Watched(*one["watched"]).name: one["past"] for one in header["series"] if one.get("past")}
+    past = {
+        name: Past(tuple(Reference(*it) for it in references), *rest) for name, (references, *rest) in pasts.items()
+    }
+    return Watching(turbine, options, state, windows, series, cases, past)
 
 
 def _check(options: Options) -> None:
@@ -429,13 +445,3 @@ def _check(options: Options) -> None:
     wrong = [kind for kind in _KINDS if not 0.0 <= options.tolerated.get(kind, math.nan) < math.inf]
     if wrong:
         raise ConfigurationError(f"tolerated: expected a size of 0 or more for {', '.join(wrong)}")
-
-
-def _why_blind(row: Row | None) -> str:
-    if row is None:
-        return "no window came"
-    if row["status"] != "ok":
-        return f"windows are {row['status']}: {' '.join(str(row['why']).split())[:120]}"
-    if row["state"] == "transient":
-        return "the rotor starts or stops in every window"
-    return f"windows of a turbine that is {row['state']} lack SCADA, or there were too few of them to learn from"

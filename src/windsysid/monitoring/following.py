@@ -36,6 +36,7 @@ from windsysid.monitoring.jumps import (
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,
     MAX_HINDSIGHT_BLOCKS,
+    SLOPE_PRIOR,
     Jump,
     first_belief,
     freedom,
@@ -183,6 +184,23 @@ class Follower:
             rates=learn_rates(y, r, x, before, freed, kind=self.kind, logarithmic=self.logarithmic)
         )
         return self._now(self._restart(x))
+
+    def wander_beside_trend(self, x: Array) -> float:
+        """The wander that is learned where the level may follow a straight line as well, with covariates x (n, m).
+
+        A steady drift is a wander to `learn`, which explains it; here it is none.
+        """
+        kept = self.kept
+        if kept.before is None or kept.rates is None or not np.isfinite(kept.y).any():
+            return 0.0
+        y, r, freed = self._cleared(x)
+        trend = np.column_stack([np.where(_told(x)[:, None], x, 0.0), np.linspace(0.0, 1.0, len(y))])
+        d = trend.shape[1]
+        cov = np.zeros((d + 1, d + 1))
+        cov[:d, :d], cov[d, d] = kept.before.cov, (SLOPE_PRIOR[self.kind] * kept.scale) ** 2
+        before = Belief(np.append(kept.before.mean, 0.0), cov)
+        freed = np.column_stack([freed, np.zeros(len(y))])
+        return learn_rates(y, r, trend, before, freed, kind=self.kind, logarithmic=self.logarithmic).wander
 
     def let_go(self, x: Array, count: int) -> None:
         """Forget the first `count` of the blocks, with covariates x (n, m), but for what they taught."""
