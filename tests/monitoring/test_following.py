@@ -112,3 +112,21 @@ def test_numbers_beyond_single_precision_are_missing():
     for y, std in ((1e300, 1.0), (0.0, 1e-60), (0.0, 0.0), (math.nan, 1.0), (0.0, math.inf)):
         follower.append(y, std)
     assert follower.known == 0
+
+
+def test_a_drift_is_a_wander_but_beside_a_trend_and_the_last_blocks_do_not_lag_behind_it():
+    fall = -0.03 * np.arange(2400) / 2400.0
+    y, x = simulated(2400, 0.0, 0, 11) + fall, np.zeros((2400, 1))
+    _, follower = follow(y, x, learn=200, limit=math.inf)
+    level, std = follower.newest_level(x, 40)
+    assert abs(level - fall[-1]) < 2.0 * std
+    follower.learn(x, anew=False)
+    assert follower.kept.rates is not None
+    assert follower.wander_beside_trend(x) < 0.25 * follower.kept.rates.wander
+    # The level that is followed, with the little wander of a level that was steady, lags.
+    steady = Follower("k", True, 0.005, follower.kept._replace(rates=Rates(1e-11, 1.0)))
+    steady.append(float(y[-1]), SIGMA)
+    lagging = steady.follow(x[:1], lambda: np.zeros((2401, 1)), math.inf)
+    assert lagging.level - fall[-1] > 3.0 * lagging.std
+    level, std = steady.newest_level(np.zeros((2401, 1)), 40)
+    assert abs(level - fall[-1]) < 2.0 * std

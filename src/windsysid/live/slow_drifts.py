@@ -17,15 +17,26 @@ all references of its series away: what was before it says nothing of a drift af
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from windsysid.monitoring.following import MAX_KEPT_BLOCKS, Kept, Now
 from windsysid.monitoring.locating import Jump
 from windsysid.monitoring.watch import YEAR
 from windsysid.results.posterior import SIGMAS
 
-__all__ = ["TEST_EVERY_BLOCKS", "Drifted", "Past", "Reference", "drifted_since", "grew", "limit_of", "remembered"]
+__all__ = [
+    "TEST_EVERY_BLOCKS",
+    "Drifted",
+    "Past",
+    "Reference",
+    "drifted_since",
+    "grew",
+    "limit_of",
+    "past_of",
+    "remembered",
+]
 
 MAX_REFERENCES = 13
 """With four weeks between them: a year."""
@@ -83,7 +94,7 @@ class Drifted(NamedTuple):
     Attributes
     ----------
     jump
-        ``before`` is the reference's level; the standard deviation is that of the measured difference.
+        ``before`` is the reference's level; the standard deviation is that of the difference.
     time
         Of the reference [ns since 1970].
     wander
@@ -123,6 +134,12 @@ def drifted_since(reference: Reference, past: Past, now: Now, kept: Kept, tolera
     z = (abs(size) - tolerated * kept.scale) / math.hypot(std, wander)
     jump = Jump(newest, reference.block, newest, newest, size, std, reference.level)
     return Drifted(jump, reference.time, wander, z)
+
+
+def past_of(plain: Sequence[Any]) -> Past:
+    """From plain values, as a checkpoint has them."""
+    references, *rest = plain
+    return Past(tuple(Reference(*one) for one in references), *rest)
 
 
 def grew(before: Jump, jump: Jump) -> bool:

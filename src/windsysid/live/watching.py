@@ -39,6 +39,7 @@ from windsysid.live.slow_drifts import (
     drifted_since,
     grew,
     limit_of,
+    past_of,
     remembered,
 )
 from windsysid.live.store.contents import Alarm, Level
@@ -150,9 +151,7 @@ class Watching:
                  "past": self._past.get(one.name)}
                 for one, kept in series
             ],
-            "cases": [
-                [case.series, list(case.jump), case.returns, list(case.alarm), case.drift] for case in self._cases
-            ],
+            "cases": [[one.series, list(one.jump), one.returns, list(one.alarm), one.drift] for one in self._cases],
         }  # fmt: skip
         arrays: list[NDArray[Any]] = [*self._windows]
         for _, kept in series:
@@ -291,10 +290,11 @@ class Watching:
         open_ones = {case.series for case in cases if case.drift and case.alarm.ended is None}
         for name, one in self._followers.items():
             past = self._past.get(name, Past())
-            tried = [drifted_since(it, past, now[name], one.kept, one.tolerated) for it in past.references]
-            found = max(tried, key=lambda it: it.z, default=None)
-            if found is None or name in open_ones or not found.z > limit:
+            tried = [(drifted_since(it, past, now[name], one.kept, one.tolerated).z, it) for it in past.references]
+            z, since = max(tried, default=(0.0, None))
+            if since is None or name in open_ones or not z > limit:
                 continue
+            found = self._drift(name, since, now[name])
             returns = any(takes_back(it.jump, found.jump) for it in cases if it.series == name and not it.returns)
             alarm = self._drift_alarm(name, found, cases, returns=returns)
             cases.append(Case(name, found.jump, returns, alarm, drift=True))
@@ -302,15 +302,21 @@ class Watching:
 
     def _grown(self, case: Case, now: Now, cases: list[Case]) -> Case:
         """A drift that is open, as it is now, where it grew."""
-        one, past = self._followers[case.series], self._past.get(case.series, Past())
-        since = next((it for it in past.references if it.block == case.jump.earliest), None)
+        references = self._past.get(case.series, Past()).references
+        since = next((it for it in references if it.block == case.jump.earliest), None)
         if not case.drift or case.alarm.ended is not None or since is None:
             return case
-        drift = drifted_since(since, past, now, one.kept, one.tolerated)
+        drift = self._drift(case.series, since, now)
         alarm = self._drift_alarm(case.series, drift, cases, returns=False, opened=case.alarm.opened)
         if not (grew(case.jump, drift.jump) or alarm.severity == "alarm" != case.alarm.severity):
             return case
         return case._replace(jump=drift.jump._replace(found=case.jump.found), alarm=alarm._replace(key=case.alarm.key))
+
+    def _drift(self, name: str, since: Reference, now: Now) -> Drifted:
+        """A drift as it is told: to the level of the last day, for the one that is followed lags behind."""
+        one = self._followers[name]
+        level, std = one.newest_level(self._covariates(), TEST_EVERY_BLOCKS)
+        return drifted_since(since, self._past[name], now._replace(level=level, std=std), one.kept, one.tolerated)
 
     def _drift_alarm(
         self, name: str, drift: Drifted, cases: list[Case], *, returns: bool, opened: int | None = None
@@ -428,10 +434,7 @@ def resume(checkpoint: bytes, turbine: str, options: Options = Options()) -> Wat
         Case(name, Jump(*jump), returns, Alarm(*alarm), *drift)
         for name, jump, returns, alarm, *drift in header["cases"]
     )
-    pasts = {Watched(*one["watched"]).name: one["past"] for one in header["series"] if one.get("past")}
-    past = {
-        name: Past(tuple(Reference(*it) for it in references), *rest) for name, (references, *rest) in pasts.items()
-    }
+    past = {Watched(*one["watched"]).name: past_of(one["past"]) for one in header["series"] if one.get("past")}
     return Watching(turbine, options, state, windows, series, cases, past)
 
 

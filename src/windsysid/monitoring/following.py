@@ -202,6 +202,20 @@ class Follower:
         freed = np.column_stack([freed, np.zeros(len(y))])
         return learn_rates(y, r, trend, before, freed, kind=self.kind, logarithmic=self.logarithmic).wander
 
+    def newest_level(self, x: Array, count: int) -> tuple[float, float]:
+        """The level by the last `count` blocks alone, and its standard deviation, with covariates x (n, m).
+
+        Where it drifts, the level that is followed lags behind.
+        """
+        kept = self.kept
+        assert kept.before is not None
+        assert kept.rates is not None
+        y, r, freed = self._cleared(x)
+        freed[-min(count, len(y)), 0] = (3.0 * JUMP_SLOPE_PRIOR[self.kind] * kept.scale) ** 2
+        x = np.where(_told(x)[:, None], x, 0.0)
+        done = track(y, r, x, kept.before, kept.rates, freed=freed, test=False)
+        return float(done.level[-1]), float(done.std[-1])
+
     def let_go(self, x: Array, count: int) -> None:
         """Forget the first `count` of the blocks, with covariates x (n, m), but for what they taught."""
         kept, before = self.kept, self.kept.before
