@@ -8,6 +8,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from reference import write_reference
 
 import windsysid
+from measured import write_measured
 
 project = "windsysid"
 author = "The windsysid developers"
@@ -37,4 +38,6 @@ html_theme_options = {
 }
 
 
-write_reference(Path(__file__).parent / "reference")  # before Sphinx looks for pages
+HERE = Path(__file__).parent
+write_reference(HERE / "reference")  # before Sphinx looks for pages
+write_measured(HERE.parent / "validation" / "results", HERE / "reference" / "measured.md")
