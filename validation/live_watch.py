@@ -164,7 +164,7 @@ def delay(place: Site, factor: float, before: float, seed: int) -> tuple[float, 
     if not right:
         return math.inf, False, False, others
     first = right[0]
-    band = first.text.partition("(")[2].partition(" %)")[0].split(" … ")
+    band = first.text.partition(" % (")[2].partition(" %)")[0].split(" … ")
     within = float(band[0]) <= 100.0 * (factor - 1.0) <= float(band[1])
     return (first.opened - change) / 1e9, first.earliest <= change <= first.latest, within, others
 
@@ -189,7 +189,7 @@ def drift(place: Site, factor: float, seed: int) -> tuple[float, bool, int, int]
         return math.inf, False, len(keys - slow), len(slow)
     known = np.isfinite(truth)
     since, until = (np.flatnonzero(known[: (at - BEGIN) // STEP + 1])[-1] for at in (first.earliest, first.latest))
-    band = first.text.partition("(")[2].partition(" %)")[0].split(" … ")
+    band = first.text.partition(" % (")[2].partition(" %)")[0].split(" … ")
     within = float(band[0]) <= 100.0 * math.expm1(truth[until] - truth[since]) <= float(band[1])
     return (first.opened - change) / 1e9 / DAY, within, len(keys - slow), len(slow) - 1
 

@@ -24,9 +24,9 @@ def said(watched: Watched, size: float, *, returns: bool = False, **about: Any):
 def test_the_sentence_says_what_how_much_when_and_what_to_do():
     alarm = said(K_X, -0.05)
     assert alarm.text == (
-        "k_x fell by 4.88 % (-5.26 … -4.5 %) on 2026-01-01 00:00 … 2026-01-01 00:10, found on 2026-01-01 00:50 UTC:"
-        " the sensors are as they were; compare the records before and after (windsysid compare) and have the turbine"
-        " looked at"
+        "stiffness of the tower, x (k_x) fell by 4.88 % (-5.26 … -4.5 %) on 2026-01-01 00:00 … 2026-01-01 00:10, found"
+        " on 2026-01-01 00:50 UTC: the sensors are as they were; compare the records before and after (windsysid"
+        " compare) and have the turbine looked at"
     )
     assert (alarm.key, alarm.opened, alarm.ended) == (f"T1:k_x:{WHEN[2]}", WHEN[3], None)
     assert (alarm.earliest, alarm.latest) == WHEN[:2]
@@ -46,7 +46,7 @@ def test_a_loss_that_is_sure_and_large_is_an_alarm(kind: str, size: float, sever
 @pytest.mark.parametrize(
     ("about", "why"),
     [
-        ({"noisy": ("noise_a", "noise_b")}, "noise_a, noise_b changed with it"),
+        ({"noisy": ("noise_a", "noise_b")}, "noise of the a (noise_a) and noise of the b (noise_b) changed with it"),
         ({"lost_trust": True}, "does not explain"),
         ({"lost_health": True}, "findings since"),
     ],

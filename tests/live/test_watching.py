@@ -69,7 +69,7 @@ def test_a_softer_support_is_one_alarm_that_says_what_when_and_how_much():
     found = next(k for k, one in enumerate(taken) if one.alarms)
     assert found <= 306
     assert alarm.opened == BEGIN + (found + 1) * STEP
-    assert "k_x fell by " in alarm.text
+    assert "stiffness of the tower, x (k_x) fell by " in alarm.text
     assert "the sensors are as they were" in alarm.text
     assert taken[-1].levels[0].level == pytest.approx(97.0, abs=0.2)
     assert [level.name for level in taken[-1].levels] == ["k_x", "k_y", "noise_tower"]
@@ -142,7 +142,7 @@ def test_a_tower_that_softens_slowly_is_one_alarm_that_grows_with_it():
     (first, opened), (_, last) = said[0], said[-1]
     assert 170 + 60 < first < 170 + 300
     assert (opened.about, opened.kind, opened.severity) == ("k_x", "structure", "warning")
-    assert "k_x fell slowly, by " in opened.text
+    assert "stiffness of the tower, x (k_x) fell slowly, by " in opened.text
     assert "its usual wander in such a time is" in opened.text
     assert "the temperature is not known here" in opened.text
     assert (last.severity, last.opened, last.ended) == ("alarm", opened.opened, None)

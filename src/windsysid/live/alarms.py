@@ -23,6 +23,7 @@ from datetime import UTC, datetime
 from typing import Literal, NamedTuple
 
 from windsysid.fleet.rows import Row
+from windsysid.live.series_words import said_with_name
 from windsysid.live.slow_drifts import Drifted
 from windsysid.live.store.contents import Alarm, Severity
 from windsysid.live.watched import Watched
@@ -119,7 +120,7 @@ def jump_alarm(
     kind, why = _cause(watched, about)
     percent = percent_of(jump.size, jump.std, jump.before, watched.logarithmic)
     between = date(earliest) if earliest == latest else f"{date(earliest)} … {date(latest)}"
-    told = tell(watched.name, percent, between, f"{date(opened)} UTC", why)
+    told = tell(said_with_name(watched.name), percent, between, f"{date(opened)} UTC", why)
     severity = "notice" if returns else _severity(watched.kind, kind, percent)
     return Alarm(
         f"{turbine}:{watched.name}:{found}", turbine, kind, severity, watched.name, opened, earliest, latest,
@@ -145,10 +146,10 @@ def drift_alarm(
     verb = "rose" if percent[0] > 0.0 else "fell"
     alone = percent_of(SIGMAS * drift.wander, 0.0, jump.before, watched.logarithmic)[0]
     told = (
-        f"{watched.name} {verb} slowly, by {abs(percent[0]):.3g} % ({percent[1]:+.3g} … {percent[2]:+.3g} %) from"
-        f" {date(earliest)} to {date(latest)}, found on {date(opened)} UTC"
+        f"{said_with_name(watched.name)} {verb} slowly, by {abs(percent[0]):.3g} %"
+        f" ({percent[1]:+.3g} … {percent[2]:+.3g} %) from {date(earliest)} to {date(latest)}"
     )
-    told += f": its usual wander in such a time is {alone:.2g} % (2σ); {why}"
+    told += f", found on {date(opened)} UTC: its usual wander in such a time is {alone:.2g} % (2σ); {why}"
     if not weather and watched.kind != "noise":
         told += "; the temperature is not known here, and a season moves it as well"
     severity = "notice" if returns else _severity(watched.kind, kind, percent)
@@ -167,7 +168,7 @@ def _cause(watched: Watched, about: Circumstances) -> tuple[Literal["structure",
     if watched.kind == "noise":
         return "sensor", HEARD
     if about.noisy:
-        return "sensor", f"{SENSOR}: {', '.join(about.noisy)} changed with it"
+        return "sensor", f"{SENSOR}: {' and '.join(map(said_with_name, about.noisy))} changed with it"
     if about.lost_trust:
         return "sensor", f"{SENSOR}: {UNEXPLAINED}"
     if about.lost_health:

@@ -137,7 +137,7 @@ def alarms(last: int, count: int) -> list[Alarm]:
         Alarm(
             key=KEY, turbine="T02", kind="structure", severity="alarm", about="k_fore_aft", opened=at + 9 * WINDOW,
             earliest=at - 2 * WINDOW, latest=at + WINDOW, ended=None,
-            text="k_fore_aft fell by 4.0 ± 0.8 %; noise and trust are as they were: inspect foundation and bolts",
+            text="stiffness of the tower, fore-aft (k_fore_aft) fell by 4.0 ± 0.8 %: inspect foundation and bolts",
         ),
         Alarm(
             key="T03/blade_2_lag_acceleration/1", turbine="T03", kind="sensor", severity="warning",

@@ -9,7 +9,6 @@ from fastapi.testclient import TestClient
 from windsysid.errors import WindsysidError
 from windsysid.live.page.app import STATIC, app, streams_of
 from windsysid.live.page.streams import Streams, TooManyStreams
-from windsysid.live.page.views import series_title
 from windsysid.live.sources.folder import FolderSource
 from windsysid.live.sources.source import SourceState
 from windsysid.live.store import open_store
@@ -34,7 +33,7 @@ def test_the_overview_has_the_worst_first(client):
         ("T03", "sensor"),
         ("T01", "steady"),
     ]
-    assert "fore-aft stiffness fell" in turbines[0]["answer"]
+    assert "stiffness of the tower, fore-aft (k_fore_aft) fell" in turbines[0]["answer"]
     assert turbines[1]["faults"][0]["state"] == "stuck"
 
 
@@ -169,13 +168,6 @@ def test_a_store_that_is_away_is_said_in_one_line(store):
     answer = client.get("/api/overview")
     assert answer.status_code == 503
     assert "secret" not in answer.text
-
-
-def test_series_have_words():
-    assert series_title("k_side_side") == "stiffness, side-side"
-    assert series_title("c_beta_1") == "damping, beta 1"
-    assert series_title("noise_tower_acceleration") == "noise, tower acceleration"
-    assert series_title("blade_2_lag_acceleration") == "blade 2 lag acceleration"
 
 
 def test_openapi_lists_every_path_with_a_model(client):

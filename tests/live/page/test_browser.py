@@ -91,7 +91,7 @@ def test_an_event_updates_the_page_and_an_operator_acknowledges(served, tab):
         key="T01/k_side_side/2", turbine="T01", about="k_side_side", text="k_side_side fell by 5 %: <img src=x>"
     )
     store.submit(Commit(alarms=[fresh])).result(60)
-    tab.locator("#announcement", has_text="New alarm of T01: side-side stiffness fell by 5 %: <img src=x>").wait_for(
+    tab.locator("#announcement", has_text="New alarm of T01: k_side_side fell by 5 %: <img src=x>").wait_for(
         state="attached"
     )
     tab.goto(f"{address}/#/alarms")

@@ -12,6 +12,7 @@ from windsysid.configuration import parse_toml
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
 from windsysid.live.page.states import Engine, TurbineState
+from windsysid.live.series_words import series_title
 from windsysid.live.sources.source import Source
 from windsysid.live.store.contents import Alarm, Health, Level, Result, Status
 from windsysid.live.store.store import Store
@@ -25,7 +26,6 @@ __all__ = [
     "levels_of",
     "overview_of",
     "results_of",
-    "series_title",
     "sources_of",
     "turbine_of",
 ]
@@ -43,10 +43,6 @@ MULTIPLES = 4
 """Multiples of the number of blades that are looked at beside 1P."""
 
 TWO_PI = 2.0 * math.pi
-
-_KINDS = {"k": "stiffness", "c": "damping", "f": "frequency"}
-
-_WORDS = (("side_side", "side-side"), ("fore_aft", "fore-aft"))
 
 
 def sources_of(sources: Iterable[Source]) -> list[models.Source]:
@@ -184,27 +180,9 @@ def alarm_seen(alarm: Alarm) -> models.AlarmSeen:
     return models.AlarmSeen(
         key=alarm.key, turbine=alarm.turbine, kind=alarm.kind, severity=alarm.severity, about=alarm.about,
         title=series_title(alarm.about), opened=_ms(alarm.opened), earliest=_ms(alarm.earliest),
-        latest=_ms(alarm.latest), ended=_ms_or_none(alarm.ended), text=_in_words(alarm),
+        latest=_ms(alarm.latest), ended=_ms_or_none(alarm.ended), text=alarm.text,
         acknowledged=_ms_or_none(alarm.acknowledged), by=alarm.by, remark=alarm.remark,
     )  # fmt: skip
-
-
-def _in_words(alarm: Alarm) -> str:
-    """What is told of an alarm, with the coefficient in words: ``k_side_side fell`` → side-side stiffness fell."""
-    quantity, _, where = series_title(alarm.about).partition(", ")
-    return alarm.text.replace(alarm.about, f"{where} {quantity}") if quantity in _KINDS.values() else alarm.text
-
-
-def series_title(name: str, kind: str = "") -> str:
-    """A coefficient in words: ``k_side_side`` → stiffness, side-side."""
-    for spelled, said in _WORDS:
-        name = name.replace(spelled, said)
-    first, _, rest = name.partition("_")
-    if first == "noise" and rest:
-        return f"noise, {rest.replace('_', ' ')}"
-    if first in _KINDS and rest:
-        return f"{_KINDS[first]}, {rest.replace('_', ' ')}"
-    return name.replace("_", " ") if kind not in _KINDS else f"{_KINDS[kind]}, {name.replace('_', ' ')}"
 
 
 def _summary(
