@@ -12,6 +12,8 @@ from windsysid.live.settings import (
     WebhookNotice,
     read_settings,
 )
+from windsysid.live.sources.replay import Replay
+from windsysid.live.wiring import sources_of
 
 SMALLEST = """
 store = "store.sqlite"
@@ -212,3 +214,22 @@ def test_a_mapping_that_nothing_reads_is_refused(tmp_path: Path):
 def test_the_same_name_twice_is_refused(tmp_path: Path):
     twice = SMALLEST + '[[turbine]]\nname = "T01"\nturbine = "tower"\n'
     assert faults(tmp_path, twice) == ["[[turbine]]: two are called 'T01': give each a name of its own"]
+
+
+@pytest.mark.parametrize(
+    ("start", "expected"), [('"2026-01-05T12:00:00Z"', 1_767_614_400 * 10**9), ('"today"', None), ("17", None)]
+)
+def test_a_replay_begins_when_it_is_told(tmp_path: Path, start: str, expected: int | None):
+    (tmp_path / "record.nc").write_bytes(b"")
+    text = (
+        'store = "s.sqlite"\n[[turbine]]\nname = "T01"\nturbine = "tower"\n'
+        f'[[source]]\nkind = "replay"\nturbine = "T01"\nrecord = "record.nc"\nstart = {start}\n'
+    )
+    if expected is None:
+        (fault,) = faults(tmp_path, text)
+        assert 'start: expected a moment with its zone in quotes, such as "2026-01-05T12:00:00Z", got' in fault
+        return
+    settings = read_settings(written(tmp_path, text))
+    (source,) = sources_of(settings)
+    assert isinstance(source, Replay)
+    assert source.begin == expected

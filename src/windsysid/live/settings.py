@@ -140,11 +140,14 @@ class ReplaySettings:
     ----------
     speed
         How many times faster than it was recorded; 0 is as fast as it goes.
+    start
+        The moment of its time 0 [ns since 1970]; None for its own, or now.
     """
 
     record: Path
     turbine: str
     speed: float
+    start: int | None = None
 
 
 SourceSettings = MqttSettings | FolderSettings | OpcuaSettings | ReplaySettings
@@ -378,8 +381,8 @@ def _opcua(table: TomlTable, names: list[str]) -> OpcuaSettings:
 
 def _replay(table: TomlTable, names: list[str]) -> ReplaySettings | None:
     record, turbine = table.path("record", needed=True, exists="file"), _one_of(table, names)
-    speed = table.number("speed", 1.0, 0.0, 1e6)
-    return None if record is None else ReplaySettings(record, turbine, speed)
+    speed, start = table.number("speed", 1.0, 0.0, 1e6), table.moment("start")
+    return None if record is None else ReplaySettings(record, turbine, speed, start)
 
 
 def _one_of(table: TomlTable, names: list[str]) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from windsysid.errors import ConfigurationError
+from windsysid.live.sources.cutting import moment_ns
 from windsysid.units import parse_quantity
 
 __all__ = ["Secret", "TomlTable"]
@@ -106,6 +107,18 @@ class TomlTable:
 
         found = self.value(key, f'a time of "{low}" to "{high}", with its unit', right, default)
         return parse_quantity(found, "s")
+
+    def moment(self, key: str) -> int | None:
+        """A moment with its zone [ns since 1970]; None where there is none."""
+
+        def right(it: Any) -> bool:
+            try:
+                return bool(moment_ns(it))
+            except (ConfigurationError, TypeError, AttributeError):
+                return False
+
+        found = self.value(key, 'a moment with its zone in quotes, such as "2026-01-05T12:00:00Z"', right, "")
+        return moment_ns(found) if found else None
 
     def path(self, key: str, *, needed: bool = False, exists: str = "") -> Path | None:
         """A path, absolute; where `exists` says ``file`` or ``folder``, one that is there."""

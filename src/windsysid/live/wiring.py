@@ -25,7 +25,7 @@ def sources_of(settings: Settings) -> list[Source]:
 
 def _source(one: SourceSettings, names: list[str], mappings: dict[str, str | None]) -> Source:
     if isinstance(one, ReplaySettings):
-        return Replay(one.record, one.turbine, speed=one.speed, mapping=mappings[one.turbine])
+        return Replay(one.record, one.turbine, speed=one.speed, begin=one.start, mapping=mappings[one.turbine])
     if isinstance(one, MqttSettings):
         return MqttSource(one.broker, names, topic=one.topic, client=one.client)
     if isinstance(one, OpcuaSettings):

@@ -11,6 +11,7 @@ import pytest
 from windsysid.live.page.access import Access
 from windsysid.live.page.app import app, streams_of
 from windsysid.live.sources.folder import FolderSource
+from windsysid.live.sources.replay import Replay
 from windsysid.live.sources.source import SourceState
 from windsysid.live.store import open_store
 from windsysid.live.store.contents import Commit
@@ -125,8 +126,11 @@ def test_a_page_says_that_equations_are_compiled_and_what_a_source_lacks(store, 
     state = SimpleNamespace(turbines={}, samples=0, rate=0.0, seconds=seconds, compiling=True)
     source = FolderSource("/nowhere", "T01")
     source.state = SourceState("failed", "it is <b>broken</b>")
-    with serving(app(store, SimpleNamespace(state=lambda: state), sources=[source])) as address:
+    over = Replay("record.nc", "T01")
+    over.state = SourceState("ended")
+    with serving(app(store, SimpleNamespace(state=lambda: state), sources=[source, over])) as address:
         tab.goto(address)
+        tab.get_by_text("A source has ended: it brings nothing more, and what is known stays. replay of").wait_for()
         tab.get_by_text("The equations are being compiled").wait_for()
         tab.get_by_text("folder /nowhere of T01: it is <b>broken</b>").wait_for()
 

@@ -7,9 +7,15 @@ export const pathOf = (name) => `#/turbine/${encodeURIComponent(name)}`;
 
 const COMPILING = "The equations are being compiled: seconds where this machine has done it before, minutes where it has not. Estimates wait for it, samples are kept meanwhile.";
 
+const TROUBLES = {
+  failed: ["bad", "A source failed, and is started again within a minute"],
+  trying: ["warn", "A source cannot be reached, and is tried again"],
+  ended: ["", "A source has ended: it brings nothing more, and what is known stays"],
+};
+
 export function overviewPage(overview) {
   const { turbines } = overview;
-  const sources = overview.sources.filter((one) => one.state === "failed" || one.state === "trying").map(trouble);
+  const sources = overview.sources.filter((one) => one.state in TROUBLES).map(trouble);
   if (!turbines.length) {
     return [h("h1", {}, "Turbines"), sources, overview.service?.compiling ? h("p", { class: "note", role: "status" }, COMPILING) : null, h("p", { class: "note" },
       "No turbine has sent anything yet. Once the first block of samples is here, its turbine is listed, and its first estimate comes when its first window has ended.")];
@@ -34,8 +40,9 @@ export function overviewPage(overview) {
 }
 
 function trouble(source) {
-  const [tone, what] = source.state === "failed" ? ["bad", "A source failed, and is started again within a minute"] : ["warn", "A source cannot be reached, and is tried again"];
-  return h("p", { class: `note ${tone}`, role: "status" }, `${what}. ${source.name}: ${source.text}`);
+  const [tone, what] = TROUBLES[source.state];
+  const why = source.text ? `: ${source.text}` : "";
+  return h("p", { class: `note ${tone}`, role: "status" }, `${what}. ${source.name}${why}`);
 }
 
 function row(one, now) {
