@@ -143,11 +143,28 @@ def test_what_is_not_ours_is_not_overwritten(tmp_path: Path, data: Path, fleet: 
     path = tmp_path / "turbine=T" / "month=2026-03" / "2026-03-01.parquet"
     path.parent.mkdir(parents=True)
     pq.write_table(pa.table({"x": [1]}), path)
-    with pytest.raises(ConfigurationError, match="was not written by windsysid batch"):
+    with pytest.raises(ConfigurationError, match="not of windsysid batch: move it away"):
         add_rows(path, [empty_row("/a.csv", 1, "s")])
     path.write_bytes(path.read_bytes()[:50])
     with pytest.raises(ConfigurationError, match="is damaged"):
         rows_of(tmp_path, "T")
+
+
+def test_a_changed_bit_of_an_archive_is_never_read(tmp_path: Path):
+    """Parquet has no checksum of its footer: a bit of it renamed a column, and a coefficient."""
+    path = tmp_path / "turbine=T" / "month=2026-03" / "2026-03-01.parquet"
+    add_rows(path, [empty_row(f"/{name}.csv", 1, "s") | {"start": "2026-03-01T00:00:00Z"} for name in "ab"])
+    whole = path.read_bytes()
+    assert [row["source"] for row in rows_of(tmp_path, "T")] == ["/a.csv", "/b.csv"]
+    for at in range(0, len(whole), 13):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :])
+        with pytest.raises(ConfigurationError, match="is damaged"):
+            rows_of(tmp_path, "T")
+    for cut in (0, 3, 8, 50, len(whole) - 1):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(ConfigurationError, match="is damaged"):
+            add_rows(path, [empty_row("/c.csv", 1, "s")])
+        assert path.read_bytes() == whole[:cut]
 
 
 def test_a_file_that_grew_is_taken_again(tmp_path: Path):

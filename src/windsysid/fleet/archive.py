@@ -6,6 +6,9 @@ The files are the list of what was taken: a record whose file has a row, with th
 appears whole or not at all (`windsysid.output.files.replace_file`). It is rewritten as a whole when rows are added, its
 rows sorted by time and source, so that the same records give the same bytes in whatever order they were taken. Any
 program that reads Hive-partitioned Parquet reads an archive.
+
+Parquet has checksums of its pages but none of its footer, where one flipped bit renames a column or a coefficient. A
+digest of the whole file therefore stands before the footer, at a place that no reader of Parquet looks at.
 """
 
 import hashlib
@@ -40,8 +43,12 @@ __all__ = [
     "turbines_of",
 ]
 
-MARK = {b"windsysid_archive": b"1"}
-"""Metadata of every file of an archive: its form."""
+FORM = b"windsysid archive 1\n"
+"""What every digest begins with: the form of the files."""
+
+DIGEST_BYTES = 32
+TAIL_BYTES = 8
+"""Behind the footer of a Parquet file: the footer's length, and four letters."""
 
 UNDATED = "undated"
 """How the day of a record begins whose day is not known."""
@@ -123,9 +130,10 @@ def add_rows(path: Path, rows: Sequence[Row]) -> None:
         ordered = sorted(by_source.values(), key=lambda row: (row["start"] or "", row["source"]))
         table = table_of(ordered)
         content = io.BytesIO()
-        pq.write_table(table, content, compression="zstd", write_page_checksum=True)
+        pq.write_table(table, content, compression="zstd")
+        whole = _sealed(content.getvalue())
         make_folders(path.parent, [])
-        replace_file(path, lambda file: file.write(content.getbuffer()))
+        replace_file(path, lambda file: file.write(whole))
 
 
 def read_table(archive: str | Path, turbine: str, columns: Sequence[str] | None = None) -> Any:
@@ -186,17 +194,34 @@ def rows_in(path: Path, columns: Sequence[str] | None = None) -> list[Row]:
 def _table_of(path: Path, columns: Sequence[str] | None = None) -> Any:
     """The rows of one file."""
     pq = _parquet("pyarrow.parquet")
-    pa = _parquet("pyarrow")
     try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            if (file.schema_arrow.metadata or {}).items() >= MARK.items():
-                return file.read(columns=columns)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        why = " ".join(str(error).split())[:60]
+        content = path.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read ({error.strerror}): look at the disk") from None
+    if not _is_sealed(content):
         raise ConfigurationError(
-            f"{path}: is damaged ({why}): remove it, and windsysid batch takes its records again"
-        ) from None
-    raise ConfigurationError(f"{path}: was not written by windsysid batch: move it out of the archive")
+            f"{path}: is damaged, or not of windsysid batch: move it away, and batch takes its records again"
+        )
+    with pq.ParquetFile(io.BytesIO(content)) as file:
+        return file.read(columns=columns)
+
+
+def _sealed(content: bytes) -> bytes:
+    """A Parquet file with the digest of it before its footer."""
+    at = _footer(content)
+    return content[:at] + hashlib.sha256(FORM + content).digest() + content[at:]
+
+
+def _is_sealed(content: bytes) -> bool:
+    """Whether a file has the bytes that were written."""
+    at = _footer(content)
+    digest, before = content[at - DIGEST_BYTES : at], content[: at - DIGEST_BYTES]
+    return at > DIGEST_BYTES and digest == hashlib.sha256(FORM + before + content[at:]).digest()
+
+
+def _footer(content: bytes) -> int:
+    """Where the footer of a Parquet file begins; negative where it cannot."""
+    return len(content) - TAIL_BYTES - int.from_bytes(content[-TAIL_BYTES:-4], "little")
 
 
 def table_of(rows: Sequence[Row]) -> Any:
@@ -212,7 +237,7 @@ def table_of(rows: Sequence[Row]) -> Any:
         typed = pa.list_(pa.struct([(key, plain[of]) for key, of in inner.items()])) if inner else plain[str(kind)]
         fields.append(pa.field(name, typed))
     dated = [{**row, "time": None if row["start"] is None else _date(row["start"])} for row in rows]
-    return pa.Table.from_pylist(dated, schema=pa.schema(fields, metadata=MARK))
+    return pa.Table.from_pylist(dated, schema=pa.schema(fields))
 
 
 def _date(start: str) -> Any:
