@@ -9,12 +9,19 @@ from 3.2 to 14.4 m/s, which no straight line does.
 
 ``python -m validation.fleet --healthy 20 --rate 1``: false alarms of healthy years, stated so often that they can be
 counted.
+
+``python -m validation.fleet --raw 2``: three raw days of the same ten sisters, so many hours of records a day, spread
+over it: vibrations are simulated, written as CSV and Parquet with SCADA beside them, and taken by ``windsysid batch``,
+twice. Softened by 3 % on the third day, a sensor that spikes from noon of the second, ice of 4 % for 18 hours of frost.
 """
 
 import argparse
 import math
+import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,9 +32,13 @@ from numpy.typing import NDArray
 from validation.years import Site, site
 from windsysid._types import Array
 from windsysid.fleet.archive import add_rows, place_of, table_of
-from windsysid.fleet.overview import Overview, overview_of
+from windsysid.fleet.overview import Overview, oversee, overview_of
 from windsysid.fleet.rows import Row, empty_row
 from windsysid.monitoring.watch import YEAR
+from windsysid.records.formats import write_record
+from windsysid.records.record import Record
+from windsysid.simulation.record import simulate_record
+from windsysid.turbine.file import load_turbine
 
 __all__ = ["Fault", "main", "simulate_fleet"]
 
@@ -57,8 +68,17 @@ FAULTS = (
 ICE_BELOW, ICE_ABOVE, ICE_GROWS = -3.0, 1.0, 12
 """Mean temperature [°C] of the last day at which ice begins to grow, and falls off; hours that it grows."""
 
+_KINDS = {fault.turbine: fault.kind for fault in FAULTS}
+
 NAMED = {"T03": "turbine", "T05": "sensor", "T08": "ice"}
 """What the page should call them."""
+
+RAW_BEGIN = datetime(2025, 12, 1, tzinfo=UTC)
+RAW_DAYS, RAW_RATE, RAW_SECONDS = 3, 20.0, 600.0
+"""Days, samples a second [Hz] and seconds of the records of raw days."""
+
+RAW_HOURS = {"T03": (48.0, 72.0), "T05": (36.0, 72.0), "T08": (42.0, 60.0)}
+"""From which hour to which something is wrong with these turbines on raw days."""
 
 OFF = ("T03", "outlier")
 """The softened one is off its sisters, too, where its scatter is on that side: true, and not asked for."""
@@ -231,6 +251,70 @@ def healthy(fleets: int, first: int, rate: float, *, levelled: bool = False) -> 
     )
 
 
+def raw_days(hours: float, seed: int, home: Path) -> bool:
+    """Print what the page of three raw days names, and whether a second run had nothing to do."""
+    written = _write_raw(hours, seed, home)
+    command = [
+        sys.executable, "-m", "windsysid", "batch", str(home / "data"), "--fleet", str(home / "fleet.toml"),
+        "--output", str(home / "archive"),
+    ]  # fmt: skip
+    for _ in range(2):
+        run = subprocess.run(command, capture_output=True, text=True)
+        print((run.stdout or run.stderr).strip().replace(str(home), "").splitlines()[0])
+    page = oversee(home / "archive")
+    print(*page.sentences, sep="\n")
+    kinds = {(name, event.kind) for event in page.events for name in event.turbine.split(", ")}
+    wanted = set(NAMED.items())
+    identified = sum(glance.identified for glance in page.glances.values())
+    print(
+        f"{identified} of {written} records identified; {len(wanted & kinds)} of {len(wanted)} turbines named as they"
+        f" should be, {len(kinds - wanted - {OFF})} named that should not be"
+    )
+    return "0 records taken" in run.stdout
+
+
+def _write_raw(hours: float, seed: int, home: Path) -> int:
+    """Files of raw days, SCADA and the fleet file; how many records."""
+    rng = np.random.default_rng(seed)
+    machine = load_turbine("tower").exact()
+    each = max(round(6.0 * hours), 1)
+    begins = np.arange(each * RAW_DAYS) * 24.0 / each  # [h]
+    cold = (begins >= RAW_HOURS["T08"][0]) & (begins < RAW_HOURS["T08"][1])
+    temperature = np.where(cold, -4.0, 4.0) + 3.0 * np.sin(2.0 * np.pi * begins / 24.0)
+    text = ""
+    for number in range(1, 11):
+        name = f"T{number:02d}"
+        text += f'[[turbine]]\nname = "{name}"\npattern = "{name}/*"\nturbine = "tower"\nscada = "{name}.csv"\n'
+        own = {key: value * math.exp(SCATTER * rng.standard_normal()) for key, value in machine.values.items()}
+        for i, hour in enumerate(begins):
+            start = RAW_BEGIN + timedelta(hours=float(hour))
+            wrong = name in RAW_HOURS and RAW_HOURS[name][0] <= hour < RAW_HOURS[name][1]
+            soft = {"soft": 0.97, "ice": 0.96}.get(_KINDS.get(name, ""), 1.0) if wrong else 1.0
+            soft *= math.exp(-0.0003 * temperature[i])
+            values = {key: value * soft if key.startswith("k_") else value for key, value in own.items()}
+            record = simulate_record(
+                machine.with_values(values), duration=RAW_SECONDS, rate=RAW_RATE, seed=10**6 * seed + 1000 * number + i
+            )
+            if wrong and _KINDS[name] == "sensor":
+                record = _spiked(record, rng)
+            stamped = replace(record, start=start.isoformat().replace("+00:00", "Z"))
+            write_record(stamped, home / "data" / name / f"{start:%Y%m%d_%H%M}.{'csv' if number % 2 else 'parquet'}")
+        lines = [
+            f"{(RAW_BEGIN + timedelta(hours=float(hour))).isoformat()},{degrees:.2f}"
+            for hour, degrees in zip(begins, temperature, strict=True)
+        ]
+        (home / f"{name}.csv").write_text("time,temperature [degC]\n" + "\n".join(lines) + "\n")
+    (home / "fleet.toml").write_text(text)
+    return 10 * len(begins)
+
+
+def _spiked(record: Record, rng: np.random.Generator) -> Record:
+    """A record whose first channel has nine spikes."""
+    values = record.values.copy()
+    values[rng.integers(0, record.samples, 9), 0] += 30.0 * values[:, 0].std() * rng.choice([-1.0, 1.0], 9)
+    return replace(record, values=values)
+
+
 def _page(place: Site, seed: int, faults: tuple[Fault, ...], levelled: bool, rate: float) -> Overview:
     fleet = simulate_fleet(place, seed, faults=faults, levelled=levelled)
     tables = {name: table_of(rows) for name, rows in fleet}
@@ -243,6 +327,7 @@ def main() -> int:
     parser.add_argument("--years", type=int, metavar="N", help="so many years of ten turbines, faulty and healthy")
     parser.add_argument("--healthy", type=int, metavar="N", help="so many healthy years of ten turbines")
     parser.add_argument("--rate", type=float, default=1.0, help="false alarms a year that are stated for them")
+    parser.add_argument("--raw", type=float, metavar="HOURS", help="three raw days, so many hours of records a day")
     parser.add_argument("--levelled", action="store_true", help="damping levels off in strong wind")
     parser.add_argument("--archive", type=Path, help="write the archive of one faulty year")
     parser.add_argument("--seed", type=int, default=0, help="of the first fleet")
@@ -251,6 +336,10 @@ def main() -> int:
         years(options.years, options.seed, levelled=options.levelled)
     if options.healthy is not None:
         healthy(options.healthy, options.seed, options.rate, levelled=options.levelled)
+    if options.raw is not None:
+        with tempfile.TemporaryDirectory() as home:
+            if not raw_days(options.raw, options.seed, Path(home)):
+                return 1
     if options.archive is not None:
         write_fleet(site("tower", 12.0), options.seed, options.archive, faults=FAULTS)
     return 0
