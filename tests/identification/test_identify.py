@@ -147,6 +147,16 @@ def test_a_result_says_first_what_was_asked(found):
     assert f"3P {100.0 * (frequency / (3.0 * speed / (2.0 * math.pi)) - 1.0):+.2g} %" in row
 
 
+def test_progress_of_a_search_never_falls_and_is_not_whole_before_the_end(verne555, record):
+    told: list[tuple[str, float | None]] = []
+    identify(record, verne555, prior=Prior(0.7, 0.7), progress=lambda doing, share: told.append((doing, share)))
+    shares = [share for _, share in told if share is not None]
+    assert {doing for doing, _ in told} == {"joint formulation, 4000 samples"}
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    assert 0.5 < shares[-1] < 1.0
+
+
 def test_a_notebook_shows_what_the_terminal_shows(found, record):
     html = found._repr_html_()
     assert "<script" not in html

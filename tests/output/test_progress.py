@@ -1,6 +1,6 @@
 """What a waiting user is told: one line, per cent and time left where they are known."""
 
-from windsysid.output.progress import Shown
+from windsysid.output.progress import Shown, expect, hear, passed
 
 
 class Clock:
@@ -53,3 +53,25 @@ def test_line_fits_the_terminal_and_keeps_its_times():
     line = shown.line(78)
     assert len(line) == 78
     assert line.endswith("… (50 %, 10 s left)")
+
+
+def test_share_of_estimated_work_never_falls_and_ends_below_one():
+    told: list[float] = []
+
+    def listen(doing: str, share: float | None) -> None:
+        assert doing == "search"
+        told.append(share or 0.0)
+
+    expect(1.0, 1.0)  # nobody hears
+    with hear(listen, "search"):
+        passed(5.0)  # before any estimate: nothing is told
+        expect(10.0, 1.0)
+        for _ in range(15):
+            passed(1.0)
+        expect(30.0, 1.0)  # more than was thought
+        passed(1.0)
+    passed(1.0)
+    assert told[:6] == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
+    assert told == sorted(told)
+    assert len(told) == 18
+    assert told[-1] == 15.0 / 16.0

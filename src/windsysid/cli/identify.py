@@ -114,10 +114,9 @@ def identify(
             recorded = data = read_record(record, mapping=rules, progress=partial(progress, f"reading {record}"))
             if add_noise != 0.0:
                 data, listed = _noisy(data, machine, listed, formulation, section, add_noise, seed)
-            progress(f"{formulation} formulation, {data.samples} samples")
             found = identify_record(
                 data, machine, sensors=listed, formulation=formulation, section=section, prior=prior,
-                rate=rate, loads=loads
+                rate=rate, loads=loads, progress=progress,
             )  # fmt: skip
             used = data.section(*section) if section else data
             if found.provenance is not None:
@@ -159,6 +158,7 @@ def _identify_in_pieces(
 ) -> tuple["Identification", "Record"]:
     """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
     from windsysid.identification.pieces import identify_pieces
+    from windsysid.output.progress import hear
     from windsysid.records.formats import iterate_record
     from windsysid.results.provenance import mapping_tables
 
@@ -184,19 +184,11 @@ def _identify_in_pieces(
 
     try:
         told = {"file": str(record), "in_pieces_s": length, "mapping": mapping_tables(mapping)}
-        found = identify_pieces(
-            pieces(),
-            machine,
-            sensors=listed,
-            prior=prior,
-            formulation=formulation,
-            rate=rate,
-            loads=loads,
-            checkpoint=checkpoint,
-            keep_checkpoint=True,
-            progress=taken,
-            options=told,
-        )
+        with hear(progress, f"{record}, search for the mode"):
+            found = identify_pieces(
+                pieces(), machine, sensors=listed, prior=prior, formulation=formulation, rate=rate, loads=loads,
+                checkpoint=checkpoint, keep_checkpoint=True, progress=taken, options=told,
+            )  # fmt: skip
     except KeyboardInterrupt:
         print(f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})", file=sys.stderr)
         raise typer.Exit(130) from None

@@ -24,6 +24,7 @@ from windsysid.identification.spectral import identify_by_spectrum
 from windsysid.inspection.screening import noted, screen
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.mechanics.sensors import Sensor
+from windsysid.output.progress import Progress, hear, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
@@ -50,6 +51,7 @@ def identify(
     parameters: Sequence[str] | None = None,
     rate: float | None = None,
     loads: str = "auto",
+    progress: Progress = unheard,
 ) -> Identification:
     """Identify stiffness and damping of `turbine` from `record`.
 
@@ -84,11 +86,20 @@ def identify(
     loads
         What the loads are taken for (joint formulation): ``"broadband"``, ``"second-order"`` or ``"rotor-wind"``
         (`windsysid.loads.family`); the record chooses by default.
+    progress
+        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+
+    Returns
+    -------
+    Identification
+        Coefficients, modes and loads with their ±2σ bands, and whether to trust them.
 
     Raises
     ------
     RecordError, ConfigurationError
         If the record does not hold what is needed, or an option is out of range.
+    WindsysidError
+        If no load model fits the record, or the likelihood cannot be computed at the start.
     """
     record, turbine = as_record(record), as_turbine(turbine)
     options = {
@@ -103,7 +114,10 @@ def identify(
         raise ConfigurationError(f"formulation: expected {', '.join(_WAYS)}; got '{formulation}'")
     part = record.section(*section) if section else record
     asked = _Asked(record, part, turbine, sensors, prior, parameters, rate, loads)
-    found = _WAYS[formulation](asked)
+    doing = f"{formulation} formulation, {part.samples} samples"
+    progress(doing, None)
+    with hear(progress, doing):
+        found = _WAYS[formulation](asked)
     return conclude(
         found.outcome, found.read, found.formulation,
         provenance=trace(record, record_hash(record), turbine, found.sensors, options),

@@ -20,8 +20,8 @@ from windsysid.identification.load_choice import Question, choose, is_explained,
 from windsysid.identification.outcome import Outcome, known_loads
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
-from windsysid.identification.recursive import join_histories, spread_over_samples
-from windsysid.identification.solve import Solution, solve
+from windsysid.identification.recursive import MEMORY, join_histories, spread_over_samples
+from windsysid.identification.solve import Solution, expect_search, solve
 from windsysid.identification.tolerances import doubt_tolerances, learned_tolerances, note_tolerances
 from windsysid.loads.family import candidates
 from windsysid.loads.hypothesis import HYPOTHESES
@@ -38,6 +38,9 @@ __all__ = ["describe_solution", "first_estimate", "identify_jointly", "identify_
 FIRST_PERIODS = 10.0
 """Periods of the slowest degree of freedom before the first estimate on line."""
 
+CHOICE = 4.0
+"""For progress only: how often the choice of a load model goes through the samples that it looks at."""
+
 
 def identify_jointly(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
@@ -49,7 +52,10 @@ def identify_jointly(
     """
     started = time.perf_counter()
     question = Question(record, turbine, tuple(sensors), prior, chosen)
-    choice = choose(question, load_models(record, turbine, loads), first_estimate(turbine, record.rate))
+    first, samples = first_estimate(turbine, record.rate), record.samples
+    expect_search(samples, samples + CHOICE * min(MEMORY * first, samples))
+    choice = choose(question, load_models(record, turbine, loads), first)
+    expect_search(samples, samples)
     problem, best = choice.best.problem, choice.best
     solution = solve(problem, [(problem.inputs, problem.readings)], best.online, rate=record.rate)
     elapsed = time.perf_counter() - started - choice.warming
@@ -84,6 +90,7 @@ def identify_jointly_from(
     if near.joint_cov is None or len(start) < known or [*near.model.parameters] != [*problem.parameters]:
         return None
     samples = [(problem.inputs, problem.readings)]
+    expect_search(record.samples)
     try:
         solution = solve(problem, samples, None, rate=record.rate, start=(start, near.joint_cov[:known, :known]))
     except (WindsysidError, np.linalg.LinAlgError):

@@ -42,7 +42,7 @@ from windsysid.identification.recursive import (
     save,
 )
 from windsysid.identification.samples import SamplesOnDisk
-from windsysid.identification.solve import solve
+from windsysid.identification.solve import expect_search, solve
 from windsysid.identification.spectral_pieces import identify_spectra_of_pieces
 from windsysid.identification.windows import Prepared, Windows
 from windsysid.inspection.health import Finding
@@ -110,12 +110,19 @@ def identify_pieces(
         Plain values that tell more of the call: kept with the result, and with the checkpoint, which another call does
         not take up.
 
+    Returns
+    -------
+    Identification
+        As of `windsysid.identify`; what was known on line is kept once for each estimate, not for each sample.
+
     Raises
     ------
     RecordError, ConfigurationError
         If a piece does not hold what is needed, an option is out of range, or the checkpoint belongs to another call.
     OutputError
         If the disk is full.
+    WindsysidError
+        As `windsysid.identify` raises it.
     """
     started = time.perf_counter()
     checkpoint = None if checkpoint is None else Path(checkpoint)
@@ -284,6 +291,7 @@ class _Run:
         begun, steps = float(self.first.time[0]), self.windows.steps
         check_length(self.name, self.ended - begun, self.windows.rate, self.turbine)
         problem, samples = self.problem, self.samples
+        expect_search(samples.count)
         solution = solve(problem, samples, self.online, rate=self.windows.rate)
         samples.close()
         history = join_histories([*self.histories, *filter(None, [solution.history])])

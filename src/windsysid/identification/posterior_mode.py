@@ -24,6 +24,7 @@ from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import Bank, bank_of, run_bank
 from windsysid.identification.samples import Samples
+from windsysid.output.progress import passed
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
@@ -296,5 +297,6 @@ def score(
         fisher += 2.0 * (moved_s.T @ moved_s)
         moved_z += middle[:, None] * moved_s
         fisher += moved_z.T @ moved_z
+        passed(len(readings[part]))
     log_likelihood -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
     return bank, Score(float(log_likelihood), gradient / widths, fisher / np.outer(widths, widths))

@@ -24,12 +24,13 @@ from windsysid.identification.outcome import check_finite
 from windsysid.identification.posterior_mode import Mode, find_mode
 from windsysid.identification.recursive import History, Online, advance, finish, join_histories
 from windsysid.identification.samples import Block, Samples, split_evenly
+from windsysid.output.progress import expect
 from windsysid.results.load_history import Loads
 from windsysid.results.stretches import Stretch, measure_stretch
 from windsysid.results.whiteness import Whiteness, judge_stretches
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["Problem", "Solution", "solve"]
+__all__ = ["Problem", "Solution", "expect_search", "solve"]
 
 GATE_SIGMAS = 5.0
 """Standard deviations beyond which an innovation is an outlier: one in two million of normal ones."""
@@ -56,6 +57,9 @@ is taken unseen."""
 
 COVARIANCE_CHUNK = 1024
 """Samples whose covariances are held at once."""
+
+PASSES, LAST_PASS = 3.0, 0.25
+"""For progress only: how often a search goes through all samples, and what is left of it until it ends."""
 
 
 class Problem(Protocol):
@@ -132,6 +136,11 @@ class Solution(NamedTuple):
             for channel, count, read in zip(self.whiteness.channels, self.outliers, self.read, strict=True)
             if count
         )
+
+
+def expect_search(samples: int, before: float = 0.0) -> None:
+    """Tell who hears that a search through so many samples is left, and so many samples to go through before it."""
+    expect(before + PASSES * samples, LAST_PASS * samples)
 
 
 def solve(

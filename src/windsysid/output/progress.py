@@ -1,7 +1,9 @@
 """What a command that takes seconds says meanwhile: one line that a terminal draws again and again."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, TypeAlias
 
 from windsysid.units import spell
@@ -9,7 +11,7 @@ from windsysid.units import spell
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
 
-__all__ = ["Progress", "Shown", "unheard"]
+__all__ = ["Progress", "Shown", "expect", "hear", "passed", "unheard"]
 
 Progress: TypeAlias = Callable[[str, float | None], object]
 """Told what is being done, and the share of it that is done, from 0 to 1; None where nobody knows."""
@@ -71,3 +73,52 @@ class Shown:
         from rich.text import Text
 
         yield Text(self.line(options.max_width), no_wrap=True, overflow="crop")
+
+
+class _Work:
+    """Work of which only an estimate says how much is left: its share never falls, and is below 1 until it ends."""
+
+    def __init__(self, progress: Progress, doing: str) -> None:
+        self.progress, self.doing = progress, doing
+        self.done = self.left = self.least = self.share = 0.0
+
+    def expect(self, left: float, least: float) -> None:
+        """Estimate anew what is left; say nothing before the first estimate."""
+        self.left, self.least = left, least
+        self.tell()
+
+    def passed(self, amount: float) -> None:
+        """Take note that so much was done."""
+        if self.least > 0.0:
+            self.done, self.left = self.done + amount, max(self.left - amount, self.least)
+            self.tell()
+
+    def tell(self) -> None:
+        """Tell the share that is done."""
+        self.share = max(self.share, self.done / (self.done + self.left))
+        self.progress(self.doing, self.share)
+
+
+_WORK: ContextVar[_Work | None] = ContextVar("work", default=None)
+
+
+@contextmanager
+def hear(progress: Progress, doing: str) -> Iterator[None]:
+    """Tell `progress` of the work within: of what calls `expect` and `passed`, however deep below."""
+    token = _WORK.set(_Work(progress, doing))
+    try:
+        yield
+    finally:
+        _WORK.reset(token)
+
+
+def expect(left: float, least: float) -> None:
+    """Tell who hears how much work is left, and the least that is left until it ends, in the unit of `passed`."""
+    if (work := _WORK.get()) is not None:
+        work.expect(left, least)
+
+
+def passed(amount: float) -> None:
+    """Tell who hears that so much work was done."""
+    if (work := _WORK.get()) is not None:
+        work.passed(amount)
