@@ -1,4 +1,5 @@
-"""Docstrings of everything that `import windsysid` gives: parameters and attributes are named, errors are told."""
+"""Docstrings of everything that `import windsysid` gives: parameters and attributes are named, arrays with their shape
+and quantities with their unit; errors and what comes back are told."""
 
 import ast
 import dataclasses
@@ -17,19 +18,47 @@ FUNCTIONS = {name: thing for name, thing in PUBLIC.items() if inspect.isfunction
 CLASSES = {name: thing for name, thing in PUBLIC.items() if inspect.isclass(thing) and not issubclass(thing, Exception)}
 
 
-KEYS = {"CompiledModel", "lagrange", "read_sensors"}
-"""These stand in `windsysid.mechanics`, whose text is in the key of compiled models: a word more there, and every user
-compiles anew. Their docstrings become complete with the next change of that code."""
+SHAPE = r"\([^()\s][^()]*,[^()]*\)"
+"""``(T, m)``, ``(n,)``."""
+
+UNIT = r"\[.+?\]|\bunits?\b|\bSI\b|\b[Rr]elative|\b[Ss]hare\b|\b[Ff]actors?\b|\bfilter coordinates\b|\b[Ll]og "
+"""``[Hz]``, in the unit of something else that is named; or in words that leave no unit over."""
+
+RAISE_NOTHING = {"packaged_turbines", "register_loads", "register_model", "register_sensor"}
+"""Functions that raise nothing, and call nothing that does: of every other a user must know the errors."""
 
 
 def complete(things: dict[str, Any]) -> list[Any]:
     """Those that must be complete."""
-    return [pytest.param(thing, id=name) for name, thing in sorted(things.items()) if name not in KEYS]
+    return [pytest.param(thing, id=name) for name, thing in sorted(things.items())]
 
 
 def names(text: str, word: str) -> bool:
     """Whether a docstring names a parameter."""
     return re.search(rf"\b{re.escape(word)}\b", text) is not None
+
+
+def entries(text: str) -> Iterator[tuple[str, str]]:
+    """Name and text of each parameter or attribute that a docstring lists; those that share a text share it here."""
+    section = r"^(?:Parameters|Attributes)\n-+\n(.*?)(?=^\w+\n-+$|\Z)"
+    for listed in re.findall(section, text, flags=re.DOTALL | re.MULTILINE):
+        for head, told in re.findall(r"^(\S.*)\n((?:[ ]+.*\n?|\n)*)", listed, flags=re.MULTILINE):
+            for name in head.partition(" : ")[0].split(", "):
+                yield name, f"{head} {told}"
+
+
+def without_shape_or_unit(text: str, annotations: dict[str, Any]) -> list[str]:
+    """What is listed without shape though it is an array, or without unit though it is a number."""
+    lacking = []
+    for name, told in entries(text):
+        kind = str(annotations.get(name, ""))
+        if "Callable" in kind or re.search(r"\bAs (?:those )?(?:of|for) `", told):  # says it there
+            continue
+        if "ndarray" in kind or kind == "Array":
+            lacking += [f"{name}: shape"] * (re.search(SHAPE, told) is None)
+        elif re.search(r"\bfloat\b", kind):
+            lacking += [f"{name}: unit"] * (re.search(UNIT, told) is None)
+    return lacking
 
 
 def raises(function: Any) -> bool:
@@ -48,14 +77,14 @@ def methods() -> Iterator[Any]:
                 yield pytest.param(thing, id=f"{name}.{attribute}")
 
 
-@pytest.mark.parametrize(
-    "function", [pytest.param(FUNCTIONS[name], id=name) for name in sorted(FUNCTIONS.keys() - KEYS)]
-)
+@pytest.mark.parametrize("function", [pytest.param(FUNCTIONS[name], id=name) for name in sorted(FUNCTIONS)])
 def test_a_function_says_what_it_takes_gives_and_refuses(function: Any):
     text = inspect.getdoc(function) or ""
     assert [name for name in inspect.signature(function).parameters if not names(text, name)] == []
-    assert "return" in inspect.get_annotations(function)
-    assert not raises(function) or "Raises\n------" in text
+    given = inspect.get_annotations(function)
+    assert without_shape_or_unit(text, given) == []
+    assert given["return"] is None or "Returns\n-------" in text or "Yields\n------" in text
+    assert "Raises\n------" in text or function.__name__ in RAISE_NOTHING
 
 
 @pytest.mark.parametrize("found", complete(CLASSES))
@@ -64,10 +93,18 @@ def test_a_class_says_what_it_holds(found: Any):
     fields = [field.name for field in dataclasses.fields(found)] if dataclasses.is_dataclass(found) else []
     fields += [*getattr(found, "_fields", ()), *getattr(found, "model_fields", ())]
     assert [name for name in fields if not name.startswith("_") and not names(text, name)] == []
+    annotations: dict[str, Any] = {}
+    for base in reversed(found.__mro__):
+        annotations |= inspect.get_annotations(base)
+    assert without_shape_or_unit(text, annotations) == []
 
 
 @pytest.mark.parametrize("method", list(methods()))
 def test_a_method_is_described_and_says_what_it_refuses(method: Any):
     text = inspect.getdoc(method) or ""
     assert text
+    given = inspect.get_annotations(method)
+    assert without_shape_or_unit(text, given) == []
+    arrays = [name for name, kind in given.items() if "ndarray" in str(kind) and name != "return"]
+    assert not arrays or re.search(SHAPE, text)
     assert not raises(method) or "Raises\n------" in text or "Error" in text

@@ -75,6 +75,11 @@ def smooth(model: StateSpace, inputs: Array, readings: Array, filter_: Filter = 
         Runs forward. Back, the `UKF` takes sigma points through the transition and every other filter its exact
         Jacobian.
 
+    Returns
+    -------
+    Smoothed
+        The state and its standard deviation at each sample (T, n), and what the filter said on the way.
+
     Raises
     ------
     ValueError

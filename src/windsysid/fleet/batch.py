@@ -59,7 +59,7 @@ class Batch:
     notes
         Why records have no result, and what is not there yet.
     seconds
-        How long the run took.
+        How long the run took [s].
     """
 
     archive: Path
@@ -123,9 +123,14 @@ def batch(
     scheduler
         Address of a Dask scheduler whose workers take the records instead.
     limit
-        Seconds that a record may take; its worker is then ended, and the row says so.
+        Time [s] that a record may take; its worker is then ended, and the row says so.
     progress
         Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+
+    Returns
+    -------
+    Batch
+        What was taken, what was known already, and why records have no result.
 
     Raises
     ------

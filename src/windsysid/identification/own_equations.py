@@ -147,7 +147,8 @@ def fit(
         Prior of the model's states at the first sample, (n_x, n_x) and (n_x,); mean zero by default. Spectra need no
         `cov`; `mean` is where they look for the state at rest.
     values
-        The parameters that are not identified, and loads that are constant: 0 for one that does not act.
+        The parameters that are not identified, and loads that are constant, in the model's units: 0 for a load that
+        does not act.
     loads
         Models of loads that were not measured. Where the record went through an anti-aliasing low-pass
         (`windsysid.signals.resample`), first-order loads are taken to have gone through it too.
@@ -160,6 +161,11 @@ def fit(
         ``"joint"``, or ``"spectral"`` for a stationary record of a structure that moves little: the equations are
         linearised about the state at rest, and the spectra are read (docs/spectral.md). It takes constant inputs only,
         and pieces need not follow each other.
+
+    Returns
+    -------
+    Fit
+        An `Identification`, with the model's states after each sample (T, n).
 
     Raises
     ------

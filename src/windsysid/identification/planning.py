@@ -284,15 +284,21 @@ def plan(
         What is asked for; all coefficients by default. The coefficients of all free degrees of freedom are unknown in
         any case, masses and geometry only where they are named here.
     within
-        The wish: ±2σ relative to the value.
+        The wish: ±2σ relative to the value [1].
     load_scale
-        Loads this many times the turbine file's.
+        Factor on the turbine file's loads [1].
     rotor_speed
         [rad/s]; the turbine's usual one by default.
     seed
         Of the simulated record.
     progress
         Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+
+    Returns
+    -------
+    Plan
+        The ±2σ band of each coefficient, relative to its value [1], after any length [s], and the length that the
+        wish needs [s].
 
     Raises
     ------

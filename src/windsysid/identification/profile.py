@@ -63,11 +63,11 @@ class Profile(Answer):
     log_posterior
         Log posterior with the others at their best, less its maximum (P,).
     estimate
-        The mode.
+        The mode, in `unit`.
     low, high
-        Where the log posterior has dropped by 2; 0 or infinite where it does not.
+        Where the log posterior has dropped by 2, in `unit`; 0 or infinite where it does not.
     gaussian
-        The ±2σ band of the identification, for comparison.
+        The ±2σ band of the identification, in `unit`, for comparison.
     """
 
     name: str
@@ -119,9 +119,14 @@ def profile_likelihood(
     progress
         Told what is being done and its share that is done, 0 to 1; None where nobody knows.
 
+    Returns
+    -------
+    Profile
+        The log posterior over values of the parameter (P,), with the parameter's unit.
+
     Raises
     ------
-    RecordError, ConfigurationError
+    RecordError, ConfigurationError, WindsysidError
         As `windsysid.identify` raises them, and if `name` is not identified.
     """
     record, turbine = as_record(record), as_turbine(turbine)

@@ -52,10 +52,17 @@ def inspect_record(
     section_length
         Length of the sections to propose [s]; a shorter record is judged as a whole.
 
+    Returns
+    -------
+    Inspection
+        Faults, the worst first; spectra with their peaks [Hz]; sections worth using [s].
+
     Raises
     ------
+    RecordError
+        If `record` is a file that cannot be read, or a table whose columns have no unit.
     ConfigurationError
-        If `section_length` is not a positive time.
+        If `section_length` is not a positive time, or `turbine` is none.
     """
     record, turbine = as_record(record), None if turbine is None else as_turbine(turbine)
     if not (np.isfinite(section_length) and section_length > 0.0):

@@ -112,6 +112,11 @@ def register_loads(hypothesis: type[H]) -> type[H]:
     """Make a hypothesis known by its name; for use as a decorator of its class.
 
     Of those that apply to a turbine, a record chooses between the simplest and the one registered last.
+
+    Returns
+    -------
+    type
+        The class itself.
     """
     HYPOTHESES[hypothesis.name] = hypothesis()
     return hypothesis

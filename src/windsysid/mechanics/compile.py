@@ -33,6 +33,11 @@ class CompiledModel:
 
     Kernels are compiled when first asked for. Arguments are contiguous float64: x (n_x,), u (n_u,), p (n_p,), w (n_w,);
     `rates` writes ẋ (n_x,), `reading` y (m,); the Jacobians are (n_x or m) × n_x, × len(identified), × n_w.
+
+    Attributes
+    ----------
+    module, source
+        The generated module, and its text.
     """
 
     module: ModuleType
@@ -109,8 +114,22 @@ def compile_model(
 ) -> CompiledModel:
     """Compile `model` with the readings of `sensors` and derivatives to the parameters `identified`.
 
-    With `instruments`, what each sensor's gain and axis are off are parameters too, after those of the model
-    (`windsysid.mechanics.sensors.instrument_parameters`): zero where an instrument is as its sensor says.
+    Parameters
+    ----------
+    model
+        `Equations`, or a mechanical model.
+    sensors
+        What is read, one for each of the m readings.
+    identified
+        Names of parameters.
+    instruments
+        Whether what each sensor's gain and axis are off are parameters too, after those of the model
+        (`windsysid.mechanics.sensors.instrument_parameters`): zero where an instrument is as its sensor says.
+
+    Returns
+    -------
+    CompiledModel
+        Kernels that are compiled when they are first asked for.
 
     Raises
     ------

@@ -181,6 +181,8 @@ def lagrange(
 
     Parameters
     ----------
+    name
+        A word for files and messages.
     lagrangian
         L(q, q̇, u, p) = T − V.
     dissipation
@@ -191,6 +193,13 @@ def lagrange(
         One generalised load per degree of freedom.
     inputs
         The known inputs with the rate of each; an input that L depends on must have its rate among the inputs.
+    parameters
+        The symbols that numbers are given for.
+
+    Returns
+    -------
+    Equations
+        With the states (q, q̇) (2 n,), M (n, n) and F (n,).
 
     Raises
     ------

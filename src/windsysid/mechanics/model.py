@@ -178,8 +178,8 @@ class MechanicalModel(Model, Protocol):
     blades
         Number of blades of the rotor, whose harmonics the structure feels; 0 where there is none.
     samples_per_period
-        Readings per period of the fastest degree of freedom that hold what the model has and leave out what it has not;
-        None: the record's own.
+        Readings per period of the fastest degree of freedom [1] that hold what the model has and leave out what it has
+        not; None: the record's own.
     required_inputs
         Inputs that a record must tell, because the equations depend on them.
     """
@@ -308,6 +308,12 @@ M = TypeVar("M", bound=type[MechanicalModel])
 
 def register_model(model: M) -> M:
     """Make a mechanical model known to turbine files and saved results, by its `kind`; for use as a decorator of its
-    class."""
+    class.
+
+    Returns
+    -------
+    type
+        The class itself.
+    """
     MODELS[model.kind] = model
     return model

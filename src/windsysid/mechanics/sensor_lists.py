@@ -37,6 +37,16 @@ def as_sensor(table: Any) -> Sensor:
 def read_sensors(path: str | Path) -> tuple[Sensor, ...]:
     """Read a sensor list from TOML: one ``[[sensor]]`` table per channel, keys as in the class of its quantity.
 
+    Parameters
+    ----------
+    path
+        Of the file.
+
+    Returns
+    -------
+    tuple of Sensor
+        In the order of the file.
+
     Raises
     ------
     ConfigurationError

@@ -292,7 +292,13 @@ S = TypeVar("S", bound=Sensor)
 
 
 def register_sensor(sensor: type[S]) -> type[S]:
-    """Make a class of sensors known to sensor lists, by its `quantity`; for use as a decorator of the class."""
+    """Make a class of sensors known to sensor lists, by its `quantity`; for use as a decorator of the class.
+
+    Returns
+    -------
+    type
+        The class itself.
+    """
     SENSORS[sensor.model_fields["quantity"].default] = sensor
     return sensor
 

@@ -65,6 +65,11 @@ def find_modes(
     progress
         Told what is being done and its share that is done, 0 to 1; None where nobody knows.
 
+    Returns
+    -------
+    Campbell
+        Frequencies [Hz] and damping ratios [1] over rotor speed [rad/s], and their distance from the harmonics.
+
     Raises
     ------
     ConfigurationError

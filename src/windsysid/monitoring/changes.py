@@ -106,7 +106,7 @@ class Watch(Answer):
     changes
         Jumps, in the order of their alarms.
     alarms_per_year
-        False alarms of the turbine in a year of blocks, as stated.
+        False alarms of the turbine in a year of blocks [1/a], as stated.
     begins
         Index of the first block that could set off an alarm.
     notes

@@ -67,7 +67,7 @@ def compare(before: PosteriorLike | ModesLike, after: PosteriorLike | ModesLike)
     Raises
     ------
     ConfigurationError
-        If the two have nothing in common.
+        If the two have nothing in common, or a folder holds no result.
     """
     of_modes = [holds_modes(one) for one in (before, after)]
     if all(of_modes):

@@ -70,6 +70,11 @@ def separate_damping(results: Sequence[PosteriorLike]) -> Separation:
         Posteriors, results, or the folders they were saved in, with the rotor speed, and best the wind speed, of their
         records (`Posterior.conditions`).
 
+    Returns
+    -------
+    Separation
+        What of each damping is the structure's and what is the air's, or why the results do not tell.
+
     Raises
     ------
     ConfigurationError

@@ -193,6 +193,11 @@ def read_blocks(folders: Sequence[str | Path], covariates: str | Path | None = N
     where both are known; otherwise to the folders in their order. Where records do not say when they began, ``time``,
     in seconds or as ISO 8601, says it.
 
+    Returns
+    -------
+    Blocks
+        The results in order, with their covariates.
+
     Raises
     ------
     ConfigurationError

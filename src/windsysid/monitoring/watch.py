@@ -69,10 +69,15 @@ def watch(blocks: Blocks, *, alarms_per_year: float = 0.1, tolerated: Mapping[st
     blocks
         At least `MIN_BLOCKS` records.
     alarms_per_year
-        False alarms that are accepted, all series together, in a year of blocks.
+        False alarms that are accepted, all series together, in a year of blocks [1/a].
     tolerated
         Of ``k``, ``f``, ``c`` and ``noise``, as far as they are watched: relative jumps up to this size are no alarm,
         however sure.
+
+    Returns
+    -------
+    Watch
+        Level, drift and jumps of each series, with their bands.
 
     Raises
     ------

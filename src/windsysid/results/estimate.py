@@ -23,7 +23,7 @@ class Estimate:
     reference
         The turbine file's value, in `unit`; None where it is not known.
     average_error_percent
-        Eq (24) point by point, averaged over the record; None without a reference.
+        Eq (24) point by point, averaged over the record [%]; None without a reference.
     tip
         The same estimate, low, high, std and reference per tip deflection [N/m or N·s/m], for blades with a tip lever.
     """

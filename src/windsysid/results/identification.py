@@ -63,7 +63,7 @@ class Identification(Answer):
     readings, innovation, whitened
         Names of the readings; innovations (T, m) and the same scaled to unit variance.
     log_likelihood
-        Of all readings.
+        Log density of all readings.
     notes
         What a reader must know: assumptions, warnings, what was left out.
     statistics
@@ -82,7 +82,7 @@ class Identification(Answer):
         Which record, turbine, sensors, options and version it comes from; None where nobody said it.
     joint_cov
         Covariance of the coefficients, of the coordinates η of `statistics`, and of `tolerances` in standard deviations
-        of their priors, together (n_θ + n_η + n_τ); None where no statistics were learned.
+        of their priors, together (n, n), n = n_θ + n_η + n_τ; None where no statistics were learned.
     tolerances
         What is known of instruments and masses within tolerances only, as the record has it; none where they were taken
         as exact.

@@ -17,7 +17,7 @@ class Mode(NamedTuple):
     frequency_hz, damping_ratio
         (value, low, high) [Hz], [1].
     reference
-        Frequency and damping ratio that the reference coefficients give; None where they give no such mode.
+        Frequency [Hz] and damping ratio [1] that the reference coefficients give; None where they give no such mode.
     """
 
     name: str

@@ -85,7 +85,7 @@ class Posterior(NamedTuple):
         What was learned of loads and noise.
     joint_cov
         Covariance of θ, of the coordinates η of `statistics`, and of `tolerances` in standard deviations of their
-        priors, together (n_θ + n_η + n_τ); None where it was not kept.
+        priors, together (n, n), n = n_θ + n_η + n_τ; None where it was not kept.
     tolerances
         What is known within tolerances only. Masses are none of it in a posterior that was read or made of a result:
         a vibration shows ratios to masses, and those of the turbine are taken as right.
@@ -137,6 +137,11 @@ class Posterior(NamedTuple):
 
 def load_posterior(folder: str | Path) -> Posterior:
     """The posterior that `Identification.save` left in a folder.
+
+    Returns
+    -------
+    Posterior
+        Estimates (n_θ,) and covariance (n_θ, n_θ) in filter coordinates, and the turbine that they are of.
 
     Raises
     ------

@@ -47,6 +47,11 @@ def simulate_record(
         packaged blades (docs/wind.md), as if tower and blades stood still. ``"wind-feedback"``: with their motion,
         aerodynamic damping included.
 
+    Returns
+    -------
+    Record
+        The sensors' channels in SI, with ``rotor_azimuth`` [rad] and ``rotor_speed`` [rad/s] of a rotor that turns.
+
     Raises
     ------
     ConfigurationError

@@ -38,7 +38,7 @@ class ModalSensor(BaseModel):
     position
         Where it sits [m], for drawing; None where that is not known.
     direction
-        Where it points; of any length.
+        Where it points [1]; of any length.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -58,7 +58,7 @@ class OperationalMode:
     frequency, frequency_std
         [Hz].
     damping, ln_damping_std
-        ζ, and the standard deviation of its logarithm.
+        ζ [1], and the standard deviation of its logarithm [1].
     shape, shape_std
         (n,) complex, 1 in the channel that moves most, as accelerations; standard deviations of real and imaginary
         part.
@@ -70,7 +70,7 @@ class OperationalMode:
     grounds
         Why it is not to be trusted.
     reference
-        Frequency [Hz] and damping ratio that the turbine file gives; None where nothing is near.
+        Frequency [Hz] and damping ratio [1] that the turbine file gives; None where nothing is near.
     shape_cov
         Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None where it was not kept.
     """
@@ -188,7 +188,7 @@ class OperationalModes(Answer):
     Attributes
     ----------
     record, section, rate, samples
-        What they come from; times in s, rate in Hz.
+        What they come from; start and end [s], samples per second [Hz].
     channels, units, sensors
         Of the shapes: channels of the record, or multi-blade coordinates, which have no sensor.
     modes
@@ -196,17 +196,18 @@ class OperationalModes(Answer):
     lines
         Names and frequencies [Hz] of lines that were taken out.
     empty
-        Bands that were asked for and hold no mode.
+        Bands that were asked for and hold no mode [Hz].
     frequency, level, bands
-        The largest singular value of the scaled spectra over frequency, and each band, for the figure.
+        Frequencies [Hz] (F,), the largest singular value of the scaled spectra there (F,), and each band, for the
+        figure.
     rotor_hz
-        Turns per second; 0 where none turns.
+        Turns per second [Hz]; 0 where none turns.
     doubts
         What makes all of it doubtful.
     notes
         What a reader must know.
     elapsed
-        Seconds.
+        Time that it took [s].
     start
         The moment of the record's time 0.
     parts

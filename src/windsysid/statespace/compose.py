@@ -101,8 +101,13 @@ def compose(
     walk
         Standard deviation per √s of a parameter that drifts, in filter coordinates.
     gate
-        Standard deviations of its own innovation beyond which a reading is left out as if it were missing, and reported
-        (`windsysid.filters.Info`, ``gated``). None leaves nothing out.
+        Standard deviations of its own innovation [1] beyond which a reading is left out as if it were missing, and
+        reported (`windsysid.filters.Info`, ``gated``). None leaves nothing out.
+
+    Returns
+    -------
+    StateSpace
+        The model that every filter runs, of n states and m readings.
 
     Raises
     ------

@@ -93,7 +93,7 @@ class GaussMarkov:
         return {self.load: rows}
 
     def discretise(self, step: float) -> tuple[Array, Array]:
-        """Φ and Q (n, n) over `step` seconds, exact."""
+        """Φ and Q (n, n) over `step` [s], exact."""
         if passed := self._passed:
             return discretise_block(passed.drift, passed.cov, step)
         variance = self.rms**2 * -np.expm1(-2.0 * step / self.time_constant)

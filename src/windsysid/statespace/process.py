@@ -38,7 +38,7 @@ class LoadBlock:
     cov
         Stationary covariance P (n, n).
     outputs
-        See `LoadModel`.
+        For each load that it drives, the rows of H(ψ) (1 + 2K, n); see `LoadModel`.
     """
 
     states: tuple[str, ...]
@@ -66,7 +66,7 @@ class LoadBlock:
         return np.asarray(np.linalg.eigvals(self.drift), dtype=np.complex128)
 
     def discretise(self, step: float) -> tuple[Array, Array]:
-        """Φ and Q (n, n) over `step` seconds, exact."""
+        """Φ and Q (n, n) over `step` [s], exact."""
         return discretise_block(np.asarray(self.drift, dtype=np.float64), self.cov, step)
 
 
@@ -191,7 +191,7 @@ class PlacedProcess:
         return found
 
     def discretise(self, step: float) -> tuple[Array, Array]:
-        """Φ and Q (n, n) over `step` seconds, exact."""
+        """Φ and Q (n, n) over `step` [s], exact."""
         transition, noise = discretise_block(self.process.drift, self.process.cov, step)
         return self._copied(transition), self._copied(noise)
 

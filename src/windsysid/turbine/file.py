@@ -42,7 +42,13 @@ def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False
 
 
 def packaged_turbines() -> tuple[str, ...]:
-    """Names of the turbines that come with windsysid."""
+    """Names of the turbines that come with windsysid.
+
+    Returns
+    -------
+    tuple of str
+        What `load_turbine` takes.
+    """
     folder = resources.files("windsysid.turbine") / "packaged"
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
 

@@ -93,13 +93,13 @@ class ParticleFilter:
     threshold
         Share of N below which the effective sample size makes the filter resample.
     discount
-        δ of Liu and West's kernel for biases and parameters, ⅓ < δ ≤ 1; 1 draws nothing anew. The default suits
+        δ of Liu and West's kernel for biases and parameters [1], ⅓ < δ ≤ 1; 1 draws nothing anew. The default suits
         posteriors with one summit, as coefficients have; where there may be several, 0.99 keeps them apart, and takes
         more particles.
     tempering
         Whether, where only parameters are unknown, a sample may be taken in by parts.
     freedom
-        Degrees of freedom of Student t sensors, for all or by channel; a sensor's noise is then the scale of its
+        Degrees of freedom of Student t sensors [1], for all or by channel; a sensor's noise is then the scale of its
         distribution. Gaussian by default.
     bounds
         Least and greatest value in SI of parameters that have any: the prior is truncated there, and nothing is drawn
@@ -192,7 +192,7 @@ class ParticleFilter:
         self, model: StateSpace, belief: Cloud, inputs: Array, readings: Array, *, every: int = 100,
         probabilities: ArrayLike = (0.02275, 0.5, 0.97725),
     ) -> tuple[Cloud, ParticleInfo, Array]:  # fmt: skip
-        """As `run`, and the state's weighted quantiles after each `every` samples (T // every, probabilities, n)."""
+        """As `run`, and the state's quantiles at `probabilities` (P,) after each `every` samples (T // every, P, n)."""
         parts, quantiles = [], []
         for first in range(0, max(len(inputs), 1), every):
             part = slice(first, first + every)

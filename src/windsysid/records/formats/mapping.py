@@ -220,6 +220,11 @@ def load_mapping(path: str | Path) -> Mapping:
     path : str or Path
         TOML, see the module.
 
+    Returns
+    -------
+    Mapping
+        What the file says of time, names, units and signs.
+
     Raises
     ------
     ConfigurationError
