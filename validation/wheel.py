@@ -1,10 +1,11 @@
-"""The wheel as a new user meets it: built, installed into clean environments, and README's commands run in an empty
-folder.
+"""The wheel as a new user meets it: built, installed into clean environments, README's commands and the tutorials run
+in empty folders.
 
 Run:  python -m validation.wheel [--python python3.12 …]
 
-Without --python every Python from 3.11 on is tried that is found by name or by pyenv. Nothing of this repository is on
-the path of what is tried but the wheel; packages come from the index that pip is configured for.
+Without --python every Python from 3.11 on is tried that is found by name or by pyenv. The first one tried takes the
+tutorials, too. Nothing of this repository is on the path of what is tried but the wheel, and in the tutorials' folders
+`examples`; packages come from the index that pip is configured for.
 """
 
 import argparse
@@ -19,7 +20,7 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
-from shutil import which
+from shutil import copytree, ignore_patterns, which
 
 ROOT = Path(__file__).parents[1]
 
@@ -57,33 +58,62 @@ def pythons() -> Iterator[str]:
             yield found
 
 
-def readme() -> Iterator[list[str] | str]:
-    """README's commands of windsysid, as words, and its Python, as text, in their order."""
-    for kind, code in re.findall(
-        r"^```(sh|python)\n(.*?)^```", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE
-    ):
-        if kind == "python":
-            yield code
+def typed(page: Path) -> list[list[str] | str]:
+    """A page's commands of windsysid and pip, as words, and its Python, as text, in their order.
+
+    Blocks of Python that follow each other are one text.
+    """
+    found: list[list[str] | str] = []
+    for kind, code in re.findall(r"^```(sh|python)\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE):
+        if kind == "sh":
+            lines = code.splitlines()
+            found += [shlex.split(line, comments=True) for line in lines if line.startswith(("windsysid ", "pip "))]
+        elif found and isinstance(found[-1], str):
+            found[-1] += code
         else:
-            yield from (shlex.split(line, comments=True) for line in code.splitlines() if line.startswith("windsysid "))
+            found.append(code)
+    return found
+
+
+def follow(page: Path, wheel: Path, place: Path, empty: Path) -> float:
+    """Do in an empty folder what a page tells to type, with the wheel where it installs windsysid; say how long that
+    took [s]."""
+    empty.mkdir(exist_ok=True)
+    scripts, begun = place / "env" / "bin", time.monotonic()
+    for given in typed(page):
+        words = ["python", "-c", given] if isinstance(given, str) else given
+        if words[0] == "pip":
+            words = [word.replace("windsysid[", f"{wheel}[") for word in words]
+        _run([scripts / words[0], *words[1:]], empty, WINDSYSID_CACHE=str(place / "cache"))
+    return time.monotonic() - begun
 
 
 def try_on(python: str, wheel: Path, folder: Path) -> str:
-    """Install the wheel for one Python, run README, and say how it went."""
+    """Install the wheel for one Python, follow README, and say how it went."""
     begun = time.monotonic()
     _run([python, "-m", "venv", folder / "env"], folder)
     scripts = folder / "env" / "bin"
     _run([scripts / "python", "-m", "pip", "install", "--quiet", "--only-binary", ":all:", wheel], folder)
-    installed = time.monotonic()
-    empty = folder / "empty"
-    empty.mkdir()
-    for given in readme():
-        command = [scripts / "python", "-c", given] if isinstance(given, str) else [scripts / given[0], *given[1:]]
-        _run(command, empty, WINDSYSID_CACHE=str(folder / "cache"))
+    installed = time.monotonic() - begun
+    readme = follow(ROOT / "README.md", wheel, folder, folder / "empty")
     for result in ("results/verne555/report.html", "results/inspection/report.html", "results/coefficients.png"):
-        if not (empty / result).exists():
-            raise SystemExit(f"{python}: README did not make {result}")
-    return f"installed in {installed - begun:.0f} s, README in {time.monotonic() - installed:.0f} s"
+        if not (folder / "empty" / result).exists():
+            raise OSError(f"README did not make {result}")
+    return f"installed in {installed:.0f} s, README in {readme:.0f} s"
+
+
+def try_tutorials(wheel: Path, folder: Path) -> Iterator[str]:
+    """Follow each tutorial where `try_on` has installed the wheel, and say how it went.
+
+    What README compiled is there already; what a tutorial compiles or installs itself is in its time.
+    """
+    for page in sorted((ROOT / "docs" / "tutorials").glob("*.md")):
+        copytree(ROOT / "examples", folder / page.stem / "examples", ignore=ignore_patterns("__pycache__"))
+        try:
+            told = f"{follow(page, wheel, folder, folder / page.stem):.0f} s"
+        except OSError as error:
+            told = f"FAILED: {error}"
+        yield f"tutorial {page.stem}: {told}"
 
 
 def _run(command: Sequence[object], folder: Path, **environment: str) -> None:
@@ -115,8 +145,12 @@ def main() -> None:
             try:
                 told = try_on(python, wheel, place)
             except OSError as error:
-                told, failed = f"FAILED: {error}", True
+                told = f"FAILED: {error}"
             print(f"{python}: {told}", flush=True)
+            for line in try_tutorials(wheel, place) if number == 0 else ():
+                print(f"  {line}", flush=True)
+                told += line
+            failed = failed or "FAILED" in told
     sys.exit(failed)
 
 
