@@ -38,9 +38,9 @@ def plan(
     rotor_speed: Annotated[
         str | None, typer.Option(help='With its unit, such as "12 rpm"; the turbine\'s usual one by default.')
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated vibration.")] = 0,
+    seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of the simulated vibration.")] = 0,
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, plan.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Before measuring: how well will these sensors see each coefficient, and after how long?"""
@@ -71,7 +71,7 @@ def compare(
     ],
     after: Annotated[list[Path], typer.Argument(help="One or more folders of later records.")],
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, changes.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Between records: which coefficients moved, by how much, and how sure that is."""
@@ -105,7 +105,7 @@ def damping(
         ),
     ],
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, damping.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Structural against aerodynamic damping: what records in several states tell of each, or why they do not."""
@@ -129,7 +129,7 @@ def monitor(
     results: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RESULT...|ARCHIVE",
+            metavar="RESULT|ARCHIVE",
             help="Folders that windsysid identify or oma wrote, in order of time if they say it; or one of batch.",
         ),
     ],
@@ -142,7 +142,7 @@ def monitor(
     ] = None,
     alarms_per_year: Annotated[float, typer.Option(help="False alarms that are accepted in a year of records.")] = 0.1,
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, monitor.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Over many records: what drifted, what jumped, when and by how much, at a stated rate of false alarms."""
@@ -194,7 +194,7 @@ def modes(
         ),
     ] = None,
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, campbell.png and summary.json.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""

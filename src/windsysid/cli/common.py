@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import typer
-from typer.core import TyperCommand, TyperOption
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from windsysid.errors import ConfigurationError
 
@@ -24,7 +24,21 @@ __all__ = [
     "show_progress",
 ]
 
+ORDER = (
+    "inspect", "identify", "oma", "modes", "compare", "monitor", "damping", "plan", "simulate", "batch", "report",
+    "live", "export", "publish", "turbines", "study",
+)  # fmt: skip
+"""Commands as the help lists them: what is asked of one record, of several, of archives, of running turbines."""
+
+
+class _InOrder(TyperGroup):
+    def list_commands(self, ctx: Any) -> list[str]:
+        """All commands, in their `ORDER`."""
+        return sorted(super().list_commands(ctx), key=ORDER.index)
+
+
 app = typer.Typer(
+    cls=_InOrder,
     add_completion=True,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -37,7 +51,7 @@ TurbineOption = Annotated[
 Mapping = Annotated[
     Path | None, typer.Option(help="TOML file that says what a record's columns are (docs/records.md).")
 ]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace results that are already there.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace results that are already there.")]
 
 
 class ListsLoads(TyperCommand):

@@ -25,7 +25,7 @@ __all__ = ["watch_archive"]
 def batch(
     sources: Annotated[
         list[str],
-        typer.Argument(metavar="SOURCE...", help='Files, folders, or patterns in quotes, such as "data/*/*.parquet".'),
+        typer.Argument(metavar="SOURCE", help='Files, folders, or patterns in quotes, such as "data/*/*.parquet".'),
     ],
     output: Annotated[Path, typer.Option(metavar="ARCHIVE", help="Folder of the archive; added to if it is there.")],
     turbine: Annotated[
@@ -40,10 +40,11 @@ def batch(
     scada_mapping: Annotated[Path | None, typer.Option(help="TOML file that says what its columns are.")] = None,
     formulation: Annotated[
         Literal["spectral", "joint", "auto"],
-        typer.Option(help="spectral: stationary records, cheap. joint: filters, slower. auto: both."),
+        typer.Option(metavar="NAME", help="spectral: stationary records, cheap. joint: filters, slower. auto: both."),
     ] = "spectral",
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes on this machine; one for each processor by default.")
+        int | None,
+        typer.Option(metavar="NUMBER", min=1, help="Processes on this machine; one for each processor by default."),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers take the records instead.")
@@ -80,7 +81,7 @@ def report(
     alarms_per_year: Annotated[
         float, typer.Option(help="False alarms that are accepted in a year, all turbines together.")
     ] = 0.1,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Every turbine of an archive at a glance: outliers, jumps, availability, failing sensors; one page."""

@@ -36,7 +36,7 @@ __all__ = []
 @app.command(cls=ListsLoads)
 def identify(
     context: typer.Context,
-    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, or OpenFAST .out / .outb.")],
+    record: Annotated[Path, typer.Argument(help="CSV, Parquet, netCDF, MATLAB, TDMS, OpenFAST … (docs/records.md).")],
     turbine: TurbineOption,
     output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")],
     sensors: Annotated[
@@ -45,10 +45,11 @@ def identify(
     formulation: Annotated[
         Literal["joint", "spectral", "force-balance", "auto"],
         typer.Option(
+            metavar="NAME",
             help=(
                 "auto: the record decides. joint: accelerometers, loads as states. spectral: a stationary record's "
                 "spectra. force-balance: the published study's."
-            )
+            ),
         ),
     ] = "auto",
     section: Annotated[
@@ -69,7 +70,7 @@ def identify(
         float,
         typer.Option(metavar="PERCENT", help="Add white noise of this percentage of each sensor's standard deviation."),
     ] = 0.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the added noise.")] = 0,
+    seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of the added noise.")] = 0,
     in_pieces: Annotated[
         str | None,
         typer.Option(
@@ -82,7 +83,7 @@ def identify(
     ] = None,
     mapping: Mapping = None,
     overwrite: Overwrite = False,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+    no_report: Annotated[bool, typer.Option("--no-report", metavar="", help="Write no report.html.")] = False,
 ) -> None:
     """Identify stiffness and damping of a turbine from a record."""
     from dataclasses import replace

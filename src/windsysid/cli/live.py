@@ -22,13 +22,21 @@ def live(
         Path | None, typer.Argument(metavar="CONFIG", help="TOML file of turbines and sources (docs/live.md).")
     ] = None,
     demo: Annotated[
-        bool, typer.Option("--demo", help="Follow three simulated towers, faster than life; nothing is kept.")
+        bool,
+        typer.Option("--demo", metavar="", help="Follow three simulated towers, faster than life; nothing is kept."),
     ] = False,
     port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Of the page, instead of the one that CONFIG says; 0: any.")
+        int | None,
+        typer.Option(
+            metavar="NUMBER", min=0, max=65535, help="Port of the page, instead of the one that CONFIG says; 0: any."
+        ),
     ] = None,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the page of the demo.")] = False,
-    check: Annotated[bool, typer.Option("--check", help="Say what is wrong with CONFIG, or that nothing is.")] = False,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", metavar="", help="Do not open the page of the demo.")
+    ] = False,
+    check: Annotated[
+        bool, typer.Option("--check", metavar="", help="Say what is wrong with CONFIG, or that nothing is.")
+    ] = False,
 ) -> None:
     """Follow turbines while they run: estimates, alarms and a page, nothing lost."""
     from dataclasses import replace
@@ -71,7 +79,7 @@ def live(
 
 @app.command()
 def export(
-    store: Annotated[str, typer.Argument(metavar="STORE", help="Of a live service: a file, or postgresql://…")],
+    store: Annotated[str, typer.Argument(metavar="STORE", help="Store of a live service: its file, or postgresql://…")],
     output: Annotated[Path, typer.Option(metavar="ARCHIVE", help="Folder of an archive, as of batch; added to.")],
     levels: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Write what was known over time too: netCDF, one a turbine.")

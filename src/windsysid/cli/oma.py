@@ -32,9 +32,9 @@ def oma(
     records: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RECORD...",
-            help="CSV, Parquet, netCDF, or OpenFAST .out / .outb; several of one structure in one state, with sensors "
-            "in common, are analysed together.",
+            metavar="RECORD",
+            help="CSV, Parquet, netCDF, MATLAB, TDMS, OpenFAST … (docs/records.md); several of one structure in one "
+            "state, with sensors in common, are analysed together.",
         ),
     ],
     output: Annotated[Path, typer.Option(help="Folder for report.html, modes.png and summary.json.")],
@@ -70,9 +70,11 @@ def oma(
         tuple[float, float] | None, typer.Option(metavar="START END", help=r"Part of the record to use \[s].")
     ] = None,
     mapping: Mapping = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
     overwrite: Overwrite = False,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html and no figures.")] = False,
+    no_report: Annotated[
+        bool, typer.Option("--no-report", metavar="", help="Write no report.html and no figures.")
+    ] = False,
 ) -> None:
     """Modes of any structure from its ambient vibration: frequencies, damping, shapes, no model needed."""
     from windsysid.records.coercion import RecordLike

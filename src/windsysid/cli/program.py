@@ -50,7 +50,9 @@ def _refuse(message: str) -> NoReturn:
 
 
 @app.callback(invoke_without_command=True)
-def _options(version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False) -> None:
+def _options(
+    version: Annotated[bool, typer.Option("--version", metavar="", help="Print the version and stop.")] = False,
+) -> None:
     if version:
         print(f"windsysid {__version__}")
         raise typer.Exit

@@ -27,12 +27,13 @@ _ROOM = 32_000_000
 def publish(
     records: Annotated[
         list[str],
-        typer.Argument(metavar="RECORD...", help="Files in order of time; - for a logger's JSON blocks, one a line."),
+        typer.Argument(metavar="RECORD", help="Files in order of time; - for a logger's JSON blocks, one a line."),
     ],
-    turbine: Annotated[str, typer.Option(help="Its name in the service.")],
+    turbine: Annotated[str, typer.Option(help="Name of the turbine in the service.")],
     broker: Annotated[str, typer.Option(metavar="URL", help="mqtt://HOST[:PORT], or mqtts:// with TLS.")],
     speed: Annotated[
-        float, typer.Option(min=0.0, help="How many times faster than recorded; 0 is as fast as it goes.")
+        float,
+        typer.Option(metavar="FACTOR", min=0.0, help="How many times faster than recorded; 0 is as fast as it goes."),
     ] = 1.0,
     block: Annotated[str, typer.Option(help="Length of a block, with its unit.")] = "1 s",
     buffer: Annotated[
@@ -42,8 +43,13 @@ def publish(
         str | None, typer.Option(metavar="MOMENT", help="Of a record that says none, such as 2026-01-05T12:00:00Z.")
     ] = None,
     stream: Annotated[str, typer.Option(help="Which of the turbine's loggers this is, where it has several.")] = "",
-    topic: Annotated[str, typer.Option(help="Of blocks.")] = "windsysid/{turbine}/blocks",
-    user: Annotated[str, typer.Option(help=f"Of the broker; the password is in --password-file or {_PASSWORD}.")] = "",
+    topic: Annotated[
+        str, typer.Option(metavar="TOPIC", show_default=False, help="Of blocks; windsysid/{turbine}/blocks by default.")
+    ] = "windsysid/{turbine}/blocks",
+    user: Annotated[
+        str,
+        typer.Option(metavar="NAME", help=f"User of the broker; the password is in --password-file or {_PASSWORD}."),
+    ] = "",
     password_file: Annotated[Path | None, typer.Option(help="File with the password.")] = None,
     ca: Annotated[Path | None, typer.Option(help="File of the authority that signed the broker's certificate.")] = None,
     mapping: Mapping = None,

@@ -32,7 +32,7 @@ def study(
     output: Annotated[Path, typer.Option(help="Folder for report.html, summary.json and identification.nc.")] = Path(
         "results/study"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated record.")] = 0,
+    seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of the simulated record.")] = 0,
     overwrite: Overwrite = False,
 ) -> None:
     """Repeat the published study: ten coefficients at once by the paper's extended Kalman filter."""
@@ -68,7 +68,7 @@ def simulate(
             ),
         ),
     ] = "random",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of loads and noise.")] = 0,
+    seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of loads and noise.")] = 0,
     overwrite: Overwrite = False,
 ) -> None:
     """Simulate what a turbine's sensors record."""
