@@ -101,6 +101,7 @@ def _panels(
     )  # fmt: skip
     axes: NDArray[Any] = grid.subplots(squeeze=False, sharex="col")
     for ax in axes.flat:
+        ax.set_in_layout(False)  # somebody's figure may have a layout that would pile all boxes up
         ax.ticklabel_format(axis="y", scilimits=(-3, 5))  # no label of more than six characters
         ax.yaxis.get_offset_text().set(x=-0.015, horizontalalignment="right", fontsize=8)  # beside the name, not on it
     for ax in axes[:, 0]:
