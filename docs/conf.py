@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1]))  # examples take frames and ground from validation/
 sys.path.insert(0, str(Path(__file__).parent))
 
 from reference import write_reference
@@ -15,7 +16,13 @@ author = "The windsysid developers"
 copyright = "the windsysid developers, MIT licence"
 release = version = windsysid.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+]
 exclude_patterns = ["_build"]
 root_doc = "index"
 default_role = "py:obj"
@@ -26,6 +33,17 @@ autodoc_typehints = "signature"
 autodoc_type_aliases = {"Array": "numpy.ndarray"}
 napoleon_google_docstring = False
 napoleon_use_ivar = True
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",  # all are run
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "write_computation_times": False,
+    "min_reported_time": 3600,  # times of a busy machine say nothing
+}
 copybutton_exclude = ".linenos, .gp, .go"
 
 html_theme = "pydata_sphinx_theme"

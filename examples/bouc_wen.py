@@ -1,4 +1,8 @@
-"""A mass on a hysteretic spring (Bouc–Wen) on shaking ground: stiffness, damping and the shape of its loops from one
+"""
+A hysteretic spring on shaking ground
+=====================================
+
+A mass on a hysteretic spring (Bouc–Wen): stiffness, damping and the shape of its loops from one
 accelerometer.
 
 Run:  python examples/bouc_wen.py [FILE]
@@ -10,6 +14,7 @@ up. Source: Wu & Smyth 2007, https://doi.org/10.1002/stc.186.
 import sys
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 from validation.benchmarks import read_ground, synthetic_ground
@@ -17,6 +22,7 @@ from validation.benchmarks import read_ground, synthetic_ground
 import windsysid as ws
 from windsysid.simulation.integrate import integrate
 
+# %%
 # m ẍ + c ẋ + k z = −m a_g; x is relative to the ground, the accelerometer is not
 x, v, z, ground = sp.symbols("x v z ground", real=True)
 m, k, c, beta, gamma, n = sp.symbols("m k c beta gamma n", positive=True)
@@ -31,7 +37,8 @@ spring = ws.Equations(
     rates=(v, absolute - ground, hysteresis),
 )
 
-# what is recorded: the ground, and the mass with 5 % noise
+# %%
+# What is recorded: the ground, and the mass with 5 % noise
 truth = {"m": 1.0, "k": 9.0, "c": 0.3, "beta": 2.0, "gamma": 1.0, "n": 2.0}
 shaken = read_ground(Path(sys.argv[1])) if len(sys.argv) > 1 else synthetic_ground()
 strong = shaken["ground"] * 49.0 / np.max(np.abs(shaken["ground"]))  # to a peak of 5 g: fat loops
@@ -42,7 +49,8 @@ exact = response.readings[:, 0]
 noisy = exact + 0.05 * np.std(exact) * np.random.default_rng(0).standard_normal(exact.size)
 record = shaken.with_channels({"ground": (strong, "m/s^2"), "acceleration": (noisy, "m/s^2")})
 
-# priors: bad starts, known to be bad; the noise is a guess, and learned
+# %%
+# Priors: bad starts, known to be bad; the noise is a guess, and learned
 result = ws.fit(
     spring,
     record,
@@ -59,3 +67,7 @@ result = ws.fit(
 )
 print(result)
 print("truth:", ", ".join(f"{name} {value:g}" for name, value in truth.items()))
+
+_, ax = plt.subplots(figsize=(12.6, 6.9), layout="constrained")
+result.plot(ax)
+plt.show()

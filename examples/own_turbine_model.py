@@ -1,4 +1,8 @@
-"""A mechanical model, a load hypothesis and a sensor of one's own: a parked offshore tower with a tuned mass damper
+"""
+Your own mechanical model
+=========================
+
+A mechanical model, a load hypothesis and a sensor of one's own: a parked offshore tower with a tuned mass damper
 under waves.
 
 Run:  python examples/own_turbine_model.py [FOLDER]
@@ -18,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
@@ -28,7 +33,8 @@ from windsysid.mechanics.sensors import Motion
 from windsysid.reports.identification import identification_report
 from windsysid.statespace.process import load_on, rational
 
-# --- the mechanical model ---------------------------------------------------------------------------------------------
+# %%
+# The mechanical model
 
 
 @ws.register_model
@@ -130,7 +136,8 @@ class DampedTowerMotion:
         return self.parameters["k_tower"] * self.triples["tower"][0]
 
 
-# --- the load hypothesis ----------------------------------------------------------------------------------------------
+# %%
+# The load hypothesis
 
 
 @ws.register_loads
@@ -162,7 +169,8 @@ class Waves(ws.LoadHypothesis):
         return ws.SupposedLoads(self.name, self.text, turbine, statistics, blocks)
 
 
-# --- the sensor -------------------------------------------------------------------------------------------------------
+# %%
+# The sensor
 
 
 @ws.register_sensor
@@ -181,7 +189,8 @@ class StrokeSensor(ws.Sensor):
         return self.gain * (motion.displacement("damper") - motion.displacement("tower"))
 
 
-# --- a turbine of these parts, simulated and identified ---------------------------------------------------------------
+# %%
+# A turbine of these parts, simulated and identified
 
 TRUTH = {
     "m_tower": 400e3, "k_tower": 1.42e6, "c_tower": 15e3,  # 0.30 Hz, 1 % of critical
@@ -220,5 +229,8 @@ if __name__ == "__main__":
     record, result = identify_waves(seed=0)
     print(result)
     print("truth:", ", ".join(f"{name} {value:g}" for name, value in TRUTH.items() if name in SUPPOSED))
+    _, ax = plt.subplots(figsize=(12.6, 6.9), layout="constrained")
+    result.plot(ax)
+    plt.show()
     if len(sys.argv) > 1:
         save(record, result, Path(sys.argv[1]))

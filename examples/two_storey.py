@@ -1,4 +1,8 @@
-"""A two-storey shear frame on shaking ground: storey stiffness and damping from an accelerometer on each floor.
+"""
+Storeys of a frame on shaking ground
+====================================
+
+A two-storey shear frame: storey stiffness and damping from an accelerometer on each floor.
 
 Run:  python examples/two_storey.py [FILE]
 
@@ -9,6 +13,7 @@ up. Frames of this kind: Yang et al. 2006, https://doi.org/10.1002/stc.84.
 import sys
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 from validation.benchmarks import read_ground, synthetic_ground
@@ -16,6 +21,8 @@ from validation.benchmarks import read_ground, synthetic_ground
 import windsysid as ws
 from windsysid.simulation.integrate import integrate
 
+# %%
+# The frame, its state relative to the ground.
 x_1, x_2, v_1, v_2, ground = sp.symbols("x_1 x_2 v_1 v_2 ground", real=True)
 m_1, m_2, k_1, k_2, c_1, c_2 = sp.symbols("m_1 m_2 k_1 k_2 c_1 c_2", positive=True)
 lower = k_1 * x_1 + c_1 * v_1
@@ -36,6 +43,8 @@ def accelerometers(noise: float) -> list[ws.Reading]:
     return [ws.Reading("floor_1", first, noise), ws.Reading("floor_2", second, noise)]
 
 
+# %%
+# What is recorded: the ground, and both floors with 5 % noise.
 truth = {"m_1": 1.0, "m_2": 1.0, "k_1": 12.0, "k_2": 10.0, "c_1": 0.6, "c_2": 0.5}
 shaken = read_ground(Path(sys.argv[1])) if len(sys.argv) > 1 else synthetic_ground()
 model = ws.compile_model(frame, accelerometers(1.0))
@@ -45,6 +54,8 @@ noise = 0.05 * response.readings.std(axis=0)
 noisy = response.readings + noise * np.random.default_rng(0).standard_normal(response.readings.shape)
 record = shaken.with_channels({"floor_1": (noisy[:, 0], "m/s^2"), "floor_2": (noisy[:, 1], "m/s^2")})
 
+# %%
+# Priors far off, and the noise a guess.
 result = ws.fit(
     frame,
     record,
@@ -56,3 +67,7 @@ result = ws.fit(
 )
 print(result)
 print("truth:", ", ".join(f"{name} {value:g}" for name, value in truth.items()))
+
+_, ax = plt.subplots(figsize=(12.6, 6.9), layout="constrained")
+result.plot(ax)
+plt.show()

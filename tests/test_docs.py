@@ -3,12 +3,14 @@ tell to type works."""
 
 import importlib.util
 import re
+import runpy
 import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import pytest
 import typer
 
@@ -62,7 +64,7 @@ def test_every_command_is_in_the_reference(reference: Path):
 def test_links_lead_somewhere(page: Path):
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
-        if not target.startswith(("http://", "https://", "reference/")):
+        if not target.startswith(("http://", "https://", "reference/", "gallery/")):
             assert (page.parent / target).exists(), target
 
 
@@ -167,6 +169,27 @@ def test_commands_and_their_options_exist(page: Path):
             command = program.commands[name]
             with command.make_context(name, given):
                 pass
+
+
+QUICK = {"months_of_estimates", "two_records"}
+"""Examples that take some seconds; the others are run by `make test-all`, and all whenever the site is built."""
+
+
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(file, id=file.stem, marks=[] if file.stem in QUICK else [pytest.mark.slow])
+        for file in sorted((ROOT / "examples").glob("*.py"))
+    ],
+)
+def test_an_example_runs(example: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("sys.path", [str(ROOT), *sys.path])
+    monkeypatch.setattr("sys.argv", [str(example)])
+    plt.switch_backend("agg")
+    with registers_as_before():
+        runpy.run_path(str(example), run_name="__main__")
+    assert plt.get_fignums(), "expected a figure"
+    plt.close("all")
 
 
 @pytest.mark.parametrize(
