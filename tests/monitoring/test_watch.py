@@ -19,7 +19,7 @@ from windsysid.identification.identify import identify
 from windsysid.identification.planning import plan
 from windsysid.monitoring.jumps import threshold
 from windsysid.monitoring.series import DAY, Blocks, gather, read_blocks
-from windsysid.monitoring.watch import NOISE, SENSOR, STRUCTURE, watch
+from windsysid.monitoring.watch import NOISE, SENSOR, STRUCTURE, percent_of, watch
 from windsysid.results.posterior import Posterior
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter
@@ -262,3 +262,12 @@ def test_a_file_of_covariates_that_does_not_fit_is_one_line(run, folders: list[P
         read_blocks(folders, table)
     table.write_text("time,wind\n" + "".join(f"2026-01-{i + 1:02d},5\n" for i in range(14)))
     assert read_blocks(folders, table).begin == datetime(2026, 1, 1)
+
+
+def test_a_band_without_an_end_in_logarithms_is_a_number_in_percent():
+    with np.errstate(over="raise"):
+        change, low, high = percent_of(0.1, 500.0, 1.0, logarithmic=True)
+    assert change == pytest.approx(100.0 * math.expm1(0.1))
+    assert low == pytest.approx(-100.0)
+    assert math.isfinite(high)
+    assert high > 1e100

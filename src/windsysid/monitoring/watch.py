@@ -292,8 +292,12 @@ def _percent(blocks: Blocks, i: int, part: float, std: float, of: float) -> tupl
     return percent_of(part, std, of, blocks.logarithmic[i])
 
 
+BEYOND = 700.0
+"""A step in a logarithm whose factor is a number still: a band of a coefficient that nothing was learned of ends there."""
+
+
 def percent_of(part: float, std: float, of: float, logarithmic: bool) -> tuple[float, float, float]:
     """A change in filter coordinates and its ±2σ band in percent of the value at coordinate `of`."""
     steps = part + std * np.array([0.0, -SIGMAS, SIGMAS])
-    percent = 100.0 * (np.expm1(steps) if logarithmic else steps / max(abs(of), 1e-300))
+    percent = 100.0 * (np.expm1(np.minimum(steps, BEYOND)) if logarithmic else steps / max(abs(of), 1e-300))
     return float(percent[0]), float(percent[1]), float(percent[2])
