@@ -293,7 +293,7 @@ def _percent(blocks: Blocks, i: int, part: float, std: float, of: float) -> tupl
 
 
 BEYOND = 700.0
-"""A step in a logarithm whose factor is a number still: a band of a coefficient that nothing was learned of ends there."""
+"""A step in a logarithm whose factor is still a number: bands of what nothing was learned of end there."""
 
 
 def percent_of(part: float, std: float, of: float, logarithmic: bool) -> tuple[float, float, float]:
