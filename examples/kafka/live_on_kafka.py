@@ -11,7 +11,7 @@ In: blocks as `windsysid.live.codec.encode_arrow` writes them, keyed by the turb
 
 What a turbine's engine has to know is in the keyed state of Quix Streams: blocks whose window is open, the watch's
 checkpoint, the stream's status, open alarms. It moves with the partition. Offset, state and what goes out are one
-transaction of Kafka, so that each window is estimated once, whatever ends when.
+transaction of Kafka: each window is meant to be estimated once. docs/live_sources.md says what of that was tried.
 """
 
 import logging

@@ -106,7 +106,7 @@ def test_a_transaction_that_was_undone_leaves_nothing(blocks, expected):
     assert (estimates(out), after(state)) == expected
 
 
-def test_an_open_alarm_moves_along_and_ends_once(blocks):
+def test_an_open_alarm_moves_along_and_is_not_opened_again(blocks):
     state = State()
     ahead = replace(blocks[0], start=2**62 - 1)
     began = message(Turbines([TOWER]), ahead, state)
@@ -129,7 +129,7 @@ def test_what_is_no_block_is_logged_and_passed_over(blocks, caplog):
 def test_with_quix_streams_each_window_comes_once(guarantee: str, machines: int, monkeypatch, tmp_path: Path):
     """The mock cluster in librdkafka neither makes nor describes topics on request: it makes those asked about.
 
-    It takes transactions and forgets their offsets, so that a partition moves without them here.
+    It takes transactions and seems to forget their offsets, so that a partition moves without them here.
     """
     pytest.importorskip("quixstreams", reason="needs: pip install quixstreams")
     from confluent_kafka import Consumer, Producer
