@@ -86,7 +86,7 @@ class KeyedStore:
                 for number in range(self._kept.pop(result.window, 0)):
                     state.delete(_key(result.window, number))
                 state.set_bytes("checkpoint", result.until.to_bytes(8, "big") + result.checkpoint)
-                told = result._replace(levels=[level._asdict() for level in result.levels])._asdict()
+                told = result._asdict() | {"levels": [level._asdict() for level in result.levels]}
                 out.append({"topic": "estimates"} | {key: told[key] for key in told if key != "checkpoint"})
             for status in commit.statuses:
                 state.set("status", status._asdict())
