@@ -158,3 +158,12 @@ def test_behind_a_low_pass_the_samples_have_the_spectrum_of_a_process_cut_off_th
 def test_a_spectrum_that_makes_no_sense_is_refused(rms: float, poles: list[complex], zeros: list[complex]):
     with pytest.raises(ConfigurationError, match="rational spectrum: expected a positive rms, poles in the left half"):
         rational(rms, poles, zeros)
+
+
+def test_what_processes_of_one_shape_share_cannot_be_changed_by_one_of_them():
+    quiet, loud = (rational(rms, [-0.5, -3.5], [-9.0]) for rms in (1.0, 5.0))
+    assert quiet.drift is loud.drift
+    with pytest.raises(ValueError, match="read-only"):
+        quiet.drift[0, 0] = 1.0
+    assert quiet.variance == pytest.approx(1.0, rel=1e-12)
+    assert loud.variance == pytest.approx(25.0, rel=1e-12)

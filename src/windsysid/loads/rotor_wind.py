@@ -28,6 +28,7 @@ for m ≥ 3; below, a second pole and a zero bend the skirt. What the moment doe
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 from windsysid.errors import ConfigurationError
 from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, Values, with_level
@@ -168,7 +169,7 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     """The load states of wind on a turning rotor."""
     N = to.blades
     terms = range(2 * N + 2)
-    shapes = [_term(m, values) for m in terms]
+    shapes = [_term(m, values["load_corner"], values["load_fall"], values["load_knee"]) for m in terms]
     size = values["load_rms_wind"] / math.sqrt(sum(shape.variance for shape in shapes))
     levers = [values["load_lever"] * (m + 1) / (m + 1 + values["load_lever_rise"]) for m in terms]
     blocks = [rotor_harmonic(shape.times(size), m, to, levers[m], f"wind_{m}P") for m, shape in enumerate(shapes)]
@@ -188,17 +189,19 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     return tuple(block for block in blocks if block.outputs)
 
 
-def _term(m: int, values: Values) -> Process:
+@lru_cache(maxsize=1024)
+def _term(m: int, corner_hz: float, fall: float, knee: float) -> Process:
     """The m-th term of the series in azimuth, its spectrum 1/m^{2 fall} at zero frequency."""
-    corner = 2.0 * math.pi * values["load_corner"]
+    corner = 2.0 * math.pi * corner_hz
     pole = corner * (m**CORNER_POWER if m else SLOW_CORNER)
-    level = m ** -values["load_fall"] if m else SLOW_LEVEL
+    level = m**-fall if m else SLOW_LEVEL
     if m >= len(BENDS):
         return with_level(first_order(1.0, 1.0 / pole), level)
-    second = BENDS[m][0] * values["load_knee"] * corner
+    second = BENDS[m][0] * knee * corner
     return with_level(rational(1.0, [-pole, -second], [-BENDS[m][1] * second]), level)
 
 
+@lru_cache(maxsize=1024)
 def _own(m: int, corner: float) -> Process:
     """The m-th term of what the hub feels alone."""
     pole = 2.0 * math.pi * OWN_CORNER * corner * m**OWN_POWER

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -135,16 +135,32 @@ def rational(rms: float, poles: ArrayLike, zeros: ArrayLike = ()) -> Process:
     -----
     Companion form in units of the poles' geometric mean frequency; P from Lyapunov's equation.
     """
-    poles, zeros = np.atleast_1d(np.asarray(poles, dtype=np.complex128)), np.asarray(zeros, dtype=np.complex128)
+    given, of_zeros = (
+        tuple(np.atleast_1d(np.asarray(roots, dtype=np.complex128)).tolist()) for roots in (poles, zeros)
+    )
+    shape = _shape(given, of_zeros)
+    if shape is None or not (math.isfinite(rms) and rms > 0.0):
+        raise ConfigurationError(
+            "rational spectrum: expected a positive rms, poles in the left half plane and fewer zeros, in pairs,"
+            f" got rms {rms}, poles {np.array(given)}, zeros {np.array(of_zeros)}"
+        )
+    return shape.times(rms / math.sqrt(shape.variance))
+
+
+@lru_cache(maxsize=4096)
+def _shape(given: tuple[complex, ...], of_zeros: tuple[complex, ...]) -> Process | None:
+    """`rational` of whatever rms; None where poles or zeros are not as they must be.
+
+    Kept, since the thousands of models that a search asks for differ in levels and coefficients much more often than in
+    poles and zeros.
+    """
+    poles, zeros = np.array(given, dtype=np.complex128), np.array(of_zeros, dtype=np.complex128)
     paired = all(
         abs(np.poly(roots).imag).max() <= 1e-9 * abs(np.poly(roots)).max() for roots in (poles, zeros) if roots.size
     )
-    finite = bool(np.isfinite([*poles, *zeros, rms]).all())
-    if not (finite and paired and len(zeros) < len(poles) and (poles.real < 0.0).all() and rms > 0.0):
-        raise ConfigurationError(
-            "rational spectrum: expected a positive rms, poles in the left half plane and fewer zeros, in pairs,"
-            f" got rms {rms}, poles {poles}, zeros {zeros}"
-        )
+    finite = bool(np.isfinite([*poles, *zeros]).all())
+    if not (finite and paired and len(zeros) < len(poles) and (poles.real < 0.0).all()):
+        return None
     n, unit = len(poles), float(np.exp(np.mean(np.log(np.abs(poles)))))
     denominator = np.poly(poles / unit).real
     drift = unit * np.eye(n, k=1)
@@ -152,8 +168,9 @@ def rational(rms: float, poles: ArrayLike, zeros: ArrayLike = ()) -> Process:
     cov = np.diag(denominator[-1] ** np.arange(n)) if n <= 2 else _stationary(drift)
     value = np.zeros(n)
     value[: len(zeros) + 1] = np.atleast_1d(np.poly(zeros / unit)).real[::-1]
-    process = Process(drift, cov, value)
-    return process.times(rms / math.sqrt(process.variance))
+    for array in (drift, cov, value):
+        array.flags.writeable = False  # all who ask for this shape share them
+    return Process(drift, cov, value)
 
 
 @dataclass(frozen=True)
@@ -223,21 +240,31 @@ def discretise_block(drift: Array, cov: Array, step: float) -> tuple[Array, Arra
 
 
 def _exponential(A: Array) -> Array:
-    """exp(A), for two states by Cayley and Hamilton.
+    """exp(A), kept like `_shape`."""
+    return _exponential_of(np.ascontiguousarray(A).tobytes(), len(A))
+
+
+@lru_cache(maxsize=4096)
+def _exponential_of(content: bytes, n: int) -> Array:
+    """exp(A) of a matrix (n, n), for two states by Cayley and Hamilton.
 
     exp(A) = e^μ (cosh δ I + sinh δ/δ (A − μ I)), μ = tr A/2, δ² = μ² − det A.
     """
-    if len(A) > 2:
+    A = np.frombuffer(content).reshape(n, n)
+    if n > 2:
         from scipy.linalg import expm
 
-        return np.asarray(expm(A))
-    if len(A) == 1:
-        return np.asarray(np.exp(A), dtype=np.float64)
-    mean = 0.5 * (A[0, 0] + A[1, 1])
-    root = np.sqrt(complex(mean**2 - A[0, 0] * A[1, 1] + A[0, 1] * A[1, 0]))
-    slope = np.sinh(root) / root if abs(root) > 1e-8 else 1.0 + 0.0j
-    even = np.exp(mean) * (np.cosh(root).real * np.eye(2) + slope.real * (A - mean * np.eye(2)))
-    return np.asarray(even, dtype=np.float64)
+        found = np.asarray(expm(A), dtype=np.float64)
+    elif n == 1:
+        found = np.asarray(np.exp(A), dtype=np.float64)
+    else:
+        mean = 0.5 * (A[0, 0] + A[1, 1])
+        root = np.sqrt(complex(mean**2 - A[0, 0] * A[1, 1] + A[0, 1] * A[1, 0]))
+        slope = np.sinh(root) / root if abs(root) > 1e-8 else 1.0 + 0.0j
+        even = np.exp(mean) * (np.cosh(root).real * np.eye(2) + slope.real * (A - mean * np.eye(2)))
+        found = np.asarray(even, dtype=np.float64)
+    found.flags.writeable = False
+    return found
 
 
 def _stationary(drift: Array) -> Array:
