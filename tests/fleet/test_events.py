@@ -1,5 +1,6 @@
 """What came and went is one event; ice is named by the weather of the day on which it came."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
 import numpy as np
@@ -17,8 +18,8 @@ AIR = {"T01": (BEGIN.timestamp() + TIME, np.where(TIME < 20.0 * DAY, -6.0, 9.0).
 """Frost for twenty days, then spring."""
 
 
-def events(*jumps: tuple[float, float], spread: float = 0.1) -> list[Event]:
-    """Of one turbine that has these jumps: day, percent."""
+def events(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> list[Event]:
+    """Of one turbine that has these jumps: day, percent; by how much each is known, 0.1 % unless it is said."""
     column = np.ones((DAYS, 1))
     log = np.zeros(DAYS)
     for day, size in jumps:
@@ -32,12 +33,13 @@ def events(*jumps: tuple[float, float], spread: float = 0.1) -> list[Event]:
         "k", "N/m", level=level, low=level, high=level, adjusted=level, whitened=level, statistic=level, limit=1.0,
         drift=(0.0, 0.0, 0.0), slopes={}, wander=0.0, scatter=1.0, smallest=1.0,
     )  # fmt: skip
+    spreads = spreads or [0.1] * len(jumps)
     changes = tuple(
         Change(
             "k", day * DAY, day * DAY, day * DAY, day * DAY, size, size - spread, size + spread, "the turbine",
             f"k {size:+g} %",
         )
-        for day, size in jumps
+        for (day, size), spread in zip(jumps, spreads, strict=True)
     )  # fmt: skip
     return events_of({"T01": Watch(blocks, (series,), changes, 0.1, 0, ())}, [], [], AIR)
 
@@ -48,6 +50,12 @@ def test_what_fell_in_the_frost_and_came_back_in_the_thaw_is_ice():
     assert event.told.startswith("k fell by 3.9 % on 2026-01-16")
     assert "rose again on 2026-01-31" in event.told
     assert "at -6 °C when it fell" in event.told
+
+
+def test_a_fall_of_doubtful_size_that_is_taken_back_for_sure_is_ice_and_no_turbine_that_rose():
+    (event,) = events((15.0, -4.0), (30.0, 4.1), spreads=[5.0, 0.1])
+    assert event.kind == "ice"
+    assert event.told.startswith("k fell by 3.9 % on 2026-01-16")
 
 
 def test_ice_that_grows_and_falls_off_in_steps_is_one_event():
@@ -63,7 +71,9 @@ def test_what_falls_in_steps_is_told_once_with_the_size_that_the_blocks_have():
 
 
 def test_an_alarm_whose_jump_may_be_none_is_no_event():
-    assert events((40.0, -1.0), spread=1.5) == []
+    assert events((40.0, -1.0), spreads=[1.5]) == []
+    (event,) = events((40.0, -1.0), (50.0, -3.0), spreads=[1.5, 0.1])
+    assert event.told == "k -3 %"
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from scipy.stats import norm
 from validation.years import Site, simulate_blocks
 
 from windsysid import ConfigurationError, cli
+from windsysid._types import Array
 from windsysid.identification.identify import identify
 from windsysid.identification.planning import plan
 from windsysid.monitoring.jumps import threshold
@@ -128,6 +129,45 @@ def test_two_jumps_are_two_alarms():
     twice = stepped(stepped(quiet(("k_x",)), "k_x", -0.03, 1500), "k_x", 0.05, 2200)
     changes = watch(twice).changes
     assert [round(c.percent) for c in changes] == [-3, 5]
+
+
+def frosty(seed: int, *, loss: float) -> Blocks:
+    """Three days of a record every two hours: after 42 hours it is 8 K colder for 18, and stiffness falls meanwhile."""
+    rng = np.random.default_rng(seed)
+    hours: Array = np.arange(0.0, 72.0, 2.0)
+    cold = (hours >= 42.0) & (hours < 60.0)
+    temperature: Array = np.where(cold, -4.0, 4.0) + 3.0 * np.sin(2.0 * np.pi * hours / 24.0)
+    theta = -0.0003 * temperature + math.log1p(loss) * cold + 0.0053 * rng.standard_normal(len(hours))
+    return Blocks(
+        ("k_x",), 3600.0 * hours, theta[:, None], np.full((len(hours), 1), 0.0053), (True,), (1.0,),
+        temperature[:, None], ("temperature",),
+    )  # fmt: skip
+
+
+def test_what_comes_and_goes_with_the_frost_is_two_jumps_whose_bands_hold_the_truth():
+    loss = -0.04
+    told = 0
+    for seed in range(100, 120):
+        changes = watch(frosty(seed, loss=loss), alarms_per_year=0.01).changes
+        assert len(changes) == 2
+        for change, truth, hour in zip(changes, (100.0 * loss, -100.0 * loss / (1.0 + loss)), (42, 60), strict=True):
+            assert math.copysign(1.0, change.low) == math.copysign(1.0, change.high) == math.copysign(1.0, truth)
+            assert change.earliest <= 3600.0 * hour <= change.latest
+            told += change.low <= truth <= change.high
+    assert told >= 36  # of 40 bands of ±2σ: 38.2 are to be expected
+
+
+def test_frost_alone_is_no_jump():
+    for seed in range(100, 120):
+        assert watch(frosty(seed, loss=0.0), alarms_per_year=0.01).changes == ()
+
+
+def test_a_covariate_that_rounding_alone_moves_is_left_out():
+    blocks = quiet(("k_x",))
+    speed = 1.267 * (1.0 + 1e-15 * np.array([[i % 3] for i in range(len(blocks.time))], dtype=np.float64))
+    found = watch(replace(blocks, covariates=speed, covariate_names=("rotor_speed",)))
+    assert found.series[0].slopes == {}
+    assert "rotor_speed was constant while learning and was left out" in found.notes
 
 
 def test_blocks_without_covariate_are_left_out_and_said():

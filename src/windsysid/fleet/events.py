@@ -1,6 +1,7 @@
 """What stands out of a fleet, in sentences: jumps, sensors that fail, outliers, each thing once.
 
-An alarm whose jump has zero in its band, once its date is known, is left out; the watch of the turbine lists it.
+An alarm whose jump has zero in its band, once its date is known, is left out, unless a jump that has not takes it back;
+the watch of the turbine lists it.
 A jump that happens while a sensor of the turbine fails is put down to that.
 A jump that half of the sisters have on the same date is the season's, the site's or the software's, and no turbine's.
 What falls in the cold and comes back, at once or in steps, is named as ice.
@@ -82,7 +83,7 @@ def events_of(
     air: Mapping[str, tuple[Array, Array]],
 ) -> list[Event]:  # fmt: skip
     """What stands out, the worst first, each thing once."""
-    changes = [(name, change) for name, one in watches.items() for change in _merged(one) if _is_told(change)]
+    changes = [(name, change) for name, one in watches.items() for change in _told(one)]
     found: list[Event] = []
     done: set[int] = set()
     for i, (name, change) in enumerate(changes):
@@ -127,8 +128,19 @@ def events_of(
     return sorted(found, key=lambda event: _WORST.index(event.kind))
 
 
-def _is_told(change: Change) -> bool:
-    """Whether a jump is one, once it is known when it was: an alarm whose band holds no change at all is not."""
+def _told(one: Watch) -> list[Change]:
+    """Jumps that are told: those that are some, once it is known when they were, and what such a one takes back."""
+    merged = _merged(one)
+    told = []
+    for i, change in enumerate(merged):
+        later = [other for other in merged[i + 1 :] if other.name == change.name and _is_sure(other)]
+        if _is_sure(change) or _steps_back(one, [change, *later]):
+            told.append(change)
+    return told
+
+
+def _is_sure(change: Change) -> bool:
+    """Whether a jump's band holds nothing but jumps."""
     return change.low > 0.0 or change.high < 0.0
 
 

@@ -20,6 +20,7 @@ comes first (docs/monitor.md).
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.changes import Change, Series, Watch
-from windsysid.monitoring.jumps import Rates, Track, learn_rates, shared_error, threshold, track
+from windsysid.monitoring.jumps import Belief, Rates, Track, learn_rates, shared_error, threshold, track
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,
     MAX_HINDSIGHT_BLOCKS,
@@ -51,6 +52,9 @@ TOLERATED_DRIFT = {"k": 0.005, "f": 0.0025, "c": 0.1, "noise": 0.1}
 """Jumps up to this size, relative, are no alarm however sure they are: they are drift."""
 
 YEAR = 365.25 * DAY
+
+ROUNDING = 1e-9
+"""Share of a covariate's size up to which it is constant, and moves by rounding alone."""
 
 SENSOR, STRUCTURE, NOISE = "check the sensor first", "the turbine", "the sensor"
 
@@ -162,18 +166,40 @@ def _follow(
             tested[first:upto] = whole.statistic[first:upto]
             if whole.stopped < 0:
                 break
-            likely = int(whole.since[whole.stopped])
-            found = locate(y, r, x, prior, rates, freed, whole.stopped, likely, jump, scale)
+            free, stopped, first = freedom(whole.belief.mean, jump, scale), whole.stopped, whole.stopped + 1
+            place = partial(_locate, y, r, x, prior, rates, freed, stopped, int(whole.since[stopped]), jump, scale)
+            seen, seen_freed = _part(y, r, freed, place(first), rates, free)
+            ahead = min(first + max(first - int(whole.since[stopped]), MAX_HINDSIGHT_BLOCKS), count)
+            after = track(
+                seen[:ahead], r[:ahead], x[:ahead], prior, rates, limit=limit, tolerated=least, first=first,
+                freed=seen_freed[:ahead],
+            )  # fmt: skip
+            until = count if after.stopped < 0 else max(first, int(after.since[after.stopped]))
+            found = place(until)  # by blocks up to the next jump: two are not one
             jumps.append(found)
-            near = slice(max(0, found.earliest - MAX_HINDSIGHT_BLOCKS), found.found + 1)
-            y[near] = without_bad(y[near], rates.scatter * r[near])
-            y[found.earliest : found.latest] = np.nan  # nobody knows on which side these are
-            freed[found.latest] = freedom(whole.belief.mean, jump, scale)
-            first = whole.stopped + 1
+            y, freed = _part(y, r, freed, found, rates, free)
         if end == count:
             learned = float(whole.level[begins - 1])
             return _Followed(whole._replace(statistic=tested), rates, limit, jumps, scale, learned, least)
         begin = first = end
+
+
+def _locate(
+    y: Array, r: Array, x: Array, prior: Belief, rates: Rates, freed: Array, found: int, likely: int, jump: float,
+    scale: float, end: int,
+) -> Jump:  # fmt: skip
+    """`locate` by the blocks before `end`."""
+    return locate(y[:end], r[:end], x[:end], prior, rates, freed[:end], found, likely, jump, scale)
+
+
+def _part(y: Array, r: Array, freed: Array, jump: Jump, rates: Rates, free: Array) -> tuple[Array, Array]:
+    """Blocks (T,) without what is bad near a jump or on neither side of it, and what is free (T, d) with it."""
+    y, freed = y.copy(), freed.copy()
+    near = slice(max(0, jump.earliest - MAX_HINDSIGHT_BLOCKS), jump.found + 1)
+    y[near] = without_bad(y[near], rates.scatter * r[near])
+    y[jump.earliest : jump.latest] = np.nan
+    freed[jump.latest] = free
+    return y, freed
 
 
 def _describe(
@@ -278,7 +304,7 @@ def _standardise_covariates(blocks: Blocks, begins: int) -> tuple[Array, list[st
             " column out"
         )
     scales = np.nanstd(x[:begins], axis=0)
-    moves = scales > 0.0
+    moves = scales > ROUNDING * np.nanmax(np.abs(x[:begins]), axis=0)
     notes = [
         f"{name} was constant while learning and was left out"
         for name, there in zip(blocks.covariate_names, moves, strict=True) if not there
