@@ -1,6 +1,7 @@
 """SCADA beside rows: the same bytes whether it came before its records or after, and clear lines where it is wrong."""
 
-from datetime import UTC, datetime
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 
 from tests.fleet.conftest import contents, rows_of
 from windsysid.errors import ConfigurationError
-from windsysid.fleet.archive import add_rows, place_of
+from windsysid.fleet import joining
+from windsysid.fleet.archive import add_rows, day_of, known_sources, place_of, rows_in
 from windsysid.fleet.batch import Batch, batch
 from windsysid.fleet.joining import OTHER_CLOCK, join, join_late
 from windsysid.fleet.rows import Row, empty_row
@@ -84,12 +86,38 @@ def test_another_clock_is_a_note_that_goes_when_it_is_mended():
 def test_only_what_changed_is_written(tmp_path: Path):
     days = ("2026-03-01", "2026-03-02")
     for day in days:
-        add_rows(place_of(tmp_path, "T", day), [row(f"{day}T00:10:00Z")])
+        add_rows(place_of(tmp_path, "T", day), [row(f"{day}T00:10:00Z") | {"source": f"/{day}.csv"}])
     before = {day: place_of(tmp_path, "T", day).stat().st_ino for day in days}
-    assert join_late(tmp_path, "T", scada(wind_speed=[4.0] * 4), USUAL) == 1
+    assert join_late(tmp_path, "T", scada(wind_speed=[4.0] * 4), USUAL, known_sources(tmp_path, "T")) == 1
     after = {day: place_of(tmp_path, "T", day).stat().st_ino for day in days}
     assert [before[day] == after[day] for day in days] == [False, True]
     assert [one["scada_wind_speed"] for one in rows_of(tmp_path, "T")] == [4.0, None]
+
+
+def test_only_days_that_scada_speaks_of_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    starts = [BEGIN + timedelta(days=i) for i in range(-40, 40)]
+    for i, start in enumerate(starts):
+        text = start.isoformat() if i % 2 else start.astimezone(timezone(timedelta(hours=-8))).isoformat()
+        one = row(text) | {"source": f"/{i}.csv"}
+        add_rows(place_of(tmp_path, "T", day_of(text, "")), [one])
+    other = row("2026-03-03T00:00:00Z") | {"source": "/other.csv"}  # filed by the date in its file's name
+    add_rows(place_of(tmp_path, "T", "2026-12-24"), [other])
+    known = known_sources(tmp_path, "T")
+    read: list[str] = []
+
+    def counted(path: Path, columns: Sequence[str] | None = None) -> list[Row]:
+        read.append(path.stem)
+        return rows_in(path, columns)
+
+    monkeypatch.setattr(joining, "rows_in", counted)
+    table = scada(BEGIN + timedelta(days=2), lines=144, wind_speed=[4.0] * 144)
+    assert join_late(tmp_path, "T", table, USUAL, known) == 2
+    assert len(set(read)) == 5  # of 81: a day before and after, since clocks may differ
+    joined = {one["source"]: one["scada_wind_speed"] for one in rows_of(tmp_path, "T")}
+    assert {source for source, speed in joined.items() if speed == 4.0} == {"/42.csv", "/other.csv"}
+    read.clear()
+    assert join_late(tmp_path, "T", scada(datetime(2030, 1, 1), wind_speed=[4.0] * 4), USUAL, known) == 0
+    assert read == []
 
 
 def test_scada_of_another_clock_and_damaged_scada_end_the_run_before_any_work(data: Path, tmp_path: Path):

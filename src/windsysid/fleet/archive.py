@@ -16,7 +16,7 @@ import io
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from datetime import UTC
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -57,13 +57,15 @@ _DATE = re.compile(r"(?<!\d)(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?!\d{3})")
 
 class Known(NamedTuple):
     """A record that an archive has: size of its file, what came of it, how often it was tried, with which settings,
-    and the day that it is filed under."""
+    the day that it is filed under, and when it began (as column ``time``) and how long it is [s], where it says so."""
 
     size: int
     status: str
     tries: int
     settings: str
     day: str
+    time: datetime | None = None
+    seconds: float | None = None
 
 
 def is_archive(folder: str | Path) -> bool:
@@ -169,12 +171,12 @@ def turbines_of(archive: str | Path) -> tuple[str, ...]:
 
 def known_sources(archive: Path, turbine: str) -> dict[str, Known]:
     """What an archive has of a turbine, by the path of the record's file."""
-    columns = ["source", "source_bytes", "status", "tries", "settings"]
+    columns = ["source", "source_bytes", "status", "tries", "settings", "time", "duration"]
     found: dict[str, Known] = {}
     for day, path in files_of(archive, turbine):
         for row in rows_in(path, columns):
-            size, status, tries, settings = (row[column] for column in columns[1:])
-            found[row["source"]] = Known(size, status, tries, settings, day)
+            size, status, tries, settings, begun, seconds = (row[column] for column in columns[1:])
+            found[row["source"]] = Known(size, status, tries, settings, day, begun, seconds)
     return found
 
 

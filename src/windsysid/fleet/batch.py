@@ -180,7 +180,8 @@ def batch(
         for member in members:
             if member.name in scadas and known[member.name]:
                 progress(f"joining SCADA to records of {member.name}", None)
-                joined += join_late(folder, member.name, scadas[member.name], load_turbine(member.turbine).rotor_speed)
+                usual = load_turbine(member.turbine).rotor_speed
+                joined += join_late(folder, member.name, scadas[member.name], usual, known[member.name])
         with closing(Worker(limit)) as looker:
             tasks = _tasks(new, known, folder, formulation, settings, limit, looker, progress, scadas)
             counted = _Counted(sum(len(task.sources) for task in tasks), progress)

@@ -4,11 +4,11 @@ SCADA has no part in an identification, so that a row which was written before i
 opened again, and then has the bytes of a row that was written after.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.fleet.archive import add_rows, files_of, rows_in
+from windsysid.fleet.archive import Known, add_rows, place_of, rows_in
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row
 from windsysid.fleet.scada import SCADA_COLUMNS, Scada, read_scada
@@ -103,8 +103,15 @@ def _operation(row: Row, usual: float) -> Row:
     return {"state": state, "speed_bin": at, "rotor_speed": mean}
 
 
-def join_late(archive: Path, turbine: str, scada: Scada, usual: float) -> int:
+def join_late(archive: Path, turbine: str, scada: Scada, usual: float, known: Mapping[str, Known]) -> int:
     """Join SCADA to rows of a turbine that an archive has; how many changed.
+
+    Only files that hold a record near the time of which SCADA speaks are read.
+
+    Parameters
+    ----------
+    known
+        What the archive has of the turbine.
 
     Raises
     ------
@@ -112,7 +119,8 @@ def join_late(archive: Path, turbine: str, scada: Scada, usual: float) -> int:
         If a file cannot be written; it is then as it was, and the same call goes on.
     """
     changed = 0
-    for _, path in files_of(archive, turbine):
+    for day in sorted({one.day for one in known.values() if scada.is_near(one.time, one.seconds)}):
+        path = place_of(archive, turbine, day)
         before = {row["source"]: row for row in rows_in(path, _READ)}
         joined = {source: join(row, scada, usual) for source, row in before.items()}
         late = {source: row for source, row in joined.items() if row != before[source]}

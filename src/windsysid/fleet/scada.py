@@ -5,7 +5,7 @@ A line counts from its time on, until the next usual one. A record has the mean 
 the length of the overlap; the state is that of the longest overlap.
 """
 
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,6 +28,9 @@ SCADA_COLUMNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "state": ("", ("turbine_state", "state")),
 }
 """What is kept of SCADA: its unit (none is asked of a code), and the channels that may hold it."""
+
+CLOCKS_DIFFER = 86400.0
+"""[s] that a local clock is off UTC at most, with time to spare."""
 
 MIN_SHARE = 0.5
 """Share of a record that SCADA must cover to say anything of it."""
@@ -57,6 +60,19 @@ class Scada(NamedTuple):
         """Whether its lines span `seconds` from `start` on, whatever is missing between."""
         low = (start - self.begin) / timedelta(seconds=1)
         return bool(self.time[0] <= low and low + seconds <= self.time[-1] + self.period)
+
+    def is_near(self, start: datetime | None, seconds: float | None) -> bool:
+        """Whether `seconds` from `start` on, a date without a zone, may be of the time of its lines.
+
+        UTC where a zone is known: clocks of which nobody says it differ by less than `CLOCKS_DIFFER`.
+        """
+        if start is None or seconds is None:
+            return False
+        zone = self.begin.tzinfo
+        begin = self.begin if zone is None else self.begin.astimezone(UTC).replace(tzinfo=None)
+        low = (start - begin) / timedelta(seconds=1)
+        last = self.time[-1] + self.period + CLOCKS_DIFFER
+        return bool(self.time[0] - CLOCKS_DIFFER <= low + seconds and low <= last)
 
     def during(self, start: datetime, seconds: float) -> dict[str, float]:
         """What is known of `seconds` from `start` on, by name; a name is left out where too little is known.
