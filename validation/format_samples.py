@@ -1,4 +1,5 @@
-"""One record in every format, written by a library that is not windsysid's, or by hand where there is none.
+"""One record in every format, written by a library that is not windsysid's, or by hand where there is none; Parquet by
+windsysid, too, whose files have a seal.
 
 `SAMPLES` names for each format the ending, how its file is written, and what of the record it keeps.
 `validation.formats` reads them back and damages them; so do the tests.
@@ -13,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from windsysid.records.formats import write_record
 from windsysid.records.formats.mapping import ChannelRule, Mapping, TimeRule
-from windsysid.records.record import Array
+from windsysid.records.record import Array, Record
+from windsysid.units import si_unit, to_si
 
 __all__ = ["SAMPLES", "START", "Sample", "files_of", "truth"]
 
@@ -53,6 +56,8 @@ class Sample:
         Whether values are scaled on reading, so that their last bit is the reader's.
     counted : bool
         Whether the file says how many samples it holds, so that a loss shows.
+    spared : callable
+        ``spared(whole)`` is how many bytes at the beginning damage leaves alone.
     """
 
     ending: str
@@ -68,6 +73,7 @@ class Sample:
     begin: float = 0.0
     scaled: bool = False
     counted: bool = True
+    spared: Callable[[bytes], int] = field(default=lambda whole: 0)
 
 
 def files_of(sample: Sample, path: Path) -> list[Path]:
@@ -116,6 +122,15 @@ def _parquet(path: Path, time: Array, values: Array) -> None:
     import pandas as pd
 
     pd.DataFrame(values, columns=_headed(), index=pd.Index(time, name="time [s]")).to_parquet(path)
+
+
+def _parquet_own(path: Path, time: Array, values: Array) -> None:
+    si = values * [to_si(1.0, unit) for unit in UNITS]
+    write_record(Record(time, si, NAMES, tuple(map(si_unit, UNITS)), start=START), path)
+
+
+def _footer(whole: bytes) -> int:
+    return len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
 
 
 def _netcdf(path: Path, time: Array, values: Array) -> None:
@@ -274,6 +289,8 @@ _BLADED: dict[str, Any] = {
 SAMPLES: dict[str, Sample] = {
     "CSV": Sample(".csv", _csv, "pandas", counted=False),
     "Parquet": Sample(".parquet", _parquet, "pandas, pyarrow", "pyarrow"),
+    "Parquet, its footer": Sample(".parquet", _parquet, "pandas, pyarrow", "pyarrow", spared=_footer),
+    "Parquet, sealed": Sample(".parquet", _parquet_own, "windsysid", "pyarrow", start=START),
     "netCDF-4": Sample(".nc", _netcdf, "xarray, h5netcdf", start=START),
     "MATLAB 5–7": Sample(".mat", _matlab, "scipy", mapping=_ARRAYS),
     "MATLAB 7.3": Sample(".mat", _matlab_73, "h5py", mapping=_ARRAYS),

@@ -79,7 +79,7 @@ def check_format(name: str, sample: Sample, files: int, seed: int) -> tuple[tupl
         numbers = next(iter(wholes.items()))
         cuts = Counter(_outcome(reader, path, numbers, _cut(numbers[1], rng), good) for _ in range(files // 4))
         chosen = [list(wholes.items())[k % len(wholes)] for k in range(files)]
-        found = Counter(_outcome(reader, path, one, damaged(one[1], rng), good) for one in chosen)
+        found = Counter(_outcome(reader, path, one, _damaged(sample, one[1], rng), good) for one in chosen)
         reader.close()
     faults = {kind: cuts[kind] + found[kind] for kind in ("fault", "crashes", "hangs")}
     lost = cuts["other numbers"]
@@ -89,6 +89,11 @@ def check_format(name: str, sample: Sample, files: int, seed: int) -> tuple[tupl
         str(found["refused"]), str(found["as written"] + found["said"]), str(found["other numbers"]), listed,
     )  # fmt: skip
     return row, faults["fault"] + (read != "bit-exact")
+
+
+def _damaged(sample: Sample, whole: bytes, rng: np.random.Generator) -> bytes:
+    spared = sample.spared(whole)
+    return whole[:spared] + damaged(whole[spared:], rng)
 
 
 def damaged(whole: bytes, rng: np.random.Generator) -> bytes:

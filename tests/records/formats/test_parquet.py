@@ -1,11 +1,12 @@
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from tests.records.formats.helpers import refused, write
-from windsysid.errors import OutputError
+from windsysid.errors import OutputError, RecordError
 from windsysid.records.formats import read_record, write_record
 from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.record import Record
@@ -67,6 +68,52 @@ def test_a_changed_byte_is_found(tmp_path, record):
     refused(write(tmp_path, bytes(data), "y.parquet"), "damaged")
     refused(write(tmp_path, bytes(data[:-9]), "y.parquet"), "damaged")
     refused(write(tmp_path, "time,a\n0,1\n1,2\n", "y.parquet"), "is not Parquet")
+
+
+def test_no_changed_bit_changes_a_file_of_windsysid(tmp_path, record):
+    record = replace(record, start="2026-03-01T00:00:00Z")
+    write_record(record, tmp_path / "x.parquet")
+    whole = (tmp_path / "x.parquet").read_bytes()
+    footer = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
+    assert pa.parquet.read_table(tmp_path / "x.parquet").num_rows == record.samples  # the seal is in nobody's way
+    good, rng = read_record(tmp_path / "x.parquet"), np.random.default_rng(40)
+    read = 0
+    for at in [*rng.integers(footer, len(whole), 400), *range(footer - 30, footer)]:
+        data = bytearray(whole)
+        data[at] ^= 1 << int(rng.integers(0, 8))
+        found = read_or_refused(write(tmp_path, bytes(data), "y.parquet"))
+        if found is not None:
+            read += 1
+            assert (found.channels, found.units, found.start) == (good.channels, good.units, good.start)
+            assert found.attributes == good.attributes
+            assert (found.time.tobytes(), found.values.tobytes()) == (good.time.tobytes(), good.values.tobytes())
+    assert read < 30  # where the seal itself was hit, and all else is as it was
+
+
+@pytest.mark.parametrize("schema", [True, False])
+def test_a_changed_bit_changes_no_name_and_no_value_beyond_what_the_footer_says(tmp_path, schema):
+    rng = np.random.default_rng(41)
+    values = rng.standard_normal((500, 2))
+    columns = {"time [s]": 0.01 * np.arange(500), "tower_x [m]": values[:, 0], "b": values[:, 1]}
+    pa.parquet.write_table(pa.table(columns), tmp_path / "x.parquet", store_schema=schema)
+    whole = (tmp_path / "x.parquet").read_bytes()
+    good, read = read_record(tmp_path / "x.parquet"), 0
+    for at in rng.integers(4, len(whole), 1000):
+        data = bytearray(whole)
+        data[at] ^= 1 << int(rng.integers(0, 8))
+        found = read_or_refused(write(tmp_path, bytes(data), "y.parquet"))
+        if found is not None:
+            read += 1
+            assert (found.channels, found.units) == (good.channels, good.units)
+            assert np.nanmax(np.abs(found.values)) <= np.abs(good.values).max()
+    assert read > 300  # values that such a file has no checksum for
+
+
+def read_or_refused(path):
+    try:
+        return read_record(path)
+    except RecordError:
+        return None
 
 
 def test_without_pyarrow_the_line_says_how_to_get_it(tmp_path, record, monkeypatch):

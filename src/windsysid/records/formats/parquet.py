@@ -3,9 +3,15 @@
 A file that pandas wrote is read as well: its time is a column called so, or its index, as numbers or as dates; units
 come from the names, as in text. Needs pyarrow. Rows are written in groups with checksums, so that a section reads
 only its groups and a damaged page is found.
+
+Parquet has no checksum of the footer, where names, units and types stand. windsysid writes one before it, where no
+reader of Parquet looks. In a file from elsewhere, what the footer says twice must agree: names, the number of rows, and
+that no value is beyond the least and the greatest that it tells of a column.
 """
 
+import io
 import json
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -28,11 +34,18 @@ _GROUP = 1 << 16  # rows
 _SOME = 10_000  # values that show in which units they are plausible
 _VALUES = 1 << 20  # read at once
 
+_SEAL = b"windsysid crc32 "
+"""What stands before a footer, with eight digits: the checksum of the footer and of what follows it."""
+
+_TAIL = 8
+"""Bytes behind the footer: its length, and four letters."""
+
 
 def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     """Open a file; its row groups are read as far as they are needed."""
     if read_start(path, 4) != b"PAR1":
         raise RecordError("is not Parquet; give the file the ending of what it is, or export it again")
+    _check_seal(path)
     file = _opened(path)
     try:
         schema = file.schema_arrow
@@ -112,7 +125,79 @@ def write_parquet(record: Record, file: BinaryIO) -> None:
     about = {"windsysid_name": record.name, "windsysid_attributes": json.dumps(attributes)}
     columns = [record.time, *(record[name] for name in record.channels)]
     table = pa.table([pa.array(column) for column in columns], schema=pa.schema(fields, metadata=about))
-    pq.write_table(table, file, row_group_size=_GROUP, write_page_checksum=True, use_dictionary=False)
+    written = io.BytesIO()
+    pq.write_table(table, written, row_group_size=_GROUP, write_page_checksum=True, use_dictionary=False)
+    content = written.getbuffer()
+    at = len(content) - _TAIL - int.from_bytes(content[-_TAIL:-4], "little")
+    for part in (content[:at], _seal(content[at:]), content[at:]):
+        file.write(part)
+
+
+def _seal(footer: bytes | memoryview) -> bytes:
+    """What stands before a footer that windsysid wrote."""
+    return _SEAL + b"%08x\n" % zlib.crc32(footer)
+
+
+def _check_seal(path: Path) -> None:
+    """Refuse a file whose footer was changed after windsysid sealed it; one without a seal is somebody else's."""
+    size, length = path.stat().st_size, len(_seal(b""))
+    with path.open("rb") as file:
+        file.seek(max(size - _TAIL, 0))
+        footer = int.from_bytes(file.read(4), "little") + _TAIL
+        if footer + length > size:
+            return
+        file.seek(size - footer - length)
+        found, rest = file.read(length), file.read()
+    if found.startswith(_SEAL) and found != _seal(rest):
+        raise RecordError("is damaged: the checksum of its footer does not agree; copy or export it again")
+
+
+class _Footer:
+    """What the footer says of columns and groups of rows, held against the rows as they come.
+
+    A group is asked about after its rows were read: pyarrow ends the whole process where one is damaged that nothing
+    was read of.
+    """
+
+    def __init__(self, file: Any, names: list[str]) -> None:
+        self.about, self.names = file.metadata, names
+        paths = [self.about.schema.column(i).path for i in range(self.about.num_columns)]
+        self.at = {name: paths.index(name) for name in names if name in paths}
+        self.group, self.begin, self.done = 0, 0, 0  # the group at hand, its first row, rows that came
+
+    def check(self, batch: Any) -> None:
+        """Refuse rows of which the footer says something else."""
+        self.done += batch.num_rows
+        limits: dict[str, list[tuple[Any, Any]]] = {name: [] for name in self.at}
+        groups = 0
+        while self.begin < self.done and self.group < self.about.num_row_groups:
+            group = self.about.row_group(self.group)
+            for name, i in self.at.items():
+                column = group.column(i)
+                if column.path_in_schema != name:
+                    raise RecordError("is damaged: its footer gives a column two names; copy or export it again")
+                told = column.statistics
+                if told is not None and told.has_min_max and isinstance(told.min, int | float):
+                    limits[name].append((told.min, told.max))
+            groups += 1
+            if self.begin + group.num_rows > self.done:
+                break
+            self.group, self.begin = self.group + 1, self.begin + group.num_rows
+        compute = _pyarrow("pyarrow.compute")
+        for name, pairs in limits.items():
+            found = compute.min_max(batch.column(batch.schema.get_field_index(name))).as_py()
+            if len(pairs) < groups or found["min"] is None:
+                continue
+            if found["min"] < min(low for low, _ in pairs) or found["max"] > max(high for _, high in pairs):
+                raise RecordError(
+                    f"is damaged: column '{name}' has values beyond the least and greatest that the footer says; copy"
+                    " or export it again"
+                )
+
+    def check_end(self) -> None:
+        """Refuse a file with another number of rows."""
+        if self.done != self.about.num_rows:
+            raise RecordError(f"is damaged: expected {self.about.num_rows} rows, got {self.done}; copy it again")
 
 
 def _pyarrow(module: str) -> Any:
@@ -134,8 +219,11 @@ def _damaged(error: Exception) -> RecordError:
 
 def _batches(file: Any, names: list[str]) -> Iterator[list[Any]]:
     try:
+        footer = _Footer(file, names)
         for batch in file.iter_batches(max(1, min(_GROUP, _VALUES // len(names))), columns=names):
+            footer.check(batch)
             yield [batch.column(batch.schema.get_field_index(name)) for name in names]
+        footer.check_end()
     except (ValueError, OSError, KeyError) as error:
         if isinstance(error, RecordError):
             raise
