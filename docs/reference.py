@@ -1,10 +1,9 @@
 """The pages that are generated: every public name with its docstring, and every command with its own help."""
 
 import inspect
-import os
-import subprocess
-import sys
 from pathlib import Path
+
+from typer.testing import CliRunner
 
 import windsysid
 from windsysid.cli import app
@@ -77,10 +76,8 @@ def _commands() -> str:
     listed = [command.name or getattr(command.callback, "__name__", "") for command in app.registered_commands]
     lines = ["# Commands", ""]
     for command in ("", *listed):
-        given = [sys.executable, "-m", "windsysid", *([command] if command else []), "--help"]
-        shown = subprocess.run(
-            given, capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"}
-        ).stdout
-        told = shown.replace("python -m windsysid", "windsysid").strip("\n ")
+        given = [*([command] if command else []), "--help"]
+        shown = CliRunner().invoke(app, given, prog_name="windsysid", env={"COLUMNS": "100", "NO_COLOR": "1"}).output
+        told = shown.strip("\n ")
         lines += [f"## windsysid {command}".rstrip(), "", "```text", told, "```", ""]
     return "\n".join(lines)
