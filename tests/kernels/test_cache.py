@@ -102,6 +102,14 @@ def test_a_cache_that_cannot_be_written_is_done_without(
 @pytest.mark.parametrize("times", [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_two_processes_compile_at_once_in_one_cold_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int):
     context = multiprocessing.get_context("fork")
+    made, keep = tmp_path / "made", cache.keep
+
+    def note(path: Path, payload: bytes) -> None:
+        with made.open("a") as file:
+            file.write(f"{path.name}\n")
+        keep(path, payload)
+
+    monkeypatch.setattr(jit, "keep", note)
     for n in range(times):
         shared, start = tmp_path / str(n), context.Barrier(2)
         shared.mkdir()
@@ -120,6 +128,7 @@ def test_two_processes_compile_at_once_in_one_cold_cache(tmp_path: Path, monkeyp
         assert [process.exitcode for process in both] == [0, 0]
         assert sorted(path.suffix for path in shared.rglob("*.*")) == [".code", ".kernel", ".py"]
         assert decay_rate(monkeypatch) == -6.0
+        assert len(made.read_text().splitlines()) == n + 1, "one compiled, and the other waited for it"
 
 
 def test_a_kernel_depends_on_the_source_of_every_helper_it_can_use():

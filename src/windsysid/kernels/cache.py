@@ -2,7 +2,8 @@
 
 Every file begins with the SHA-256 of what follows. A file that was cut, damaged or cannot be read counts as absent: it
 is made again. Files are written under another name and moved to their own, so that processes at the same moment do not
-disturb each other.
+disturb each other. Of processes that want the same file at the same moment one makes it, and the others wait for it
+(`in_turn`).
 """
 
 import atexit
@@ -11,14 +12,21 @@ import logging
 import os
 import shutil
 import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
 from windsysid.output.files import replace_file
+from windsysid.output.locks import LOCK, release, try_lock
 
-__all__ = ["cache_folder", "keep", "kept", "write_whole"]
+__all__ = ["cache_folder", "in_turn", "keep", "kept", "write_whole"]
+
+LONGEST_WAIT = 120.0
+"""[s] After which a process makes a file itself, whoever else is at it."""
 
 _DIGEST = hashlib.sha256().digest_size
 
@@ -49,6 +57,26 @@ def kept(path: Path) -> bytes | None:
         return None
     digest, payload = content[:_DIGEST], content[_DIGEST:]
     return payload if hashlib.sha256(payload).digest() == digest else None
+
+
+@contextmanager
+def in_turn(path: Path) -> Iterator[None]:
+    """Wait until no other process makes this file, and be the one that does; without a lock where there can be none.
+
+    The file may be there afterwards: look before making it.
+    """
+    lock, until = path.with_name(f".{path.name}{LOCK}"), time.monotonic() + LONGEST_WAIT
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        while (handle := try_lock(lock)) is None and not path.exists() and time.monotonic() < until:
+            pass  # `try_lock` takes its time
+    except OSError:
+        handle = None
+    try:
+        yield
+    finally:
+        if handle is not None:
+            release(handle, lock)
 
 
 def keep(path: Path, payload: bytes) -> None:

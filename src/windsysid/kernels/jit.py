@@ -11,6 +11,7 @@ import pickle
 import re
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,7 +20,7 @@ import llvmlite
 import numba
 from numba import types
 
-from windsysid.kernels.cache import cache_folder, keep, kept, logger
+from windsysid.kernels.cache import cache_folder, in_turn, keep, kept, logger
 from windsysid.kernels.simd import LANE_MATRIX, LANE_VECTOR
 
 __all__ = [
@@ -95,10 +96,11 @@ class _Cache:
     Numba's own cache has an index and numbered files, which two processes can mix up, and trusts whatever is in them.
     """
 
-    def __init__(self, function: Callable[..., Any], stem: str) -> None:
+    def __init__(self, function: Callable[..., Any], stem: str, turn: ExitStack) -> None:
         self.cache_path = str(cache_folder() / "kernels")
         self._name = re.sub(r"\W", "_", f"{function.__module__}.{function.__qualname__}")[:100]
         self._stem = stem
+        self._turn = turn
 
     def _path(self, signature: object, codegen: Any) -> Path:
         text = f"{self._stem} {signature} {codegen.magic_tuple()}"
@@ -110,7 +112,11 @@ class _Cache:
         from numba.core.runtime.nrt import rtsys
 
         rtsys.initialize(target)  # all that machine code needs; what compiling needs takes half a second to import
-        payload = kept(self._path(signature, target.codegen()))
+        path = self._path(signature, target.codegen())
+        payload = kept(path)
+        if payload is None:
+            self._turn.enter_context(in_turn(path))
+            payload = kept(path)
         if payload is None:
             return None
         try:
@@ -140,11 +146,13 @@ def compiled(
     """
     dispatcher = numba.njit(_nrt=not borrows, **_OPTIONS)(function)
     path = source or Path(sys.modules[function.__module__].__file__ or "")
-    if path.is_file() and (source or function.__closure__ is None):
-        versions = (numba.__version__, llvmlite.__version__, sys.version)
-        sources = sorted(_sources(path).items())
-        dispatcher._cache = _Cache(function, f"{versions} {sources} {function.__qualname__} {borrows}")
-    dispatcher.compile(signature)
+    with ExitStack() as turn:
+        if path.is_file() and (source or function.__closure__ is None):
+            versions = (numba.__version__, llvmlite.__version__, sys.version)
+            sources = sorted(_sources(path).items())
+            stem = f"{versions} {sources} {function.__qualname__} {borrows}"
+            dispatcher._cache = _Cache(function, stem, turn)
+        dispatcher.compile(signature)
     dispatcher.disable_compile()
     return dispatcher
 

@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from windsysid.kernels.assemble import assembled
-from windsysid.kernels.cache import cache_folder, keep, kept, logger, write_whole
+from windsysid.kernels.cache import cache_folder, in_turn, keep, kept, logger, write_whole
 from windsysid.kernels.jit import JACOBIAN, LANE_JACOBIAN, VALUE
 from windsysid.mechanics.model import Model
 
@@ -147,8 +147,11 @@ def compile_model(
             _announce()
             from windsysid.mechanics.generate import generate_source
 
-            source = generate_source(model, sensors, identified, instruments=instruments)
-            write_whole(path, f"{source}{_checksum(source)}\n".encode())
+            with in_turn(path):
+                source = _kept_source(path)
+                if source is None:
+                    source = generate_source(model, sensors, identified, instruments=instruments)
+                    write_whole(path, f"{source}{_checksum(source)}\n".encode())
         cached = _loaded[key] = CompiledModel(_import(path, source), source)
     return cached
 
