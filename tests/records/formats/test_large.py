@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -107,26 +108,31 @@ def test_progress_rises_from_nothing_to_all(tmp_path, name):
 
 
 MEMORY = """
-import resource, sys
+import sys
 import numpy, pandas, xarray, h5netcdf
 try:
     import pyarrow.parquet
 except ImportError:
     pass
 from windsysid.records.formats import iterate_record, read_record
+def most():
+    # Greatest memory of this process so far [kB]; getrusage would count that of the process that started it.
+    return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))
 path = sys.argv[1]
 read_record(path, section=(0.0, 1.0))
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+before = most()
 samples = sum(piece.samples for piece in iterate_record(path, 100.0))
-late = read_record(path, section=(7000.0, 7001.0)).samples
-print(samples, late, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
+late = read_record(path, section=(2900.0, 2901.0)).samples
+print(samples, late, (most() - before) / 1024)
 """
 
 
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="how much memory was used is asked of Linux")
 @pytest.mark.parametrize("name", ["x.csv", "x.nc", "x.parquet", "x.outb"])
 def test_reading_in_pieces_needs_little_memory(tmp_path, name, monkeypatch):
     monkeypatch.undo()  # blocks of the size that users have
-    rows, columns = 800_000, 40 if name != "x.csv" else 8
+    rows = 600_000 if name in ("x.parquet", "x.outb") else 300_000  # the libraries themselves take 40 to 60 MB
+    columns = 40 if name != "x.csv" else 8
     names = tuple(f"c{i}" for i in range(columns))
     if name == "x.outb":
         from tests.records.formats.test_formats import outb
@@ -144,8 +150,8 @@ def test_reading_in_pieces_needs_little_memory(tmp_path, name, monkeypatch):
     shown = subprocess.run([sys.executable, "-c", MEMORY, str(path)], capture_output=True, text=True, check=True)
     samples, late, megabytes = shown.stdout.split()
     assert (int(samples), int(late)) == (rows, 100)
-    whole = rows * (columns + 1) * 8 / 2**20  # 250 MB, 55 MB for CSV
-    assert float(megabytes) < (0.5 * whole if name != "x.csv" else 1.6 * whole)
+    whole = rows * (columns + 1) * 8 / 2**20  # 94 or 188 MB, 21 MB for CSV
+    assert float(megabytes) < (0.5 * whole if name != "x.csv" else whole)
 
 
 @pytest.mark.slow
