@@ -10,8 +10,9 @@ from windsysid.live.turns import SHORT, ShortTurns
 
 
 @pytest.fixture(autouse=True)
-def own():
-    """The process's own turns, whatever a test does."""
+def own(monkeypatch: pytest.MonkeyPatch):
+    """The process's own turns, whatever a test does, and whatever still runs of tests before."""
+    monkeypatch.setattr(ShortTurns, "_asking", set())
     before = sys.getswitchinterval()
     sys.setswitchinterval(0.005)
     yield
