@@ -193,7 +193,7 @@ def test_recorded_loads_are_inputs_and_the_others_states(verne555, driven):
 
 def test_without_blade_channels_the_blades_are_locked(verne555, driven):
     support = driven.select(["rotor_azimuth", "rotor_speed", "tower_x_acceleration", "tower_y_acceleration"])
-    result = identify(support, verne555)
+    result = identify(support.section(0.0, 30.0), verne555)
     assert [e.name for e in result.estimates] == ["k_x", "c_x", "k_y", "c_y"]
     assert any("no blade channels: the blades are locked" in note for note in result.notes)
     assert sorted(mode.name for mode in result.modes) == ["tower x", "tower y"]

@@ -246,7 +246,8 @@ def test_durations_are_spelt_out(seconds, words):
 # the command line
 
 
-def test_the_command_answers_and_writes_its_report(run, tmp_path):
+def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(planning, "MOST_SAMPLES", 10_000)
     options = (
         "--duration",
         "100 s",
@@ -285,7 +286,8 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path):
     assert "already there" in line
 
 
-def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path):
+def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(planning, "MOST_SAMPLES", 10_000)
     sensor = '[[sensor]]\nchannel="a"\nquantity="acceleration"\npoint="tower"\naxis="x"\nnoise=0.05\n'
     (tmp_path / "sensors.toml").write_text(sensor)
     code, out, err = run("plan", "verne555", "--sensors", tmp_path / "sensors.toml", "--rate", "50", "--json")
