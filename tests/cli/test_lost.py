@@ -119,8 +119,8 @@ def test_a_full_disk_while_a_record_is_written_is_one_line(run, tmp_path, name):
 
 
 def test_a_full_disk_does_not_take_the_estimates_away(run, record, tmp_path):
-    command = ("identify", record, "--turbine", "verne555", "--no-report", "--output", tmp_path / "out")
-    command += ("--section", "0", "5")
+    options = ("--turbine", "verne555", "--no-report", "--section", "0", "5")
+    command = ("identify", record, *options, "--output", tmp_path / "out")
     assert run(*command).code == 0
     before = {path.name: path.read_bytes() for path in (tmp_path / "out").glob("[!.]*")}
     with files_of_at_most(4000):

@@ -134,11 +134,12 @@ def test_halves_that_differ_are_not_trusted(tower: Turbine, whole: Record) -> No
 
 def test_a_rotor_that_is_read_in_bands_is_refused(verne555: Turbine) -> None:
     turbine = replace(verne555, rotor_speed=1.0)  # as slow beside its blades as a large machine
-    channels = [("rotor_azimuth", "rad"), *((sensor.channel, sensor.unit) for sensor in turbine.sensors)]
+    channels = ("rotor_azimuth", *(sensor.channel for sensor in turbine.sensors))
+    units = ("rad", *(sensor.unit for sensor in turbine.sensors))
     time = np.arange(3000) / 50.0
     values = np.random.default_rng(1).standard_normal((3000, len(channels)))
     values[:, 0] = turbine.rotor_speed * time
-    record = Record(time, values, *zip(*channels, strict=True))
+    record = Record(time, values, channels, units)
     with pytest.raises(ConfigurationError, match="read in bands"):
         identify_pieces([record], turbine, formulation="spectral")
 
