@@ -232,7 +232,7 @@ def test_an_axis_that_nothing_sees_is_locked(verne555, driven):
     assert [e.name for e in result.estimates] == ["k_x", "c_x"]
 
 
-@pytest.mark.parametrize("unseen", [(2,), (2, 3)])
+@pytest.mark.parametrize("unseen", [pytest.param((2,), marks=pytest.mark.slow), (2, 3)])
 def test_a_blade_without_a_channel_is_found_through_the_hub(verne555, driven, unseen):
     hidden = tuple(f"blade_{i}" for i in unseen)
     result = identify(driven.select([name for name in driven.channels if not name.startswith(hidden)]), verne555)
