@@ -16,6 +16,7 @@ import sympy as sp
 
 from tests.mechanics.models import CHAIN_VALUES, Reads, bouc_wen, chain, chain_sensors, duffing, symbols
 from windsysid.errors import ConfigurationError
+from windsysid.kernels.jit import LANE_JACOBIAN
 from windsysid.kernels.simd import LANES, vectors
 from windsysid.mechanics import CompiledModel, RotorModel, compile_model
 from windsysid.mechanics.equations import Equations, lagrange
@@ -189,7 +190,10 @@ def test_compiled_kernels_compute_what_the_generated_python_says(verne555: Turbi
         np.testing.assert_allclose(alone, compiled_value, rtol=1e-13, atol=1e-14)
 
 
-@numba.njit
+_f1, _f2, _f3 = (numba.types.Array(numba.types.float64, d, "C") for d in (1, 2, 3))
+
+
+@numba.njit(numba.types.void(numba.types.FunctionType(LANE_JACOBIAN), _f2, _f1, _f2, _f2, _f2, _f3, _f3, _f3))  # once
 def of_lanes(kernel, x, u, p, w, value, dx, dp, dw):
     kernel(
         vectors(x), u, vectors(p), vectors(w), vectors(value), vectors(dx), vectors(dp), vectors(dw)
