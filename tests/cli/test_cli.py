@@ -304,6 +304,16 @@ def test_turbines_are_listed_with_source_and_assumptions(run):
         assert words in ended.out
 
 
+def test_the_file_of_a_packaged_turbine_begins_ones_own(run, tmp_path):
+    own = tmp_path / "my_tower.toml"
+    own.write_text(run("turbines", "tower").out.replace('"0.3163 Hz"', '"0.3 Hz"'), encoding="utf-8")
+    assert "# Copy this file" in own.read_text(encoding="utf-8")
+    assert load_turbine(own).values["k_side_side"] < load_turbine("tower").values["k_side_side"]
+    ended = run("turbines", "towel")
+    assert (ended.code, ended.out) == (2, "")
+    assert "no packaged turbine 'towel': expected one of hammond" in " ".join(ended.err)
+
+
 OPTIONS = {
     "study": ("--output", "--seed"),
     "simulate": (
@@ -325,7 +335,7 @@ OPTIONS = {
     "modes": ("--speeds", "--operating", "--output", "--json", "--overwrite"),
     "monitor": ("results", "--covariates", "--alarms-per-year", "--output", "--json", "--overwrite"),
     "compare": ("before", "after", "--output", "--json", "--overwrite"),
-    "turbines": (),
+    "turbines": ("NAME",),
 }  # fmt: skip
 
 

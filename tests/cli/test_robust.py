@@ -71,7 +71,7 @@ class Terminal(io.StringIO):
 def identified_table():
     from rich.table import Table
 
-    table = Table(title="a turbine, [/x]")
+    table = Table(title="a turbine, [/x]: " + "a caption that says more than fits, " * 4)
     for heading in ("coefficient", "estimate", "±2σ band", "unit", "from data", "reference", "difference"):
         table.add_column(heading)
     for name in ("k_x", "c_beta_3", "a_very_long_name_of_a_coefficient_[/x]"):

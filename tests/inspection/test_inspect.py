@@ -264,6 +264,19 @@ def test_the_steady_fault_free_and_lively_part_is_proposed(healthy):
         assert a.end <= b.start + 1e-9
 
 
+def test_the_longest_steady_part_is_proposed_and_a_steady_record_is_used_whole(healthy):
+    whole = inspect_record(healthy)
+    assert whole.verdict.endswith("; use all of it")
+    assert len(whole.proposals) == 1
+    time = healthy.time
+    wander = np.where(time < 60.0, 0.2 * np.sin(0.3 * time), 0.002 * np.sin(time))
+    speed = healthy["rotor_speed"] * (1.0 + wander)
+    best = inspect_record(changed(healthy, "rotor_speed", speed).select(["rotor_speed", TOWER])).proposals[0]
+    assert best.good
+    assert best.start >= 55.0
+    assert best.end - best.start == pytest.approx(120.0, abs=0.1)
+
+
 def test_a_wind_that_turns_is_avoided_and_said(healthy):
     time = healthy.time
     direction = np.where((time > 100.0) & (time < 160.0), 40.0 * np.sin(0.1 * time), 2.0 * np.sin(0.05 * time))

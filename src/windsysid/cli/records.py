@@ -95,7 +95,9 @@ def inspect_command(
     ] = None,
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, figures and inspection.json.")] = None,
     mapping: Mapping = None,
-    section_length: Annotated[float, typer.Option(help="Length of the sections to propose \\[s].")] = 100.0,
+    section_length: Annotated[
+        float | None, typer.Option(help="Length of the sections to propose \\[s]; else the longest that are good.")
+    ] = None,
     write_mapping: Annotated[
         Path | None,
         typer.Option(help="Instead: propose a mapping with its doubts, and write this TOML file."),
@@ -134,10 +136,18 @@ def _write_mapping(record: Path, mapping: Path | None, target: Path, *, overwrit
 
 
 @app.command()
-def turbines() -> None:
-    """List the packaged turbines."""
-    from windsysid.turbine.file import load_turbine, packaged_turbines
+def turbines(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", help="Print the file of this one. `NAME > my.toml` begins a file of your own."),
+    ] = None,
+) -> None:
+    """List the packaged turbines, or print the file of one."""
+    from windsysid.turbine.file import load_turbine, packaged_file, packaged_turbines
 
+    if name is not None:
+        print(packaged_file(name), end="")
+        return
     rows = []
     for name in packaged_turbines():
         machine = load_turbine(name)

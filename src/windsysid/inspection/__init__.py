@@ -16,7 +16,7 @@ from windsysid.inspection.health import Finding
 from windsysid.inspection.inspection import Inspection
 from windsysid.inspection.plausibility import Rotor
 from windsysid.inspection.screening import examine
-from windsysid.inspection.sections import Proposal, propose
+from windsysid.inspection.sections import Proposal, propose, propose_longest
 from windsysid.inspection.spectra import (
     SPECTROGRAM_MIN_SPREAD,
     Spectrogram,
@@ -39,7 +39,7 @@ __all__ = ["Finding", "Inspection", "Proposal", "Stop", "inspect_record"]
 
 
 def inspect_record(
-    record: RecordLike, turbine: "TurbineLike | None" = None, section_length: float = 100.0
+    record: RecordLike, turbine: "TurbineLike | None" = None, section_length: float | None = None
 ) -> Inspection:
     """Look for faults, vibration and the sections worth using.
 
@@ -50,7 +50,8 @@ def inspect_record(
     turbine
         Whose modes and usual sensors are expected; without it only the rotor's harmonics are marked.
     section_length
-        Length of the sections to propose [s]; a shorter record is judged as a whole.
+        Length of the sections to propose [s]; a shorter record is judged as a whole. Without it the whole record is
+        proposed where it is about as good as its best 100 s, else the longest parts that are.
 
     Returns
     -------
@@ -65,7 +66,7 @@ def inspect_record(
         If `section_length` is not a positive time, or `turbine` is none.
     """
     record, turbine = as_record(record), None if turbine is None else as_turbine(turbine)
-    if not (np.isfinite(section_length) and section_length > 0.0):
+    if section_length is not None and not (np.isfinite(section_length) and section_length > 0.0):
         raise ConfigurationError(f"section_length: expected a positive time in seconds, got {section_length:g}")
     first = tuple(s.channel for s in turbine.sensors if s.channel in record) if turbine is not None else ()
     findings, usable, rotor = examine(record, turbine)
@@ -100,7 +101,11 @@ def inspect_record(
         modes_over_speed=over_speed,
         spectra=found,
         spectrograms=pictures,
-        proposals=propose(record, usable, rotor, findings, section_length),
+        proposals=(
+            propose(record, usable, rotor, findings, section_length)
+            if section_length is not None
+            else propose_longest(record, usable, rotor, findings)
+        ),
         stops=find_stops(record, rotor, usable),
         notes=tuple(notes),
         first=first,

@@ -94,6 +94,8 @@ class Inspection(Answer):
         ]
         faults = ", ".join(listed) or "nothing to complain about"
         good = [p for p in self.proposals if p.good]
+        if good and good[0].end - good[0].start >= self.record.duration:
+            return f"{faults}; use all of it"
         if good:
             return f"{faults}; use {good[0].start:g}–{good[0].end:g} s"
         return f"{faults}; no section is good" + (": " + "; ".join(self.proposals[0].against) if self.proposals else "")

@@ -26,8 +26,12 @@ from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor
 from windsysid.records.record import Record
 from windsysid.units import RPM
 
-__all__ = ["Proposal", "propose"]
+__all__ = ["Proposal", "propose", "propose_longest"]
 
+SHORTEST_SECTION = 100.0
+"""Of those that nobody asked for by their length [s]: that of the published study."""
+MAX_PENALTY_OF_LENGTH = 0.3
+"""What a longer section may be worse than the best short one: 1.5 % of the rotor's speed, or 6 % of the wind's."""
 
 MAX_PROPOSALS = 5
 BLOCKS_PER_SECTION = 40
@@ -157,6 +161,28 @@ def propose(
         )
         for w in chosen
     )  # fmt: skip
+
+
+def propose_longest(
+    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding]
+) -> tuple[Proposal, ...]:
+    """The whole record where it is about as good as its best 100 s, else parts of half its length, and so on.
+
+    Twice the time makes bands 1.4 times narrower.
+
+    Parameters
+    ----------
+    known
+        The usable channels with their kinds.
+    """
+    short = propose(record, known, rotor, findings, SHORTEST_SECTION)
+    length = record.duration + 1.0 / record.rate
+    while length > SHORTEST_SECTION and short:
+        found = propose(record, known, rotor, findings, length)
+        if found and found[0].good and found[0].penalty <= short[0].penalty + MAX_PENALTY_OF_LENGTH:
+            return found
+        length /= 2.0
+    return short
 
 
 class _Blocks:

@@ -88,6 +88,7 @@ def render(*parts: Any, width: int | None = None) -> str:
             shown = _as_rich(part) if isinstance(part, OurTable) else part
             if isinstance(shown, Table):
                 _fit(shown, console, encoding)
+                shown.title = _wrapped(str(shown.title), width) if shown.title else None
             console.print(shown if isinstance(shown, Table) else _wrapped(str(shown), width))
     text = "\n".join(line.rstrip() for line in capture.get().split("\n")).rstrip("\n")
     return _CONTROLS.sub("?", text)

@@ -268,7 +268,7 @@ class Identification(Answer):
             headings.append("from nP")
             rows = [[*row, mode.beside(orders, speed)] for row, mode in zip(rows, self.modes, strict=True)]
         if any(mode.reference is not None for mode in self.modes):
-            headings.append("in file")
+            headings.append("file")  # so that the modes of a tower fit 80 columns
             rows = [[*row, mode.reference_cells()[0]] for row, mode in zip(rows, self.modes, strict=True)]
         at = f"at {speed * RPM:.3g} rpm" if orders else "with the rotor at rest"
         return Table(headings, rows, f"Modes {at}, fixed frame")

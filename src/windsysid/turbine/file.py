@@ -11,7 +11,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.output.files import claim_file
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["load_turbine", "packaged_turbines", "write_turbine"]
+__all__ = ["load_turbine", "packaged_file", "packaged_turbines", "write_turbine"]
 
 
 def write_turbine(turbine: Turbine, path: str | Path, *, overwrite: bool = False) -> None:
@@ -53,6 +53,29 @@ def packaged_turbines() -> tuple[str, ...]:
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
 
 
+def packaged_file(name: str) -> str:
+    """The file of a packaged turbine as text, to begin one's own from.
+
+    Parameters
+    ----------
+    name
+        One of `packaged_turbines`.
+
+    Returns
+    -------
+    str
+        TOML, with its comments.
+
+    Raises
+    ------
+    ConfigurationError
+        If no packaged turbine has that name.
+    """
+    if name not in packaged_turbines():
+        raise ConfigurationError(f"no packaged turbine '{name}': expected one of {', '.join(packaged_turbines())}")
+    return (resources.files("windsysid.turbine") / "packaged" / f"{name}.toml").read_text(encoding="utf-8")
+
+
 def load_turbine(name_or_path: str | Path) -> Turbine:
     """Load a packaged turbine by name, or any turbine from a TOML file.
 
@@ -75,8 +98,7 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
 
     text = str(name_or_path)
     if text in packaged_turbines():
-        source = resources.files("windsysid.turbine") / "packaged" / f"{text}.toml"
-        return parse_turbine(source.read_text(encoding="utf-8"), text)
+        return parse_turbine(packaged_file(text), text)
     path = Path(name_or_path)
     if path.suffix != ".toml":
         raise ConfigurationError(
