@@ -1,6 +1,6 @@
 """
-Campbell diagram with measured points
-=====================================
+Campbell diagram with the modes of a result
+===========================================
 
 How far does each mode stay from 1P, 3P and 6P over the operating range, and how sure is that?
 """
@@ -21,7 +21,7 @@ diagram = ws.modes(result)
 print(diagram)
 
 # %%
-# Black: the modes as measured, at the rotor speed of the record.
+# Black: the modes as identified, at the rotor speed of the record.
 _, ax = plt.subplots(figsize=(8, 6), layout="constrained")
 drawn = diagram.plot(ax)
 rpm = 60.0 / (2.0 * np.pi) * result.conditions.rotor_speed
