@@ -26,7 +26,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.kernels.jit import JACOBIAN, compiled
+from windsysid.kernels.jit import JACOBIAN, compiled, pasted
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.spectral.lifted import Complex
 
@@ -83,10 +83,13 @@ def matrix_harmonics(
     points = POINTS if where >= 0 and rotor_speed != 0.0 else 1
     rates = np.zeros((sets, points, n, 2 * n)), np.zeros((sets, points, n, n))
     seen = np.zeros((sets, points, m, 2 * n)), np.zeros((sets, points, m, n))
+    columns = 2 * n, len(model.identified), n
     _sweep()(
         _pointer(model.rates_jacobian), _pointer(model.reading_jacobian),
         np.ascontiguousarray(parameters, dtype=np.float64), np.ascontiguousarray(deflections, dtype=np.float64),
-        u, where, len(model.identified), *rates, *seen,
+        u, where, *rates, *seen,
+        *(np.zeros(size) for size in (2 * n, 2 * n, m, n, (n, n + 1))),
+        *(np.zeros((rows, size)) for rows in (2 * n, m) for size in columns),
     )  # fmt: skip
     mass = np.linalg.inv(rates[1])
     by_state = -mass @ rates[0]
@@ -186,39 +189,69 @@ def _pointer(kernel: Any) -> _Pointer:
 @lru_cache(maxsize=1)
 def _sweep() -> Any:
     """The compiled loop over parameters and azimuths, one for all models."""
-    model, matrix, real4 = types.FunctionType(JACOBIAN), types.float64[:, ::1], types.float64[:, :, :, ::1]
+    model, real4 = types.FunctionType(JACOBIAN), types.float64[:, :, :, ::1]
+    vector, matrix = types.float64[::1], types.float64[:, ::1]
     signature = types.void(
-        model, model, matrix, matrix, types.float64[::1], types.int64, types.int64, real4, real4, real4, real4
-    )
-    return compiled(_sweep_azimuth, signature)
+        model, model, matrix, matrix, vector, types.int64, real4, real4, real4, real4,
+        vector, vector, vector, vector, matrix, matrix, matrix, matrix, matrix, matrix, matrix,
+    )  # fmt: skip
+    return compiled(_sweep_azimuth, signature, borrows=True)
+
+
+@pasted
+def _solve(system: Any, out: Any) -> None:
+    """out (n,) ← the solution of the equations whose matrix and right side are `system` (n, n+1), which it changes."""
+    n = len(out)
+    for i in range(n):
+        pivot = i
+        for row in range(i + 1, n):
+            if abs(system[row, i]) > abs(system[pivot, i]):
+                pivot = row
+        for c in range(i, n + 1):
+            system[i, c], system[pivot, c] = system[pivot, c], system[i, c]
+        for row in range(i + 1, n):
+            factor = system[row, i] / system[i, i]
+            for c in range(i + 1, n + 1):
+                system[row, c] -= factor * system[i, c]
+    for i in range(n - 1, -1, -1):
+        total = system[i, n]
+        for c in range(i + 1, n):
+            total -= system[i, c] * out[c]
+        out[i] = total / system[i, i]
 
 
 def _sweep_azimuth(
-    rates: Any, reading: Any, parameters: Any, deflections: Any, u: Any, where: int, identified: int,
+    rates: Any, reading: Any, parameters: Any, deflections: Any, u: Any, where: int,
     by_state: Any, by_load: Any, seen_state: Any, seen_load: Any,
+    x: Any, value: Any, y: Any, w: Any, system: Any, A: Any, B: Any, G: Any, C: Any, D: Any, E: Any,
 ) -> None:  # fmt: skip
     sets, points, n, width = by_state.shape
-    m = seen_state.shape[2]
-    x, w, value, y = np.zeros(width), np.zeros(n), np.empty(width), np.empty(m)
     for v in range(sets):
         for i in range(n):
             x[i] = deflections[v, i]
         for point in range(points):
             if points > 1:
                 u[where] = 2.0 * np.pi * point / points
-            A, B, G = np.zeros((width, width)), np.zeros((width, identified)), np.zeros((width, n))
-            w[:] = 0.0
+            for i in range(n):
+                w[i] = 0.0
             rates(x, u, parameters[v], w, value, A, B, G)
-            w[:] = -np.linalg.solve(G[n:].copy(), value[n:].copy())  # what holds the working point
-            A[:] = 0.0
-            G[:] = 0.0
+            for i in range(n):  # what holds the working point
+                for j in range(n):
+                    system[i, j] = G[n + i, j]
+                system[i, n] = -value[n + i]
+            _solve(system, w)
             rates(x, u, parameters[v], w, value, A, B, G)
-            by_state[v, point] = A[n:]
-            by_load[v, point] = G[n:]
-            C, D, E = np.zeros((m, width)), np.zeros((m, identified)), np.zeros((m, n))
             reading(x, u, parameters[v], w, y, C, D, E)
-            seen_state[v, point] = C
-            seen_load[v, point] = E
+            for i in range(n):
+                for j in range(width):
+                    by_state[v, point, i, j] = A[n + i, j]
+                for j in range(n):
+                    by_load[v, point, i, j] = G[n + i, j]
+            for i in range(seen_state.shape[2]):
+                for j in range(width):
+                    seen_state[v, point, i, j] = C[i, j]
+                for j in range(n):
+                    seen_load[v, point, i, j] = E[i, j]
 
 
 def equal_lag(coordinates: Sequence[str], lag: float) -> Array:
