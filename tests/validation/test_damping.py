@@ -12,6 +12,7 @@ def test_parked_and_running_records_tell_both_parts():
     assert all(outcome.found and outcome.found.low < outcome.truth < outcome.found.high for outcome in found)
 
 
+@pytest.mark.slow  # tests/monitoring/test_damping.py has it of results made by hand
 def test_records_of_one_rotor_speed_do_not():
     assert all(outcome.found is None for outcome in campaign("one speed", 1))
 
