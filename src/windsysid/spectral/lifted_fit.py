@@ -7,7 +7,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.spectral.lifted_model import Inexact, LiftedModel
-from windsysid.spectral.scoring import Mode, find_mode, reach_mode
+from windsysid.spectral.scoring import Mode, covariance, find_mode, reach_mode
 
 __all__ = ["COARSE", "WHOLE", "Fit", "admit", "fit"]
 
@@ -92,8 +92,8 @@ def _described(model: LiftedModel, mode: Mode) -> Fit:
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
     evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])
-    cov = np.linalg.inv(mode.information)
-    return Fit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, evidence, mode.steps, mode.settled, model)
+    cov = covariance(mode.information)
+    return Fit(mode.unknowns, cov, log_likelihood, evidence, mode.steps, mode.settled, model)
 
 
 def _evaluator(model: LiftedModel) -> Callable[[Array, int], tuple[float, Array, Array]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["SETTLED", "Mode", "find_mode", "reach_mode"]
+__all__ = ["SETTLED", "Mode", "covariance", "find_mode", "reach_mode"]
 
 STEPS, ROUGH_STEPS = 60, 8
 """Most steps of the last stage, and of a stage before it."""
@@ -31,6 +31,10 @@ NEAR = 0.5
 """Squared length of a step in standard deviations that is taken without another look: a parabola is true enough."""
 
 
+LEAST_KNOWN = 1e-14
+"""Least eigenvalue of scaled information, beside the greatest: what rounding leaves of less has no sign."""
+
+
 class Mode(NamedTuple):
     """A mode of a posterior.
 
@@ -51,6 +55,15 @@ class Mode(NamedTuple):
     value: float
     steps: int
     settled: bool
+
+
+def covariance(information: Array) -> Array:
+    """The inverse of information (n, n), positive also where rounding makes that of a direction negative: it is then
+    wide."""
+    size = np.sqrt(np.diag(information))
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    narrow = vectors / np.sqrt(np.maximum(values, LEAST_KNOWN * values[-1]))
+    return np.asarray(narrow @ narrow.T / np.outer(size, size))
 
 
 def find_mode(
