@@ -31,6 +31,7 @@ from windsysid.simulation.integrate import integrate
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
+from windsysid.units import RPM
 
 RATE, TOWER_RATE, DURATION = 100.0, 20.0, 100.0
 """[Hz], [Hz], [s]"""
@@ -45,6 +46,12 @@ def simulated(turbine: str, loads: str, duration: float = DURATION) -> Callable[
     """Records of a turbine."""
     rate = TOWER_RATE if turbine == "tower" else RATE
     return lambda seed: simulate_record(turbine, duration=duration, rate=rate, seed=seed, loads=loads)
+
+
+def at_speed(turbine: str, rpm: float) -> Callable[[int], Record]:
+    """Records of a turbine in wind at another speed of its rotor: 540 s, 20 readings a second."""
+    machine = replace(load_turbine(turbine).exact(), rotor_speed=rpm / RPM)
+    return lambda seed: simulate_record(machine, duration=540.0, rate=20.0, seed=seed, loads="wind")
 
 
 def decay(turbine: str) -> Callable[[int], Record]:
@@ -102,6 +109,7 @@ KINDS: dict[str, tuple[str, str, Callable[[int], Record]]] = {
     "wind, 20 s": ("verne555", "wind", simulated("verne555", "wind", 20.0)),
     "wind, second half three times as loud": ("verne555", "wind", louder(simulated("verne555", "wind"))),
     **{f"wind, {name}": ("verne555", "wind", damaged(name, "wind")) for name in DAMAGES if name != "clean"},
+    **{f"nrel5mw at {rpm} rpm, wind": ("nrel5mw", "wind", at_speed("nrel5mw", rpm)) for rpm in (7.5, 9.0, 10.5, 12.1)},
     **{
         f"tower, random loads, {duration} s": ("tower", "random", simulated("tower", "random", float(duration)))
         for duration in (600, 400, 300, 120)

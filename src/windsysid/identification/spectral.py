@@ -96,7 +96,9 @@ def identify_by_spectrum(
     doubts = _speed(inputs[:, 1] if speeds is None else speeds) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
     if coupled and belongs_in_bands(questions["broadband"]):
-        return _in_bands(questions["broadband"], loads, doubts, notes)
+        in_bands = _in_bands(questions["broadband"], loads, doubts, notes)
+        if in_bands is not None:
+            return in_bands
     if "rotor-wind" in names:
         questions["rotor-wind"] = ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind", sums)
     warming = time.perf_counter()
@@ -128,11 +130,13 @@ def identify_by_spectrum(
     )._replace(turns=coupled)  # fmt: skip
 
 
-def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome:
-    """The result of a rotor that is read in bands."""
+def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome | None:
+    """The result of a rotor that is read in bands; None where its modes cannot be told apart."""
     started = time.perf_counter()
     tolerances = _tolerances(question)
     found = read_in_bands(question, loads, _inexact(question, tolerances) if tolerances else None)
+    if found is None:
+        return None
     return _outcome(
         question, found.unknowns, found.cov, 1, tolerances, log_likelihood=found.log_likelihood,
         statistics=found.statistics, elapsed=time.perf_counter() - started, notes=(*notes, *found.notes),

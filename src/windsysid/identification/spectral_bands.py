@@ -12,6 +12,7 @@ from windsysid.spectral.band_checks import doubts_of_bands
 from windsysid.spectral.band_pose import PosedBands, centre_bands, search_bands
 from windsysid.spectral.lifted_model import Inexact
 from windsysid.spectral.lifted_pose import Question
+from windsysid.spectral.scoring import covariance
 
 __all__ = ["ReadInBands", "read_in_bands"]
 
@@ -39,8 +40,9 @@ class ReadInBands(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None) -> ReadInBands:
-    """Coefficients and statistics from bands around the modes; with τ where instruments or masses are not exact.
+def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None) -> ReadInBands | None:
+    """Coefficients and statistics from bands around the modes; with τ where instruments or masses are not exact. None
+    where the modes cannot be told apart.
 
     Raises
     ------
@@ -52,12 +54,14 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
             "load model rotor-wind: bands around the modes of a real rotor have loads of their own; leave --loads out"
         )
     posed = search_bands(question)
+    if posed is None:
+        return None
     try:
         posed = centre_bands(question, posed, posed.model.near(posed.start))
         fit = posed.model.fit(posed.start)
         wide = fit if inexact is None else fit.model.admit(fit.mode.unknowns, inexact)
         found = wide.mode
-        cov = np.asarray(np.linalg.inv(found.information), dtype=np.float64)
+        cov = covariance(found.information)
     except np.linalg.LinAlgError:
         raise WindsysidError(
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
@@ -68,7 +72,7 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
     off = (found.unknowns - mean) / spread
     return ReadInBands(
         found.unknowns,
-        0.5 * (cov + cov.T),
+        cov,
         -(found.value - 0.5 * float(off @ off)),
         posed.model.statistics,
         tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(settled=settled)))),

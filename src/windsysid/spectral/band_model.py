@@ -4,6 +4,7 @@ The unknowns are those of `windsysid.spectral.lifted_model.LiftedModel`: the coe
 tolerances τ, which all bands share, then the statistics of loads and readings, band by band.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -101,11 +102,11 @@ class BandModel(NamedTuple):
         return value, gradient, information
 
     def start_from(self, unknowns: Array, other: "BandModel") -> Array:
-        """The unknowns (n,) of another model with the same bands as those of this one: levels stay what they are."""
-        start = unknowns.copy()
-        pairs = zip(other.statistics, self.statistics, strict=True)
-        start[self.shared :] += np.log([theirs.given / ours.given for theirs, ours in pairs])
-        return start
+        """The unknowns (n,) of another model as those of this one: levels that both have stay what they are."""
+        levels = zip(other.statistics, unknowns[self.shared :].tolist(), strict=True)
+        known = {theirs.name: eta + math.log(theirs.given) for theirs, eta in levels}
+        ours = [known.get(s.name, math.log(s.given)) - math.log(s.given) for s in self.statistics]
+        return np.concatenate([unknowns[: self.shared], ours])
 
     def admit(self, at: Array, inexact: Inexact) -> "BandFit":
         """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without

@@ -96,8 +96,9 @@ class _Group(NamedTuple):
 def find_places(
     frequencies: Callable[[Mapping[str, float]], dict[str, float]], ratios: Mapping[str, float],
     parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: int,
-) -> Places:  # fmt: skip
-    """The modes and where they are.
+) -> Places | None:  # fmt: skip
+    """The modes and where they are; None where they come so near each other within the priors' reach that the model's
+    change their names.
 
     Parameters
     ----------
@@ -135,6 +136,8 @@ def find_places(
         values |= {q.name: group.middle * math.exp(best) for q in group.members}
         doubts += _doubts(group, found, gain, rivals)
     last = frequencies(values)
+    if not set(named) <= set(last) & set(ratios):
+        return None
     places = tuple(
         Place(name, WHIRLS.get(name), found.get(name, _base(name, last[name], spectra.rotor_hz)), ratios[name])
         for name in named

@@ -57,6 +57,11 @@ DISTURBED = 0.2
 """Share of a row's median power that its disturbance is supposed to have."""
 
 
+LIGHT = 0.01
+"""Damping ratio below which a rotor is read in bands: its resonances are so narrow beside the prior's reach that a
+search which does not look for their peaks ends elsewhere."""
+
+
 class PosedBands(NamedTuple):
     """A question in bands.
 
@@ -86,19 +91,20 @@ class PosedBands(NamedTuple):
 
 def belongs_in_bands(question: Question) -> bool:
     """Whether a rotor whose turns couple its motion is to be read in bands: three blades with the modes of a real
-    machine, many turns' harmonics apart or with sensors that read what the model has not."""
+    machine, lightly damped, many turns' harmonics apart or with sensors that read what the model has not."""
     turbine = question.turbine
     rotor_hz = abs(float(question.inputs[:, 1].mean())) / (2.0 * math.pi)
     model = turbine.model
     if not isinstance(model, RotorModel) or model.blades != len(WHIRLS) or model.lag != "free":
         return False
-    fastest = max(turbine.natural_frequency(name) for name in model.coordinates) / (2.0 * math.pi)
-    many = math.ceil(fastest / rotor_hz) + 2 > MOST_HARMONICS
-    return many or any(sensor.blade and sensor.drift > 0.0 for sensor in question.sensors)
+    natural = {name: turbine.natural_frequency(name) for name in model.coordinates}
+    many = math.ceil(max(natural.values()) / (2.0 * math.pi * rotor_hz)) + 2 > MOST_HARMONICS
+    ratios = [turbine.values[f"c_{name}"] / (2.0 * turbine.inertia(name) * w) for name, w in natural.items()]
+    return many or min(ratios) < LIGHT or any(sensor.blade and sensor.drift > 0.0 for sensor in question.sensors)
 
 
-def search_bands(question: Question) -> PosedBands:
-    """The problem in bands around the modes, which are looked for.
+def search_bands(question: Question) -> PosedBands | None:
+    """The problem in bands around the modes, which are looked for; None where they cannot be told apart.
 
     Raises
     ------
@@ -118,6 +124,8 @@ def search_bands(question: Question) -> PosedBands:
     of_file = np.array([question.turbine.values.get(name, 0.0) for name in names])
     ratios = {name: ratio for name, (_, ratio) in _modes(question, of_file, spectra).items()}
     found = find_places(frequencies, ratios, question.parameters, spectra, combined, len(WHIRLS))
+    if found is None:
+        return None
     posed = pose_bands(question, found.places, spectra)
     start = posed.start.copy()
     start[: len(found.start)] = found.start
