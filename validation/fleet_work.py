@@ -9,7 +9,8 @@ twice, and the files of both archives must have the same bytes.
 
 ``python -m validation.fleet_work --reading``: what reading alone costs, by format.
 
-``python -m validation.fleet_work --cost 5``: what ten minutes of a tower at 100 Hz cost, and a year of 100 towers.
+``python -m validation.fleet_work --cost 5``: what ten minutes of a tower at 100 Hz cost, and a year of 100 towers; and
+ten minutes of rotors under wind.
 """
 
 import argparse
@@ -48,6 +49,7 @@ RECORDS = 16
 """Good records of a campaign of kills, beside a damaged one."""
 
 TURBINES = ("T01", "T02")
+ROTORS = ("verne555", "nrel5mw")
 DAY_RECORDS = 144
 YEAR_RECORDS = 100 * 365 * DAY_RECORDS
 RUN_KILLED = 0.15
@@ -308,27 +310,23 @@ def speed(count: int, home: Path) -> str:
 
 def cost(count: int, home: Path) -> str:
     """Processor time and storage of ten-minute records at 100 Hz, and of a year of 100 towers."""
-    member, machine, told = single("tower"), load_turbine("tower"), []
+    told = []
     rows: list[Row] = []
     for first, ending in enumerate(("csv", "parquet")):
-        seconds, size = [], 0
-        for i in range(count + 1):
-            start = (BEGIN + timedelta(minutes=10 * i)).isoformat().replace("+00:00", "Z")
-            path = home / f"{i}.{ending}"
-            write_record(
-                replace(simulate_record(machine, duration=600.0, rate=100.0, seed=1000 * first + i), start=start), path
-            )
-            begun = time.process_time()
-            row = take(str(path), member, "spectral", "", lambda _: None)
-            seconds.append(time.process_time() - begun)
-            size = path.stat().st_size
-            rows.append(row)
-        usual = sorted(seconds[1:])[count // 2]  # the first one compiles
+        usual, size, found = _costs("tower", count, ending, 1000 * first, home)
+        rows += found
         year = YEAR_RECORDS * usual / 3600.0
         told.append(
             f"{ending}: {usual:.2f} s of processor time a record, {size / 1e6:.1f} MB; a year of 100 towers:"
             f" {year:.0f} h of one processor, {YEAR_RECORDS * size / 1e12:.0f} TB to be read,"
             f" {8.0 * size / usual / 1e6:.0f} Mbit/s by each worker"
+        )
+    for name in ROTORS:
+        usual, size, found = _costs(name, count, "parquet", 0, home)
+        trusted = sum(row["trusted"] is True for row in found)
+        told.append(
+            f"{name}, parquet: {usual:.2f} s of processor time a record, {size / 1e6:.1f} MB;"
+            f" {trusted} of {len(found)} trusted"
         )
     sizes = {}
     for many in (len(rows) // 2, len(rows)):
@@ -341,6 +339,22 @@ def cost(count: int, home: Path) -> str:
         f" {YEAR_RECORDS // DAY_RECORDS} files"
     )
     return "\n".join(told)
+
+
+def _costs(turbine: str, count: int, ending: str, seed: int, home: Path) -> tuple[float, int, list[Row]]:
+    """The median of the processor time of so many records [s], the size of a file [bytes], and the rows."""
+    member, machine = single(turbine), load_turbine(turbine)
+    seconds, size, rows = [], 0, []
+    for i in range(count + 1):
+        start = (BEGIN + timedelta(minutes=10 * i)).isoformat().replace("+00:00", "Z")
+        path = home / f"{turbine}_{i}.{ending}"
+        record = simulate_record(machine, duration=600.0, rate=100.0, seed=seed + i)
+        write_record(replace(record, start=start), path)
+        begun = time.process_time()
+        rows.append(take(str(path), member, "spectral", "", lambda _: None))
+        seconds.append(time.process_time() - begun)
+        size = path.stat().st_size
+    return sorted(seconds[1:])[count // 2], size, rows  # the first one compiles
 
 
 def reading(home: Path) -> str:
