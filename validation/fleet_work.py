@@ -55,6 +55,9 @@ YEAR_RECORDS = 100 * 365 * DAY_RECORDS
 RUN_KILLED = 0.15
 """Share of the kills that end the run, and not a worker; they are not counted among the workers'."""
 
+GIVEN_UP = "died again and again"
+"""What a run says that ends because workers of Dask die at one task, whoever kills them."""
+
 SAMPLE_SECONDS = 0.5
 
 _CLEAN = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}  # Python keeps a module that it could not write whole
@@ -194,7 +197,7 @@ def _kill_workers(
     command: list[str], cluster: _Cluster | None, count: int, rng: random.Random, longest: float, wild: Path
 ) -> str:
     """Runs until so many workers were killed and one run came to its end."""
-    workers = runs = ended = 0
+    workers = runs = ended = given_up = 0
     while workers < count or not ended:
         if cluster is not None:
             cluster.start()
@@ -213,13 +216,16 @@ def _kill_workers(
             if found and run.poll() is None:
                 workers += _kill(rng.choice(found))
         said = run.communicate()[1]
-        if run.returncode not in (0, -signal.SIGKILL):
+        if run.returncode == 2 and GIVEN_UP in said and len(said.splitlines()) == 1:
+            given_up += 1  # too many deaths at one task: the same command goes on
+        elif run.returncode not in (0, -signal.SIGKILL):
             raise SystemExit(f"a run ended with exit code {run.returncode}: {said}")
         if run.returncode == 0:
             ended += 1
             if workers < count:
                 _forget_days(wild, rng)  # work for the next run
-    return f"{workers} workers and {runs} runs killed, {ended} runs to their end"
+    told = f"{workers} workers and {runs} runs killed, {ended} runs to their end"
+    return f"{told}, {given_up} given up with one line after many deaths" if given_up else told
 
 
 def _works(pid: int) -> bool:

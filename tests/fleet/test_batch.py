@@ -1,5 +1,6 @@
 """A folder becomes an archive: each record once, failures as rows, the same bytes whatever happened on the way."""
 
+import logging
 import os
 import shutil
 import signal
@@ -288,3 +289,19 @@ def test_without_dask_the_one_line_installs_it(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(RecordError, match=r'install it with: pip install "windsysid\[fleet\]"'):
         run_on_dask([], "tcp://127.0.0.1:1", lambda *_: None)
+
+
+def test_what_dask_logs_is_not_shown_and_its_loggers_are_as_before(monkeypatch: pytest.MonkeyPatch):
+    distributed = pytest.importorskip("distributed", reason="the extra windsysid[fleet] is not installed")
+    logger = logging.getLogger("distributed.client")  # has a level of its own
+    before, heard = logger.level, []
+
+    def refusing(*_: object, **__: object) -> None:
+        heard.append(logger.isEnabledFor(logging.ERROR))
+        raise OSError
+
+    monkeypatch.setattr(distributed, "Client", refusing)
+    with pytest.raises(ConfigurationError, match="cannot be reached"):
+        run_on_dask([], "tcp://127.0.0.1:1", lambda *_: None)
+    assert heard == [False]
+    assert logger.level == before

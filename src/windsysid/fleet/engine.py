@@ -5,7 +5,6 @@ met in the same way. On Dask a task has a deterministic key, a window of `WINDOW
 future is released as it completes: finished work whose future is held would be run again where its worker dies.
 """
 
-import logging
 import queue
 import threading
 from collections import Counter
@@ -15,6 +14,7 @@ from typing import Any
 from windsysid.errors import ConfigurationError, OutputError
 from windsysid.fleet.guard import StoppedError, Worker
 from windsysid.fleet.tasks import Task, Tell, run_task
+from windsysid.records.formats.files import quiet
 from windsysid.records.formats.format import package
 
 __all__ = ["run_here", "run_on_dask"]
@@ -81,15 +81,15 @@ def run_on_dask(tasks: Iterable[Task], address: str, tell: Tell) -> None:
         If the scheduler goes away, or workers die at a task again and again.
     """
     distributed = package("distributed", "Dask schedulers", "fleet")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told in one line
-    try:
-        client = distributed.Client(address, timeout="30s")
-    except (OSError, ValueError, TimeoutError) as error:
-        raise ConfigurationError(f"--scheduler {address}: cannot be reached ({type(error).__name__})") from None
-    with client:
-        for done in _on_dask(client, distributed, iter(tasks), address):
-            for one in done:
-                tell(*one)
+    with quiet("distributed"):  # what goes wrong is told in one line
+        try:
+            client = distributed.Client(address, timeout="30s")
+        except (OSError, ValueError, TimeoutError) as error:
+            raise ConfigurationError(f"--scheduler {address}: cannot be reached ({type(error).__name__})") from None
+        with client:
+            for done in _on_dask(client, distributed, iter(tasks), address):
+                for one in done:
+                    tell(*one)
 
 
 def _on_dask(client: Any, dask: Any, waiting: Iterator[Task], address: str) -> Iterator[list[tuple[str, str]]]:
