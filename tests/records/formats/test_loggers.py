@@ -181,6 +181,26 @@ def test_an_mdf_that_its_logger_did_not_close_or_of_version_3_is_refused(tmp_pat
     refused(write(tmp_path, b"hello" * 50, "x.mf4"), "is not MDF")
 
 
+@pytest.mark.parametrize(("at", "value"), [(4, 1 << 17), (4, 9), (8, 128), (16, 64)])  # place, bits, place of validity
+def test_an_mdf_channel_outside_its_rows_is_refused(tmp_path, at, value):
+    """The library reads what stands in memory there, or the interpreter dies."""
+    asammdf = pytest.importorskip("asammdf", reason="asammdf is not installed")
+    path = tmp_path / "x.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        marked = asammdf.Signal(
+            VALUES[:, 0], 0.01 * np.arange(T), unit="g", name="a", invalidation_bits=np.arange(T) == 3
+        )
+        file.append([marked])
+        file.save(path, overwrite=True)
+    assert read_record(path).samples == T
+    content = bytearray(path.read_bytes())
+    places = [k for k in range(len(content)) if content[k : k + 4] == b"##CN"]
+    facts = [k + 24 + 8 * struct.unpack_from("<Q", content, k + 16)[0] for k in places]
+    (value_channel,) = [k for k in facts if content[k] == 0]
+    struct.pack_into("<I", content, value_channel + at, value)
+    refused(write(tmp_path, bytes(content), "y.mf4"), "is damaged: channel 'a' lies outside its rows")
+
+
 # LabVIEW
 
 HEAD = (

@@ -24,6 +24,8 @@ from windsysid.records.record import Array
 __all__ = ["FORMAT"]
 
 _MASTERS, _TIME = (2, 3), 1  # kinds of channels that are an axis, and the kind of axis that is the time
+_STORED = (0, 2, 4)  # kinds of channels whose values stand in the rows
+_SOME_INVALID = 2  # a flag: each row has a bit that says whether the value is valid
 _MOST_PACKED = 1100  # zlib packs 1032 bytes into one at most
 
 
@@ -89,10 +91,21 @@ def _channels(file: Any, size: int) -> tuple[list[tuple[str, str]], list[tuple[i
             raise RecordError(f"is damaged: group {number} says {about.cycles_nr} samples, more than the file can hold")
         name = about.acq_name or f"group_{number}"
         for index, channel in enumerate(group.channels):
+            _check_place(channel, about)
             if channel.channel_type not in _MASTERS and about.cycles_nr:
                 paths.append((name, channel.name))
                 found.append((number, index))
     return paths, found
+
+
+def _check_place(channel: Any, group: Any) -> None:
+    """Refuse a channel beyond its row: asammdf reads there whatever stands in memory, or dies."""
+    if channel.channel_type not in _STORED:
+        return
+    bits = 8 * channel.byte_offset + channel.bit_offset + channel.bit_count
+    marked = channel.flags & _SOME_INVALID
+    if bits > 8 * group.samples_byte_nr or (marked and channel.pos_invalidation_bit >= 8 * group.invalidation_bytes_nr):
+        raise RecordError(f"is damaged: channel '{channel.name}' lies outside its rows; copy or export it again")
 
 
 def _start(file: Any) -> str | None:
