@@ -289,7 +289,7 @@ _BLADED: dict[str, Any] = {
 SAMPLES: dict[str, Sample] = {
     "CSV": Sample(".csv", _csv, "pandas", counted=False),
     "Parquet": Sample(".parquet", _parquet, "pandas, pyarrow", "pyarrow"),
-    "Parquet, its footer": Sample(".parquet", _parquet, "pandas, pyarrow", "pyarrow", spared=_footer),
+    "Parquet, footer": Sample(".parquet", _parquet, "pandas, pyarrow", "pyarrow", spared=_footer),
     "Parquet, sealed": Sample(".parquet", _parquet_own, "windsysid", "pyarrow", start=START),
     "netCDF-4": Sample(".nc", _netcdf, "xarray, h5netcdf", start=START),
     "MATLAB 5–7": Sample(".mat", _matlab, "scipy", mapping=_ARRAYS),

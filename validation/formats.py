@@ -3,8 +3,8 @@
     python -m validation.formats [--files 200] [--seed 1]
 
 For each format the table says what wrote the file; whether times, values, units and start are those that were written;
-how many of files cut at random places are refused, or read up to the cut saying so; and what became of damaged ones:
-refused in one line, read as they were written, or read with other numbers, names or units, which a format without
+how many of files cut at random places are told (refused, or read up to the cut saying so); and what became of damaged
+ones: refused in one line, read as they were written, or read with other numbers, names or units, which a format without
 checksums cannot show. An error that is not one line, or a record with another number of samples, is a fault, and the
 command ends with exit code 1. Files are read in a process of their own: a damaged HDF5 file can make its library hang
 or crash, which the last column counts and no reader of Python can help.
@@ -57,8 +57,8 @@ def main() -> None:
         faults += wrong
         print(" · ".join(row), file=sys.stderr)
     headings = (
-        "format", "written by", "read", "cut: refused or said", "not seen", "damaged: refused", "as written",
-        "other numbers", "faults",
+        "format", "written by", "read", "cut, told", "not told", "damage refused", "as written", "other numbers",
+        "faults",
     )  # fmt: skip
     print(render(Table(headings, rows, f"{options.files} damaged files of each format, seed {options.seed}")))
     sys.exit(1 if faults else 0)
@@ -81,7 +81,7 @@ def check_format(name: str, sample: Sample, files: int, seed: int) -> tuple[tupl
         chosen = [list(wholes.items())[k % len(wholes)] for k in range(files)]
         found = Counter(_outcome(reader, path, one, _damaged(sample, one[1], rng), good) for one in chosen)
         reader.close()
-    faults = {kind: cuts[kind] + found[kind] for kind in ("fault", "crashes", "hangs")}
+    faults = {kind: cuts[kind] + found[kind] for kind in ("fault", "crash", "hang")}
     lost = cuts["other numbers"]
     listed = ", ".join(f"{count} {kind}" for kind, count in faults.items() if count) or "0"
     row = (
@@ -157,10 +157,10 @@ class _Reader:
             if self.pipe.poll(_LONGEST):
                 answer: Record | str = self.pipe.recv()
                 return answer
-            what = "hangs"
+            what = "hang"
         except EOFError:
             self.process.join()
-            what = "hangs" if self.process.exitcode == -signal.SIGXCPU else "crashes"
+            what = "hang" if self.process.exitcode == -signal.SIGXCPU else "crash"
         self.process.kill()
         self._start()
         return what
