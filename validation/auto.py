@@ -10,6 +10,7 @@ is refused has none.
 """
 
 import argparse
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +18,7 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from validation.mismatch import total_coefficients
 from validation.robustness import DAMAGES
@@ -29,6 +31,7 @@ from windsysid.results.identification import Identification
 from windsysid.signals.inputs import steady_inputs
 from windsysid.simulation.integrate import integrate
 from windsysid.simulation.record import simulate_record
+from windsysid.simulation.wind import packaged_wind, wind_loads
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
 from windsysid.units import RPM
@@ -52,6 +55,41 @@ def at_speed(turbine: str, rpm: float) -> Callable[[int], Record]:
     """Records of a turbine in wind at another speed of its rotor: 540 s, 20 readings a second."""
     machine = replace(load_turbine(turbine).exact(), rotor_speed=rpm / RPM)
     return lambda seed: simulate_record(machine, duration=540.0, rate=20.0, seed=seed, loads="wind")
+
+
+def at_varying_speed(turbine: str, rpm: float, share: float) -> Callable[[int], Record]:
+    """The same at a speed that varies by a share (one σ) and is forgotten in about 40 s, as a controller lets it."""
+    machine = replace(load_turbine(turbine).exact(), rotor_speed=rpm / RPM)
+    rate, lead, duration, slow = 25.0, 60.0, 540.0, 20.0
+
+    def of(seed: int) -> Record:
+        rng = np.random.default_rng([seed, 4])
+        count, more = round((lead + duration) * rate), round(20.0 * slow * rate)
+        keep = math.exp(-1.0 / (slow * rate))
+        once = lfilter([1.0 - keep], [1.0, -keep], rng.standard_normal(count + more))
+        wander = lfilter([1.0 - keep], [1.0, -keep], once)[more:]
+        speed = machine.rotor_speed * (1.0 + share * (wander - wander.mean()) / wander.std())
+        psi = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) / rate])
+        rotor = np.column_stack([psi, speed, np.gradient(speed, 1.0 / rate)])
+        model = compile_model(machine.model, machine.sensors)
+        p = np.array([machine.values[name] for name in model.parameters])
+        wind = wind_loads(machine, *packaged_wind(turbine), rotor, rate=rate, seed=seed)
+        fastest = max(machine.natural_frequency(name) for name in machine.model.coordinates) / (2.0 * np.pi)
+        y = integrate(
+            model, p, np.hstack([rotor, wind.loads]), rate=rate, start=np.zeros(len(model.states)),
+            substeps=math.ceil(20.0 * fastest / rate),
+        ).readings  # fmt: skip
+        y += rng.standard_normal(y.shape) * [sensor.noise for sensor in machine.sensors]
+        first = round(lead * rate)
+        return Record(
+            time=np.arange(count - first) / rate,
+            values=np.column_stack([np.mod(psi, 2.0 * np.pi), speed, y])[first:],
+            channels=("rotor_azimuth", "rotor_speed", *(sensor.channel for sensor in machine.sensors)),
+            units=("rad", "rad/s", *(sensor.unit for sensor in machine.sensors)),
+            name="varying speed",
+        )
+
+    return of
 
 
 def decay(turbine: str) -> Callable[[int], Record]:
@@ -110,6 +148,11 @@ KINDS: dict[str, tuple[str, str, Callable[[int], Record]]] = {
     "wind, second half three times as loud": ("verne555", "wind", louder(simulated("verne555", "wind"))),
     **{f"wind, {name}": ("verne555", "wind", damaged(name, "wind")) for name in DAMAGES if name != "clean"},
     **{f"nrel5mw at {rpm} rpm, wind": ("nrel5mw", "wind", at_speed("nrel5mw", rpm)) for rpm in (7.5, 9.0, 10.5, 12.1)},
+    **{
+        f"{name}, wind, speed varies by {percent} %": (name, "wind", at_varying_speed(name, 10.5, 0.01 * percent))
+        for name in ("nrel5mw", "nrel5mw_full")
+        for percent in (4, 8, 14)
+    },
     **{
         f"tower, random loads, {duration} s": ("tower", "random", simulated("tower", "random", float(duration)))
         for duration in (600, 400, 300, 120)

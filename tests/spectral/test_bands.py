@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from validation.auto import KINDS
 
 import windsysid as ws
 from windsysid._types import Array
@@ -260,6 +261,20 @@ def test_a_lightly_damped_rotor_is_found_from_a_poor_prior() -> None:
     assert found.diagnosis.trusted
     assert np.abs(off).max() < 3.0
     assert found["k_x"].std / found["k_x"].estimate < 0.02
+
+
+def test_a_speed_that_varies_is_followed_by_the_blades() -> None:
+    """±8 % was refused, though blades keep their frequencies in the frame that turns with them."""
+    varying = KINDS["nrel5mw, wind, speed varies by 8 %"][2](7200)
+    assert varying["rotor_speed"].std() / varying["rotor_speed"].mean() == pytest.approx(0.08, rel=0.1)
+    turbine = load_turbine("nrel5mw")
+    found = ws.identify(varying, turbine, formulation="spectral", prior=DrawnPrior(seed=7200))
+    off = [
+        (q.coordinate(found[q.name].estimate) - q.coordinate(turbine.values[q.name])) / found.cov[i, i] ** 0.5
+        for i, q in enumerate(found.parameters)
+    ]
+    assert found.diagnosis.trusted
+    assert np.abs(off).max() < 3.0
 
 
 def test_modes_that_cannot_be_told_apart_are_not_read_in_bands() -> None:

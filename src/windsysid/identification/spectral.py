@@ -51,6 +51,9 @@ STEADY, VARYING = 0.005, 0.02
 """Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
 spectra are not those of a constant speed."""
 
+STEADY_IN_BANDS, VARYING_IN_BANDS = 0.15, 0.2
+"""The same of a rotor that is read in bands, which follow its blades (``python -m validation.auto``)."""
+
 MOST_RESONANCE = 50.0
 """As how many independent values the narrowest resonance of a rotor under wind may count at most: bands grow narrower
 with the record, what the load model does not know stays. ``python -m validation.spectral`` shows them for 36."""
@@ -93,12 +96,13 @@ def identify_by_spectrum(
     started = time.perf_counter()
     questions = {"broadband": ask(record, turbine, sensors, prior, chosen, inputs, readings, "broadband", sums)}
     coupled = turns_couple(questions["broadband"])
-    doubts = _speed(inputs[:, 1] if speeds is None else speeds) if coupled else []
-    names = _names(turbine, loads, coupled=coupled)
+    speeds = inputs[:, 1] if speeds is None else speeds
     if coupled and belongs_in_bands(questions["broadband"]):
-        in_bands = _in_bands(questions["broadband"], loads, doubts, notes)
+        in_bands = _in_bands(questions["broadband"], loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
         if in_bands is not None:
             return in_bands
+    doubts = _speed(speeds, STEADY, VARYING) if coupled else []
+    names = _names(turbine, loads, coupled=coupled)
     if "rotor-wind" in names:
         questions["rotor-wind"] = ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind", sums)
     warming = time.perf_counter()
@@ -218,15 +222,15 @@ def ask(
     )
 
 
-def _speed(speed: Array) -> list[str]:
+def _speed(speed: Array, steady: float, varying: float) -> list[str]:
     """What speaks against spectra of a constant speed; RecordError where it varies too much."""
     varies = float(speed.std() / abs(speed.mean()))
-    if varies > VARYING:
+    if varies > varying:
         raise RecordError(
-            f"the rotor's speed varies by ±{100 * varies:.2g} % (one σ): expected at most ±{100 * VARYING:g} % for "
+            f"the rotor's speed varies by ±{100 * varies:.2g} % (one σ): expected at most ±{100 * varying:g} % for "
             "spectra; choose a steadier section, or use --formulation joint"
         )
-    if varies > STEADY:
+    if varies > steady:
         return [
             f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation), and spectra were taken as if "
             f"it did not"

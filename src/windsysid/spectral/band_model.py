@@ -123,16 +123,12 @@ class BandModel(NamedTuple):
     def fit(self, start: Array, *, rough: bool = False) -> BandFit:
         """The mode of the posterior, looked for from `start` (n,).
 
-        What the taper's window adds to the spectra of wide modes is taken at the mode without it, and the mode found
-        anew. A `rough` search ends with a step that is short beside the bands: for comparing results.
+        What the taper's window adds to the spectra of wide modes, and how alike gusts make neighbouring bins, is taken
+        at the mode without them, and the mode found anew. A `rough` search ends with a step that is short beside the
+        bands: for comparing results.
         """
         mean, spread = self.prior
-        blurred = any(band.smoothed is not None for band in self.bands)
-        enough = COMPARED if rough else SETTLED
-        first = COMPARED if blurred else enough
-        mode = find_mode(self.likelihood, start, mean, spread, WHOLE, enough=first)
-        if not blurred:
-            return BandFit(self, mode)
+        mode = find_mode(self.likelihood, start, mean, spread, WHOLE, enough=COMPARED)
         bands = []
         for band, place in zip(self.bands, self.places(), strict=True):
             if band.smoothed is not None:
@@ -140,5 +136,17 @@ class BandModel(NamedTuple):
                 smear = band.smoothed.spectrum(at).spectrum - band.model.spectrum(at).spectrum
                 band = band._replace(model=band.model._replace(smear=smear))
             bands.append(band)
-        whole = BandModel(tuple(bands))
+        whole = BandModel(tuple(bands))._with_gusts(mode.unknowns)
+        enough = COMPARED if rough else SETTLED
         return BandFit(whole, find_mode(whole.likelihood, mode.unknowns, mean, spread, WHOLE, enough=enough))
+
+    def _with_gusts(self, unknowns: Array) -> "BandModel":
+        """The same with c_h as the record has it: that of the taper, or more. Bands have few bins, so all have one."""
+        models = [band.model for band in self.bands]
+        told = [
+            m.shared_by_neighbours(m.spectrum(unknowns[at]).spectrum)
+            for m, at in zip(models, self.places(), strict=True)
+        ]
+        alike = 1.0 + 2.0 * sum(shared * count for shared, count in told) / sum(count for _, count in told)
+        bands = (b._replace(model=b.model._replace(overlap=max(b.model.overlap, alike))) for b in self.bands)
+        return BandModel(tuple(bands))

@@ -255,7 +255,11 @@ class LiftedModel(NamedTuple):
         return power, np.repeat(S, alike, axis=0), np.repeat(frequency, alike, axis=0)
 
     def likeness(self, spectrum: Complex) -> float:
-        """c_h as the record has it, under S (B, e, e): that of the taper, or more.
+        """c_h as the record has it, under S (B, e, e): that of the taper, or more."""
+        return self.gusts * max(self.overlap, 1.0 + 2.0 * self.shared_by_neighbours(spectrum)[0])
+
+    def shared_by_neighbours(self, spectrum: Complex) -> tuple[float, int]:
+        """Σ |M_d|² under S (B, e, e), and how many numbers tell it.
 
         Loads that grow and fall with the gusts make neighbouring bins alike, as a taper does: with the power P(t) of
         what whitens to y, the mean M_d of y_b* y_{b+d} is the d-th Fourier coefficient of P over its mean, and c_h = T
@@ -265,10 +269,14 @@ class LiftedModel(NamedTuple):
         y = np.linalg.solve(np.linalg.cholesky(spectrum), data)
         columns = np.arange(data.shape[2]) < np.round(self.counts / self.blocks)[:, None]
         bins = np.swapaxes(y, 1, 2)[columns]
-        reach = int(LIKENESS * len(bins))
-        products = [bins[:-d].conj() * bins[d:] for d in range(1, reach + 1)]
-        shared = sum(abs(p.mean()) ** 2 - 1.0 / p.size for p in products)
-        return self.gusts * max(self.overlap, 1.0 + 2.0 * float(shared))
+        used = np.broadcast_to(~self.left_out[:, None], (*columns.shape, y.shape[1]))[columns]
+        bins = np.where(used, bins, 0.0)
+        shared = 0.0
+        for d in range(1, int(LIKENESS * len(bins)) + 1):
+            products = int(np.count_nonzero(used[:-d] & used[d:]))
+            if products:
+                shared += abs(np.vdot(bins[:-d], bins[d:]) / products) ** 2 - 1.0 / products
+        return float(shared), int(np.count_nonzero(used))
 
     @property
     def base(self) -> Array:
