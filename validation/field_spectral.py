@@ -53,7 +53,7 @@ class Seen(NamedTuple):
     label, section, seed
         The record, its part [s], and what the prior was drawn with.
     errors, deviations
-        Relative error of every mode and stiffness by name, and error over its standard deviation.
+        Relative error of every mode and coefficient by name, and error over its standard deviation.
     widths
         Relative standard deviation of every mode over the bound.
     stiffness
@@ -95,7 +95,7 @@ def look(
             widths[name] = std / f / frequency_bound(truth[name], ratio, section[1] - section[0])
     for e in found.estimates:
         known = truth.get(e.name, truth.get(e.name.rstrip("_123")))
-        if e.kind == "stiffness" and known is not None:
+        if e.kind in ("stiffness", "damping") and known is not None:
             value, std = (e.estimate, e.std) if e.tip is None else (e.tip["estimate"], e.tip["std"])
             errors[e.name], deviations[e.name] = value / known - 1.0, (value - known) / std
     return Seen(
@@ -143,12 +143,14 @@ def of_simulation(rpm: Sequence[float], loads: Sequence[str], seeds: Sequence[in
         for name, frequency, _ in modes(turbine.model, compiled, p, turbine.rotor_speed):
             if (known := name.partition(" (")[0].replace("tower x", "tower")) in MODES:
                 truth.setdefault(known, frequency)
+        damping = {"c_x": turbine.values["c_x"], "c_beta": turbine.values["c_beta_1"] / turbine.tip_lever**2}
         for kind in loads:
+            filed = truth if "wind" in kind else truth | damping  # the wind's is not the file's
             for seed in seeds:
                 record = simulate_record(
                     turbine, duration=SIMULATED_SECONDS, rate=SIMULATED_RATE, seed=seed, loads=kind
                 )
-                yield look(f"{kind}, {speed:g} rpm", record, (0.0, SIMULATED_SECONDS), turbine, truth, seed)
+                yield look(f"{kind}, {speed:g} rpm", record, (0.0, SIMULATED_SECONDS), turbine, filed, seed)
 
 
 def _compiled(turbine: Turbine):  # type: ignore[no-untyped-def]
@@ -190,7 +192,12 @@ def coverage_table(seen: Sequence[Seen]) -> list[tuple[str, ...]]:
             of = [s for s in seen if label in (s.label, "all") and (s.trusted or which == "all")]
             if not of:
                 continue
-            for what, names in (("modes", MODES), ("stiffness", [n for n in of[0].errors if n not in MODES])):
+            shared = [name for name in of[0].deviations if all(name in s.deviations for s in of)]
+            groups = {"modes": MODES, "stiffness": [n for n in shared if n.startswith("k_")]}
+            groups["damping"] = [n for n in shared if n.startswith("c_")]
+            for what, names in groups.items():
+                if not names:
+                    continue
                 z = np.array([[s.deviations[name] for name in names] for s in of])
                 held = [f"{100.0 * np.mean(np.abs(z) < k):.1f} %" for k in (2.0, 3.0)]
                 far = f"{np.abs(z).max():.1f}"
