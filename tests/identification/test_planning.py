@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError
-from windsysid.identification import planning
+from windsysid.identification import planned_ways
 from windsysid.identification.identify import identify
-from windsysid.identification.planning import plan
+from windsysid.identification.planned_ways import Planned
+from windsysid.identification.planning import Plan, plan
 from windsysid.identification.posterior_mode import information
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import pose
 from windsysid.mechanics import RotorModel
+from windsysid.output.progress import unheard
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.file import load_turbine
@@ -51,8 +53,8 @@ def one_mode(*, damping_ratio: float = 0.037, noise: float = 0.005, time_constan
 def test_one_mode_under_broadband_load_is_seen_as_well_as_the_closed_form_says(monkeypatch, options, rate):
     # σ_k/k = 2 √(ζ/ωT), σ_c/c = 1/√(ζωT). The simulated record renews its energy 400 times: σ is known to 2.5 %, bound
     # at three of them and 2 % for noise and the unknown load.
-    monkeypatch.setattr(planning, "RELAXATIONS", 400.0)
-    monkeypatch.setattr(planning, "MOST_SAMPLES", 400_000)
+    monkeypatch.setattr(planned_ways, "RELAXATIONS", 400.0)
+    monkeypatch.setattr(planned_ways, "MOST_SAMPLES", 400_000)
     turbine = one_mode(**options)
     found = plan(turbine, duration=600.0, rate=rate, seed=1)
     zeta, omega = options.get("damping_ratio", 0.037), turbine.natural_frequency("x")
@@ -64,7 +66,7 @@ def test_one_mode_under_broadband_load_is_seen_as_well_as_the_closed_form_says(m
 def test_a_short_record_holds_what_extrapolation_says(monkeypatch):
     # The information of 25 records of 20 s, each taken whole. The energy of one is renewed 8 times, so that their mean
     # scatters by 1/√200 = 7 %, the plan's own by 1/√400 = 5 %: bound at three times both together.
-    monkeypatch.setattr(planning, "RELAXATIONS", 400.0)
+    monkeypatch.setattr(planned_ways, "RELAXATIONS", 400.0)
     turbine = one_mode()
     found = plan(turbine, duration=20.0, rate=50.0)
     direct = []
@@ -137,7 +139,7 @@ def test_what_does_not_move_a_sensor_is_never_seen():
 
 
 @pytest.fixture(scope="module")
-def verne(verne555: Turbine) -> planning.Plan:
+def verne(verne555: Turbine) -> Plan:
     return plan(verne555, duration=100.0)
 
 
@@ -176,8 +178,50 @@ def test_the_scale_model_is_known_after_100_s_as_well_as_calibration_finds(verne
 def test_a_thinned_record_has_noise_of_the_same_spectral_density():
     # σ²/rate per hertz: a quarter of the samples, each with half the noise.
     turbine = one_mode()
-    problem = planning._simulated(turbine, ["k_x", "c_x"], 25.0, 4, 20.0, 5.0, 0)
+    planned = Planned(turbine, ("k_x", "c_x"), 100.0, 20.0, 1.0, 5.0, 4, 0, unheard)
+    problem = planned_ways._simulated(planned, 20.0)
     assert [s.noise**2 / 25.0 for s in problem.sensors] == pytest.approx([s.noise**2 / 100.0 for s in turbine.sensors])
+
+
+def test_a_plan_for_a_tower_holds_the_bands_that_spectra_will_have():
+    """`auto` takes spectra of a tower, and filters' bands are narrower than theirs, by 30 % fore and aft."""
+    tower = load_turbine("tower").exact()
+    found = plan(tower, duration=600.0, rate=20.0, seed=50)
+    records = [simulate_record(tower, duration=600.0, rate=20.0, seed=seed) for seed in range(60, 66)]
+    results = [identify(record, tower) for record in records]
+    assert {result.formulation for result in results} == {"spectral"}
+    for name in ("k_side_side", "k_fore_aft"):
+        bands = [2.0 * result[name].std / result[name].estimate for result in results]
+        assert found.band(name) == pytest.approx(float(np.median(bands)), rel=0.25)
+    filters = plan(tower, duration=600.0, rate=20.0, seed=50, formulation="joint")
+    assert filters.band("k_fore_aft") < 0.85 * found.band("k_fore_aft")
+    assert "by spectra" in " ".join(found.notes)
+    assert "by filters" in " ".join(filters.notes)
+
+
+def test_a_plan_for_a_rotor_in_wind_knows_what_bands_leave_out():
+    """Filters would tell the roll's stiffness ten times better than bands do."""
+    turbine = load_turbine("nrel5mw_full").exact()
+    record = simulate_record(turbine, duration=540.0, rate=25.0, seed=7, loads="rotor-wind")
+    result = identify(record, turbine, formulation="spectral")
+    found = plan(turbine, duration=540.0, rate=25.0, formulation="spectral")
+    for name in ("k_x", "k_roll", "k_beta_1"):
+        assert found.band(name) == pytest.approx(2.0 * result[name].std / result[name].estimate, rel=0.4)
+    assert found.band("k_roll") > 0.03
+
+
+def test_what_is_known_in_time_is_not_said_to_be_known_never():
+    """Tolerances limit stiffness for ever; after ten years their directions were rounded away, bands infinite."""
+    found = plan("nrel5mw_full", duration=540.0, rate=25.0, formulation="joint")
+    for name in found.asked:
+        assert (found.band(name) <= found.within) == (found.needed(name) <= found.duration)
+
+
+def test_a_record_too_short_for_spectra_is_planned_for_filters():
+    short = plan("tower", duration=60.0, rate=20.0)
+    assert "by filters" in " ".join(short.notes)
+    spectra = plan("tower", duration=200.0, rate=20.0, formulation="spectral")
+    assert "such a record will be in doubt" in " ".join(spectra.notes)
 
 
 @pytest.mark.slow
@@ -247,7 +291,7 @@ def test_durations_are_spelt_out(seconds, words):
 
 
 def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(planning, "MOST_SAMPLES", 10_000)
+    monkeypatch.setattr(planned_ways, "MOST_SAMPLES", 10_000)
     options = (
         "--duration",
         "100 s",
@@ -287,7 +331,7 @@ def test_the_command_answers_and_writes_its_report(run, tmp_path, monkeypatch):
 
 
 def test_the_summary_as_json_is_all_that_is_printed(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(planning, "MOST_SAMPLES", 10_000)
+    monkeypatch.setattr(planned_ways, "MOST_SAMPLES", 10_000)
     sensor = '[[sensor]]\nchannel="a"\nquantity="acceleration"\npoint="tower"\naxis="x"\nnoise=0.05\n'
     (tmp_path / "sensors.toml").write_text(sensor)
     code, out, err = run("plan", "verne555", "--sensors", tmp_path / "sensors.toml", "--rate", "50", "--json")

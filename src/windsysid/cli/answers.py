@@ -1,7 +1,7 @@
 """The commands that answer from turbines and results: plan, compare, damping, monitor, modes."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -38,6 +38,12 @@ def plan(
     rotor_speed: Annotated[
         str | None, typer.Option(help='With its unit, such as "12 rpm"; the turbine\'s usual one by default.')
     ] = None,
+    formulation: Annotated[
+        Literal["joint", "spectral", "auto"],
+        typer.Option(
+            help="By which it will be identified. spectral: a rotor in wind. auto: what suits the file's loads."
+        ),
+    ] = "auto",
     seed: Annotated[int, typer.Option(metavar="NUMBER", min=0, help="Seed of the simulated vibration.")] = 0,
     output: Annotated[Path | None, typer.Option(help="Folder for report.html, plan.png and summary.json.")] = None,
     json: Annotated[bool, typer.Option("--json", metavar="", help="Print the summary as JSON.")] = False,
@@ -58,7 +64,7 @@ def plan(
         found = plan_record(
             machine, sensors=listed, duration=seconds, rate=rate, parameters=asked, within=within / 100.0,
             load_scale=load_scale,
-            rotor_speed=turning, seed=seed, progress=progress,
+            rotor_speed=turning, formulation=formulation, seed=seed, progress=progress,
         )  # fmt: skip
     print_and_save(found, output, write, json=json)
 

@@ -1,8 +1,9 @@
 """Before anything is measured: how well will a set of sensors see each coefficient, and after how long?
 
-A record of the planned kind is simulated and its Fisher information taken at the turbine file's values, for
-coefficients and statistics of loads and noise together, since nobody will know those either. After the first seconds,
-in which the filter finds the state, information grows in proportion to time, so that for a record of T seconds
+A record of the planned kind is simulated and its Fisher information taken, for coefficients and statistics of loads
+and noise together, since nobody will know those either: at the turbine file's values for filters, and as identification
+itself computes it for spectra (`windsysid.identification.planned_ways`). After the first seconds, in which a filter
+finds the state, information grows in proportion to time, so that for a record of T seconds
 
     I(T) = I(t₀) + (T − t₀) İ,     σ(T) = √ diag I(T)⁻¹,
 
@@ -19,15 +20,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.identification.planned_information import planned_information
-from windsysid.identification.prior import Prior, identifiable
-from windsysid.identification.problem import TurbineProblem, pose, seen_by
+from windsysid.identification.planned_ways import WAYS, Planned
+from windsysid.identification.prior import identifiable
+from windsysid.identification.problem import seen_by
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
 from windsysid.output.progress import Progress, unheard
@@ -37,7 +38,6 @@ from windsysid.results.directions import describe_information, standard_deviatio
 from windsysid.results.plain import finite
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.tolerance import Tolerance
-from windsysid.simulation.record import simulate_record
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import spell
@@ -47,13 +47,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Plan", "plan"]
 
-
-RELAXATIONS = 100.0
-"""How many times the energy of the least damped mode is renewed in the simulated record: σ is then known to 1/(2√100) =
-5 %."""
-
-MOST_SAMPLES = 50_000
-"""Of the simulated record, whatever the damping."""
 
 PERIODS = 5.0
 """Of the slowest mode, in which the filter finds the state."""
@@ -124,11 +117,11 @@ class Plan(Answer):
     def needed(self, name: str) -> float:
         """Duration [s] after which ±2σ of one parameter is within the wish; infinite if that takes more than ten
         years."""
-        if self.band(name, FOREVER) > self.within:
-            return math.inf
-        low, high = self.start_seconds, FOREVER
-        if self.band(name, low) <= self.within:
-            return low
+        low = high = self.start_seconds
+        while self.band(name, high) > self.within:  # after ten years rounding would hide what tolerances leave open
+            if high >= FOREVER:
+                return math.inf
+            low, high = high, min(2.0 * high, FOREVER)
         for _ in range(60):
             middle = math.sqrt(low * high)
             low, high = (low, middle) if self.band(name, middle) <= self.within else (middle, high)
@@ -269,6 +262,7 @@ def plan(
     within: float = 0.2,
     load_scale: float = 1.0,
     rotor_speed: float | None = None,
+    formulation: Literal["auto", "joint", "spectral"] = "auto",
     seed: int = 0,
     progress: Progress = unheard,
 ) -> Plan:
@@ -289,6 +283,10 @@ def plan(
         Factor on the turbine file's loads [1].
     rotor_speed
         [rad/s]; the turbine's usual one by default.
+    formulation
+        By which the record will be identified (`windsysid.identify`). ``"joint"``: filters, under the loads of the
+        turbine file. ``"spectral"``: spectra, and where a rotor turns under wind. ``"auto"``: spectra where nothing
+        that moves turns and the planned record will do for them, else filters.
     seed
         Of the simulated record.
     progress
@@ -306,32 +304,24 @@ def plan(
         If a name is unknown, a number out of range, or the sensor list empty.
     """
     turbine = _as_planned(as_turbine(turbine), sensors, duration, rate, within, load_scale, rotor_speed)
+    if formulation not in WAYS:
+        raise ConfigurationError(f"formulation: expected {', '.join(WAYS)}; got '{formulation}'")
     known = identifiable(turbine)
     asked = identifiable(turbine, parameters) if parameters is not None else known
     notes: list[str] = []
     seen = seen_by(turbine, turbine.sensors, notes)
-    unknown = [name for name in dict.fromkeys([*known, *asked]) if seen.model.acts(name)]
+    unknown = tuple(name for name in dict.fromkeys([*known, *asked]) if seen.model.acts(name))
     slowest, fastest, damping = _time_scales(seen)
     finding = min(PERIODS * 2.0 * math.pi / slowest, duration)
     thinning = max(1, int(rate / (ENOUGH * fastest / (2.0 * math.pi))))
-    length = min(max(RELAXATIONS / damping, 20.0 * finding), max(MOST_SAMPLES * thinning / rate, 2.0 * finding))
-    progress(f"simulating {spell(length)}", None)
-    problem = _simulated(seen, unknown, rate / thinning, thinning, length, min(3.0 / damping, length), seed)
-    start, growths = planned_information(problem, rate / thinning, finding, progress)
-    growth = growths.mean(axis=0)
-    notes += [
-        f"from the data alone, no prior; loads and noise unknown too, of the kind in the turbine file"
-        f"{', instruments and masses within their tolerances' if problem.tolerances else ''}; from "
-        f"{spell(length)} of simulated "
-        "vibration",
-    ]
+    planned = Planned(seen, unknown, rate, duration, damping, finding, thinning, seed, progress)
+    told = WAYS[formulation](planned)
     draft = Plan(
-        turbine.name, problem.model.readings, turbine.rotor_speed, rate, duration, within,
-        (*unknown, *(s.name for s in problem.statistics), *(one.name for one in problem.tolerances)), len(unknown),
-        tuple(asked), finding, start, growth, 0.0, tuple(name for name in asked if name not in unknown), tuple(notes),
-        problem.tolerances,
+        turbine.name, tuple(sensor.channel for sensor in turbine.sensors), turbine.rotor_speed, rate, duration, within,
+        told.names, len(unknown), tuple(asked), finding, told.start, told.growths.mean(axis=0), 0.0,
+        tuple(name for name in asked if name not in unknown), (*notes, *told.notes), told.tolerances,
     )  # fmt: skip
-    accuracy = _accuracy(draft, growths, length * damping)
+    accuracy = _accuracy(draft, told.growths, told.length * damping)
     return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are good to {percent(accuracy)}"))
 
 
@@ -382,20 +372,6 @@ def _time_scales(turbine: Turbine) -> tuple[float, float, float]:
     moving = [w for w in frequencies.values() if w > 0.0] or [turbine.rotor_speed]
     decays = [turbine.damping(name) / (2.0 * turbine.inertia(name)) for name in frequencies]
     return min(moving), max(moving), min([d for d in decays if d > 0.0], default=1e-3 * min(moving))
-
-
-def _simulated(
-    turbine: Turbine, unknown: Sequence[str], rate: float, thinning: int, length: float, settling: float, seed: int
-) -> TurbineProblem:
-    """The problem that a record of the planned kind poses, from stationary vibration.
-
-    Where modes are slow against the planned rate, only every so many samples are simulated, with noise of the same
-    spectral density.
-    """
-    sensors = tuple(s.model_copy(update={"noise": s.noise / math.sqrt(thinning)}) for s in turbine.sensors)
-    record = simulate_record(replace(turbine, sensors=sensors), duration=settling + length, rate=rate, seed=seed)
-    part = record.section(settling, float(record.time[-1]))
-    return pose(part, turbine, sensors, Prior(), unknown)
 
 
 def _accuracy(draft: Plan, growths: Array, relaxations: float) -> float:
