@@ -63,7 +63,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "floquet.py": ("test_floquet.py", "test_analysis.py"),
     "campbell.py": ("test_campbell.py",),
     "force_balance.py": ("test_force_balance.py", "test_diagnosis.py"),
-    "planning.py": ("test_planning.py",),
+    "planned_ways.py": ("test_planning.py",),
     "directions.py": ("test_directions.py",),
 }
 """For each module the test files most likely to notice, the first first; names that do not exist are passed over."""
@@ -773,8 +773,8 @@ _MODES = (
         "the bands of a balance are wider than they are",
     ),
     Mutant(
-        "noise of a thinned record", "planning.py",
-        "s.noise / math.sqrt(thinning)",
+        "noise of a thinned record", "planned_ways.py",
+        "factor * s.noise",
         "s.noise",
         "a plan for a fast record sees each of the few samples that it simulates as noisy as one of all",
     ),
