@@ -11,6 +11,7 @@ from windsysid.monitoring.following import Follower, Kept, Now
 from windsysid.monitoring.jumps import Rates, threshold, track
 from windsysid.monitoring.locating import Jump, first_belief
 from windsysid.monitoring.series import Blocks
+from windsysid.monitoring.together import PRIOR_BLOCKS
 from windsysid.monitoring.watch import watch
 
 SIGMA = 0.004
@@ -56,14 +57,27 @@ def test_without_a_jump_a_follower_is_the_filter_of_all_blocks():
     rng = np.random.default_rng(4)
     x = rng.standard_normal((500, 2))
     y = (simulated(500, 0.0, 0, 4) + x @ np.array([0.01, -0.02])).astype(np.float32).astype(np.float64)
-    found, follower = follow(y, x, learn=200)
+    _, follower = follow(y[:200], x[:200], learn=200)
     kept = follower.kept
     assert kept.before is not None
     assert kept.rates is not None
     r = np.full(500, float(np.float32(SIGMA)) ** 2)
-    whole = track(y, r, x, kept.before, kept.rates, tolerated=0.005)
-    assert [one.level for one in found[200:]] == whole.level[200:].tolist()
-    assert [one.statistic for one in found[200:]] == whole.statistic[200:].tolist()
+    for rates in (kept.rates._replace(likely=(), learned_from=0), kept.rates):
+        again = Follower("k", True, 0.005, kept._replace(rates=rates))
+        for k in range(200, 500):
+            again.append(y[k], SIGMA)
+            now = again.follow(x[k : k + 1], lambda part=x[: k + 1]: part, LIMIT)  # type: ignore[misc]
+        of = [track(y, r, x, kept.before, one, tolerated=0.005) for one, _ in rates.hypotheses()]
+        evidence = np.array([one.progress.evidence for one in of]) + [prior for _, prior in rates.hypotheses()]
+        weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
+        level, std = (np.array([getattr(one, name)[-1] for one in of]) for name in ("level", "std"))
+        assert now.level == pytest.approx(weight @ level, rel=1e-12)
+        blocks = rates.learned_from + PRIOR_BLOCKS
+        wider = blocks / (blocks - 2) if rates.learned_from else 1.0
+        variance = weight @ (std**2 + (level - weight @ level) ** 2)
+        assert now.std**2 == pytest.approx(wider * variance, rel=1e-9)
+        if not rates.likely:
+            assert now.statistic == pytest.approx(of[0].statistic[-1], abs=1e-9)
 
 
 def test_what_leaves_is_in_the_belief_before_what_is_kept():

@@ -8,7 +8,9 @@ import scipy.optimize
 import scipy.stats
 
 from windsysid.monitoring import jumps as glr
-from windsysid.monitoring.jumps import Belief, Rates, learn_growth, learn_rates, shared_error, threshold, track
+from windsysid.monitoring import learning
+from windsysid.monitoring.jumps import Belief, Rates, shared_error, threshold, track
+from windsysid.monitoring.learning import learn_growth, learn_rates
 
 
 def series(count: int, *, slopes: tuple[float, ...] = (), wander: float = 0.0, seed: int = 0):
@@ -72,8 +74,8 @@ def test_the_statistic_is_the_likelihood_ratio_of_a_regression(monkeypatch: pyte
 def test_rates_are_those_of_scipys_likelihood(monkeypatch: pytest.MonkeyPatch):
     # Scatter at the maximum of SciPy's joint density, wander its mean over that density at this scatter.
     unclipped(monkeypatch)
-    monkeypatch.setattr(glr, "TYPICAL_WANDER", (0.0, 1e3))  # flat priors
-    monkeypatch.setattr(glr, "TYPICAL_SCATTER", 1e3)
+    monkeypatch.setattr(learning, "TYPICAL_WANDER", (0.0, 1e3))  # flat priors
+    monkeypatch.setattr(learning, "TYPICAL_SCATTER", 1e3)
     count = 80
     y, r, x = series(count, wander=0.2, seed=3)
     found = learn_rates(y, r, x, vague(1))

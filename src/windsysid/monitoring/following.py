@@ -14,7 +14,7 @@ use what comes later. It shares the filter, the test, the learning of rates and 
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,17 +22,14 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.monitoring.jumps import (
-    EXPECTED_SCATTER,
-    TYPICAL_WANDER,
     Belief,
     Progress,
     Rates,
     Track,
-    learn_growth,
-    learn_rates,
     shared_error,
     track,
 )
+from windsysid.monitoring.learning import EXPECTED_SCATTER, learn_growth, learn_rates
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,
     MAX_HINDSIGHT_BLOCKS,
@@ -43,6 +40,7 @@ from windsysid.monitoring.locating import (
     locate,
     without_bad,
 )
+from windsysid.monitoring.together import most_likely_begin, together, with_likely
 
 __all__ = ["HINDSIGHTS", "LET_GO_BLOCKS", "MAX_KEPT_BLOCKS", "Follower", "Kept", "Now"]
 
@@ -130,7 +128,7 @@ class Follower:
     def __init__(self, kind: str, logarithmic: bool, tolerated: float, kept: Kept) -> None:
         self.kind, self.logarithmic, self.tolerated = kind, logarithmic, tolerated
         self.kept = kept
-        self._head: Progress | None = None  # follows from what is kept, when it is needed
+        self._heads: list[Progress] = []  # of each likely wander; follow from what is kept, when they are needed
 
     @staticmethod
     def beginning(blocks: int, let_go: int) -> Kept:
@@ -158,10 +156,9 @@ class Follower:
             return Now(math.nan, math.nan, 0.0, 0.0)
         nothing = np.empty((len(y), 0))
         prior, _ = first_belief(y, r, 0, self.kind, self.logarithmic)
-        wander = float(np.median(r[np.isfinite(y)])) * math.exp(2.0 * TYPICAL_WANDER[0])
         growth = learn_growth(y, r, self.logarithmic) if self.kind == "c" else 0.0
-        done = track(y, r, nothing, prior, Rates(wander, EXPECTED_SCATTER, growth, self.logarithmic), test=False)
-        return self._now(done)
+        rates = with_likely(y, r, nothing, prior, Rates(0.0, EXPECTED_SCATTER, growth, self.logarithmic))
+        return self._now([track(y, r, nothing, prior, one, test=False) for one, _ in rates.hypotheses()], rates)
 
     def learn(self, x: Array, *, anew: bool) -> Now:
         """Learn the rates from the blocks that are kept, with covariates x (n, m).
@@ -174,16 +171,15 @@ class Follower:
         y, r = self._blocks(x)
         before, scale = self.kept.before, self.kept.scale
         if not np.isfinite(y).any():
-            return self.guess() if before is None else self._now(self._restart(x))
+            return self.guess() if before is None else self._stands(x)
         if anew or before is None:
             before, scale = first_belief(y, r, x.shape[1], self.kind, self.logarithmic)
         rates = self.kept.rates or Rates(0.0, 1.0, logarithmic=self.logarithmic)
         self.kept = self.kept._replace(before=before, scale=scale, rates=rates)
         y, r, freed = self._cleared(x)
-        self.kept = self.kept._replace(
-            rates=learn_rates(y, r, x, before, freed, kind=self.kind, logarithmic=self.logarithmic)
-        )
-        return self._now(self._restart(x))
+        rates = learn_rates(y, r, x, before, freed, kind=self.kind, logarithmic=self.logarithmic)
+        self.kept = self.kept._replace(rates=with_likely(y, r, x, before, rates, freed))
+        return self._stands(x)
 
     def wander_beside_trend(self, x: Array) -> float:
         """The wander that is learned where the level may follow a straight line as well, with covariates x (n, m).
@@ -222,7 +218,7 @@ class Follower:
         if before is not None and kept.rates is not None:
             y, r, freed = (part[:count] for part in self._cleared(x))
             before = track(y, r, x[:count], before, kept.rates, freed=freed, test=False).belief
-        self._head = None
+        self._heads = []
         first = kept.let_go + count
         self.kept = kept._replace(
             y=kept.y[count:], std=kept.std[count:], let_go=first, before=before,
@@ -239,23 +235,28 @@ class Follower:
         """
         if self.kept.rates is None:
             return self.guess()
-        if self._head is None:
+        if not self._heads:
             done = self._restart(covariates())
         else:
             y, r = self._blocks(newest, 1)
-            done = track(y, r, newest, self._head, self.kept.rates, tolerated=self.tolerated * self.kept.scale)
-            self._head = done.progress
+            rates, least = self.kept.rates.hypotheses(), self.tolerated * self.kept.scale
+            done = [
+                track(y, r, newest, head, one, tolerated=least)
+                for head, (one, _) in zip(self._heads, rates, strict=True)
+            ]
+            self._heads = [one.progress for one in done]
         again = self._look_back(covariates)
         if again:
             done = self._restart(covariates())
-        now = self._now(done)._replace(again=again)
+        now = self._now(done, self.kept.rates)._replace(again=again)
         if now.statistic <= limit or len(self.kept.jumps) == MAX_JUMPS:
             return now
         x = covariates()
-        jump = self._locate(x, len(self.kept.y) - 1, int(done.since[-1]), len(self.kept.y), self.kept.jumps)
+        likely = most_likely_begin(done, self.kept.rates)
+        jump = self._locate(x, len(self.kept.y) - 1, likely, len(self.kept.y), self.kept.jumps)
         self.kept = self.kept._replace(jumps=(*self.kept.jumps, jump))
-        after = self._restart(x)
-        return now._replace(level=float(after.level[-1]), std=float(after.std[-1]), new=jump)
+        after = self._stands(x)
+        return now._replace(level=after.level, std=after.std, new=jump)
 
     # what follows from what is kept
 
@@ -269,14 +270,14 @@ class Follower:
 
     def _cleared(self, x: Array, jumps: tuple[Jump, ...] | None = None) -> tuple[Array, Array, Array]:
         """Blocks without what is bad or of no side near a jump, variances, and what jumps free (n, 1 + m)."""
-        _, y, r, freed = self._run(x, jumps)
+        assert self.kept.rates is not None
+        _, y, r, freed = self._run(x, self.kept.rates, jumps)
         return y, r, freed
 
-    def _run(self, x: Array, jumps: tuple[Jump, ...] | None = None) -> tuple[Track, Array, Array, Array]:
+    def _run(self, x: Array, rates: Rates, jumps: tuple[Jump, ...] | None = None) -> tuple[Track, Array, Array, Array]:
         """The filter and the test through all blocks, and what `_cleared` says."""
         kept = self.kept
         assert kept.before is not None
-        assert kept.rates is not None
         y, r = self._blocks(x)
         x = np.where(_told(x)[:, None], x, 0.0)
         freed = np.zeros((len(y), 1 + x.shape[1]))
@@ -286,31 +287,36 @@ class Follower:
         for jump in kept.jumps if jumps is None else jumps:
             earliest, latest, found = (max(0, at - kept.let_go) for at in (jump.earliest, jump.latest, jump.found))
             near = slice(max(0, earliest - MAX_HINDSIGHT_BLOCKS), found + 1)
-            y[near] = without_bad(y[near], kept.rates.scatter * r[near])
+            y[near] = without_bad(y[near], rates.scatter * r[near])
             y[earliest:latest] = np.nan  # nobody knows on which side these are
         for jump in kept.jumps if jumps is None else jumps:
             end = max(begin, jump.latest - kept.let_go)
             if end > begin:
                 part = slice(begin, end)
-                past = self._track(y, r, x, freed, past, part).progress
+                past = self._track(y, r, x, freed, past, part, rates).progress
             mean = (past.belief if isinstance(past, Progress) else past).mean
             freed[end], begin = freedom(mean, size, kept.scale), end
-        return self._track(y, r, x, freed, past, slice(begin, None)), y, r, freed
+        return self._track(y, r, x, freed, past, slice(begin, None), rates), y, r, freed
 
-    def _track(self, y: Array, r: Array, x: Array, freed: Array, past: Belief | Progress, part: slice) -> Track:
-        assert self.kept.rates is not None
+    def _track(
+        self, y: Array, r: Array, x: Array, freed: Array, past: Belief | Progress, part: slice, rates: Rates
+    ) -> Track:
         least = self.tolerated * self.kept.scale
-        return track(y[part], r[part], x[part], past, self.kept.rates, tolerated=least, freed=freed[part])
+        return track(y[part], r[part], x[part], past, rates, tolerated=least, freed=freed[part])
 
-    def _now(self, done: Track) -> Now:
-        level = float(done.level[-1])
-        rates = self.kept.rates or Rates(0.0, 1.0, logarithmic=self.logarithmic)
-        shared = shared_error(level, *self._blocks(), rates)
-        return Now(level, float(done.std[-1]), shared, float(done.statistic[-1]))
+    def _now(self, done: Sequence[Track], rates: Rates) -> Now:
+        """What all likely wanders say together after the newest block."""
+        level, std, statistic = (float(one[-1]) for one in together(done, rates, newest=1))
+        return Now(level, std, shared_error(level, *self._blocks(), rates), statistic)
 
-    def _restart(self, x: Array) -> Track:
-        done = self._run(x)[0]
-        self._head = done.progress
+    def _stands(self, x: Array) -> Now:
+        assert self.kept.rates is not None
+        return self._now(self._restart(x), self.kept.rates)
+
+    def _restart(self, x: Array) -> list[Track]:
+        assert self.kept.rates is not None
+        done = [self._run(x, one)[0] for one, _ in self.kept.rates.hypotheses()]
+        self._heads = [one.progress for one in done]
         return done
 
     def _look_back(self, covariates: Callable[[], Array]) -> tuple[Jump, ...]:

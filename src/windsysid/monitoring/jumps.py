@@ -28,6 +28,7 @@ https://doi.org/10.1214/aos/1176324466; Huber, Ann. Math. Statist. 35(1), 1964, 
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -37,16 +38,12 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 
 __all__ = [
-    "EXPECTED_SCATTER",
     "INNOVATION_LIMIT_SIGMAS",
     "MAX_JUMP_AGE_BLOCKS",
-    "TYPICAL_WANDER",
     "Belief",
     "Progress",
     "Rates",
     "Track",
-    "learn_growth",
-    "learn_rates",
     "shared_error",
     "threshold",
     "track",
@@ -70,22 +67,6 @@ CANDIDATE_SPACING = 0.1
 
 MAX_CANDIDATES = 400
 """More blocks k than `MAX_JUMP_AGE_BLOCKS` and `CANDIDATE_SPACING` ever keep."""
-
-TYPICAL_WANDER = (math.log(1e-2), math.log(10.0))
-"""Prior of ln(√q / √r): median and standard deviation.
-
-A block lets the level move by a hundredth of its own σ, give or take a factor of ten: by 12 hundredths in a day of 10
-minutes.
-"""
-
-TYPICAL_SCATTER = 0.5
-"""Prior standard deviation of ln s."""
-
-EXPECTED_SCATTER = math.exp(2.0 * TYPICAL_SCATTER**2)
-"""Mean of s² before anything was learned."""
-
-MAX_GROWTH = 2.0
-"""Power with which a variance may grow with its estimate: 1 for a mode under broadband load, 2 for a constant ratio."""
 
 MAX_VALUE_RATIO = 4.0
 """Factor between a block and the level beyond which the variance of the block is moved no further."""
@@ -111,12 +92,24 @@ class Rates(NamedTuple):
         The power g of a block's value with which its variance grows.
     logarithmic
         Whether blocks are logarithms of values; of use only with a growth.
+    likely
+        Wanders that q may be, the scatter with each, and the logarithm of its prior, which has no norm
+        (`windsysid.monitoring.together`).
+    learned_from
+        How many blocks told the scatter.
     """
 
     wander: float
     scatter: float
     growth: float = 0.0
     logarithmic: bool = True
+    likely: Sequence[Sequence[float]] = ()
+    learned_from: int = 0
+
+    def hypotheses(self) -> list[tuple["Rates", float]]:
+        """These rates with each of the likely wanders and scatters, and the logarithm of its prior."""
+        plain = self._replace(likely=())
+        return [(plain._replace(wander=q, scatter=s2), prior) for q, s2, prior in self.likely] or [(plain, 0.0)]
 
 
 class Progress(NamedTuple):
@@ -132,12 +125,15 @@ class Progress(NamedTuple):
         Blocks k that are kept (c,), counted from the first of all.
     sums
         Of each of them Σ G², Σ G z and the trace e(k) (c, 2 + d).
+    evidence
+        Of all blocks (`Track`).
     """
 
     belief: Belief
     blocks: int
     begun: NDArray[np.int64]
     sums: Array
+    evidence: float = 0.0
 
 
 class Track(NamedTuple):
@@ -153,6 +149,11 @@ class Track(NamedTuple):
         ℓ_t (T,).
     since
         The block k of the maximum (T,), counted from the first of all that were taken in; −1 where there is none.
+    evidence
+        Logarithm of the likelihood of all blocks so far (T,), where an innovation counts for `INNOVATION_LIMIT_SIGMAS`
+        at most, as in the test.
+    excused
+        Twice what a jump of the tolerated size or less adds to it at most (T,).
     log_likelihood
         Of the innovations, Huber's beyond `INNOVATION_LIMIT_SIGMAS`.
     stopped
@@ -166,6 +167,8 @@ class Track(NamedTuple):
     whitened: Array
     statistic: Array
     since: NDArray[np.int64]
+    evidence: Array
+    excused: Array
     log_likelihood: float
     stopped: int
     progress: Progress
@@ -210,7 +213,8 @@ def track(
     """
     count = len(y)
     level, std, whitened = np.full((3, count), np.nan)
-    statistic, since = np.zeros(count), np.full(count, -1, dtype=np.int64)
+    statistic, excused, evidence = np.zeros((3, count))
+    since = np.full(count, -1, dtype=np.int64)
     h = np.column_stack([np.ones(count), x])
     freed = np.zeros(h.shape) if freed is None else freed
     before = prior if isinstance(prior, Progress) else Progress(prior, 0, *_no_candidates(h.shape[1]))
@@ -220,80 +224,19 @@ def track(
     begun[:kept], sums[:kept] = before.begun, before.sums
     rest = np.array(
         [rates.wander, rates.scatter, limit, INNOVATION_LIMIT_SIGMAS, CANDIDATE_SPACING, tolerated, PULL_LIMIT_SIGMAS,
-         rates.growth, float(rates.logarithmic), MAX_VALUE_RATIO]
+         rates.growth, float(rates.logarithmic), MAX_VALUE_RATIO, before.evidence]
     )  # fmt: skip
     whole = np.array([first, MAX_JUMP_AGE_BLOCKS if test else 0, before.blocks, kept], dtype=np.int64)
     log_likelihood, stopped, kept = _kernel()(
-        y, r, h, freed, rest, whole, mean, cov, begun, sums, level, std, whitened, statistic, since
+        y, r, h, freed, rest, whole, mean, cov, begun, sums, level, std, whitened, statistic, since, evidence, excused
     )
     taken = before.blocks + (count if stopped < 0 else stopped + 1)
-    progress = Progress(Belief(mean, cov), taken, begun[:kept].copy(), sums[:kept].copy())
-    return Track(level, std, whitened, statistic, since, log_likelihood, stopped, progress)
+    progress = Progress(Belief(mean, cov), taken, begun[:kept].copy(), sums[:kept].copy(), float(rest[-1]))
+    return Track(level, std, whitened, statistic, since, evidence, excused, log_likelihood, stopped, progress)
 
 
 def _no_candidates(d: int) -> tuple[NDArray[np.int64], Array]:
     return np.empty(0, dtype=np.int64), np.empty((0, 2 + d))
-
-
-def learn_rates(
-    y: Array,
-    r: Array,
-    x: Array,
-    prior: Belief,
-    freed: Array | None = None,
-    *,
-    kind: str = "k",
-    logarithmic: bool = True,
-) -> Rates:
-    """Wander and scatter of a series by maximum likelihood, with priors `TYPICAL_WANDER` and `TYPICAL_SCATTER`.
-
-    The wander is averaged over its likelihood. Of a damping, kind ``c``, it is learned how its variance grows, too.
-    """
-    from scipy.optimize import minimize
-
-    usual = float(np.nanmedian(np.where(np.isfinite(y), r, np.nan)))
-    growth = learn_growth(y, r, logarithmic) if kind == "c" else 0.0
-
-    def rates(at: Array) -> Rates:
-        return Rates(usual * math.exp(2.0 * at[0]), math.exp(2.0 * at[1]), growth, logarithmic)
-
-    def cost(at: Array) -> float:
-        if abs(at).max() > 30.0:
-            return math.inf
-        off = ((at[0] - TYPICAL_WANDER[0]) / TYPICAL_WANDER[1]) ** 2 + (at[1] / TYPICAL_SCATTER) ** 2
-        return 0.5 * float(off) - track(y, r, x, prior, rates(at), freed=freed, test=False).log_likelihood
-
-    start = np.array([TYPICAL_WANDER[0], 0.0])
-    simplex = start + np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 0.5]])
-    found = minimize(
-        cost,
-        start,
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.02, "maxiter": 120},
-    )
-    # The most likely wander is often next to none where it is only not seen yet: its mean over what is likely is what
-    # the level needs.
-    around = found.x[0] + np.arange(-3.0, 3.25, 0.5)
-    costs = np.array([cost(np.array([at, found.x[1]])) for at in around])
-    weight = np.exp(costs.min() - costs)
-    tried = [rates(np.array([at, found.x[1]])) for at in around]
-    return tried[0]._replace(wander=float(weight @ [one.wander for one in tried] / weight.sum()))
-
-
-def learn_growth(y: Array, r: Array, logarithmic: bool) -> float:
-    """The power with which variances (T,) grow with what blocks (T,) say, 0 … `MAX_GROWTH`, by least squares.
-
-    For values in logarithms r is the variance of a logarithm, and grows by 2 less than that of the value.
-    """
-    good = np.isfinite(y) & (np.ones(len(y), dtype=bool) if logarithmic else y > 0.0)
-    if not good.any():
-        return 0.0
-    at = y[good] if logarithmic else np.log(y[good])
-    at = at - at.mean()
-    spread = float(at @ at)
-    slope = float(at @ np.log(r[good])) / spread if spread > 0.0 else 0.0
-    lowest = -2.0 if logarithmic else 0.0
-    return min(max(slope, lowest), lowest + MAX_GROWTH)
 
 
 def shared_error(level: float, y: Array, r: Array, rates: Rates) -> float:
@@ -339,14 +282,15 @@ def _kernel() -> Any:
 
     v, m, i = types.float64[::1], types.float64[:, ::1], types.int64[::1]
     found = types.Tuple((types.float64, types.int64, types.int64))
-    return compiled(_run, found(v, v, m, m, v, i, v, m, i, m, v, v, v, v, i))
+    return compiled(_run, found(v, v, m, m, v, i, v, m, i, m, v, v, v, v, i, v, v))
 
 
 def _run(
     y: Array, r: Array, h: Array, freed: Array, rest: Array, whole: Array, mean: Array, cov: Array, begun: Array,
     sums: Array, level: Array, std: Array, whitened: Array, statistic: Array, since: Array,
+    evidence: Array, excused: Array,
 ) -> tuple[float, int, int]:  # fmt: skip
-    """`track`, compiled; `mean`, `cov`, `begun` and `sums` become those after the last block.
+    """`track`, compiled; `mean`, `cov`, `begun`, `sums` and the evidence become those after the last block.
 
     It gives the likelihood, the block that it stopped at, and how many blocks k are kept.
     """
@@ -390,6 +334,7 @@ def _run(
             most_of_it = clip + tolerated / root
             small = min(max(z, -most_of_it), most_of_it)
             log_likelihood -= 0.5 * math.log(variance) + 0.5 * small * small + most_of_it * (abs(z) - abs(small))
+            rest[10] -= 0.5 * math.log(variance) + 0.5 * small * small
             for i in range(d):
                 gain[i] = cross[i] / variance
                 mean[i] += gain[i] * min(max(z, -pull), pull) * root
@@ -407,7 +352,7 @@ def _run(
                     sums[c, 2 + j] -= gain[j] * seen
                 sums[c, 0] += seen * seen / variance
                 sums[c, 1] += seen * small / root
-        level[t] = mean[0]
+        level[t], evidence[t] = mean[0], rest[10]
         std[t] = math.sqrt(cov[0, 0])
         if window == 0:
             continue
@@ -417,6 +362,9 @@ def _run(
             if energy > 0.0 and excess > 0.0 and excess * excess > statistic[t] * energy:
                 statistic[t] = excess * excess / energy
                 since[t] = begun[c]
+            if tolerated > 0.0 and energy > 0.0:
+                least = min(tolerated, abs(product) / energy)
+                excused[t] = max(excused[t], least * (2.0 * abs(product) - least * energy))
         last = -1  # thinning: the blocks kept lie about `spacing` of their age apart
         for c in range(kept):
             age = before + t - begun[c] + 1

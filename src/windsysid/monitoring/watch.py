@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.changes import Change, Series, Watch
-from windsysid.monitoring.jumps import Belief, Rates, Track, learn_rates, shared_error, threshold, track
+from windsysid.monitoring.jumps import Belief, Rates, Track, shared_error, threshold, track
+from windsysid.monitoring.learning import learn_rates
 from windsysid.monitoring.locating import (
     JUMP_SLOPE_PRIOR,
     MAX_HINDSIGHT_BLOCKS,
