@@ -92,7 +92,7 @@ def story(plan: Plan = Plan()) -> str:
         f"The watch learns from {plan.history * plan.window / 3600.0:g} h first.",
         f"Then T2 loses {100.0 * plan.softer_by:g} % of its stiffness after {softer:.0f} s, and a sensor of T3 fails"
         f" after {fails:.0f} s. T1 stays as it is.",
-        "The first run on a machine compiles models before the first estimate, which takes minutes.",
+        "The first run on a machine compiles models before the first estimate, which takes up to a minute.",
     ))  # fmt: skip
 
 
