@@ -1,18 +1,19 @@
 """Take a folder of records, or many, into an archive: what is new, and nothing twice."""
 
 import glob
+import math
 import os
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field
 from itertools import islice
 from pathlib import Path
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import UNDATED, Known, claim_archive, day_of, known_sources, place_of
-from windsysid.fleet.engine import run_here, run_on_dask
+from windsysid.fleet.engine import run_here, run_on_dask, share
 from windsysid.fleet.guard import DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.joining import check_clocks, join_late, read_scadas
 from windsysid.fleet.members import Member, member_of, read_fleet, single
@@ -35,6 +36,9 @@ RUNS = 3
 FORMULATIONS = ("spectral", "joint", "auto")
 
 _LOOKS_PER_REPORT = 20
+
+LOOKS_A_WORKER = 50
+"""Records whose begin is asked for that are worth another worker's start."""
 
 REASONS = 3
 """Reasons for no result that the answer lists."""
@@ -182,14 +186,14 @@ def batch(
                 progress(f"joining SCADA to records of {member.name}", None)
                 usual = load_turbine(member.turbine).rotor_speed
                 joined += join_late(folder, member.name, scadas[member.name], usual, known[member.name])
-        with closing(Worker(limit)) as looker:
-            tasks = _tasks(new, known, folder, formulation, settings, limit, looker, progress, scadas)
+        with ExitStack() as stack:
+            team = [stack.enter_context(closing(Worker(limit))) for _ in range(workers or _processors())]
+            tasks = _tasks(new, known, folder, formulation, settings, limit, team, progress, scadas)
             counted = _Counted(sum(len(task.sources) for task in tasks), progress)
             if scheduler is None:
-                more = min(workers or _processors(), len(tasks)) - 1
-                run_here(tasks, [looker, *(Worker(limit) for _ in range(more))], counted.tell)
+                run_here(tasks, team[: len(tasks)], counted.tell)
             else:
-                looker.close()
+                stack.close()
                 run_on_dask(tasks, scheduler, counted.tell)
     return Batch(
         folder, dict(counted.taken), there, unmatched, joined, (*counted.reasons(), *notes), time.monotonic() - begun
@@ -301,26 +305,21 @@ def _new(paths: Sequence[str], known: dict[str, Known]) -> list[str]:
 
 def _tasks(
     new: dict[Member, list[str]], known: dict[str, dict[str, Known]], archive: Path, formulation: str,
-    settings: dict[str, str], limit: float, looker: Worker, progress: Progress,
+    settings: dict[str, str], limit: float, team: Sequence[Worker], progress: Progress,
     scadas: dict[str, Scada],
 ) -> list[Task]:  # fmt: skip
     """Records of a turbine and day together, in order; ConfigurationError where all have another clock than
     their SCADA: SCADA says its zone, and they do not, or the other way round."""
     days: dict[tuple[str, str], list[tuple[str, int]]] = {}
     of = {member.name: member for member in new}
-    total, looked = sum(len(paths) for paths in new.values()), 0
+    asked = [(member, path) for member, paths in new.items() for path in paths if _unknown(path, known[member.name])]
+    begins = _begins(asked, team, progress)
     for member, paths in new.items():
-        starts: set[str] = set()
         for path in paths:
             row = known[member.name].get(path)
-            named = is_remote(path) and not day_of(None, path).startswith(UNDATED)  # saves that it is copied twice
-            start = _look(looker, path, member) if row is None and not named else None
-            starts |= set() if start is None else {start}
-            day = row.day if row is not None else day_of(start, path)
+            day = row.day if row is not None else day_of(begins.get(path), path)
             days.setdefault((member.name, day), []).append((path, row.tries if row is not None else 0))
-            looked += 1
-            if looked % _LOOKS_PER_REPORT == 0:
-                progress("when the records began", looked / total)
+        starts = {start for start in map(begins.get, paths) if start is not None}
         if member.name in scadas and starts:
             check_clocks(member.name, scadas[member.name], starts)
     return [
@@ -329,13 +328,30 @@ def _tasks(
     ]
 
 
-def _look(worker: Worker, path: str, member: Member) -> str | None:
-    """When a record begins; None where it does not say it, or cannot be opened."""
+def _unknown(path: str, known: dict[str, Known]) -> bool:
+    """Whether a record has to be opened to know its day: a remote one with a date in its name is not copied twice."""
+    return path not in known and not (is_remote(path) and not day_of(None, path).startswith(UNDATED))
+
+
+def _begins(asked: Sequence[tuple[Member, str]], team: Sequence[Worker], progress: Progress) -> dict[str, str | None]:
+    """When records begin, by path; None where they do not say it, or cannot be opened."""
+    found: dict[str, str | None] = {}
+
+    def hear(path: str, start: str | None) -> None:
+        found[path] = start
+        if len(found) % _LOOKS_PER_REPORT == 0:
+            progress("when the records began", len(found) / len(asked))
+
+    share(asked, team[: math.ceil(len(asked) / LOOKS_A_WORKER)], _look, hear)
+    return found
+
+
+def _look(one: tuple[Member, str], worker: Worker, say: Callable[[str, str | None], None]) -> None:
+    member, path = one
     try:
-        start: str | None = worker.ask({"do": "look", "source": path, "member": asdict(member)})["start"]
+        say(path, worker.ask({"do": "look", "source": path, "member": asdict(member)})["start"])
     except (DeadWorkerError, HangingWorkerError):
-        return None
-    return start
+        say(path, None)
 
 
 def _processors() -> int:

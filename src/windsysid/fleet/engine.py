@@ -8,8 +8,8 @@ future is released as it completes: finished work whose future is held would be 
 import queue
 import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, TypeVar
 
 from windsysid.errors import ConfigurationError, OutputError
 from windsysid.fleet.guard import StoppedError, Worker
@@ -17,7 +17,10 @@ from windsysid.fleet.tasks import Task, Tell, run_task
 from windsysid.records.formats.files import quiet
 from windsysid.records.formats.format import package
 
-__all__ = ["run_here", "run_on_dask"]
+__all__ = ["run_here", "run_on_dask", "share"]
+
+T = TypeVar("T")
+Say = Callable[..., None]
 
 WINDOW = 4
 """Tasks submitted for each Dask worker: schedulers suffer beyond 100 000 tasks."""
@@ -26,29 +29,31 @@ KILLED = 3
 """Times that a task is given to Dask again after workers died at it; Dask itself tries four times in each."""
 
 
-def run_here(tasks: Iterable[Task], guarded: Sequence[Worker], tell: Tell) -> None:
-    """Run tasks by worker processes of this machine; what is running is filed where this is interrupted."""
-    waiting, lock = iter(tasks), threading.Lock()
-    said: queue.Queue[tuple[str, str] | BaseException | None] = queue.Queue()
+def share(items: Iterable[T], workers: Sequence[Worker], do: Callable[[T, Worker, Say], None], tell: Say) -> None:
+    """Let workers do items, each the next one; what `do` says `tell` hears, in the thread of the caller.
+
+    Where this is interrupted, or one of them fails, all workers are closed.
+    """
+    waiting, lock = iter(items), threading.Lock()
+    said: queue.Queue[tuple[Any, ...] | BaseException | None] = queue.Queue()
     stopping = threading.Event()
 
     def work(worker: Worker) -> None:
         try:
             while not stopping.is_set():
                 with lock:
-                    task = next(waiting, None)
-                if task is None:
+                    item = next(waiting, None)
+                if item is None:
                     break
-                run_task(task, worker, lambda *news: said.put(news))
+                do(item, worker, lambda *news: said.put(news))
         except StoppedError:
             pass
         except BaseException as error:  # told to whoever waits
             said.put(error)
         finally:
-            worker.close()
             said.put(None)
 
-    threads = [threading.Thread(target=work, args=(worker,)) for worker in guarded]
+    threads = [threading.Thread(target=work, args=(worker,)) for worker in workers]
     for thread in threads:
         thread.start()
     try:
@@ -60,12 +65,19 @@ def run_here(tasks: Iterable[Task], guarded: Sequence[Worker], tell: Tell) -> No
             left -= news is None
             if news is not None:
                 tell(*news)
-    finally:
+    except BaseException:
         stopping.set()
-        for worker in guarded:
+        for worker in workers:
             worker.close()
+        raise
+    finally:
         for thread in threads:
             thread.join()
+
+
+def run_here(tasks: Iterable[Task], workers: Sequence[Worker], tell: Tell) -> None:
+    """Run tasks by worker processes of this machine; what is running is filed where this is interrupted."""
+    share(tasks, workers, run_task, tell)
 
 
 def run_on_dask(tasks: Iterable[Task], address: str, tell: Tell) -> None:
