@@ -7,7 +7,7 @@ import pytest
 
 from windsysid.errors import ConfigurationError
 from windsysid.records.formats.columns import SUFFIXES
-from windsysid.units import UNITS, canonical, is_same_quantity, si_unit, to_si, unit_text
+from windsysid.units import UNITS, canonical, is_same_quantity, parse_quantity, si_unit, to_si, unit_text
 
 
 @pytest.mark.parametrize(
@@ -112,6 +112,26 @@ def test_printed_units_are_read_again():
         assert to_si(1.0, unit_text(unit)) == to_si(1.0, unit), unit
     assert unit_text("N*m*s/rad") == "N·m·s/rad"
     assert unit_text("m/s^2") == "m/s²"
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("10 min", "s", 600.0),
+        ("600s", "s", 600.0),
+        ("1e3s", "s", 1000.0),
+        (" -2.5\tm/s^2", "m/s^2", -2.5),
+        (".5h", "s", 1800.0),
+    ],
+)
+def test_a_quantity_is_a_number_and_its_unit_with_or_without_a_space(text: str, unit: str, value: float):
+    assert parse_quantity(text, unit) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["", "s", "5", "nan s", "1.2.3 s", "5 m", "5 5 s", "1.5 s\nx"])
+def test_what_is_no_quantity_is_refused(text: str):
+    with pytest.raises(ConfigurationError):
+        parse_quantity(text, "s")
 
 
 def test_quantities_are_told_apart():

@@ -5,6 +5,7 @@ and data sheets are known; a unit nobody listed is an error, never a guess.
 """
 
 import math
+import re
 
 from windsysid.errors import ConfigurationError
 
@@ -128,6 +129,10 @@ def is_same_quantity(unit: str, other: str) -> bool:
     return si_unit(unit) == si_unit(other)
 
 
+_NUMBER = re.compile(r"([+-]?[\d.]+(?:[eE][+-]?\d+)?|\S*)\s*(.*)", re.DOTALL)
+"""A number, then what is behind it, with or without a space."""
+
+
 def parse_quantity(text: str, unit: str) -> float:
     """A number with its unit, such as ``"1800 N/m"``, in SI.
 
@@ -136,7 +141,7 @@ def parse_quantity(text: str, unit: str) -> float:
     ConfigurationError
         If there is no finite number or no unit, or the unit measures another quantity than `unit`.
     """
-    number, _, written = text.strip().partition(" ")
+    number, written = _NUMBER.fullmatch(text.strip()).groups()  # type: ignore[union-attr]  # it matches any text
     try:
         amount = float(number)
     except ValueError:

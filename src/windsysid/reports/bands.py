@@ -13,17 +13,20 @@ from windsysid.units import unit_text
 
 __all__ = ["CAPTION", "coefficient_bands"]
 
-CAPTION = "Result with ±2σ (blue), the prior's ±2σ (pale), and the turbine file (dashed). At the right: the result."
+CAPTION = (
+    "Result with ±2σ (blue), the prior's ±2σ (pale), and the turbine file (dashed). At the right: the result. "
+    "*: the file has no value; the band is drawn about the result."
+)
 
 ROW, WIDTH, MARGIN = 0.32, 12.6, 0.95
 """Inches: height of a coefficient, width of the figure, height of title and axis."""
 
 WIDER = 1.6
-"""So many times the widest band is shown; a prior that is wider is cut off."""
+"""So many times the widest band of what the file knows is shown; what is wider is cut off."""
 
 
 def coefficient_bands(found: Identification, place: Axes | None = None) -> Figure:
-    """One line a coefficient, as differences from the turbine file [%], from the result where the file knows none;
+    """One line a coefficient, as differences from the turbine file [%], from the result where the file has no value;
     stiffness and damping apart, as damping is known far less."""
     kinds = [[e for e in found.estimates if e.kind == kind] for kind in ("stiffness", "damping", "parameter")]
     kinds = [kind for kind in kinds if kind]
@@ -38,18 +41,19 @@ def coefficient_bands(found: Identification, place: Axes | None = None) -> Figur
 
 
 def _draw(ax: Axes, estimates: Sequence[Estimate], priors: dict[str, list[float]], rows: int) -> None:
-    known = all(e.reference for e in estimates)
+    known = any(e.reference for e in estimates)
     half = 0.0
     for row, e in enumerate(estimates):
-        base = (e.reference if known else e.estimate) or 1.0
+        base = e.reference or e.estimate or 1.0
         value, low, high, before, after = (
             100.0 * (x / base - 1.0) for x in (e.estimate, e.low, e.high, *priors[e.name])
         )  # fmt: skip
-        half = max(half, abs(low), abs(high))
+        if e.reference or not known:
+            half = max(half, abs(low), abs(high))
         ax.barh(row, after - before, left=before, height=0.62, color=BAND, alpha=0.45, lw=0)
         ax.plot([low, high], [row, row], color=ESTIMATE, lw=2.2, solid_capstyle="butt")
-        ax.plot(value, row, "o", color=ESTIMATE, ms=5)
-        told = f"{e.estimate:.4g} {unit_text(e.unit)}".removesuffix(" 1")
+        ax.plot(value, row, "o", color=ESTIMATE, ms=5, mfc=None if e.reference else "white")
+        told = f"{e.estimate:.4g} {unit_text(e.unit)}".removesuffix(" 1") + ("" if e.reference or not known else " *")
         ax.text(1.01, row, told, transform=ax.get_yaxis_transform(), va="center", fontsize=8.5)
     ax.axvline(0.0, color=REFERENCE, ls="--", lw=1)
     ax.set(ylim=(rows - 0.5, -0.6), xlim=(-WIDER * half, WIDER * half))

@@ -108,6 +108,6 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
             off.append((factor, a))
     return [
         f"{p.channel} is {factor:.2g} times as loud (squared) in one half as in the other at "
-        f"{p.low:.3g} … {p.high:.3g} Hz: not stationary; use --formulation joint"
+        f"{p.low:.3g} … {p.high:.3g} Hz: not stationary; choose a steadier section"
         for factor, p in sorted(off, key=lambda pair: -pair[0])
     ]
