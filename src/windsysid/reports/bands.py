@@ -11,18 +11,21 @@ from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import unit_text
 
-__all__ = ["CAPTION", "coefficient_bands"]
-
-CAPTION = (
-    "Result with ±2σ (blue), the prior's ±2σ (pale), and the turbine file (dashed). At the right: the result. "
-    "*: the file has no value; the band is drawn about the result."
-)
+__all__ = ["caption", "coefficient_bands"]
 
 ROW, WIDTH, MARGIN = 0.32, 12.6, 0.95
 """Inches: height of a coefficient, width of the figure, height of title and axis."""
 
 WIDER = 1.6
 """So many times the widest band of what the file knows is shown; what is wider is cut off."""
+
+
+def caption(found: Identification) -> str:
+    """What the figure of the coefficients shows."""
+    text = "Result with ±2σ (blue), the prior's ±2σ (pale), and the turbine file (dashed). At the right: the result."
+    if all(e.reference for e in found.estimates):
+        return text
+    return f"{text} *: the file has no value; the band is drawn about the result."
 
 
 def coefficient_bands(found: Identification, place: Axes | None = None) -> Figure:

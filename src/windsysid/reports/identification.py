@@ -24,7 +24,7 @@ _HISTORIES = {
 def identification_report(identification: Identification, record: Record | None = None) -> bytes:
     """The report of one identification on the section of the record that it used; without its channels where the record
     is not given."""
-    from windsysid.reports.bands import CAPTION, coefficient_bands
+    from windsysid.reports.bands import caption, coefficient_bands
     from windsysid.reports.plots import coefficient_histories, record_overview
 
     i = identification
@@ -34,7 +34,7 @@ def identification_report(identification: Identification, record: Record | None 
             "Result",
             text=_trust(i),
             tables=[*([i.modes_table()] if i.modes else []), i.table()],
-            figures=[(coefficient_bands(i), CAPTION)],
+            figures=[(coefficient_bands(i), caption(i))],
         ),
         Section(
             "What it rests on",
