@@ -114,10 +114,15 @@ class Overview(Answer):
         return pd.DataFrame(rows, columns=columns)
 
     @property
+    def size(self) -> str:
+        """How many turbines, in words."""
+        return f"{len(self.glances)} turbine{'s' * (len(self.glances) != 1)}"
+
+    @property
     def sentences(self) -> list[str]:
         """What stands out, a sentence each."""
         if not self.events:
-            return [f"nothing stands out in {len(self.glances)} turbines"]
+            return [f"nothing stands out in {self.size}"]
         return [f"{event.turbine}: {event.told}" for event in self.events]
 
     def tables(self) -> list[Table]:
@@ -136,7 +141,7 @@ class Overview(Answer):
         headings = (
             "turbine", "stands out", "records", "identified", "trusted", "of the time", "states", "off its sisters",
         )  # fmt: skip
-        return [Table(headings, rows, f"{len(rows)} turbines", words=(0, 1))]
+        return [Table(headings, rows, self.size, words=(0, 1))]
 
     def summary(self) -> dict[str, Any]:
         """Plain values, for ``summary.json``."""
@@ -162,7 +167,7 @@ class Overview(Answer):
         return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 
     def __repr__(self) -> str:
-        return f"<Overview of {len(self.glances)} turbines: {'; '.join(self.sentences)}>"
+        return f"<Overview of {self.size}: {'; '.join(self.sentences)}>"
 
     def contents(self) -> list[Table | str]:
         """The sentences, the tables, the notes."""

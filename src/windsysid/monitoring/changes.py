@@ -161,7 +161,7 @@ class Watch(Answer):
         sharpest = min(watched or self.series, key=lambda s: s.smallest)
         return (
             f"nothing jumped in {days:.3g} days at {self.alarms_per_year:g} false alarms a year; a jump of"
-            f" {sharpest.smallest:.2g} % in {sharpest.name} would have been found within a day"
+            f" {two_digits(sharpest.smallest)} % in {sharpest.name} would have been found within a day"
         )
 
     def tables(self) -> list[Table]:
@@ -177,8 +177,8 @@ class Watch(Answer):
         return [
             (
                 s.name, unit_text(s.unit), f"{s.level[-1]:.5g} ± {0.5 * (s.high[-1] - s.low[-1]):.2g}",
-                _signed(*s.drift), f"{s.wander:.2g} %",
-                f"{s.scatter:.2f}", f"{s.smallest:.2g} %",
+                _signed(*s.drift), f"{two_digits(s.wander)} %",
+                f"{s.scatter:.2f}", f"{two_digits(s.smallest)} %",
             )
             for s in self.series
         ]  # fmt: skip
@@ -228,4 +228,9 @@ HEADINGS = ("", "unit", "now, ±2σ", "drift, ±2σ", "wander a day", "scatter �
 
 
 def _signed(percent: float, low: float, high: float) -> str:
-    return f"{percent:+.3g} ± {0.5 * (high - low):.2g} %"
+    return f"{percent:+.3g} ± {two_digits(0.5 * (high - low))} %"
+
+
+def two_digits(value: float) -> str:
+    """A number with two digits, without an exponent below a million."""
+    return f"{float(f'{value:.2g}'):g}"

@@ -22,17 +22,19 @@ POINTS = 400
 
 
 def figure(overview: Overview, place: Axes | None = None) -> Figure:
-    """Levels of every coefficient since the end of learning, and turbines against their sisters."""
+    """Levels of every coefficient since the end of learning, and turbines against sisters where there are enough."""
     names = list(dict.fromkeys(s.name for one in overview.watches.values() for s in one.series if _shown(s.name)))
     rows = max(len(names), 1)
     drawn = canvas((12.0, 0.6 + 2.1 * rows), place)
-    panels = drawn.subplots(rows, 2, squeeze=False, width_ratios=[3, 2])
+    sisters = bool(overview.standings)
+    panels = drawn.subplots(rows, 1 + sisters, squeeze=False, width_ratios=[3, 2][: 1 + sisters])
     named = {name for event in overview.events for name in event.turbine.split(", ") if event.kind != "sensor"}
-    for (left, right), name in zip(panels, names, strict=False):
+    for (left, *others), name in zip(panels, names, strict=False):
         _levels(left, overview, name, named)
-        _sisters(right, overview, name)
         left.set_title(f"{symbol(name)}: change [%]", fontsize=9, loc="left")
-        right.set_title(f"{symbol(name)}: off the sisters' mean [%]", fontsize=9, loc="left")
+        for right in others:
+            _sisters(right, overview, name)
+            right.set_title(f"{symbol(name)}: off the sisters' mean [%]", fontsize=9, loc="left")
     return drawn
 
 
@@ -103,10 +105,14 @@ def files(overview: Overview) -> dict[str, bytes]:
     """``report.html``, ``fleet.png`` and ``summary.json``, by name."""
     drawn = png(figure(overview))
     levels = (
-        "Left: the level of each turbine at mean covariates, against that at the end of learning; in colour and with"
-        " its name where it jumped. Right: each turbine with its ±2σ band against the mean of the others, whose scatter"
-        " (±2σ) is the pale bar; orange: an outlier."
+        "The level of each turbine at mean covariates, against that at the end of learning; in colour and with its name"
+        " where it jumped."
     )
+    if overview.standings:
+        levels += (
+            " At the right: each turbine with its ±2σ band against the mean of the others, whose scatter (±2σ) is the"
+            " pale bar; orange: an outlier."
+        )
     months = "Share of each month that identified records cover [%]."
     sensors = Table(
         ("turbine", "channel", "finding", "of the records", "from", "to", "sisters"),
@@ -150,7 +156,7 @@ def files(overview: Overview) -> dict[str, bytes]:
     ]
     count = sum(glance.records for glance in overview.glances.values())
     subtitle = (
-        f"{len(overview.glances)} turbines, {count} records; stated for a healthy fleet: {overview.alarms_per_year:g}"
+        f"{overview.size}, {count} records; stated for a healthy fleet: {overview.alarms_per_year:g}"
         f" alarms of a jump a year, an outlier on one page in {1.0 / OUTLIER_CHANCE:.0f}"
     )
     return {
