@@ -174,7 +174,7 @@ def _fill_disk(command: list[str], cluster: _Cluster | None) -> str:
     full = subprocess.run(command, preexec_fn=limit, env=_CLEAN, capture_output=True, text=True)
     if cluster is not None:
         cluster.stop_workers()
-    lines = full.stderr.strip().splitlines()
+    lines = full.stderr.replace(f"{tempfile.gettempdir()}{os.sep}", "").strip().splitlines()
     return f"disk full: exit code {full.returncode}, {len(lines)} line: {lines[0] if lines else ''}"
 
 

@@ -146,7 +146,8 @@ def main() -> None:
                 told = try_on(python, wheel, place)
             except OSError as error:
                 told = f"FAILED: {error}"
-            print(f"{python}: {told}", flush=True)
+            named = subprocess.run([python, "--version"], stdout=subprocess.PIPE, text=True).stdout.strip()
+            print(f"{named or python}: {told}", flush=True)
             for line in try_tutorials(wheel, place) if number == 0 else ():
                 print(f"  {line}", flush=True)
                 told += line
