@@ -45,6 +45,8 @@ def test_what_is_too_large_is_refused(page):
     assert client.post(path, content=(b"x" * 5_000 for _ in range(4))).status_code == 413
     assert client.get("/api/overview", headers={"x-much": "x" * 20_000}).status_code == 431
     assert client.get("/api/alarms?turbine=" + "x" * 5_000).status_code == 414
+    paths = client.get("/api/openapi.json").json()["paths"]
+    assert all({"413", "414"} <= set(one["responses"]) for path in paths.values() for one in path.values())
 
 
 def test_who_asks_too_often_waits(store):

@@ -75,6 +75,7 @@ ERRORS = _errors(
     _401="a token is wanted",
     _403="the token does not allow it, or the origin is another's",
     _413="the body is too large",
+    _414="the address is too long",
     _429="too many requests, or too many wrong tokens",
     _503="the store does not answer",
 )
