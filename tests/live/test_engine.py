@@ -418,6 +418,21 @@ def test_an_engine_that_is_behind_says_so_and_slows_its_senders_down(site):
     wait_for(lambda: all(alarm.ended for alarm in site.store.kept_alarms.values()))
 
 
+def test_a_block_that_is_sent_again_is_not_acknowledged_before_the_others_of_its_turbine(site):
+    engine = site.start()
+    site.estimator.free.clear()
+    sent = stream(900.0)
+    futures = [engine.push(block) for block in sent]
+    last = futures[-1]
+    again = [engine.push(sent[k]) for k in (-1, -1, 0)]
+    assert not last.done()
+    assert not any(one.done() for one in again)  # a sender would go on, and fill what a broker keeps unacknowledged
+    site.estimator.free.set()
+    for future in (last, *again):
+        future.result(WAIT)
+    assert engine.push(sent[-1]).result(WAIT) is None
+
+
 def test_ending_leaves_what_is_open_or_waits_in_the_store(site):
     engine = site.start(lateness=0.0)
     push(engine, stream(100.0))

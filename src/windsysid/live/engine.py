@@ -175,11 +175,7 @@ class Engine:
             if placed.arrival == "too late":
                 follower.counts["late samples"] += len(block.values)
                 self._data_alarm(follower, "too late", "notice", TOO_LATE)
-            if follower.last is not None and not follower.last.done():
-                return follower.last
-            known: Future[None] = Future()
-            known.set_result(None)
-            return known
+            return self._on_disk(follower, follower.stored(), lambda: None)
         if placed.sequence != block.sequence:
             block = replace(block, sequence=placed.sequence)
         health = follower.streams[block.stream].health
@@ -204,25 +200,29 @@ class Engine:
             follower.forget(block, placed)
             raise
         follower.last = stored
+        done = self._on_disk(follower, stored, lambda: follower.forget(block, placed))
+        for window in follower.over(self._lateness):
+            self._close(follower, window)
+        return done
+
+    def _on_disk(self, follower: Follower, stored: Future[None], failed: Callable[[], None]) -> Future[None]:
+        """Done when `stored` is and few windows of its turbine wait: who sends again must not be told sooner."""
         done: Future[None] = Future()
 
         def committed(future: Future[None]) -> None:
             error = future.exception()
-            if error is not None:
-                with follower.lock:
-                    follower.forget(block, placed)
-                done.set_exception(error)
-                return
             with follower.lock:
-                withhold = len(follower.order) > WITHHELD_WINDOWS and not self._stopping.is_set()
+                if error is not None:
+                    failed()
+                withhold = error is None and len(follower.order) > WITHHELD_WINDOWS and not self._stopping.is_set()
                 if withhold:
                     follower.withheld.append(done)
-            if not withhold:
+            if error is not None:
+                done.set_exception(error)
+            elif not withhold:
                 done.set_result(None)
 
         stored.add_done_callback(committed)
-        for window in follower.over(self._lateness):
-            self._close(follower, window)
         return done
 
     # windows

@@ -170,6 +170,14 @@ class Follower:
             stream.committed = sequence
         self._run_up(block.stream)
 
+    def stored(self) -> Future[None]:
+        """Done when what came so far is on disk, or was forgotten."""
+        if self.last is not None and not self.last.done():
+            return self.last
+        done: Future[None] = Future()
+        done.set_result(None)
+        return done
+
     def forget(self, block: Block, placed: Placed) -> None:
         """A block did not get to the store: it may come again."""
         for window in placed.windows:

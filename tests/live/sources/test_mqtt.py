@@ -18,7 +18,7 @@ from windsysid.live.codec import BlockRefused, encode_json
 from windsysid.live.settings import Broker
 from windsysid.live.sources.broker import Marks, Topics, connect, new_client, properties_of
 from windsysid.live.sources.mqtt import MqttSource
-from windsysid.live.sources.publisher import Publisher
+from windsysid.live.sources.publisher import WIDEST, Publisher
 from windsysid.live.toml_table import Secret
 
 SECOND = 1_000_000_000
@@ -205,6 +205,27 @@ def test_turbines_that_are_held_back_do_not_stall_the_others_for_good(
     wait_for(lambda: len(taker.blocks) == 110)
     wait_for(lambda: ("windsysid/T02/committed", b"10") in logger.heard)
     assert [block.sequence for block in taker.blocks if block.turbine == "T01"] == list(range(1, 101))
+    service.stop()
+    logger.close()
+
+
+def test_a_hundred_turbines_that_are_held_back_leave_room_for_others(mosquitto: Mosquitto):
+    behind = [f"T{i:03d}" for i in range(100)]
+
+    class Slow(Taker):
+        def push(self, block):
+            self.holding = block.turbine in behind
+            return super().push(block)
+
+    service = Service(MqttSource(mosquitto.broker, [*behind, "other"]), Slow())
+    wait_for(lambda: service.source.state.state == "running")
+    logger = Logger(mosquitto.broker, "windsysid/other/committed")
+    for k in range(1, WIDEST + 1):  # as many as a publisher has under way
+        for turbine in behind:
+            logger.say(f"windsysid/{turbine}/blocks", encode_json(block_of(k, turbine)))
+        wait_for(lambda k=k: len(service.taker.blocks) == k * len(behind))
+    logger.say("windsysid/other/blocks", encode_json(block_of(1, "other")))
+    wait_for(lambda: logger.heard == [("windsysid/other/committed", b"1")])
     service.stop()
     logger.close()
 

@@ -26,8 +26,9 @@ __all__ = ["MqttSource"]
 
 logger = logging.getLogger(__name__)
 
-ON_THEIR_WAY = 1000
-"""Messages that the broker sends before the first of them is acknowledged."""
+ON_THEIR_WAY = 4000
+"""Messages that the broker sends before the first of them is acknowledged: of 100 turbines that are behind, and of
+others, but no more than the engine lets in (`windsysid.live.engine.BOUND`)."""
 
 KEPT = 7 * 86_400
 """How long the broker keeps messages for a service that is away [s]."""
