@@ -8,7 +8,7 @@ and noise.
 
 Without feedback the wind pushes a machine as if that stood still. With it, the air damps the motion, and the truth is
 the total coefficient: that of the structure plus the mean of C on its diagonal (`windsysid.simulation.wind.blades`).
-``python -m validation.mismatch [--runs N]`` prints the table.
+``python -m validation.mismatch [--runs N] [--first SEED]`` prints the table.
 """
 
 import argparse
@@ -76,10 +76,10 @@ def total_coefficients(turbine: Turbine, wind: str, seed: int, *, duration: floa
     return turbine.with_values({name: turbine.values[name] + c for name, c in zip(names, air, strict=True)})
 
 
-def mismatch(runs: int, winds: Sequence[str] = WINDS, models: Sequence[str] = MODELS) -> Iterator[Run]:
+def mismatch(runs: int, first: int) -> Iterator[Run]:
     """Identify `runs` records of each wind with each load model; the same on any number of processors."""
     with ProcessPoolExecutor() as pool:
-        yield from pool.map(_one_run, product(range(runs), winds, models))
+        yield from pool.map(_one_run, product(range(first, first + runs), WINDS, MODELS))
 
 
 def _one_run(which: tuple[int, str, str]) -> Run:
@@ -111,9 +111,11 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(prog="python -m validation.mismatch", description=__doc__)
     parser.add_argument("--runs", type=int, default=20, help="records of each wind to identify (20)")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first record (0)")
     options = parser.parse_args()
     total = options.runs * len(WINDS) * len(MODELS)
-    found = list(track(mismatch(options.runs), total=total, description="mismatch", console=Console(stderr=True)))
+    runs = mismatch(options.runs, options.first)
+    found = list(track(runs, total=total, description="mismatch", console=Console(stderr=True)))
     names = load_turbine("verne555").exact().model.coefficients
     for wind in WINDS:
         title = f"{wind}: {options.runs} records of {DURATION:g} s, priors 30 % off, statistics not given"

@@ -196,6 +196,28 @@ def test_air_that_falls_with_a_sections_velocity_couples_hub_and_blades_by_its_v
     assert np.abs(expected).min() > 0.01
 
 
+def test_blades_that_lead_move_as_blades_further_round_whose_torque_is_held():
+    # A torque k β₀ from outside holds each blade at the mean lag angle β₀, so that the spring works on what is beyond.
+    plain, leading = RotorModel(3, roll="tied"), RotorModel(3, roll="tied", leads=True)
+    ours, theirs = leading.equations(), plain.equations()
+    rng = np.random.default_rng(11)
+    symbols_of = (*ours.states, *ours.inputs, *ours.parameters, *ours.loads)
+    values = {symbol.name: float(rng.uniform(0.5, 1.5)) for symbol in symbols_of}
+    turned = values | {f"beta_{i}": values[f"beta_{i}"] + values["mean_lag_angle"] for i in (1, 2, 3)}
+
+    def found(equations: Equations, at: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        symbols = (*equations.states, *equations.inputs, *equations.parameters, *equations.loads)
+        both = sp.lambdify([symbols], [list(equations.force), equations.mass.tolist()], "numpy")
+        force, mass = both([at[symbol.name] for symbol in symbols])
+        return np.array(force), np.array(mass)
+
+    (force, mass), (other, same) = found(ours, values), found(theirs, turned)
+    held = [values["mean_lag_angle"] * values.get(f"k_{name}", 0.0) for name in plain.coordinates]
+    held = [torque if name.startswith("beta") else 0.0 for name, torque in zip(plain.coordinates, held, strict=True)]
+    np.testing.assert_allclose(force, other + held, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(mass, same, rtol=1e-12, atol=1e-12)
+
+
 def with_shaft_as_coordinate(model: RotorModel) -> tuple[Equations, sp.Expr]:
     """The rotor with ψ and Ω as states and the work done on it as one more, and its energy T + V.
 

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import RotorModel, compile_model, read_sensors
@@ -312,3 +313,20 @@ def test_a_rotor_in_its_own_plane_refuses_what_yaws():
         ConfigurationError, match="sensor 'a' is in the frame 'nacelle', which a rotor in its own plane"
     ):
         RotorModel(3).readings([yawing])
+
+
+def test_sensors_on_blades_that_lead_read_where_the_blades_are():
+    quantities = ("displacement", "angular_rate", "moment")
+    others = variants(TOWER, *({"quantity": one, "point": "blade_1", "axis": "lag"} for one in quantities))
+    sensors = [*ACCELEROMETERS[5:], *others]
+    plain, leading = RotorModel(3, roll="tied"), RotorModel(3, roll="tied", leads=True)
+    ours, theirs = leading.readings(sensors), plain.readings(sensors)
+    names = sorted({str(s) for row in (*ours, *theirs) for s in row.free_symbols})
+    rng = np.random.default_rng(12)
+    values = dict(zip(names, rng.uniform(0.5, 1.5, len(names)).tolist(), strict=True))
+    turned = values | {f"beta_{i}": values.get(f"beta_{i}", 0.0) + values["mean_lag_angle"] for i in (1, 2, 3)}
+
+    def read(rows: list[sp.Expr], at: dict[str, float]) -> np.ndarray:
+        return np.array(sp.lambdify([sp.symbols(names, real=True)], rows, "numpy")([at[name] for name in names]))
+
+    np.testing.assert_allclose(read(ours, values), read(theirs, turned), rtol=1e-12)

@@ -12,29 +12,30 @@
         F_i = A_0 + Σ_{m=1}^{2N+1} (A_m cos mψ_i + B_m sin mψ_i) + R_i,        ψ_i = ψ + 2π(i−1)/N,
 
     with R_i the small eddies that one blade meets alone. The same forces push the hub: a moment F about a blade's link
-    is a force F/ℓ_m on the hub that turns with the blade, ℓ_m = ℓ (m+1)/(m+1+ρ), further out for smaller eddies. What a
+    is a force F/ℓ_m on the hub that turns with the blade, ℓ_m further out for smaller eddies. What a
     force has that the moment has not (eddies near the hub) is a series of its own in the terms that the hub feels, and
     small eddies of its own. Air that pushes hub and blades also damps them together: the coefficient ``c_hub_blade`` of
-    `windsysid.mechanics.RotorModel` is identified with the others.
+    `windsysid.mechanics.RotorModel` is identified with the others. So is ``mean_lag_angle``: the wind's mean torque
+    holds the blades at a few milliradians, which no accelerometer sees, and which turns the coupling of hub and blades
+    so that it looks like damping of the hub.
 
 The spectra of A_m, B_m follow from frozen turbulence with exponential coherence (IEC 61400-1 ed. 4, annex C): what a
 ring of radius r sees in its m-th term is S(f) x/(π(x² + m²)), x = 12 r f/V, for S ∝ f^{−5/3} flat below a corner near m
-V/12r and steep above, and between two lines nP there is nothing but such skirts. One pole at the corner f₁ m^0.7 does
-for m ≥ 3; below, a second pole and a zero bend the skirt. What the moment does not tell of the force falls later, from
-2.2 f₁ m^0.6. The constants were fitted to the sums over the blades of the scale model and of the NREL 5 MW turbine
-(docs/loads.md).
+V/12r and steep above, and between two lines nP there is nothing but such skirts. Summed along a blade each is followed
+by two poles and a zero, whose shape over f r/V is fixed (`TERMS`): a record tells one corner and one level for all.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 from windsysid.errors import ConfigurationError
 from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, Values, with_level
 from windsysid.loads.rotor_forces import BladeForces, blade_force, rotor_harmonic
 from windsysid.loads.statistics import Statistic
-from windsysid.mechanics.rotor import COUPLING, as_rotor
+from windsysid.mechanics.rotor import COUPLING, MEAN_LAG, MEAN_LAG_SPREAD, as_rotor
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
@@ -43,20 +44,47 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["RotorWind"]
 
-CORNER_POWER = 0.7
-"""Corner of the m-th term over that of the first: m to this power."""
+CORNER = 0.091
+"""Given value of the first pole of the term m = 1, over the rotor's frequency: at a tip speed ratio of 5."""
 
-KNEE = 6.0
-"""Given value of the second pole of the first term, over its corner."""
 
-BENDS = ((0.55, 3.2), (1.0, 2.05), (1.4, 1.55))
-"""Of the terms m = 0, 1, 2: the second pole over that of the first, and the zero over the second pole."""
+class _Term(NamedTuple):
+    """One term of the series in azimuth, in units of the term m = 1.
 
-SLOW_CORNER, SLOW_LEVEL = 0.33, 3.0
-"""Corner of the term m = 0, and level at zero frequency, over those of the first."""
+    Attributes
+    ----------
+    poles, zero
+        Over the first pole of the term m = 1.
+    level
+        Square root of the spectrum at zero frequency, over that of the term m = 1.
+    lever
+        ℓ_m / ℓ.
+    own_pole, own_level
+        The same of what the hub feels alone, as a moment at that lever.
+    """
 
-OWN_CORNER, OWN_POWER, OWN_FALL = 2.2, 0.6, 0.9
-"""Of what the hub feels alone: corner of its first term over f₁, powers of m by which corners rise and levels fall."""
+    poles: tuple[float, float]
+    zero: float
+    level: float
+    lever: float
+    own_pole: float
+    own_level: float
+
+
+TERMS = (
+    _Term((0.27, 3.58), 19.2, 3.73, 0.88, 0.97, 0.181),
+    _Term((1.00, 5.84), 24.0, 1.00, 0.94, 1.63, 0.135),
+    _Term((1.71, 8.04), 26.9, 0.457, 1.00, 2.34, 0.083),
+    _Term((2.30, 10.7), 30.2, 0.277, 1.05, 3.07, 0.056),
+    _Term((2.76, 14.2), 35.3, 0.192, 1.08, 3.77, 0.041),
+    _Term((3.15, 19.4), 45.1, 0.144, 1.11, 4.44, 0.032),
+    _Term((3.51, 28.5), 77.8, 0.113, 1.13, 5.09, 0.026),
+    _Term((3.89, 36.5), 88.0, 0.092, 1.14, 5.68, 0.022),
+    _Term((4.24, 46.0), 88.0, 0.077, 1.16, 6.24, 0.019),
+    _Term((4.58, 57.0), 88.0, 0.066, 1.16, 6.75, 0.016),
+)
+"""The terms m = 0 … 9, fitted to sums over six stations of two blades (the scale model's and the NREL 5 MW turbine's)
+in Kaimal's spectrum with the IEC's coherence, from 0.08 to 3 P. Higher terms are as the last."""
 
 COUPLING_SPREAD = 0.5
 """Prior standard deviation of c_hub_blade over the geometric mean of the damping of hub and blade."""
@@ -94,16 +122,21 @@ class RotorWind(LoadHypothesis):
         both = bool(hub) and any(rotor.freedom(name).blade for name in names)
         to = BladeForces(names, rotor.blades, v["hinge_offset"], rotor.lean(v))
         statistics = _rotor_statistics(turbine, loads, blades=both or not hub, hub=bool(hub), both=both)
-        given = {s.name: s.given for s in statistics} | {"load_lever": _lever(turbine), "load_lever_rise": LEVER_RISE}
+        given = {s.name: s.given for s in statistics} | {"load_lever": _lever(turbine)}
 
         def blocks(values: Values) -> tuple[LoadModel, ...]:
             return _rotor_blocks(to, given | dict(values), hub)
 
         if not both:
             return SupposedLoads(self.name, self.text, turbine, statistics, blocks)
-        coupled = replace(turbine, model=replace(rotor, air_couples=True), values={**v, COUPLING: 0.0})
+        lag = v.get(MEAN_LAG, 0.0)
+        in_wind = replace(rotor, air_couples=True, leads=True)
+        coupled = replace(turbine, model=in_wind, values={**v, COUPLING: 0.0, MEAN_LAG: lag})
         scale = math.sqrt(max(turbine.damping(rotor.freedom(hub[0]).name) * turbine.damping("beta_1"), 1e-300))
-        parameters = (Parameter(COUPLING, 0.0, COUPLING_SPREAD * scale, logarithmic=False, scale=scale),)
+        parameters = (
+            Parameter(COUPLING, 0.0, COUPLING_SPREAD * scale, logarithmic=False, scale=scale),
+            Parameter(MEAN_LAG, lag, MEAN_LAG_SPREAD, logarithmic=False, scale=MEAN_LAG_SPREAD),
+        )
         return SupposedLoads(self.name, self.text, coupled, statistics, blocks, parameters)
 
     def start_from(self, louder: Values, statistics: Sequence[Statistic]) -> dict[str, float]:
@@ -122,9 +155,6 @@ class RotorWind(LoadHypothesis):
 
 _LEVELS_OF_HUB = ("load_rms_x", "load_rms_y")
 
-LEVER_RISE = 0.4
-"""Given value of ρ."""
-
 
 def _lever(turbine: Turbine) -> float:
     """Given value of ℓ [m]: the centre of percussion of the first blade."""
@@ -142,15 +172,12 @@ def _rotor_statistics(
     moment = of_blades[0] if of_blades else of_hub[0] * _lever(turbine)
     found = [
         Statistic("load_rms_wind", "N*m", moment, spread=1.5),
-        Statistic("load_corner", "Hz", 0.06 * turn, spread=0.7),
-        Statistic("load_fall", "1", 1.2, spread=0.3),
-        Statistic("load_knee", "1", KNEE, spread=0.3),
+        Statistic("load_corner", "Hz", CORNER * turn, spread=0.7),
     ]
     if both:
         found += [
             Statistic("load_lever", "m", _lever(turbine), spread=0.3),
-            Statistic("load_lever_rise", "1", LEVER_RISE, spread=0.7),
-            Statistic("load_hub_share", "1", 0.25, spread=0.7),
+            Statistic("load_hub_share", "1", 1.0, spread=0.7),
         ]
     if blades:
         found += [
@@ -169,13 +196,14 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     """The load states of wind on a turning rotor."""
     N = to.blades
     terms = range(2 * N + 2)
-    shapes = [_term(m, values["load_corner"], values["load_fall"], values["load_knee"]) for m in terms]
+    corner = values["load_corner"]
+    shapes = [_term(m, corner) for m in terms]
     size = values["load_rms_wind"] / math.sqrt(sum(shape.variance for shape in shapes))
-    levers = [values["load_lever"] * (m + 1) / (m + 1 + values["load_lever_rise"]) for m in terms]
+    levers = [values["load_lever"] * _shape_of(m).lever for m in terms]
     blocks = [rotor_harmonic(shape.times(size), m, to, levers[m], f"wind_{m}P") for m, shape in enumerate(shapes)]
     if "load_hub_share" in values:
         for m in (m for m in terms if (m + 1) % N == 0 or (m - 1) % N == 0):  # which the hub feels
-            own = _own(m, values["load_corner"]).times(size * values["load_hub_share"])
+            own = _own(m, corner).times(size * values["load_hub_share"])
             blocks.append(rotor_harmonic(own, m, to, levers[m], f"hub_{m}P", moments=False))
     if "load_rms_eddies" in values:
         eddies = second_order(values["load_rms_eddies"], values["load_eddies_frequency"], values["load_eddies_damping"])
@@ -189,20 +217,19 @@ def _rotor_blocks(to: BladeForces, values: Values, hub: Sequence[str]) -> tuple[
     return tuple(block for block in blocks if block.outputs)
 
 
-@lru_cache(maxsize=1024)
-def _term(m: int, corner_hz: float, fall: float, knee: float) -> Process:
-    """The m-th term of the series in azimuth, its spectrum 1/m^{2 fall} at zero frequency."""
-    corner = 2.0 * math.pi * corner_hz
-    pole = corner * (m**CORNER_POWER if m else SLOW_CORNER)
-    level = m**-fall if m else SLOW_LEVEL
-    if m >= len(BENDS):
-        return with_level(first_order(1.0, 1.0 / pole), level)
-    second = BENDS[m][0] * knee * corner
-    return with_level(rational(1.0, [-pole, -second], [-BENDS[m][1] * second]), level)
+def _shape_of(m: int) -> _Term:
+    return TERMS[min(m, len(TERMS) - 1)]
 
 
 @lru_cache(maxsize=1024)
-def _own(m: int, corner: float) -> Process:
+def _term(m: int, corner_hz: float) -> Process:
+    """The m-th term of the series in azimuth; the spectrum of the first is 1 at zero frequency."""
+    shape, corner = _shape_of(m), 2.0 * math.pi * corner_hz
+    return with_level(rational(1.0, [-corner * pole for pole in shape.poles], [-corner * shape.zero]), shape.level)
+
+
+@lru_cache(maxsize=1024)
+def _own(m: int, corner_hz: float) -> Process:
     """The m-th term of what the hub feels alone."""
-    pole = 2.0 * math.pi * OWN_CORNER * corner * m**OWN_POWER
-    return with_level(first_order(1.0, 1.0 / pole), m**-OWN_FALL)
+    shape = _shape_of(m)
+    return with_level(first_order(1.0, 1.0 / (2.0 * math.pi * corner_hz * shape.own_pole)), shape.own_level)

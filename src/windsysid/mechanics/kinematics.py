@@ -46,6 +46,10 @@ class RotorLayout(Protocol):
     def air_couples(self) -> bool:
         """Whether the air couples hub and blades."""
 
+    @property
+    def leads(self) -> bool:
+        """Whether all blades lead by a mean lag angle."""
+
 
 class Kinematics:
     """Symbols, positions and energies of a `RotorModel`; SymPy is imported here and not before."""
@@ -85,8 +89,12 @@ class Kinematics:
         return self.psi + self.sp.Rational(2 * (i - 1), self.model.blades) * self.sp.pi + self.displacement("roll")
 
     def lag(self, i: int) -> "sp.Expr":
-        """β_i."""
-        return self.displacement(f"beta_{i}")
+        """β_i, and the mean lag angle β₀ where the blades have one.
+
+        Then a torque k_βi β₀ from outside holds each blade: the spring works on β_i alone.
+        """
+        own = self.displacement(f"beta_{i}")
+        return own + self.parameters["mean_lag_angle"] if self.model.leads else own
 
     def hub(self) -> "sp.Expr":
         """Position of the hub centre, x + i y (Eq (1) without its eccentricity)."""

@@ -61,7 +61,7 @@ class RotorMotion:
         """Force or moment in the spring and damper of the sensor's part."""
         k = self._of(sensor)
         name = f"beta_{sensor.blade}" if sensor.blade else sensor.axis
-        q = k.displacement(name)
+        q = k.lag(sensor.blade) if sensor.blade else k.displacement(name)
         return k.parameters[f"k_{name}"] * q + k.parameters[f"c_{name}"] * k.rate(q)
 
     def _of(self, sensor: PlacedSensor) -> "Kinematics":

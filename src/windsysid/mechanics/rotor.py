@@ -54,6 +54,9 @@ class RotorModel(MechanicalModel):
     air_couples
         Whether the air that damps hub and blades also couples them, by the coefficient ``c_hub_blade``
         (`Kinematics.dissipation`).
+    leads
+        Whether all blades lead by the angle ``mean_lag_angle``, to which the mean torque of the wind bends them, and
+        β_i is counted from there (`Kinematics.lag`).
     """
 
     kind: ClassVar[str] = "rotor"
@@ -66,6 +69,7 @@ class RotorModel(MechanicalModel):
     lag: Literal["free", "locked"] = "free"
     datum: Literal["static", "unstressed"] = "static"
     air_couples: bool = False
+    leads: bool = False
 
     def __post_init__(self) -> None:
         if self.blades < 1:
@@ -108,7 +112,11 @@ class RotorModel(MechanicalModel):
             units = {"blade_mass": "kg", "blade_first_moment": "kg*m", "blade_inertia": "kg*m^2"}
             found += [Coefficient(f"{name}_{i}", "inertia", unit, f"blade_{i}") for name, unit in units.items()]
             found += _spring(f"beta_{i}", "N*m/rad", "N*m*s/rad")
-        return (*found, *([Coefficient(COUPLING, "damping", "N*s", "air")] if self.air_couples else []))
+        if self.air_couples:
+            found.append(Coefficient(COUPLING, "damping", "N*s", "air"))
+        if self.leads:
+            found.append(Coefficient(MEAN_LAG, "geometry", "rad", "blades"))
+        return tuple(found)
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -218,6 +226,12 @@ class RotorModel(MechanicalModel):
 
 COUPLING = "c_hub_blade"
 """The coefficient of the air that damps hub and blades together."""
+
+MEAN_LAG = "mean_lag_angle"
+"""The angle by which the mean torque of the wind makes all blades lead."""
+
+MEAN_LAG_SPREAD = 0.01
+"""Prior standard deviation of it [rad]."""
 
 
 def as_rotor(model: MechanicalModel) -> RotorModel | None:

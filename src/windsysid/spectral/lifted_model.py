@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic, to_logarithms, values_of
 from windsysid.mechanics.compile import CompiledModel
+from windsysid.mechanics.rotor import MEAN_LAG_SPREAD
 from windsysid.spectral.lifted import Complex
 from windsysid.spectral.lifted_kernel import FEW, smooth
 from windsysid.spectral.lifted_likelihood import (
@@ -32,10 +33,7 @@ from windsysid.spectral.lifted_mechanics import (
 )
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["FINER", "LAG_SPREAD", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
-
-LAG_SPREAD = 0.01
-"""Prior standard deviation of the mean lag angle [rad]."""
+__all__ = ["FINER", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
 
 STEP = 1e-4
 """Of an unknown, for central differences: of a logarithm, of a damping ratio; in units of its prior's spread."""
@@ -173,7 +171,7 @@ class LiftedModel(NamedTuple):
     @property
     def prior(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the unknowns: θ, the mean lag angle where it is one, τ, η."""
-        known = [q.prior for q in self.parameters] + [(0.0, LAG_SPREAD)] * self.lag
+        known = [q.prior for q in self.parameters] + [(0.0, MEAN_LAG_SPREAD)] * self.lag
         known += [(0.0, 1.0)] * len(self.inexact.late)
         known += [(0.0, s.spread) for s in self.statistics]
         mean, spread = np.array(known).T

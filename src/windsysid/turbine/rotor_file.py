@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from windsysid.errors import ConfigurationError
-from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.rotor import MEAN_LAG, RotorModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.entries import (
@@ -44,6 +44,7 @@ class _Rotor(Table):
     eccentricity: Length = 0.0
     eccentricity_angle: Annotated[float, quantity("rad")] = 0.0
     tip_lever: Length = 0.0
+    mean_lag_angle: Annotated[float, quantity("rad")] | None = None
 
 
 class _Support(Table):
@@ -118,7 +119,8 @@ class RotorFile(File):
     def turbine(self, sensors: tuple[Sensor, ...]) -> Turbine:
         """The turbine with this rotor."""
         air = self.support.c_hub_blade is not None
-        model = RotorModel(**self.model.model_dump(exclude={"kind"}), air_couples=air)
+        leads = self.rotor.mean_lag_angle is not None
+        model = RotorModel(**self.model.model_dump(exclude={"kind"}), air_couples=air, leads=leads)
         blades = self.blade * model.blades if len(self.blade) == 1 else self.blade
         if len(blades) != model.blades:
             raise ConfigurationError(
@@ -128,6 +130,8 @@ class RotorFile(File):
         values = self.support.model_dump(exclude_none=True) | {
             key: getattr(self.rotor, key) for key in ("hinge_offset", "gravity", "eccentricity", "eccentricity_angle")
         }
+        if self.rotor.mean_lag_angle is not None:
+            values[MEAN_LAG] = self.rotor.mean_lag_angle
         for i, blade in enumerate(blades, start=1):
             first_moment, inertia = blade.moments(self.rotor.hinge_offset)
             values |= {
@@ -186,6 +190,7 @@ def rotor_tables(turbine: Turbine) -> dict[str, Any]:
             **{name: f"{v[name]!r} m" for name in ("hinge_offset", "eccentricity")},
             "eccentricity_angle": f"{v['eccentricity_angle']!r} rad",
             "gravity": f"{v['gravity']!r} m/s^2",
+            **({MEAN_LAG: f"{v[MEAN_LAG]!r} rad"} if model.leads else {}),
         },
         "support": {name: f"{v[name]!r} {unit}" for name, unit in units.items()},
         "loads": {
