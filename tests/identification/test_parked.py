@@ -99,13 +99,18 @@ def test_wind_on_a_turning_rotor_is_refused_where_it_stands(parked: Turbine, rec
         identify(record, parked, loads="rotor-wind")
 
 
-def test_a_turbine_file_can_say_the_coupling_by_the_air(tmp_path: Path):
+def test_a_turbine_file_can_say_the_coupling_by_the_air_and_the_mean_lag_angle(tmp_path: Path):
     turbine = load_turbine("verne555")
     coupled = replace(
-        turbine, model=replace(turbine.rotor, air_couples=True), values={**turbine.values, "c_hub_blade": -1.5}
+        turbine,
+        model=replace(turbine.rotor, air_couples=True, leads=True),
+        values={**turbine.values, "c_hub_blade": -1.5, "mean_lag_angle": 0.007},
     )
     write_turbine(coupled, tmp_path / "coupled.toml")
     again = load_turbine(tmp_path / "coupled.toml")
     assert again.rotor.air_couples
     assert again.values["c_hub_blade"] == -1.5
+    assert again.rotor.leads
+    assert again.values["mean_lag_angle"] == 0.007
     assert not turbine.rotor.air_couples
+    assert not turbine.rotor.leads
