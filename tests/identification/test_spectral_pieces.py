@@ -132,16 +132,56 @@ def test_halves_that_differ_are_not_trusted(tower: Turbine, whole: Record) -> No
     assert any("in one half as in the other" in reason for reason in found.diagnosis.reasons)
 
 
-def test_a_rotor_that_is_read_in_bands_is_refused(verne555: Turbine) -> None:
-    turbine = replace(verne555, rotor_speed=1.0)  # as slow beside its blades as a large machine
-    channels = ("rotor_azimuth", *(sensor.channel for sensor in turbine.sensors))
-    units = ("rad", *(sensor.unit for sensor in turbine.sensors))
-    time = np.arange(3000) / 50.0
-    values = np.random.default_rng(1).standard_normal((3000, len(channels)))
-    values[:, 0] = turbine.rotor_speed * time
-    record = Record(time, values, channels, units)
-    with pytest.raises(ConfigurationError, match="read in bands"):
-        identify_pieces([record], turbine, formulation="spectral")
+@pytest.fixture(scope="module")
+def machine() -> Turbine:
+    return load_turbine("nrel5mw").exact()
+
+
+@pytest.fixture(scope="module")
+def turning(machine: Turbine) -> Record:
+    """A real machine's rotor in wind, which is read in bands."""
+    return simulate_record(machine, duration=480.0, rate=12.5, seed=31, loads="wind")
+
+
+def test_one_piece_in_bands_says_what_the_record_says(machine: Turbine, turning: Record) -> None:
+    found = identify_pieces([turning], machine, formulation="spectral")
+    expected = identify(turning, machine, formulation="spectral")
+    assert np.abs(apart(found, expected)).max() < 1e-3
+    assert any("one block only" in reason for reason in found.diagnosis.reasons)
+
+
+def test_pieces_in_bands_agree_with_the_whole_and_can_be_taken_up_again(
+    machine: Turbine, turning: Record, tmp_path: Path
+) -> None:
+    checkpoint = tmp_path / "state.npz"
+    parts = pieces(turning, 160.0)
+    with pytest.raises(KeyboardInterrupt):
+        identify_pieces(_stopping(parts, 2), machine, formulation="spectral", checkpoint=checkpoint)
+    found = identify_pieces(parts, machine, formulation="spectral", checkpoint=checkpoint)
+    straight = identify_pieces(parts, machine, formulation="spectral")
+    assert np.array_equal(found.cov, straight.cov)
+    assert found.notes == straight.notes
+    assert "3 blocks of 160 s" in " ".join(found.notes)
+    expected = identify(turning, machine, formulation="spectral")
+    assert np.sqrt(np.mean(apart(found, expected) ** 2)) < 0.5
+    of_blades = [e.std / expected[e.name].std for e in found.estimates if "beta" in e.name]
+    assert of_blades == pytest.approx(np.ones(len(of_blades)), abs=0.3)
+
+
+def test_halves_in_bands_that_differ_are_not_trusted(machine: Turbine, turning: Record) -> None:
+    louder = np.where(turning.time > 240.0, 5.0, 1.0)[:, None]
+    values = np.where(_read(turning, machine), louder, 1.0) * turning.values
+    found = identify_pieces(pieces(replace(turning, values=values), 120.0), machine, formulation="spectral")
+    assert any("in one half as in the other" in reason for reason in found.diagnosis.reasons)
+
+
+def test_a_speed_that_varies_within_pieces_is_seen(verne555: Turbine) -> None:
+    record = simulate_record(verne555, duration=80.0, rate=50.0, seed=2)
+    speed = record["rotor_speed"] * (1.0 + 0.1 * np.sin(2.0 * np.pi * 0.25 * record.time))
+    psi = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) / record.rate])
+    varying = record.with_channels({"rotor_speed": (speed, "rad/s"), "rotor_azimuth": (psi % (2.0 * np.pi), "rad")})
+    with pytest.raises(RecordError, match="speed varies by ±7"):
+        identify_pieces(pieces(varying, 20.0), verne555, formulation="spectral")
 
 
 def test_options_of_the_other_formulation_are_refused(tower: Turbine, whole: Record) -> None:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -22,6 +22,7 @@ from windsysid.spectral.band_rows import bins_between, combine, turned_spectra
 from windsysid.spectral.band_search import FAINT, best_of, trace
 from windsysid.spectral.hump_loads import hump_terms, line_terms, wind_of
 from windsysid.spectral.lifted_pose import Question
+from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.statespace.compose import compose
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
@@ -67,7 +68,7 @@ def test_whirls_are_told_apart_by_the_sign_of_their_class() -> None:
         whirl = np.exp(1j * way * 2.0 * np.pi * F * time)[:, None]
         readings = np.real(whirl * np.exp(-1j * angle))  # z = (2/3) Σ y e^{iψ} turns at ± F
         spectra = turned_spectra(readings, psi, 10.0, 0)
-        found = {c.shape: spectra.data[0] @ c.weights for c in combine(TURBINE.sensors[1:], 3)}
+        found = {c.shape: spectra.combined(c.weights)[:, 0] for c in combine(TURBINE.sensors[1:], 3)}
         where = {shape: np.argmax(np.abs(row[:3000])) / spectra.duration for shape, row in found.items()}
         size = {shape: np.abs(row[:3000]).max() for shape, row in found.items()}
         assert where[p] == pytest.approx(F + p * HZ, abs=0.002)
@@ -79,7 +80,7 @@ def test_support_is_read_where_the_blades_shake_it() -> None:
     time = np.arange(6000) / 10.0
     psi = 0.4 + 2.0 * np.pi * HZ * time
     spectra = turned_spectra(np.cos(2.0 * np.pi * 0.89 * time)[:, None], psi, 10.0, 1)
-    assert np.argmax(np.abs(spectra.data[-1][:3000, 0])) / spectra.duration == pytest.approx(0.89 + HZ, abs=0.002)
+    assert np.argmax(np.abs(spectra.data[-1][:3000, 0, 0])) / spectra.duration == pytest.approx(0.89 + HZ, abs=0.002)
 
 
 def test_a_missing_sensor_leaves_the_others_as_they_are() -> None:
@@ -135,9 +136,21 @@ def test_a_resonance_is_found_beside_a_hump() -> None:
     S = 1.0 + 30.0 / (1.0 + np.abs(f - 0.45) / 0.01) ** (5.0 / 3.0)  # 3P, where the tower is not
     S *= 1.0 + 20.0 / ((1.0 - (f / 0.31) ** 2) ** 2 / (4.0 * 0.006**2) + 1.0)
     row = np.sqrt(0.5 * S) * (rng.standard_normal(8000) + 1j * rng.standard_normal(8000))
-    found = trace(spectra, [row], 0, 3, 0.25, 0.48)
+    found = trace(spectra, [row[:, None]], 0, 3, 0.25, 0.48)
     assert found.frequency[np.argmax(found.gain)] == pytest.approx(0.31, rel=0.01)
     assert found.gain.max() > 2.0 * FAINT
+
+
+def test_blocks_find_what_one_alone_does_not() -> None:
+    rng = np.random.default_rng(6)
+    spectra = turned_spectra(np.zeros((8000, 1)), turning(0.15, 8000, 10.0), 10.0, 0)
+    f = np.arange(8000) / spectra.duration
+    S = 1.0 + 1.0 / ((1.0 - (f / 0.31) ** 2) ** 2 / (4.0 * 0.006**2) + 1.0)
+    rows = np.sqrt(0.5 * S[:, None]) * (rng.standard_normal((8000, 16)) + 1j * rng.standard_normal((8000, 16)))
+    alone = trace(spectra, [rows[:, :1]], 0, 3, 0.25, 0.4)
+    found = trace(spectra._replace(blocks=16.0), [rows], 0, 3, 0.25, 0.4)
+    assert found.frequency[np.argmax(found.gain)] == pytest.approx(0.31, rel=0.01)
+    assert found.gain.max() > max(FAINT, 3.0 * alone.gain.max())
 
 
 def test_rivals_are_told() -> None:
@@ -305,3 +318,45 @@ def test_levels_go_from_one_model_to_another_by_their_names() -> None:
     assert np.array_equal(moved[: fewer.model.shared], start[: fewer.model.shared])
     for s, eta in zip(fewer.model.statistics, moved[fewer.model.shared :], strict=True):
         assert s.given * np.exp(eta) == pytest.approx(known.get(s.name, s.given))
+
+
+def test_sums_stand_for_the_products_of_all_blocks() -> None:
+    """Blades are kept at k = 0, the support at 0 and ±1; groups of successive blocks, four at most."""
+    rng = np.random.default_rng(3)
+    support = np.array([True, False, False])
+    blocks = [turned_spectra(rng.normal(size=(400, 3)), turning(HZ, 400, 10.0), 10.0, 1) for _ in range(11)]
+    blocks = [block._replace(rotor_hz=HZ + 0.001 * i) for i, block in enumerate(blocks)]
+    sums = TurnedSums.of(blocks[0], support)
+    for block in blocks[1:]:
+        sums = sums.plus(block)
+    assert sums.sizes == (4, 4, 3)
+    assert sums.blocks == 11.0
+    assert sums.last.rotor_hz == pytest.approx(HZ + 0.005)
+    halves = sums.halves()
+    assert halves is not None
+    for spectra, of in ((sums.spectra(), blocks), (halves[0], blocks[:4]), (halves[1], blocks[4:])):
+        assert spectra.blocks == len(of)
+        for (i, j), (k, other) in product(product(range(3), (0,)), ((0, 1), (1, 0), (-1, 0))):
+            ours = np.sum(spectra.data[j][:, i] * spectra.data[k][:, other].conj(), axis=1)
+            every = [b.data[j][:, i, 0] * b.data[k][:, other, 0].conj() for b in of]
+            np.testing.assert_allclose(ours, np.sum(every, axis=0), atol=1e-9 * np.abs(every).max())
+    again = TurnedSums.restored(sums.stored())
+    assert np.array_equal(again.spectra().data[0], sums.spectra().data[0])
+    assert again.halves()[0].blocks == 4.0  # type: ignore[index]
+    forgotten = TurnedSums.of(blocks[0], support).plus(blocks[1], 0.25)
+    assert forgotten.counts == (0.25, 1.0)
+
+
+def test_blocks_that_are_louder_by_turns_count_less() -> None:
+    rng = np.random.default_rng(4)
+    support = np.array([True, False])
+    steady = [turned_spectra(rng.normal(size=(2000, 2)), turning(HZ, 2000, 10.0), 10.0, 1) for _ in range(8)]
+    gusty = [b._replace(data={k: (1.0 + i % 2) * Y for k, Y in b.data.items()}) for i, b in enumerate(steady)]
+    found = []
+    for blocks in (steady, gusty):
+        sums = TurnedSums.of(blocks[0], support)
+        for block in blocks[1:]:
+            sums = sums.plus(block)
+        found.append(sums.gusts)
+    assert found[0] == pytest.approx(1.0, abs=0.02)
+    assert found[1] == pytest.approx(1.36, abs=0.03)  # energies 1 and 4: mean 2.5, spread 1.5

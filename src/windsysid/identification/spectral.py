@@ -42,6 +42,7 @@ from windsysid.spectral.lifted_fit import COARSE, WHOLE, Fit, admit, fit
 from windsysid.spectral.lifted_model import Inexact
 from windsysid.spectral.lifted_pose import Posed, Question, pose_lifted, turns_couple
 from windsysid.spectral.lifted_sums import LiftedSums
+from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.statespace.compose import compose
 from windsysid.turbine.turbine import Turbine
 
@@ -72,7 +73,7 @@ LEAST_OF_A_BLOCK = 20.0
 @one_thread()
 def identify_by_spectrum(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
-    loads: str = "auto", sums: LiftedSums | None = None, speeds: Array | None = None,
+    loads: str = "auto", sums: LiftedSums | TurnedSums | None = None, speeds: Array | None = None,
 ) -> Outcome:  # fmt: skip
     """Identify the chosen parameters, or every coefficient that the sensors see, from the spectra of a uniformly
     sampled record, or of the blocks that `sums` adds up: then `record` is the last of them, and `speeds` are the
@@ -101,6 +102,10 @@ def identify_by_spectrum(
         in_bands = _in_bands(questions["broadband"], loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
         if in_bands is not None:
             return in_bands
+        if sums is not None:
+            raise ConfigurationError(
+                "modes of the rotor are too near each other to be told apart in pieces: identify a section of it"
+            )
     doubts = _speed(speeds, STEADY, VARYING) if coupled else []
     names = _names(turbine, loads, coupled=coupled)
     if "rotor-wind" in names:
@@ -210,16 +215,17 @@ def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
 
 def ask(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
-    inputs: Array, readings: Array, loads: str, sums: LiftedSums | None = None,
+    inputs: Array, readings: Array, loads: str, sums: LiftedSums | TurnedSums | None = None,
 ) -> Question:  # fmt: skip
     """The question under a load model, which may bring coefficients of its own."""
     file_loads = known_loads(record, turbine)[1]
     supposed = hypothesis(loads, turbine, file_loads)
     parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *supposed.parameters)
     compiled = compile_model(supposed.turbine.model, tuple(sensors), instruments=True)
-    return Question(
-        supposed.turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads), sums
+    question = Question(
+        supposed.turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads)
     )
+    return question._replace(turned=sums) if isinstance(sums, TurnedSums) else question._replace(sums=sums)
 
 
 def _speed(speed: Array, steady: float, varying: float) -> list[str]:

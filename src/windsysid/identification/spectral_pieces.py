@@ -1,9 +1,10 @@
 """Spectra of records that come in pieces: blocks are added, and nothing else is kept.
 
 A piece is cut into blocks as long as the first piece: of equal turns where the rotor's turns couple what moves, of
-equal time elsewhere. Of each block only the products Y Yᴴ are kept (`windsysid.spectral.lifted_sums`), and from their
-sums the posterior is found as from a whole record (`windsysid.identification.spectral`). Memory and the time of the
-search do not depend on how long a record is, and records of one machine in one state add.
+equal time elsewhere and where a rotor is read in bands. Of each block only the products Y Yᴴ are kept
+(`windsysid.spectral.lifted_sums`, `windsysid.spectral.turned_sums`), and from their sums the posterior is found as from
+a whole record (`windsysid.identification.spectral`). Memory and the time of the search do not depend on how long a
+record is, and records of one machine in one state add.
 
 The taper takes little notice of a block's ends. So each begins before the one before it ends, by half of what the taper
 takes to rise: then every sample counts nearly alike.
@@ -37,11 +38,13 @@ from windsysid.output.files import claim_file
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import RecordHash, record_hash, sensor_tables, trace, turbine_hash
-from windsysid.spectral.band_pose import belongs_in_bands
+from windsysid.spectral.band_pose import belongs_in_bands, highest_in_bands
+from windsysid.spectral.band_rows import turned_spectra
 from windsysid.spectral.dft import TAPERED
 from windsysid.spectral.lifted import Lifted, lift
 from windsysid.spectral.lifted_pose import harmonics_of, turns_couple
 from windsysid.spectral.lifted_sums import LiftedSums, sums_of
+from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["identify_spectra_of_pieces"]
@@ -60,8 +63,7 @@ def identify_spectra_of_pieces(
     Raises
     ------
     RecordError, ConfigurationError
-        If a piece does not hold what is needed, the rotor is one that is read in bands, or the checkpoint belongs to
-        another call.
+        If a piece does not hold what is needed, or the checkpoint belongs to another call.
     """
     started = time.perf_counter()
     run: _Run | None = None
@@ -111,11 +113,11 @@ class _Run:
         check_length(part.name, part.duration, part.rate, turbine)
         inputs, readings = self._columns(part)
         question = ask(part, self.seen, sensors, prior, chosen, inputs, readings, "broadband")
-        self.coupled = turns_couple(question)
-        if self.coupled and belongs_in_bands(question):
-            raise ConfigurationError(
-                "a rotor that is read in bands cannot come in pieces: identify a section of it, or use joint"
-            )
+        coupled = turns_couple(question)
+        self.bands = coupled and belongs_in_bands(question)
+        self.coupled = coupled and not self.bands
+        if self.bands:
+            self.highest = math.ceil(highest_in_bands(question) * part.duration)
         self.harmonics = harmonics_of(question)
         self.samples = part.samples
         self.turns = math.floor(abs(float(inputs[-1, 0] - inputs[0, 0])) / (2.0 * math.pi)) if self.coupled else 0
@@ -124,7 +126,7 @@ class _Run:
                 "pieces: expected at least one turn of the rotor in the first, got less: make them longer"
             )
         self.memory = 1.0 if memory is None else math.exp(-part.duration / memory)
-        self.sums: LiftedSums | None = None
+        self.sums: LiftedSums | TurnedSums | None = None
         self.speeds: list[float] = []
         self.last: Record | None = None
         self.wind, self.hash, self.taken = [0.0, 0.0], RecordHash(), 0
@@ -173,9 +175,20 @@ class _Run:
         return end + 1 if end < len(azimuth) else None
 
     def _add(self, inputs: Array, readings: Array) -> None:
-        block: Lifted = lift(readings, inputs[:, 0], self.rate, self.harmonics)
-        self.sums = sums_of(block) if self.sums is None else self.sums.plus(block, self.memory)
-        self.speeds.append(float(inputs[:, 1].mean()))
+        if self.bands:
+            turned = turned_spectra(readings, inputs[:, 0], self.rate, 1)
+            turned = turned._replace(data={k: Y[: self.highest + 1] for k, Y in turned.data.items()})
+            support = np.array([not sensor.blade for sensor in self.sensors])
+            before = self.sums
+            assert not isinstance(before, LiftedSums)
+            self.sums = TurnedSums.of(turned, support) if before is None else before.plus(turned, self.memory)
+        else:
+            block = lift(readings, inputs[:, 0], self.rate, self.harmonics)
+            known = self.sums
+            assert not isinstance(known, TurnedSums)
+            self.sums = sums_of(block) if known is None else known.plus(block, self.memory)
+        speed, varies = float(inputs[:, 1].mean()), float(inputs[:, 1].std())
+        self.speeds += [speed - varies, speed + varies]  # which have the same mean and standard deviation
         self.inputs = inputs
 
     def _save(self) -> None:
@@ -183,7 +196,9 @@ class _Run:
         if self.checkpoint is None or self.last is None:
             return
         arrays: dict[str, Any] = {"time": self.last.time, "values": self.last.values, "speeds": np.array(self.speeds)}
-        if self.sums is not None:
+        if isinstance(self.sums, TurnedSums):
+            arrays |= {"inputs": self.inputs, **{f"turned_{name}": value for name, value in self.sums.stored().items()}}
+        elif self.sums is not None:
             arrays |= {
                 "power": self.sums.power, "blocks": np.asarray(self.sums.blocks), "energies": self.sums.energies,
                 "inputs": self.inputs,
@@ -204,7 +219,11 @@ class _Run:
         with np.load(self.checkpoint, allow_pickle=False) as archive:
             self.last = replace(self.first, time=archive["time"], values=archive["values"])
             self.speeds = archive["speeds"].tolist()
-            if "power" in archive:
+            if "turned_powers" in archive:
+                names = [name for name in archive if name.startswith("turned_")]
+                self.sums = TurnedSums.restored({name.removeprefix("turned_"): archive[name] for name in names})
+                self.inputs = archive["inputs"]
+            elif "power" in archive:
                 last = {name: archive[f"last_{name}"] for name in Lifted._fields}
                 numbers = {name: float(last[name]) for name in ("rotor_hz", "overlap", "duration", "rate")}
                 block = Lifted(**{**last, **numbers})

@@ -17,6 +17,7 @@ from windsysid.errors import RecordError
 from windsysid.spectral.band_model import BandFit
 from windsysid.spectral.band_pose import PosedBands, pose_bands
 from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
+from windsysid.spectral.lifted_model import LiftedModel
 from windsysid.spectral.lifted_pose import Question
 from windsysid.spectral.scoring import Mode
 
@@ -47,21 +48,30 @@ def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list
             f"nearer to the structure"
         )
     doubts += unexplained(_parts(posed, found.unknowns))[:3]
-    half = len(question.readings) // 2
-    pieces = [
-        question._replace(readings=question.readings[part], inputs=question.inputs[part])
-        for part in (slice(0, half), slice(half, 2 * half))
-    ]
     try:
-        halves = [pose_bands(piece, posed.places) for piece in pieces]
+        halves = _halves(question, posed)
         narrow = pose_bands(question, posed.places, posed.spectra, width=NARROWER)
     except RecordError:
         return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
+    if len(halves) < 2:
+        return [*doubts, "one block only: it cannot be seen whether the record is stationary; choose a longer one"]
     doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
     try:
         return doubts + _disagreements(question, posed, found, halves, narrow)
     except np.linalg.LinAlgError:
         return [*doubts, "parts of the record have no spectrum that the model could have: choose another section"]
+
+
+def _halves(question: Question, posed: PosedBands) -> list[PosedBands]:
+    """The problem of either half of the record; of one block none."""
+    if question.turned is not None:
+        return [pose_bands(question, posed.places, half) for half in question.turned.halves() or ()]
+    half = len(question.readings) // 2
+    pieces = [
+        question._replace(readings=question.readings[part], inputs=question.inputs[part])
+        for part in (slice(0, half), slice(half, 2 * half))
+    ]
+    return [pose_bands(piece, posed.places) for piece in pieces]
 
 
 def _disagreements(
@@ -123,14 +133,19 @@ def _parts(posed: PosedBands, unknowns: Array) -> list[Part]:
     found = []
     for (band, _, rows), place in zip(posed.model.bands, posed.model.places(), strict=True):
         S = np.einsum("bii->bi", band.spectrum(unknowns[place]).spectrum).real
-        power = np.where(band.left_out, np.nan, np.abs(band.data[:, :, 0]) ** 2)
+        power = _power(band)
         f = band.base
         for i, row in enumerate(rows):
             edges = np.linspace(row.low, row.high * 1.000001, 4)
             label = posed.combined[row.combination].label
             thirds = [(float(a), float(b)) for a, b in pairwise(edges)]
-            found += parts_of(power[:, i], S[:, i], f, label, thirds, band.overlap, LEAST_ENERGY)
+            found += parts_of(power[:, i], S[:, i], f, label, thirds, band.overlap / band.blocks, LEAST_ENERGY)
     return found
+
+
+def _power(band: LiftedModel) -> Array:
+    """|Y|² (B, e), the mean of all blocks, NaN where nothing is said."""
+    return np.where(band.left_out, np.nan, np.sum(np.abs(band.data) ** 2, axis=2) / band.blocks)
 
 
 def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[Part]:
@@ -142,8 +157,9 @@ def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[Par
         S = np.einsum("bii->bi", of.spectrum(unknowns[place]).spectrum).real
         for i, row in enumerate(rows):
             expected = np.interp(band.base, of.base, S[:, i])
-            power = np.where(band.left_out[:, i], np.nan, np.abs(band.data[:, i, 0]) ** 2)
+            power = _power(band)[:, i]
             label = piece.combined[row.combination].label
             every = [(row.low, row.high * 1.000001)]
-            found += parts_of(power, expected, band.base, label, every, band.overlap, LEAST_ENERGY)
+            overlap = band.overlap / band.blocks
+            found += parts_of(power, expected, band.base, label, every, overlap, LEAST_ENERGY)
     return found

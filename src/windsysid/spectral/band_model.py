@@ -148,5 +148,7 @@ class BandModel(NamedTuple):
             for m, at in zip(models, self.places(), strict=True)
         ]
         alike = 1.0 + 2.0 * sum(shared * count for shared, count in told) / sum(count for _, count in told)
-        bands = (b._replace(model=b.model._replace(overlap=max(b.model.overlap, alike))) for b in self.bands)
+        bands = (
+            b._replace(model=b.model._replace(overlap=b.model.gusts * max(b.model.overlap, alike))) for b in self.bands
+        )
         return BandModel(tuple(bands))

@@ -206,12 +206,12 @@ def _trace(
     """L(F) of the rows in which a mode shows."""
     shape = WHIRLS.get(name)
     if shape is None:
-        rows = [spectra.data[0] @ c.weights for c in combined if not c.turns]
+        rows = [spectra.combined(c.weights) for c in combined if not c.turns]
         return trace(spectra, rows, 0, blades, low, high)
-    rows = [spectra.data[0] @ c.weights for c in combined if c.shape == shape]
+    rows = [spectra.combined(c.weights) for c in combined if c.shape == shape]
     if rows:
         return trace(spectra, rows, shape, blades, low, high)
-    return trace(spectra, [spectra.data[0] @ c.weights for c in combined if c.blade], 0, 1, low, high)
+    return trace(spectra, [spectra.combined(c.weights) for c in combined if c.blade], 0, 1, low, high)
 
 
 def _doubts(group: _Group, found: Mapping[str, float], gain: float, rivals: Sequence[float]) -> list[str]:

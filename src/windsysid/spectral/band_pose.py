@@ -21,7 +21,7 @@ from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.modal.analysis import modes
 from windsysid.spectral.band_model import Band, BandModel
-from windsysid.spectral.band_places import WHIRLS, Place, find_places
+from windsysid.spectral.band_places import REACH, WHIRLS, Place, find_places
 from windsysid.spectral.band_rows import (
     ABOUT_BLADES,
     ABOUT_SUPPORT,
@@ -39,7 +39,7 @@ from windsysid.spectral.lifted_mechanics import coupled, matrix_harmonics
 from windsysid.spectral.lifted_model import LiftedModel, finer_bins, taper_window
 from windsysid.spectral.lifted_pose import MOST_HARMONICS, Question
 
-__all__ = ["PosedBands", "belongs_in_bands", "centre_bands", "pose_bands", "search_bands"]
+__all__ = ["PosedBands", "belongs_in_bands", "centre_bands", "highest_in_bands", "pose_bands", "search_bands"]
 
 BLADES_REACH, SUPPORT_REACH = 0.10, 0.14
 """Half-width of a mode's band, relative."""
@@ -60,6 +60,10 @@ DISTURBED = 0.2
 LIGHT = 0.01
 """Damping ratio below which a rotor is read in bands: its resonances are so narrow beside the prior's reach that a
 search which does not look for their peaks ends elsewhere."""
+
+
+SEARCHED = 1.4
+"""How much further than a mode may be its spectrum is looked at: bands, and what is around a peak."""
 
 
 class PosedBands(NamedTuple):
@@ -101,6 +105,17 @@ def belongs_in_bands(question: Question) -> bool:
     many = math.ceil(max(natural.values()) / (2.0 * math.pi * rotor_hz)) + 2 > MOST_HARMONICS
     ratios = [turbine.values[f"c_{name}"] / (2.0 * turbine.inertia(name) * w) for name, w in natural.items()]
     return many or min(ratios) < LIGHT or any(sensor.blade and sensor.drift > 0.0 for sensor in question.sensors)
+
+
+def highest_in_bands(question: Question) -> float:
+    """The highest frequency [Hz] that bands look at, with springs as stiff as priors reach."""
+    stiff = {q.name: q.centre * math.exp(REACH * q.spread) for q in question.parameters if q.logarithmic}
+    p = _centres(question)
+    for name, value in stiff.items():
+        p[question.compiled.parameters.index(name)] = value
+    rotor_hz = abs(float(question.inputs[:, 1].mean())) / (2.0 * math.pi)
+    there = modes(question.turbine.model, question.compiled, p, 2.0 * math.pi * rotor_hz)
+    return SEARCHED * (max(frequency for _, frequency, _ in there) + 2.0 * rotor_hz)
 
 
 def search_bands(question: Question) -> PosedBands | None:
@@ -173,7 +188,10 @@ def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> Pose
 
 
 def _read(question: Question) -> tuple[TurnedSpectra, list[Combined]]:
-    spectra = turned_spectra(question.readings, question.inputs[:, 0], question.rate, 1)
+    if question.turned is not None:
+        spectra = question.turned.spectra()
+    else:
+        spectra = turned_spectra(question.readings, question.inputs[:, 0], question.rate, 1)
     return spectra, combine(question.sensors, len(WHIRLS))
 
 
@@ -301,12 +319,15 @@ class _Builder:
         ordered = sorted(rows, key=lambda row: (row.order + middle) * width + row.combination)
         entries = np.array([(row.order + middle) * width + row.combination for row in ordered], dtype=np.intp)
         f, fine = bins / self.duration, finer_bins(int(bins[0]), int(bins[-1])) / self.duration
-        data = np.column_stack([self.spectra.data[r.order][bins] @ self.weights[r.combination] for r in ordered])
         left_out = np.column_stack([(f < row.low) | (f > row.high) for row in ordered])
-        data = np.where(left_out, 0.0, data)
+        data, recent = self._entries(self.spectra, ordered, bins, left_out), None
+        blocks = self.spectra.blocks
+        if self.spectra.recent is not None:
+            last = self.spectra._replace(data=self.spectra.recent)
+            recent = self._entries(last, ordered, bins, left_out)
+        power = np.sum(np.abs(data) ** 2, axis=2) / blocks
         powers = [
-            float(np.median(np.abs(data[~left_out[:, i], i]) ** 2)) if (~left_out[:, i]).any() else 0.0
-            for i in range(len(ordered))
+            float(np.median(power[~left_out[:, i], i])) if (~left_out[:, i]).any() else 0.0 for i in range(len(ordered))
         ]
         T = self._transfer(f, orders)[:, entries]
 
@@ -315,7 +336,7 @@ class _Builder:
             sources = [self._source(load, ordered, powers, T, left_out, where) for load in loads]
             noise, given = self._disturbances(name, ordered, powers, where)
             return LiftedModel(
-                np.ascontiguousarray(data[:, :, None]),
+                data,
                 Where(where, orders, self.hz, entries, unseen),
                 window,
                 None,
@@ -331,10 +352,21 @@ class _Builder:
                 HumpLoads(sources),
                 noise,
                 given,
+                np.full(len(bins), blocks),
+                blocks,
+                recent,
+                self.spectra.gusts,
             )
 
         smoothed = model_at(fine, taper_window(self.spectra.taper, bins))
         return Band(model_at(f, None), smoothed, tuple(ordered)) if wide else Band(smoothed, None, tuple(ordered))
+
+    def _entries(
+        self, spectra: TurnedSpectra, rows: Sequence[Row], bins: NDArray[np.intp], left_out: NDArray[np.bool_]
+    ) -> Complex:
+        """What the rows read at the bins (B, e, g), 0 where it is left out."""
+        read = [spectra.combined(self.weights[row.combination], row.order)[bins] for row in rows]
+        return np.where(left_out[:, :, None], 0.0, np.stack(read, axis=1))
 
     def _transfer(self, f: Array, orders: NDArray[np.intp]) -> Complex:
         """From loads to combined readings at the priors' centres (B, k r, k n)."""

@@ -52,11 +52,16 @@ class TurnedSpectra(NamedTuple):
     Attributes
     ----------
     data
-        Y_k at the bins 0, 1, 2 … below half the rate (T/2, m) for each k.
+        Y_k at the bins 0, 1, 2 … below half the rate (T/2, m, 1) for each k; of several blocks columns (B, m, g) that
+        have the products of all together.
     rotor_hz, duration, overlap
         Ω / 2π [Hz], T [s], c_h.
     taper
         h (T,).
+    blocks
+        Of how many blocks `data` are.
+    recent, gusts
+        Where there are several, Y_k of the last, and how much larger c_h is for what changes between them.
     """
 
     data: dict[int, Complex]
@@ -64,6 +69,13 @@ class TurnedSpectra(NamedTuple):
     duration: float
     overlap: float
     taper: Array
+    blocks: float = 1.0
+    recent: dict[int, Complex] | None = None
+    gusts: float = 1.0
+
+    def combined(self, weights: Complex, k: int = 0) -> Complex:
+        """Y_k of a combination of readings (m,): (B, g)."""
+        return np.asarray(np.einsum("bmg,m->bg", self.data[k], weights))
 
 
 class Combined(NamedTuple):
@@ -122,9 +134,9 @@ def turned_spectra(readings: Array, azimuth: Array, rate: float, reach: int) -> 
     quiet = _without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
     scale = math.sqrt(1.0 / rate / float(h @ h))
     bins = np.arange((samples + 1) // 2)
-    data: dict[int, Complex] = {0: scale * np.fft.rfft(quiet, axis=0)[bins]}
+    data: dict[int, Complex] = {0: (scale * np.fft.rfft(quiet, axis=0)[bins])[:, :, None]}
     for k in range(1, reach + 1):  # readings are real: Y_{−k}(f) is the complex conjugate of Y_k(−f)
-        whole = scale * np.fft.fft(quiet * np.exp(-1j * k * azimuth)[:, None], axis=0)
+        whole = (scale * np.fft.fft(quiet * np.exp(-1j * k * azimuth)[:, None], axis=0))[:, :, None]
         data |= {k: whole[bins], -k: whole[-bins].conj()}
     return TurnedSpectra(data, rotor_hz, duration, taper_factor(samples), h)
 
@@ -153,7 +165,8 @@ def combine(sensors: Sequence[Sensor], blades: int) -> list[Combined]:
 
 def bins_between(spectra: TurnedSpectra, low: float, high: float) -> NDArray[np.intp]:
     """Bins between two frequencies [Hz], those near harmonics of the rotor left out."""
-    bins = np.arange(max(1, math.ceil(low * spectra.duration)), math.floor(high * spectra.duration) + 1)
+    last = min(math.floor(high * spectra.duration), len(spectra.data[0]) - 1)
+    bins = np.arange(max(1, math.ceil(low * spectra.duration)), last + 1)
     turns = spectra.rotor_hz * spectra.duration
     return np.asarray(bins[np.abs(bins - np.round(bins / turns) * turns) >= LINE_BINS], dtype=np.intp)
 

@@ -3,11 +3,11 @@
 A mode at F multiplies the spectrum around it by a resonance. For every F the gain in likelihood of one resonance over
 what is there without is
 
-    L(F) = max_a Σ [P/S₀ − P/S₁ − ln (S₁/S₀)] / c_h,      S₁ = S₀ (1 + a / ((1 − r²)² + (2ζr)²)),      r = f/F,
+    L(F) = max_a Σ [P/S₀ − P/S₁ − ln (S₁/S₀)] N / c_h,      S₁ = S₀ (1 + a / ((1 − r²)² + (2ζr)²)),      r = f/F,
 
-with S₀ the running median of the row's power, and the humps that the wind has at harmonics of the rotor. One factor on
-the stiffness of the blades moves all their modes as the model says: the factor that explains the peaks of all rows is
-searched together with its prior, then those of the roll and of the support.
+with P the mean power of N blocks of the row, S₀ its running median, and the humps that the wind has at harmonics of the
+rotor. One factor on the stiffness of the blades moves all their modes as the model says: the factor that explains the
+peaks of all rows is searched together with its prior, then those of the roll and of the support.
 """
 
 import math
@@ -68,7 +68,7 @@ class Trace(NamedTuple):
 
 
 def trace(spectra: TurnedSpectra, rows: Sequence[Complex], humps: int, blades: int, low: float, high: float) -> Trace:
-    """L(F) between two frequencies [Hz] of rows (bins 0, 1 … of the record), which are independent of each other.
+    """L(F) between two frequencies [Hz] of rows (B, g), bins 0, 1 … of the record, which are independent of each other.
 
     The wind has humps at harmonics n ≡ `humps` (mod N).
     """
@@ -78,8 +78,8 @@ def trace(spectra: TurnedSpectra, rows: Sequence[Complex], humps: int, blades: i
     f = bins / spectra.duration
     gain = np.zeros(len(grid))
     for row in rows:
-        power = np.abs(row[bins]) ** 2
-        ratio = power / _median(f, power, spectra.duration)
+        power = np.sum(np.abs(row[bins]) ** 2, axis=1) / spectra.blocks
+        ratio = power / _median(f, power, spectra)
         ratio /= _humps(f, ratio, spectra, humps, blades)
         gain += np.max([_gains(f, ratio, grid, ratio_of, spectra) for ratio_of in RATIOS], axis=0)
     return Trace(grid, gain)
@@ -99,13 +99,17 @@ def best_of(score: Array, at: Array, log_frequency: Array) -> tuple[float, list[
     return float(at[best]), [float(np.exp(log_frequency[i])) for i in summits]
 
 
-def _median(f: Array, power: Array, duration: float) -> Array:
-    """The running median as a mean: that of an exponential is ln 2 of it."""
+def _median(f: Array, power: Array, spectra: TurnedSpectra) -> Array:
+    """The running median as a mean: that of an exponential is ln 2 of it, and that of a mean of N one of a gamma
+    distribution."""
+    from scipy.special import gammaincinv
+
+    share = float(gammaincinv(spectra.blocks, 0.5)) / spectra.blocks
     out = np.empty(len(f))
     for i, here in enumerate(f):
-        reach = max(MEDIAN_SHARE * here, MEDIAN_BINS / duration)
+        reach = max(MEDIAN_SHARE * here, MEDIAN_BINS / spectra.duration)
         a, b = np.searchsorted(f, (here - reach, here + reach))
-        out[i] = np.median(power[a:b]) / math.log(2.0)
+        out[i] = np.median(power[a:b]) / share
     return out
 
 
@@ -136,4 +140,4 @@ def _gains(f: Array, ratio: Array, grid: Array, damping: float, spectra: TurnedS
         S = 1.0 + amplitude[:, None] * shape
         amplitude *= np.sum(shape * ratio / S**2, axis=1) / np.maximum(np.sum(shape / S, axis=1), 1e-300)
     S = 1.0 + amplitude[:, None] * shape
-    return np.asarray(np.maximum(np.sum(ratio - ratio / S - np.log(S), axis=1) / spectra.overlap, 0.0))
+    return np.asarray(np.maximum(np.sum(ratio - ratio / S - np.log(S), axis=1) * spectra.blocks / spectra.overlap, 0.0))

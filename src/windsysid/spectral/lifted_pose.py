@@ -20,6 +20,7 @@ from windsysid.spectral.lifted_mechanics import HIGHEST, coupled, matrix_harmoni
 from windsysid.spectral.lifted_model import LiftedModel, finer_bins, taper_window
 from windsysid.spectral.lifted_start import damped_start
 from windsysid.spectral.lifted_sums import LiftedSums, factored
+from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
@@ -71,6 +72,8 @@ class Question(NamedTuple):
         The turbine file's, those that were measured left out.
     sums
         What blocks of it say together, where it came in pieces: readings and inputs are then those of the last.
+    turned
+        The same of a rotor that is read in bands.
     """
 
     turbine: Turbine
@@ -82,6 +85,7 @@ class Question(NamedTuple):
     parameters: tuple[Parameter, ...]
     loads: tuple[GaussMarkov, ...]
     sums: LiftedSums | None = None
+    turned: TurnedSums | None = None
 
 
 class Posed(NamedTuple):
