@@ -1,7 +1,7 @@
 """What `--formulation auto` does with records of many kinds: is it ever sure and wrong?
 
 Each record is simulated on the scale model, or a tower, with priors drawn about the truth. The table says of ``auto``,
-``joint`` and ``spectral``, and where asked for of the spectra of three ``pieces``, how many records they trust, how
+``joint`` and ``spectral``, and where asked for of the spectra of two ``pieces``, how many records they trust, how
 often ±2σ holds the truth, in all records and in those that are trusted, the greatest error among these, the rms error
 of all and the median processor time. Errors are in σ; what is refused has none.
 
@@ -46,7 +46,7 @@ FRESH = 91_000
 Formulation = Literal["auto", "joint", "spectral", "pieces"]
 FORMULATIONS: tuple[Formulation, ...] = ("auto", "joint", "spectral", "pieces")
 
-PIECES = 3
+PIECES = 2
 """Into how many a record is cut whose pieces' spectra are added."""
 
 

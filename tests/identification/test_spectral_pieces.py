@@ -168,6 +168,13 @@ def test_pieces_in_bands_agree_with_the_whole_and_can_be_taken_up_again(
     assert of_blades == pytest.approx(np.ones(len(of_blades)), abs=0.3)
 
 
+def test_a_rotor_whose_modes_are_many_turns_up_comes_in_pieces() -> None:
+    """It is read in bands whatever its damping."""
+    slow = replace(load_turbine("nrel5mw_full").exact(), rotor_speed=0.9)
+    record = simulate_record(slow, duration=300.0, rate=25.0, seed=4, loads="wind")
+    assert identify_pieces(pieces(record, 150.0), slow, formulation="spectral").samples == record.samples
+
+
 def test_halves_in_bands_that_differ_are_not_trusted(machine: Turbine, turning: Record) -> None:
     louder = np.where(turning.time > 240.0, 5.0, 1.0)[:, None]
     values = np.where(_read(turning, machine), louder, 1.0) * turning.values

@@ -13,6 +13,6 @@ def test_every_fault_stands_once_in_the_sources_and_is_python():
 
 
 def test_every_fault_has_a_name_of_its_own_and_tests_to_notice_it():
-    assert len(MUTANTS) == 120
+    assert len(MUTANTS) == 121
     assert max(Counter(mutant.name for mutant in MUTANTS).values()) == 1
     assert {mutant.module for mutant in MUTANTS} == set(TESTS)

@@ -118,7 +118,7 @@ class _Run:
         self.coupled = coupled and not self.bands
         if self.bands:
             self.highest = math.ceil(highest_in_bands(question) * part.duration)
-        self.harmonics = harmonics_of(question)
+        self.harmonics = 0 if self.bands else harmonics_of(question)
         self.samples = part.samples
         self.turns = math.floor(abs(float(inputs[-1, 0] - inputs[0, 0])) / (2.0 * math.pi)) if self.coupled else 0
         if self.coupled and self.turns < 1:
