@@ -180,6 +180,7 @@ def test_halves_in_bands_that_differ_are_not_trusted(machine: Turbine, turning: 
     values = np.where(_read(turning, machine), louder, 1.0) * turning.values
     found = identify_pieces(pieces(replace(turning, values=values), 120.0), machine, formulation="spectral")
     assert any("in one half as in the other" in reason for reason in found.diagnosis.reasons)
+    assert any("choose longer pieces" in reason for reason in found.diagnosis.reasons)
 
 
 def test_a_speed_that_varies_within_pieces_is_seen(verne555: Turbine) -> None:

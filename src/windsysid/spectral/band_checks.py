@@ -98,6 +98,7 @@ def _disagreements(
 def _short(posed: PosedBands) -> list[str]:
     """Whether resonances are narrower in the record than those whose bands were proven."""
     spectra, doubts = posed.spectra, []
+    longer = "a longer record" if spectra.recent is None else "longer pieces"
     for of_blades, least in ((True, LEAST_OF_BLADES), (False, LEAST_OF_SUPPORT)):
         widths = [p.ratio * p.frequency for p in posed.places if (p.shape is not None) == of_blades]
         counts = [2.0 * np.pi * width * spectra.duration / spectra.overlap for width in widths]
@@ -105,7 +106,7 @@ def _short(posed: PosedBands) -> list[str]:
             what = "the blades" if of_blades else "the support"
             doubts.append(
                 f"the narrowest resonance of {what} counts as {min(counts):.2g} independent values, and bands were not "
-                f"proven below {least:g}: choose a longer record"
+                f"proven below {least:g}: choose {longer}"
             )
     return doubts
 
