@@ -96,7 +96,7 @@ class RotorWind(LoadHypothesis):
     name = "rotor-wind"
     text = "wind on the turning rotor"
     caution = (
-        "under simulated turbulent wind ±2σ of this load model held the truth in nine cases of ten "
+        "under simulated turbulent wind ±2σ of this load model held the truth in 88 % of cases, not 95 % "
         "(docs/calibration.md)"
     )
     """``python -m validation.mismatch`` prints how often."""
