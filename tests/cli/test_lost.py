@@ -1,5 +1,6 @@
 """The command line loses nothing of the user's: neither files that exist nor results when the disk is full."""
 
+import json
 import os
 import signal
 import subprocess
@@ -166,6 +167,17 @@ def test_a_run_in_pieces_keeps_what_it_knows_until_the_result_is_saved(run, brie
     assert run(*command, "--overwrite").code == 0
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     assert (load_posterior(tmp_path / "out").theta == reference).all()
+
+
+def test_a_section_comes_in_pieces(run, brief, tmp_path):
+    command = ("identify", brief, "--turbine", "verne555", "--no-report", "--in-pieces", "2 s", "--section")
+    ended = run(*command, "1", "6", "--output", tmp_path / "out")
+    assert ended.code == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["section"] == pytest.approx([1.0, 6.0], abs=0.03)
+    ended = run(*command, "1", "900", "--output", tmp_path / "other")
+    assert ended.code == 2
+    assert "reaches outside the record" in ended.err[0]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

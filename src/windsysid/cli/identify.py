@@ -102,13 +102,11 @@ def identify(
     prior = Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None)
     with show_progress("identify") as progress:
         if in_pieces is not None:
-            if formulation == "force-balance" or section is not None or add_noise != 0.0:
-                raise ConfigurationError(
-                    "--in-pieces goes with joint or spectral on a whole record: leave --section and --add-noise out"
-                )
+            if formulation == "force-balance" or add_noise != 0.0:
+                raise ConfigurationError("--in-pieces goes with joint or spectral: leave --add-noise out")
             length = parse_option("--in-pieces", in_pieces, "s")
             found, used = _identify_in_pieces(
-                record, machine, listed, prior, rules, length, output, progress, rate=rate, loads=loads,
+                record, machine, listed, prior, rules, length, section, output, progress, rate=rate, loads=loads,
                 formulation="spectral" if formulation == "spectral" else "joint",
             )  # fmt: skip
         else:
@@ -150,6 +148,7 @@ def _identify_in_pieces(
     prior: "Prior",
     mapping: "FileMapping | None",
     length: float,
+    section: tuple[float, float] | None,
     output: Path,
     progress: "Progress",
     *,
@@ -179,12 +178,15 @@ def _identify_in_pieces(
         progress(f"{record}, {seconds:.0f} s of it taken in", share)
 
     def pieces() -> Iterator["Record"]:
-        for piece in iterate_record(record, length, mapping=mapping, progress=reading):
+        for piece in iterate_record(record, length, mapping=mapping, section=section, progress=reading):
             last[:] = [piece]
             yield piece
 
     try:
-        told = {"file": str(record), "in_pieces_s": length, "mapping": mapping_tables(mapping)}
+        told = {
+            "file": str(record), "in_pieces_s": length, "section": None if section is None else list(section),
+            "mapping": mapping_tables(mapping),
+        }  # fmt: skip
         with hear(progress, f"{record}, search for the mode"):
             found = identify_pieces(
                 pieces(), machine, sensors=listed, prior=prior, formulation=formulation, rate=rate, loads=loads,

@@ -77,6 +77,21 @@ def test_pieces_together_are_the_whole(tmp_path, name, seconds):
         assert {piece.samples for piece in pieces} <= {49, 50, 51}
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_pieces_of_a_section_are_the_section(tmp_path, name):
+    path = make(tmp_path, name, 1000)
+    whole = read_record(path)
+    start, end = float(whole.time[150]), float(whole.time[-100])
+    pieces = list(iterate_record(path, 0.5, section=(start, end)))
+    expected = whole.section(start, end)
+    assert np.concatenate([piece.time for piece in pieces]).tobytes() == expected.time.tobytes()
+    np.testing.assert_array_equal(np.concatenate([piece.values for piece in pieces]), expected.values)
+    assert pieces[0].samples in (49, 50, 51)  # counted from the section's start
+    for outside in ((-1.0, 1.0), (1.0, 100.0), (2.0, 2.0)):
+        with pytest.raises(RecordError, match="the section"):
+            list(iterate_record(path, 0.5, section=outside))
+
+
 def test_a_bad_place_beyond_the_first_block_is_named(tmp_path):
     path = make(tmp_path, "x.csv", 1000, gap=False)
     lines = path.read_text().split("\n")

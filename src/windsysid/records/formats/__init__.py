@@ -99,6 +99,7 @@ def iterate_record(
     seconds_per_piece: float,
     *,
     mapping: str | Path | Mapping | None = None,
+    section: tuple[float, float] | None = None,
     progress: Progress | None = None,
 ) -> Iterator[Record]:
     """The record in pieces, for files that do not fit into memory.
@@ -108,14 +109,14 @@ def iterate_record(
     path : str or Path
     seconds_per_piece : float
         [s]; pieces begin at multiples of it after the first sample.
-    mapping, progress
-        As in `read_record`.
+    mapping, section, progress
+        As in `read_record`; that a section reaches outside the record is told at its end.
 
     Yields
     ------
     Record
-        Every sample of the file is in exactly one piece, in order; times are the record's own. A piece has at least
-        2 samples: one that would stand alone beside a gap goes with the piece before.
+        Every sample of the file, or of the section, is in exactly one piece, in order; times are the record's own. A
+        piece has at least 2 samples: one that would stand alone beside a gap goes with the piece before.
 
     Raises
     ------
@@ -128,7 +129,7 @@ def iterate_record(
         raise ConfigurationError(f"seconds_per_piece is {seconds_per_piece}, expected a time [s] above 0")
     found = format_of(path)
     with named_after(path):
-        yield from pieces(found.open(path, rules), seconds_per_piece, progress)
+        yield from pieces(found.open(path, rules), seconds_per_piece, progress, section)
 
 
 def _rules(mapping: str | Path | Mapping | None) -> Mapping:

@@ -96,28 +96,21 @@ def gather_section(source: Source, start: float, end: float, progress: Progress 
     RecordError
         If the section is empty, holds a single sample, or reaches outside the record.
     """
-    time: list[Array] = []
-    values: list[Array] = []
-    first, last, steps = source.first, np.nan, np.empty(0)
-    if start < end:
-        for block in _checked(source, start, end, progress):
-            first = block.time[0] if np.isnan(first) else first
-            last = block.time[-1]
-            steps = np.diff(block.time) if block.time.size > 1 else steps
-            low, high = np.searchsorted(block.time, (start, end), side="left")
-            if high > low:
-                time.append(block.time[low:high].copy())  # a view would keep the whole block alive
-                values.append(block.values[low:high].copy())
-    step = float(np.median(steps)) if steps.size else 0.0
-    kept = sum(part.size for part in time)
-    refuse_outside(start, end, kept, float(first), float(last), step)
-    return _record(source, time, values)
+    blocks = list(_within(source, start, end, progress))
+    return _record(source, [block.time for block in blocks], [block.values for block in blocks])
 
 
-def pieces(source: Source, seconds: float, progress: Progress | None = None) -> Iterator[Record]:
-    """The file as records of about `seconds` each; every sample is in exactly one of them.
+def pieces(
+    source: Source, seconds: float, progress: Progress | None = None, section: tuple[float, float] | None = None
+) -> Iterator[Record]:
+    """The file, or a section of it [s], as records of about `seconds` each; every sample is in exactly one of them.
 
     A sample that would be alone in its piece, beside a gap, joins the piece before it.
+
+    Raises
+    ------
+    RecordError
+        At the latest when all has been given: if the section is empty, holds a single sample, or reaches outside.
     """
     held: list[tuple[Array, Array]] = []  # the piece before, kept until the next one has two samples
     open_time: list[Array] = []
@@ -135,7 +128,8 @@ def pieces(source: Source, seconds: float, progress: Progress | None = None) -> 
         open_time.clear()
         open_values.clear()
 
-    for block in _checked(source, -np.inf, np.inf, progress):
+    blocks = _checked(source, -np.inf, np.inf, progress) if section is None else _within(source, *section, progress)
+    for block in blocks:
         origin = block.time[0] if np.isnan(origin) else origin
         index = np.floor((block.time - origin) / seconds)
         edges = [0, *(np.flatnonzero(np.diff(index)) + 1), block.time.size]
@@ -195,6 +189,23 @@ def _checked(source: Source, start: float, end: float, progress: Progress | None
             progress(block.done)
     if progress is not None:
         progress(1.0)
+
+
+def _within(source: Source, start: float, end: float, progress: Progress | None) -> Iterator[Block]:
+    """The samples with start ≤ t < end of every block that has some; RecordError as of `gather_section`."""
+    first, last, steps, kept = source.first, np.nan, np.empty(0), 0
+    if start < end:
+        for block in _checked(source, start, end, progress):
+            first = block.time[0] if np.isnan(first) else first
+            last = block.time[-1]
+            steps = np.diff(block.time) if block.time.size > 1 else steps
+            low, high = np.searchsorted(block.time, (start, end), side="left")
+            if high > low:
+                kept += int(high - low)
+                # a view would keep the whole block alive
+                yield block._replace(time=block.time[low:high].copy(), values=block.values[low:high].copy())
+    step = float(np.median(steps)) if steps.size else 0.0
+    refuse_outside(start, end, kept, float(first), float(last), step)
 
 
 def _record(source: Source, time: list[Array], values: list[Array]) -> Record:
