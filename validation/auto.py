@@ -106,12 +106,17 @@ def decay(turbine: str) -> Callable[[int], Record]:
         like = simulate_record(turbine, duration=20.0, rate=RATE, seed=seed)
         rms = like.values[:, -len(machine.sensors) :].std(axis=0)
         inputs = steady_inputs(model.inputs, machine.rotor_speed, 20.0, RATE)[: like.samples]
+        if "rotor_azimuth" in like:
+            inputs[:, 0] += like["rotor_azimuth"][0]
         p = np.array([machine.values[name] for name in model.parameters])
         n = len(model.states) // 2
         start = np.concatenate([0.01 * rng.standard_normal(n), np.zeros(n)])
-        nothing = np.zeros((len(inputs), len(model.loads)))
-        y = integrate(model, p, np.hstack([inputs, nothing]), rate=RATE, start=start, substeps=2).readings
-        y *= (5.0 * rms / y.std(axis=0)).min()
+        known = np.hstack([inputs, np.zeros((len(inputs), len(model.loads)))])
+
+        def read(factor: float) -> Array:
+            return integrate(model, p, known, rate=RATE, start=factor * start, substeps=10).readings
+
+        y = read((1.0 * rms / read(1.0).std(axis=0)).min())  # gravity shakes a rotor as it does however it began
         y += rng.standard_normal(y.shape) * [sensor.noise for sensor in machine.sensors]
         values = np.column_stack([like.values[:, : -len(machine.sensors)], y])
         return replace(like, values=values, name="decay")
