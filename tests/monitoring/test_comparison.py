@@ -569,6 +569,17 @@ def test_records_without_a_common_coefficient_are_refused(verne555):
         compare(a, b)
 
 
+def test_the_winds_mean_lag_angle_is_neither_compared_nor_followed(verne555: Turbine):
+    leading = replace(
+        verne555, model=replace(verne555.rotor, leads=True), values={**verne555.values, "mean_lag_angle": 0.004}
+    )
+    parameters = (Parameter("k_x", 1800.0, 0.3), Parameter("mean_lag_angle", 0.0, 0.01, False, 0.01))
+    a, b = (bayes(leading, parameters, np.array([0.0, angle]), 1e4 * np.eye(2)) for angle in (0.2, 0.9))
+    assert [change.name for change in compare(a, b).coefficients] == ["k_x"]
+    results = [a._replace(record=f"record {i}") for i in range(MIN_BLOCKS)]
+    assert gather(results, time=np.arange(float(MIN_BLOCKS))).names == ("k_x",)
+
+
 # Through identification
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.archive import read_table
+from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.monitoring.series import MIN_BLOCKS, Blocks
 from windsysid.monitoring.watch import MAX_LEARNING_BLOCKS
 from windsysid.records.moments import moment
@@ -89,7 +90,8 @@ def blocks_of(table: Any) -> Blocks:
         notes.append(f"identified by windsysid {', '.join(versions)}: a change of version may look like a jump")
     covariates, names = _covariates(table, state, notes)
     parameters = pairs(table, "parameters")
-    theta, std, order = _spread(parameters, table.num_rows, parameters.field("own"), parameters.field("own_std"))
+    own, own_std = parameters.field("own"), parameters.field("own_std")
+    theta, std, order = _spread(parameters, table.num_rows, own, own_std, parameters.names != MEAN_LAG)
     noise = pairs(table, "statistics")
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = np.log(noise.field("high") / noise.field("low")) / (2.0 * SIGMAS)

@@ -9,6 +9,7 @@ for what is not stationary: a free decay, a start, a stop, or a speed that varie
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -33,6 +34,7 @@ from windsysid.loads.family import hypothesis
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.loads.statistics import Statistic, learned_statistics
 from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.rotor import MEAN_LAG, as_rotor
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.tolerance import Tolerance
@@ -220,11 +222,16 @@ def ask(
     """The question under a load model, which may bring coefficients of its own."""
     file_loads = known_loads(record, turbine)[1]
     supposed = hypothesis(loads, turbine, file_loads)
-    parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *supposed.parameters)
-    compiled = compile_model(supposed.turbine.model, tuple(sensors), instruments=True)
-    question = Question(
-        supposed.turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads)
-    )
+    own = (q for q in supposed.parameters if q.name != MEAN_LAG)  # which is an unknown of spectra under any loads
+    parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *own)
+    rotor = as_rotor(supposed.turbine.model)
+    if rotor is not None and rotor.leads and MEAN_LAG not in turbine.values:
+        values = {name: value for name, value in supposed.turbine.values.items() if name != MEAN_LAG}
+        turbine = replace(supposed.turbine, model=replace(rotor, leads=False), values=values)
+    else:
+        turbine = supposed.turbine
+    compiled = compile_model(turbine.model, tuple(sensors), instruments=True)
+    question = Question(turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads))
     return question._replace(turned=sums) if isinstance(sums, TurnedSums) else question._replace(sums=sums)
 
 

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from windsysid.fleet.rows import Row
+from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.results.posterior import SIGMAS
 
 __all__ = ["Watched", "band_of", "in_coordinates_of", "said_of"]
@@ -33,6 +34,8 @@ def said_of(row: Row) -> dict[Watched, tuple[float, float]]:
     found = {}
     for one in row["parameters"]:
         name, logarithmic = one["name"], bool(one["logarithmic"])
+        if name == MEAN_LAG:  # the wind's
+            continue
         reference = float(one["prior_centre"] if logarithmic else one["coordinate_scale"])
         kind = "c" if name.partition("_")[0] == "c" else "k"
         found[Watched(name, one["unit"], kind, logarithmic, reference)] = (float(one["own"]), float(one["own_std"]))

@@ -8,6 +8,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.loads.statistics import to_logarithms
+from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.results.posterior import Posterior
 from windsysid.statespace.parameter import Parameter
 
@@ -121,14 +122,15 @@ class _Belief(NamedTuple):
 
 
 def common_frame(before: Posterior, after: Posterior) -> tuple[Parameter, ...]:
-    """Coordinates for the coefficients that both identified, the same for (A, B) and (B, A).
+    """Coordinates for the coefficients that both identified, the same for (A, B) and (B, A); the wind's mean lag angle
+    is none of the structure's.
 
     Their priors are as wide as changes by damage.
     """
     found = []
     for q in before.parameters:
         other = next((r for r in after.parameters if r.name == q.name), None)
-        if other is None:
+        if other is None or q.name == MEAN_LAG:
             continue
         a, b = estimate_of(before, q.name), estimate_of(after, q.name)
         kind = before.turbine.model.coefficient(q.name).kind

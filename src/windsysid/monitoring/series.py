@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
+from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.monitoring.covariates import lines_of, read_covariates
 from windsysid.monitoring.dates import MIN_BLOCKS, in_order, spans_of
 from windsysid.monitoring.modal_tracks import modal_tracks
@@ -151,13 +152,13 @@ def gather(
     placed = in_order(posteriors, time, covariates, begin)
     posteriors, count = [posteriors[i] for i in placed.order], len(posteriors)
     noise = [noise[i] for i in placed.order] if noise else ()
-    frame = posteriors[0]
-    names = [q.name for q in frame.parameters]
+    frame = [q for q in posteriors[0].parameters if q.name != MEAN_LAG]  # which is the wind's
+    names = [q.name for q in frame]
     sensors = sorted({name for found in noise for name in found})
     theta = np.full((count, len(names) + len(sensors)), np.nan)
     std = theta.copy()
     for row, posterior in enumerate(posteriors):
-        known = [q for q in frame.parameters if q.name in [own.name for own in posterior.parameters]]
+        known = [q for q in frame if q.name in [own.name for own in posterior.parameters]]
         at = [names.index(q.name) for q in known]
         theta[row, at], cov = without_prior(posterior, known)
         std[row, at] = np.sqrt(np.diag(cov))
@@ -170,8 +171,8 @@ def gather(
         time=placed.time,
         theta=theta,
         std=std,
-        logarithmic=(*(q.logarithmic for q in frame.parameters), *(True for _ in sensors)),
-        reference=(*(q.reference for q in frame.parameters), *(1.0 for _ in sensors)),
+        logarithmic=(*(q.logarithmic for q in frame), *(True for _ in sensors)),
+        reference=(*(q.reference for q in frame), *(1.0 for _ in sensors)),
         covariates=placed.covariates,
         covariate_names=tuple(covariates or ()),
         trusted=np.array([posterior.trusted for posterior in posteriors]),

@@ -445,9 +445,9 @@ def _narrowest(question: Question) -> float:
 
 
 def _has_lag(question: Question) -> bool:
-    """Whether the blades' mean lag angle matters and is no parameter: a rotor on a hub that moves."""
+    """Whether the blades' mean lag angle matters: a rotor on a hub that moves."""
     model = question.turbine.model
-    return isinstance(model, RotorModel) and model.lag == "free" and "load_x" in model.loads and not model.leads
+    return isinstance(model, RotorModel) and model.lag == "free" and "load_x" in model.loads
 
 
 def _size(question: Question) -> int:
