@@ -109,8 +109,10 @@ def iterate_record(
     path : str or Path
     seconds_per_piece : float
         [s]; pieces begin at multiples of it after the first sample.
-    mapping, section, progress
-        As in `read_record`; that a section reaches outside the record is told at its end.
+    mapping, progress
+        As in `read_record`.
+    section : (float, float), optional
+        Only the samples with start ≤ t < end [s]; that it reaches outside the record is told at the end of it.
 
     Yields
     ------
