@@ -10,7 +10,7 @@ from validation.auto import KINDS
 
 import windsysid as ws
 from windsysid._types import Array
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.tolerances import in_numbers, tolerances_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
@@ -224,6 +224,12 @@ def test_loud_second_half_is_not_trusted() -> None:
     changed = record().with_channels({name: (values, "m/s^2") for name, values in loud.items()})
     found = ws.identify(changed, TURBINE, formulation="spectral")
     assert not found.diagnosis.trusted
+
+
+@pytest.mark.parametrize("seconds", [6.0, 10.0, 15.0, 30.0])
+def test_a_record_of_few_turns_is_refused(seconds: float) -> None:
+    with pytest.raises(RecordError, match="choose a longer record"):
+        ws.identify(record().section(0.0, seconds), TURBINE, formulation="spectral")
 
 
 def test_bands_take_no_load_model() -> None:

@@ -30,6 +30,7 @@ from windsysid.spectral.lifted import Complex, _without_lines, turn_lines
 __all__ = [
     "ABOUT_BLADES",
     "ABOUT_SUPPORT",
+    "LINE_BINS",
     "Combined",
     "Row",
     "TurnedSpectra",

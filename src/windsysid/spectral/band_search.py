@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.spectral.band_rows import TurnedSpectra, bins_between
+from windsysid.errors import RecordError
+from windsysid.spectral.band_rows import LINE_BINS, TurnedSpectra, bins_between
 from windsysid.spectral.lifted import Complex
 
 __all__ = ["Trace", "best_of", "trace"]
@@ -71,10 +72,22 @@ def trace(spectra: TurnedSpectra, rows: Sequence[Complex], humps: int, blades: i
     """L(F) between two frequencies [Hz] of rows (B, g), bins 0, 1 … of the record, which are independent of each other.
 
     The wind has humps at harmonics n ≡ `humps` (mod N).
+
+    Raises
+    ------
+    RecordError
+        If fewer than `MEDIAN_BINS` bins lie there.
     """
     grid = np.exp(np.arange(math.log(low), math.log(high) + STEP, STEP))
     margin = 1.0 + 2.0 * MEDIAN_SHARE
     bins = bins_between(spectra, low / margin, high * margin)
+    if len(bins) < MEDIAN_BINS:
+        wide = high * margin - low / margin
+        needed = (MEDIAN_BINS + 2.0 * LINE_BINS * wide / spectra.rotor_hz) / wide
+        raise RecordError(
+            f"modes between {low:.3g} and {high:.3g} Hz: expected {needed:.3g} s or more to tell them from the rotor's "
+            f"harmonics, got {spectra.duration:.3g} s: choose a longer record"
+        )
     f = bins / spectra.duration
     gain = np.zeros(len(grid))
     for row in rows:
