@@ -183,6 +183,13 @@ def test_halves_in_bands_that_differ_are_not_trusted(machine: Turbine, turning: 
     assert any("choose longer pieces" in reason for reason in found.diagnosis.reasons)
 
 
+def test_pieces_of_few_turns_are_refused(verne555: Turbine) -> None:
+    record = simulate_record(verne555, duration=10.0, rate=50.0, seed=2)
+    for seconds in (0.5, 1.0, 3.0):
+        with pytest.raises(RecordError, match=r"make them longer|at least one revolution"):
+            identify_pieces(pieces(record, seconds), verne555, formulation="spectral")
+
+
 def test_a_speed_that_varies_within_pieces_is_seen(verne555: Turbine) -> None:
     record = simulate_record(verne555, duration=80.0, rate=50.0, seed=2)
     speed = record["rotor_speed"] * (1.0 + 0.1 * np.sin(2.0 * np.pi * 0.25 * record.time))

@@ -41,7 +41,7 @@ from windsysid.results.provenance import RecordHash, record_hash, sensor_tables,
 from windsysid.spectral.band_pose import belongs_in_bands, highest_in_bands
 from windsysid.spectral.band_rows import turned_spectra
 from windsysid.spectral.dft import TAPERED
-from windsysid.spectral.lifted import Lifted, lift
+from windsysid.spectral.lifted import FIRST_BIN, Lifted, lift
 from windsysid.spectral.lifted_pose import harmonics_of, turns_couple
 from windsysid.spectral.lifted_sums import LiftedSums, sums_of
 from windsysid.spectral.turned_sums import TurnedSums
@@ -51,6 +51,9 @@ __all__ = ["identify_spectra_of_pieces"]
 
 _BEGINNING = 1000
 """Samples by which another record is told at once."""
+
+LEAST_TURNS = 2 * FIRST_BIN + 1
+"""Of a rotor in a block: with fewer there is no bin between its harmonics."""
 
 
 def identify_spectra_of_pieces(
@@ -121,9 +124,10 @@ class _Run:
         self.harmonics = 0 if self.bands else harmonics_of(question)
         self.samples = part.samples
         self.turns = math.floor(abs(float(inputs[-1, 0] - inputs[0, 0])) / (2.0 * math.pi)) if self.coupled else 0
-        if self.coupled and self.turns < 1:
+        if self.coupled and self.turns < LEAST_TURNS:
             raise RecordError(
-                "pieces: expected at least one turn of the rotor in the first, got less: make them longer"
+                f"pieces: expected at least {LEAST_TURNS} turns of the rotor in the first, got {self.turns}: make them "
+                f"longer"
             )
         self.memory = 1.0 if memory is None else math.exp(-part.duration / memory)
         self.sums: LiftedSums | TurnedSums | None = None

@@ -28,7 +28,7 @@ from windsysid._types import Array
 from windsysid.kernels.jit import compiled
 from windsysid.spectral.dft import taper, taper_factor
 
-__all__ = ["Complex", "Lifted", "lift", "turn_lines"]
+__all__ = ["FIRST_BIN", "Complex", "Lifted", "lift", "turn_lines"]
 
 Complex = NDArray[np.complex128]
 

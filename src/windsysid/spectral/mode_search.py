@@ -201,6 +201,7 @@ def search_again(
         if known and not modes_inside(one, 1.0 / step):  # too narrow to tell: neighbours' flanks are let in
             inside = [peak for peak in single if low < peak.frequency < high]
             low, high = widened(inside, [peak for peak in single if peak not in inside], low, high, step)
+            low, high = max(low, readings.low), min(high, readings.high)
             one = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
         again.append(one)
     return again
