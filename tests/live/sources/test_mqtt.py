@@ -3,9 +3,11 @@
 import json
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, encode_json
 from windsysid.live.settings import Broker
 from windsysid.live.sources.broker import Marks, Topics, connect, new_client, properties_of
-from windsysid.live.sources.mqtt import MqttSource
+from windsysid.live.sources.mqtt import Inbox, MqttSource
 from windsysid.live.sources.publisher import WIDEST, Publisher
 from windsysid.live.toml_table import Secret
 
@@ -228,6 +230,48 @@ def test_a_hundred_turbines_that_are_held_back_leave_room_for_others(mosquitto: 
     wait_for(lambda: logger.heard == [("windsysid/other/committed", b"1")])
     service.stop()
     logger.close()
+
+
+def test_blocks_wait_at_the_broker_while_the_engine_is_busy(mosquitto: Mosquitto, monkeypatch: pytest.MonkeyPatch):
+    """A message may have 2 MB, and thousands may be on their way: not all of them wait in memory."""
+    waiting: list[int] = []
+
+    class Watched(Inbox):
+        def put(self, message):
+            super().put(message)
+            waiting.append(self.bytes)
+
+    class Busy(Taker):
+        def push(self, block):
+            free.wait()
+            return super().push(block)
+
+    free = threading.Event()
+    monkeypatch.setattr("windsysid.live.sources.mqtt.Inbox", Watched)
+    monkeypatch.setattr("windsysid.live.sources.mqtt.WAITING", 20_000)
+    service = Service(MqttSource(mosquitto.broker, ["T01"]), Busy())
+    wait_for(lambda: service.source.state.state == "running")
+    logger = Logger(mosquitto.broker)
+    payloads = [encode_json(block_of(k)) for k in range(1, 201)]
+    for payload in payloads:
+        logger.say("windsysid/T01/blocks", payload)
+    assert sum(map(len, payloads)) > 100_000
+    assert 20_000 <= max(waiting) < 20_000 + max(map(len, payloads))
+    free.set()
+    wait_for(lambda: service.taker.numbers() == list(range(1, 201)))
+    service.stop()
+    logger.close()
+
+
+def test_a_closed_inbox_lets_nobody_wait():
+    inbox = Inbox(10)
+    inbox.put(SimpleNamespace(payload=b"longer than the inbox"))
+    waiting = threading.Thread(target=inbox.put, args=(SimpleNamespace(payload=b"more"),))
+    waiting.start()
+    inbox.close()
+    waiting.join(5.0)
+    assert not waiting.is_alive()
+    assert inbox.get() is None
 
 
 def test_nothing_is_told_committed_behind_a_block_that_is_missing(mosquitto: Mosquitto):

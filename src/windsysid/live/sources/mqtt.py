@@ -9,9 +9,9 @@ import asyncio
 import contextlib
 import json
 import logging
-import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Iterable
 from concurrent.futures import Future
 from typing import Any
@@ -22,13 +22,19 @@ from windsysid.live.settings import Broker
 from windsysid.live.sources.broker import LONGEST_PAYLOAD, TOPIC, Marks, Topics, connect, marks_of, new_client
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 
-__all__ = ["MqttSource"]
+__all__ = ["Inbox", "MqttSource"]
 
 logger = logging.getLogger(__name__)
 
 ON_THEIR_WAY = 4000
 """Messages that the broker sends before the first of them is acknowledged: of 100 turbines that are behind, and of
 others, but no more than the engine lets in (`windsysid.live.engine.BOUND`)."""
+
+WAITING = 64_000_000
+"""Bytes of messages that wait for the engine; the broker's others wait in its connection."""
+
+PATIENCE = 20.0
+"""The longest that a message waits for room [s]: the client keeps the connection alive between two messages."""
 
 KEPT = 7 * 86_400
 """How long the broker keeps messages for a service that is away [s]."""
@@ -130,6 +136,47 @@ class MqttSource:
             logger.warning("%s: %d messages refused, the last: %s", self.describe(), state.refused + 1, refused)
 
 
+class Inbox:
+    """Messages that came and were not taken yet, in their order.
+
+    Parameters
+    ----------
+    size
+        Bytes of them; one larger message may be there alone.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._most, self.bytes = size, 0
+        self._messages: deque[Any] = deque()
+        self._changed = threading.Condition()
+        self._closed = False
+
+    def put(self, message: Any) -> None:
+        """Add a message, when there is room for it or `PATIENCE` has passed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self.bytes < self._most, PATIENCE)
+            self._messages.append(message)
+            self.bytes += len(message.payload)
+            self._changed.notify_all()
+
+    def get(self) -> Any:
+        """The oldest message, or None when the inbox is closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._messages)
+            if self._closed:
+                return None
+            message = self._messages.popleft()
+            self.bytes -= len(message.payload)
+            self._changed.notify_all()
+            return message
+
+    def close(self) -> None:
+        """Nobody takes messages any more: the broker keeps them."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+
 class _Session:
     """One connection: messages come in the client's thread, and a thread of ours takes them in, one after the other.
 
@@ -141,7 +188,7 @@ class _Session:
         self._source, self._push = source, push
         self.was_connected = False
         self._why = ""
-        self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._inbox = Inbox(WAITING)
         self._loop = asyncio.get_running_loop()
         self._over = asyncio.Event()
         self._client = new_client(source.broker, source.client, manual_ack=True)
@@ -160,7 +207,7 @@ class _Session:
         except OSError as error:
             self._why = f"no connection ({error.strerror or error})"
         finally:
-            self._inbox.put(None)
+            self._inbox.close()
             await asyncio.to_thread(self._close, taking)
         return self._why
 
