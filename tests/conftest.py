@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
+import windsysid.loads.family  # noqa: F401 (registers windsysid's own, before a test forgets what came in it)
 from windsysid import cli
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.model import MODELS
