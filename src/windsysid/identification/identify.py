@@ -22,6 +22,7 @@ from windsysid.identification.prepare import (
 from windsysid.identification.prior import Prior
 from windsysid.identification.spectral import identify_by_spectrum
 from windsysid.inspection.screening import noted, screen
+from windsysid.kernels.threads import one_thread
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.progress import Progress, hear, unheard
@@ -40,6 +41,7 @@ DISAGREEMENT = 3.0
 """Standard deviations between what filters and spectra say of a coefficient, beyond which neither is trusted."""
 
 
+@one_thread()
 def identify(
     record: RecordLike,
     turbine: TurbineLike,

@@ -30,6 +30,7 @@ from windsysid.identification.samples import Samples, SamplesOnDisk
 from windsysid.identification.solve import Solution, solve
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import noted, screen
+from windsysid.kernels.threads import one_thread
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Model
 from windsysid.records.record import Record
@@ -112,6 +113,7 @@ class Fit(Identification):
     state_std: Array = field(kw_only=True)
 
 
+@one_thread()
 def fit(
     model: Model,
     record: Record | Iterable[Record],

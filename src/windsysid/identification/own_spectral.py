@@ -17,7 +17,6 @@ from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.own_problem import constant_loads, known_columns
 from windsysid.identification.spectral_readings import read_bridged
 from windsysid.inspection.screening import noted, screen
-from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Model
 from windsysid.records.record import LOW_PASS, Record
@@ -71,7 +70,6 @@ class SpectralFit(NamedTuple):
     doubts: tuple[str, ...]
 
 
-@one_thread()
 def fit_by_spectra(
     model: Model, record: Record | Iterable[Record], parameters: Sequence[Parameter], sensors: Sequence[Any],
     mean: ArrayLike | None, known: Mapping[str, float], loads: Sequence[LoadModel], channels: Mapping[str, str],

@@ -47,6 +47,7 @@ from windsysid.identification.spectral_pieces import identify_spectra_of_pieces
 from windsysid.identification.windows import Prepared, Windows
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import noted
+from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
@@ -63,6 +64,7 @@ _BEGINNING = 1000
 reached."""
 
 
+@one_thread()
 def identify_pieces(
     pieces: Iterable[Record],
     turbine: TurbineLike,

@@ -29,6 +29,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.identification.planned_ways import WAYS, Planned
 from windsysid.identification.prior import identifiable
 from windsysid.identification.problem import seen_by
+from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.answers import Answer
 from windsysid.output.progress import Progress, unheard
@@ -252,6 +253,7 @@ class Plan(Answer):
         return [self.sentence, self.table(), *self.answers, *self.directions, *budget, *self.notes]
 
 
+@one_thread()
 def plan(
     turbine: TurbineLike,
     *,

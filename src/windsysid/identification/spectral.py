@@ -29,7 +29,6 @@ from windsysid.identification.tolerances import (
     note_tolerances,
     tolerances_of,
 )
-from windsysid.kernels.threads import one_thread
 from windsysid.loads.family import hypothesis
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.loads.statistics import Statistic, learned_statistics
@@ -72,7 +71,6 @@ LEAST_OF_A_BLOCK = 20.0
 """And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
 
 
-@one_thread()
 def identify_by_spectrum(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
     loads: str = "auto", sums: LiftedSums | TurnedSums | None = None, speeds: Array | None = None,

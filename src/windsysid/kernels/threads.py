@@ -1,8 +1,9 @@
 """One thread for many small products of matrices.
 
-NumPy's OpenBLAS hands every product of more than a few dozen rows to all processors, which wait for each other longer
-than they multiply: a search among spectra took ten times its processor time. The number of threads is set in the
-library itself, as threadpoolctl does, since the environment is read once, when NumPy is loaded.
+The OpenBLAS of NumPy, and that of SciPy, which kernels call, hand every product of more than a few dozen rows to all
+processors, which wait for each other longer than they multiply: a search among spectra took ten times its processor
+time. The number of threads is set in the libraries themselves, as threadpoolctl does, since the environment is read
+once, when they are loaded.
 """
 
 import ctypes
@@ -10,10 +11,9 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 __all__ = ["one_thread"]
 
@@ -23,9 +23,9 @@ _SUFFIXES = ("64_", "", "_64_", "64")
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """NumPy's products of matrices in one thread, here; elsewhere too while this lasts.
+    """Products of matrices in one thread, here; elsewhere too while this lasts.
 
-    Where NumPy was built with another library than OpenBLAS, nothing changes.
+    Where NumPy and SciPy were built with another library than OpenBLAS, nothing changes.
     """
     before = [read() for read, _ in _controls()]
     try:
@@ -39,7 +39,7 @@ def one_thread() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _controls() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
-    """How to read and to set the number of threads of every OpenBLAS that NumPy brought along."""
+    """How to read and to set the number of threads of every OpenBLAS that NumPy and SciPy brought along."""
     found = []
     for path in _libraries():
         try:
@@ -53,11 +53,15 @@ def _controls() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
 
 
 def _libraries() -> list[Path]:
-    """Where wheels keep the library: beside the package, or inside on a Mac."""
-    package = Path(np.__file__).parent
-    folders = (package.parent / "numpy.libs", package / ".dylibs")
+    """Where wheels keep the libraries: beside the packages, or inside on a Mac."""
     names = {"win32": "*openblas*.dll", "darwin": "*openblas*.dylib"}
-    return sorted(path for folder in folders for path in folder.glob(names.get(sys.platform, "*openblas*.so*")))
+    found: list[Path] = []
+    for package in ("numpy", "scipy"):
+        spec = find_spec(package)  # SciPy itself is not imported
+        for place in (spec.submodule_search_locations or []) if spec else []:
+            for folder in (Path(place).with_name(f"{package}.libs"), Path(place) / ".dylibs"):
+                found += sorted(folder.glob(names.get(sys.platform, "*openblas*.so*")))
+    return found
 
 
 def _functions(library: Any) -> tuple[Callable[[], int], Callable[[int], None]] | None:

@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import cast
 
 from windsysid.errors import ConfigurationError
+from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
@@ -32,6 +33,7 @@ __all__ = ["analyse_vibration"]
 Sensors = Sequence[Sensor | ModalSensor | str]
 
 
+@one_thread()
 def analyse_vibration(
     record: "RecordLike | Sequence[RecordLike]",
     *,
