@@ -47,6 +47,28 @@ def test_every_lane_is_an_extended_kalman_filter(name: str, filters: int):
         )
 
 
+@pytest.mark.parametrize("name", STATE_ONLY)
+def test_slopes_to_changes_of_the_readings_are_those_of_an_extended_kalman_filter(name: str):
+    models = [scaled(MODELS[name](), 1.0 + 0.01 * i) for i in range(9)]
+    inputs, readings = record(models[0])
+    changes = 0.1 * np.random.default_rng(7).standard_normal((*readings.shape, 2))
+    with ThreadPoolExecutor(2) as pool:
+        bank, first = run_bank(bank_of(models, 2), inputs[:17], readings[:17], pool, changes[:17])
+        bank, second = run_bank(bank, inputs[17:], readings[17:], pool, changes[17:])
+    found = first.slopes + second.slopes
+    close = 5e-3 if name == "loads_that_turn" else 1e-6  # a rotor's gains go a little with its motion
+    assert found.shape == (2, 9)
+    for lane in (0, 8):
+        model, width = models[lane], 1e-4
+        for t in range(2):
+            above, below = (
+                EKF.run(model, EKF.init(model), inputs, readings + sign * width * changes[..., t])[1].log_likelihood
+                for sign in (1.0, -1.0)
+            )
+            slope = (above.sum() - below.sum()) / (2.0 * width)
+            assert found[t, lane] == pytest.approx(slope, abs=close * abs(found).max())
+
+
 def test_a_bank_can_stop_and_go_on_and_use_threads():
     models = [scaled(MODELS["loads_that_turn"](), 1.0 + 0.01 * i) for i in range(20)]
     inputs, readings = record(models[0])

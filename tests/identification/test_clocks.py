@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from windsysid.identification.clocks import Shifted, advance, clock_information, derivative
+from windsysid.identification.clocks import Lateness, Shifted, advance, clock_information, derivative
 from windsysid.identification.own_equations import Reading
 from windsysid.identification.posterior_mode import look
 from windsysid.mechanics.equations import Equations
@@ -74,8 +74,8 @@ def test_information_on_a_clock_is_that_of_a_dense_gaussian():
     for _ in range(150):
         y = (root @ rng.standard_normal(2 * SAMPLES)).reshape(2, SAMPLES).T.copy()
         samples = Shifted([(np.zeros((SAMPLES, 1)), y)], np.zeros(2), np.array([1.0]), EDGE)
-        seen = look(twice_read, samples, TRUTH, np.array([1e-4, 1e-4]))
-        said = clock_information(twice_read, samples, seen, clock)
+        seen = look(twice_read, samples, TRUTH, np.array([1e-4, 1e-4]), changes=Lateness(samples, clock))
+        said = clock_information(twice_read(TRUTH), samples, seen.found, clock)
         found.append([*said.gradient, *said.curvature.ravel(), *said.mixed.ravel()])
     mean, error = np.mean(found, axis=0), np.std(found, axis=0) / np.sqrt(len(found))
     expected = np.array([0.0, dense[2, 2], dense[0, 2], dense[1, 2]])

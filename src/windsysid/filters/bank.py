@@ -9,7 +9,8 @@ parameters in the state, in the order
     update    reading by reading:  v = P h,  s = h v + r,  m ← m + v ν/s,  P ← P − v vᵀ/s
 
 where P is changed once for all readings of a sample: v = P⁻ h − Σ u (u h) over the readings before, u = v/√s, and P =
-P⁻ − Σ u uᵀ.
+P⁻ − Σ u uᵀ. With changes dy of the readings a bank carries how far means go with them, dm, through the same F and the
+same gains: dν = dy − h dm, and the log-likelihood goes by −Σ ν dν/s.
 """
 
 from collections.abc import Sequence
@@ -39,6 +40,8 @@ class Bank(NamedTuple):
         One `Lanes` per group.
     mean, cov
         Beliefs (groups, n, LANES), (groups, n, n, LANES).
+    tangents
+        How far the means go with each of c changes of the readings (groups, c, n, LANES).
     inputs
         Inputs at the beliefs' own time (n_u + n_w,).
     samples
@@ -51,6 +54,7 @@ class Bank(NamedTuple):
     lanes: tuple[Lanes, ...]
     mean: Array
     cov: Array
+    tangents: Array
     inputs: Array
     samples: int
     filters: int
@@ -65,14 +69,17 @@ class Scores(NamedTuple):
         Innovations decorrelated and scaled to unit variance (T, m, filters); 0 where the reading is missing.
     log_std
         Logarithm of what they were divided by (T, m, filters); 0 where missing.
+    slopes
+        Of the log-likelihood to each change of the readings (c, filters).
     """
 
     whitened: Array
     log_std: Array
+    slopes: Array
 
 
-def bank_of(models: Sequence[StateSpace]) -> Bank:
-    """Put filters for models of one structure side by side, each at its model's prior.
+def bank_of(models: Sequence[StateSpace], changes: int = 0) -> Bank:
+    """Put filters for models of one structure side by side, each at its model's prior, for c changes of the readings.
 
     Raises
     ------
@@ -92,30 +99,41 @@ def bank_of(models: Sequence[StateSpace]) -> Bank:
         tuple(lanes_of(group, patterns) for group in groups),
         np.ascontiguousarray([np.stack([m.mean for m in group], axis=-1) for group in groups]).reshape(-1, n, LANES),
         np.ascontiguousarray([np.stack([m.cov for m in group], axis=-1) for group in groups]).reshape(-1, n, n, LANES),
+        np.zeros((len(groups), changes, n, LANES)),
         np.zeros(len(first.inputs)),
         0,
         len(models),
     )
 
 
-def run_bank(bank: Bank, inputs: Array, readings: Array, pool: ThreadPoolExecutor | None = None) -> tuple[Bank, Scores]:
-    """Filter T samples with every filter: inputs (T, n_u + n_w), readings (T, m), NaN = missing."""
+def run_bank(
+    bank: Bank, inputs: Array, readings: Array, pool: ThreadPoolExecutor | None = None, changes: Array | None = None
+) -> tuple[Bank, Scores]:
+    """Filter T samples with every filter: inputs (T, n_u + n_w), readings (T, m), NaN = missing.
+
+    With `changes` (T, m, c) of the readings, the same filters tell how their likelihood goes with each of them, as if
+    no gain went with it.
+    """
     inputs = np.require(inputs, np.float64, ["C", "W"])
     readings = np.require(readings, np.float64, ["C", "W"])
     samples, m = readings.shape
-    mean, cov = bank.mean.copy(), bank.cov.copy()
-    groups = len(bank.lanes)
+    mean, cov, tangents = bank.mean.copy(), bank.cov.copy(), bank.tangents.copy()
+    groups, c = tangents.shape[:2]
+    changes = np.zeros((samples, m, c)) if changes is None else np.require(changes, np.float64, ["C", "W"])
+    slopes = np.zeros((groups, c, LANES))
     whitened, variance = np.zeros((samples, m, groups, LANES)), np.ones((samples, m, groups, LANES))
     kernel, rates, reading = run_kernel(), bank.compiled.rates_of_lanes, bank.compiled.reading_of_lanes
 
     def run(g: int) -> None:
         kernel(
-            rates, reading, bank.lanes[g], scratch_of(bank.lanes[g], mean.shape[1]), mean[g], cov[g],
-            bank.inputs, inputs, readings, bank.samples > 0, g, whitened, variance,
+            rates, reading, bank.lanes[g], scratch_of(bank.lanes[g], mean.shape[1], c), mean[g], cov[g], tangents[g],
+            bank.inputs, inputs, readings, changes, bank.samples > 0, g, whitened, variance, slopes[g],
         )  # fmt: skip
 
     list((pool.map if pool else map)(run, range(len(bank.lanes))))
     log_std = 0.5 * np.log(variance)
-    scores = (array.reshape(samples, m, groups * LANES)[..., : bank.filters] for array in (whitened, log_std))
+    z, log_s = (array.reshape(samples, m, groups * LANES)[..., : bank.filters] for array in (whitened, log_std))
+    along = slopes.transpose(1, 0, 2).reshape(c, groups * LANES)[:, : bank.filters]
     last = inputs[-1].copy() if samples else bank.inputs
-    return bank._replace(mean=mean, cov=cov, inputs=last, samples=bank.samples + samples), Scores(*scores)
+    after = bank._replace(mean=mean, cov=cov, tangents=tangents, inputs=last, samples=bank.samples + samples)
+    return after, Scores(z, log_s, along)

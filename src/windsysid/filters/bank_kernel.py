@@ -1,10 +1,10 @@
 """The kernel of a bank of filters: `LANES` extended Kalman filters at once, one model in each lane of the processor's
 vectors.
 
-One sample goes through `load_ends`, `step_mechanics`, `transpose_derivatives`, `predict_covariance`, `expect_readings`
-and `assimilate_sample`, in that order; `windsysid.filters.bank` says which equations they hold. Every array has the
-lane as its last axis. Arrays of a model are read entry by entry where most of them are zero: the patterns in `Lanes`
-list the entries that are not.
+One sample goes through `load_ends`, `step_mechanics`, `transpose_derivatives`, `step_tangents`, `predict_covariance`,
+`expect_readings`, `expect_changes` and `assimilate_sample`, in that order; `windsysid.filters.bank` says which
+equations they hold. Every array has the lane as its last axis. Arrays of a model are read entry by entry where most of
+them are zero: the patterns in `Lanes` list the entries that are not.
 """
 
 import math
@@ -38,15 +38,30 @@ def run_kernel() -> Any:
     return compiled(
         _run,
         types.void(
-            model, model, _LANES_TYPE, _SCRATCH_TYPE, _f2, _f3, _f1, _f2, _f2, types.boolean, types.intp, _f4, _f4
+            model,
+            model,
+            _LANES_TYPE,
+            _SCRATCH_TYPE,
+            _f2,
+            _f3,
+            _f3,
+            _f1,
+            _f2,
+            _f2,
+            _f3,
+            types.boolean,
+            types.intp,
+            _f4,
+            _f4,
+            _f2,
         ),
         borrows=True,
     )
 
 
 def _run(
-    rates_jacobian: Any, reading_jacobian: Any, lanes: Any, ws: Any, mean: Any, cov: Any, previous: Any,
-    inputs: Any, readings: Any, started: bool, group: int, whitened: Any, variance: Any,
+    rates_jacobian: Any, reading_jacobian: Any, lanes: Any, ws: Any, mean: Any, cov: Any, tangents: Any, previous: Any,
+    inputs: Any, readings: Any, changes: Any, started: bool, group: int, whitened: Any, variance: Any, slopes: Any,
 ) -> None:  # fmt: skip
     n, wide = mean.shape[0], ws.P.shape[1]
     for i in range(n):
@@ -60,11 +75,13 @@ def _run(
             load_ends(lanes, ws, mean, before, after, s)
             step_mechanics(rates_jacobian, lanes, ws, mean, before, after, s)
             transpose_derivatives(lanes, ws, s)
+            step_tangents(lanes, ws, tangents, s)
             predict_covariance(lanes, ws, s)
         started = True
         before = after
         expect_readings(reading_jacobian, lanes, ws, mean, after)
-        assimilate_sample(lanes, ws, mean, readings[k], k, group, whitened, variance)
+        expect_changes(ws, tangents, readings[k], changes[k])
+        assimilate_sample(lanes, ws, mean, tangents, readings[k], k, group, whitened, variance, slopes)
     for i in range(n):
         for j in range(n):
             store(cov, i * n + j, load(ws.P, i * wide + j))
@@ -172,6 +189,26 @@ def transpose_derivatives(lanes: Any, ws: Any, s: int) -> None:
 
 
 @uncounted
+def step_tangents(lanes: Any, ws: Any, tangents: Any, s: int) -> None:
+    """How far the states go with changes of the readings, one step on: F dm for each change."""
+    nx, nz, _, _, _ = lanes.sizes
+    n, moving, tall, phi = tangents.shape[1], nx + nz, ws.top.shape[1], lanes.phi[s]
+    for t in range(tangents.shape[0]):
+        first = t * n
+        clear(ws.stepped, 1, tall)
+        add_rows(tangents, first, 1, ws.every, 0, moving, ws.top, ws.stepped, 0, 0, tall)
+        for i in range(nz):
+            store(ws.z1, i, splat(0.0))
+        for e in range(lanes.phi_at.shape[0]):
+            i, j = lanes.phi_at[e, 0], lanes.phi_at[e, 1]
+            store(ws.z1, i, load(ws.z1, i) + load(phi, i * nz + j) * load(tangents, first + nx + j))
+        for i in range(nx):
+            store(tangents, first + i, load(ws.stepped, i))
+        for i in range(nz):
+            store(tangents, first + nx + i, load(ws.z1, i))
+
+
+@uncounted
 def predict_covariance(lanes: Any, ws: Any, s: int) -> None:
     """P ← F P Fᵀ + Γ Q Γᵀ in ``ws.P``: the upper triangle is computed, and mirrored."""
     nx, nz, nb, _, _ = lanes.sizes
@@ -248,12 +285,27 @@ def expect_readings(reading_jacobian: Any, lanes: Any, ws: Any, mean: Any, input
 
 
 @uncounted
+def expect_changes(ws: Any, tangents: Any, reading: Any, change: Any) -> None:
+    """What is left of each change of the readings beside what was expected of it, in ``ws.late``."""
+    n, m = tangents.shape[1], ws.H.shape[0]
+    for t in range(tangents.shape[0]):
+        for c in range(m):
+            if np.isnan(reading[c]):
+                continue
+            left = splat(change[c, t])
+            for i in range(n):
+                left = left - load(ws.H, c * n + i) * load(tangents, t * n + i)
+            store(ws.late, t * m + c, left)
+
+
+@uncounted
 def assimilate_sample(
-    lanes: Any, ws: Any, mean: Any, reading: Any, k: int, group: int, whitened: Any, variance: Any
+    lanes: Any, ws: Any, mean: Any, tangents: Any, reading: Any, k: int, group: int, whitened: Any, variance: Any,
+    slopes: Any,
 ) -> None:  # fmt: skip
     """Take in the readings one by one, P once for all: v = (P h − Σ v_d (v_d · h)) / √s over the readings d before."""
     n, m, wide, groups = mean.shape[0], lanes.noise.shape[0], ws.P.shape[1], whitened.shape[2]
-    H, P, v, minus, residual = ws.H, ws.P, ws.v, ws.minus, ws.residual
+    H, P, v, minus, residual, late = ws.H, ws.P, ws.v, ws.minus, ws.residual, ws.late
     clear(v, m, wide)
     clear(minus, m, wide)
     for c in range(m):
@@ -269,6 +321,8 @@ def assimilate_sample(
             for i in range(n):
                 store(v, c * wide + i, load(v, c * wide + i) + along * load(v, d * wide + i))
             store(residual, c, load(residual, c) + along * load(residual, d))
+            for t in range(tangents.shape[0]):
+                store(late, t * m + c, load(late, t * m + c) + along * load(late, t * m + d))
         spread = load(lanes.noise, c)
         for i in range(n):
             spread = spread + load(H, c * n + i) * load(v, c * wide + i)
@@ -280,6 +334,12 @@ def assimilate_sample(
             store(v, c * wide + i, along)
             store(minus, c * wide + i, -along)
             store(mean, i, load(mean, i) + along * step)
+        for t in range(tangents.shape[0]):
+            change = scale * load(late, t * m + c)
+            store(late, t * m + c, change)
+            store(slopes, t, load(slopes, t) - step * change)
+            for i in range(n):
+                store(tangents, t * n + i, load(tangents, t * n + i) + load(v, c * wide + i) * change)
         store(whitened, (k * m + c) * groups + group, step)
         store(variance, (k * m + c) * groups + group, spread)
     for i in range(n):

@@ -70,6 +70,8 @@ class Scratch(NamedTuple):
         Expected readings and their derivatives to the whole state, to x and to w.
     v, minus, residual
         Rows v of each reading, −v, and whitened innovations.
+    stepped, late
+        The mechanical states of a tangent after a step (1, n_x), and what is left of changes of the readings.
     """
 
     every: Any
@@ -103,10 +105,12 @@ class Scratch(NamedTuple):
     v: Any
     minus: Any
     residual: Any
+    stepped: Any
+    late: Any
 
 
-def scratch_of(lanes: Lanes, n: int) -> Scratch:
-    """Allocate the arrays of one run over a group of filters with n states."""
+def scratch_of(lanes: Lanes, n: int, changes: int) -> Scratch:
+    """Allocate the arrays of one run over a group of filters with n states, and of so many changes of the readings."""
     nx, nz, _, nu, nw = (int(size) for size in lanes.sizes)
     m, turning, moving = len(lanes.noise), len(lanes.H_at), nx + nz
     wide, tall, broad, span = _row_lengths(n, nx, nz, nw)
@@ -120,6 +124,7 @@ def scratch_of(lanes: Lanes, n: int) -> Scratch:
         "P": (n, wide), "moved": (moving, wide), "pushed": (nx, broad), "corner": (nx, tall), "top": (moving, tall),
         "gain": (nz, tall),
         "H": (m, n), "C": (m, nx), "E": (m, nw), "v": (m, wide), "minus": (m, wide),
+        "stepped": (1, tall), "late": (changes, m),
     }  # fmt: skip
     return Scratch(
         every=np.arange(max(n, m)),

@@ -6,12 +6,13 @@ shift is no function of past readings alone. The squared slopes of the innovatio
 a model's numbers are (`windsysid.identification.posterior_mode`), would therefore count noise for information: of
 readings that are nothing but noise they find Σ (G y)². The curvature itself is taken instead,
 
-    ∂² log L / ∂κ²  from the log-likelihood at −w, 0 and w,      ∂² log L / ∂κ ∂θ  from its gradient at 0 and beside.
+    ∂² log L / ∂κ²  from the log-likelihood at −w, 0 and w,
+
+and ∂² log L / ∂κ ∂θ from how far the filters of a look go with the change G y of the readings (`Lateness`).
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -19,12 +20,13 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.filters import EKF
-from windsysid.identification.posterior_mode import THREADS, Look, look
+from windsysid.identification.posterior_mode import Look, Score
 from windsysid.identification.samples import Block, Samples
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
     "ClockInformation",
+    "Lateness",
     "Shifted",
     "Widened",
     "add_clocks",
@@ -42,9 +44,6 @@ TAPS = 24.0
 
 WIDTH = 0.2
 """Of the differences, in standard deviations of a clock's tolerance."""
-
-NARROW = 0.02
-"""The same of the differences between gradients, which are one-sided."""
 
 MOST = 3.0
 """No step moves a clock by more than so many standard deviations of its tolerance."""
@@ -76,16 +75,49 @@ class Shifted:
             if not self.late.any():
                 yield inputs, readings
                 continue
-            step = self.steps[inputs[:, -1].astype(np.int64)] if self.steps.size > 1 else self.steps[0]
-            time = np.cumsum(np.broadcast_to(step, len(readings)))
+            time = self.time(inputs)
             moved = readings.copy()
             for column in np.flatnonzero(self.late):
                 moved[:, column] = advance(time, readings[:, column], float(self.late[column]), self.edge)
             yield inputs, moved
 
+    def time(self, inputs: Array) -> Array:
+        """When the samples of a block with inputs (T, n_u + n_w) were taken (T,) [s], from any moment on."""
+        step = self.steps[inputs[:, -1].astype(np.int64)] if self.steps.size > 1 else self.steps[0]
+        return np.cumsum(np.broadcast_to(step, len(inputs)))
+
     def later(self, late: Array) -> "Shifted":
         """The same with readings that are so much later (m,) [s]."""
         return Shifted(self.samples, self.late + late, self.steps, self.edge)
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """How readings of samples change with c clocks.
+
+    Attributes
+    ----------
+    samples
+        Whose blocks come.
+    clocks
+        For each clock, by how much readings (m,) are late [s] at one standard deviation of its tolerance.
+    """
+
+    samples: Shifted
+    clocks: Sequence[Array]
+
+    @property
+    def count(self) -> int:
+        """The number of clocks."""
+        return len(self.clocks)
+
+    def of(self, inputs: Array, readings: Array, /) -> Array:
+        """What so late readings (T, m) gain if they are taken back (T, m, c)."""
+        time, late = self.samples.time(inputs), np.array(self.clocks)
+        slopes = np.zeros(readings.shape)
+        for column in np.flatnonzero(late.any(axis=0)):
+            slopes[:, column] = derivative(time, readings[:, column], self.samples.edge)
+        return slopes[:, :, None] * late.T
 
 
 class Clocked(Protocol):
@@ -176,7 +208,7 @@ def add_clocks(
     samples
         With the shift that the search saw.
     seen
-        Its last look at the other unknowns (n,).
+        Its last look at the other unknowns (n,), and at the `Lateness` of the samples.
     prior
         Mean (n,) and covariance (n, n) of those.
     clocks
@@ -184,7 +216,7 @@ def add_clocks(
     at
         The clocks (c,) in the shift that the search saw.
     """
-    n, said = len(seen.theta), clock_information(build, samples, seen, clocks)
+    n, said = len(seen.theta), clock_information(build(seen.theta), samples, seen.found, clocks)
     information = np.linalg.inv(prior[1])
     pull = seen.found.gradient - information @ (seen.theta - prior[0])
     cov = _joint_covariance(seen.found.fisher + information, said.mixed, said.curvature + np.eye(len(clocks)))
@@ -210,11 +242,8 @@ class ClockInformation(NamedTuple):
     mixed: Array
 
 
-def clock_information(
-    build: Callable[[Array], StateSpace], samples: Shifted, seen: Look, clocks: Sequence[Array]
-) -> ClockInformation:
-    """What readings say of clocks where `seen` looked at the same samples; clocks as for `add_clocks`."""
-    here = build(seen.theta)
+def clock_information(here: StateSpace, samples: Shifted, found: Score, clocks: Sequence[Array]) -> ClockInformation:
+    """What readings say of clocks where a look with the model `here` has found so much; clocks as for `add_clocks`."""
 
     def likelihood(late: Array) -> float:
         belief, total = EKF.init(here), 0.0
@@ -223,7 +252,7 @@ def clock_information(
             total += float(info.log_likelihood.sum())
         return total
 
-    middle = seen.found.log_likelihood
+    middle = found.log_likelihood
     above, below = ([likelihood(sign * WIDTH * one) for one in clocks] for sign in (1.0, -1.0))
     gradient = np.array([up - down for up, down in zip(above, below, strict=True)]) / (2.0 * WIDTH)
     curvature = np.diag([2.0 * middle - up - down for up, down in zip(above, below, strict=True)]) / WIDTH**2
@@ -231,12 +260,7 @@ def clock_information(
         for j in range(i):
             both = likelihood(WIDTH * (clocks[i] + clocks[j]))
             curvature[i, j] = curvature[j, i] = (above[i] + above[j] - middle - both) / WIDTH**2
-    mixed = np.zeros((len(seen.theta), len(clocks)))
-    with ThreadPoolExecutor(THREADS) as pool:
-        for j, one in enumerate(clocks):
-            beside = look(build, samples.later(NARROW * one), seen.theta, seen.widths, pool)
-            mixed[:, j] = (seen.found.gradient - beside.found.gradient) / NARROW
-    return ClockInformation(gradient, curvature, mixed)
+    return ClockInformation(gradient, curvature, found.mixed)
 
 
 def _joint_covariance(A: Array, mixed: Array, curvature: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.filters.bank import bank_of
-from windsysid.identification.clocks import clock_information, shifted
+from windsysid.identification.clocks import Lateness, clock_information, shifted
 from windsysid.identification.posterior_mode import THREADS, look, neighbours, score
 from windsysid.identification.problem import TurbineProblem
 from windsysid.loads.statistics import learned_statistics
@@ -66,7 +66,8 @@ def planned_information(
         some = slice(first, first + CLOCK_SAMPLES)
         block = problem.inputs[some], problem.readings[some]
         samples = shifted(problem, [block], np.zeros(len(problem.clocks)))
-        said = clock_information(problem.build, samples, look(problem.build, samples, theta, widths), problem.clocks)
+        seen = look(problem.build, samples, theta, widths, changes=Lateness(samples, problem.clocks))
+        said = clock_information(problem.build(theta), samples, seen.found, problem.clocks)
         length = len(block[1]) / rate
         growths[:, size:, :size] = (said.mixed.T @ to_relative) / length
         growths[:, :size, size:] = growths[:, size:, :size].swapaxes(1, 2)

@@ -15,7 +15,7 @@ Svensson, ch. 16.
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from windsysid.output.progress import passed
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
+    "Changes",
     "Look",
     "Mode",
     "Posterior",
@@ -67,6 +68,17 @@ CHUNK = 1000
 """Samples between two sums over the bank, which bound its memory."""
 
 
+class Changes(Protocol):
+    """Ways in which readings might change."""
+
+    @property
+    def count(self) -> int:
+        """How many there are, c."""
+
+    def of(self, inputs: Array, readings: Array, /) -> Array:
+        """By how much readings (T, m) change with each of them (T, m, c); NaN only where the readings are."""
+
+
 class Score(NamedTuple):
     """What a record says about θ at one point.
 
@@ -78,16 +90,22 @@ class Score(NamedTuple):
         Of the log-likelihood (n_θ,).
     fisher
         Fisher information (n_θ, n_θ).
+    mixed
+        Negative second derivatives of the log-likelihood to θ and to changes of the readings (n_θ, c).
     """
 
     log_likelihood: float
     gradient: Array
     fisher: Array
+    mixed: Array
 
     def plus(self, more: "Score") -> "Score":
         """What both say together."""
         return Score(
-            self.log_likelihood + more.log_likelihood, self.gradient + more.gradient, self.fisher + more.fisher
+            self.log_likelihood + more.log_likelihood,
+            self.gradient + more.gradient,
+            self.fisher + more.fisher,
+            self.mixed + more.mixed,
         )
 
 
@@ -183,6 +201,7 @@ def find_mode(
     prior_cov: Array,
     start: Array,
     start_cov: Array,
+    changes: Changes | None = None,
 ) -> Mode:
     """Find the mode of the posterior of θ.
 
@@ -196,6 +215,8 @@ def find_mode(
         Gaussian prior of θ (n_θ,), (n_θ, n_θ).
     start, start_cov
         Where to start, and the covariance whose inverse scales the first differences.
+    changes
+        Changes of the readings whose mixed derivatives the looks tell too.
 
     Raises
     ------
@@ -212,7 +233,7 @@ def find_mode(
     widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
     settled, before = False, 0.0
     with ThreadPoolExecutor(THREADS) as pool:
-        here = look(build, samples, start.copy(), widths, pool=pool)
+        here = look(build, samples, start.copy(), widths, pool, changes)
         best = objective(here)
         if not np.isfinite(best):
             raise WindsysidError(
@@ -230,7 +251,7 @@ def find_mode(
                 break
             widths = INCREMENT / np.sqrt(np.diag(curvature))
             for _ in range(MAX_HALVINGS):
-                candidate = look(build, samples, theta + step, widths, pool=pool)
+                candidate = look(build, samples, theta + step, widths, pool, changes)
                 if (value := objective(candidate)) > best:
                     here, best, before = candidate, value, float(step @ curvature @ step)
                     theta = here.theta
@@ -244,14 +265,15 @@ def find_mode(
 
 def look(
     build: Callable[[Array], StateSpace], samples: Samples, theta: Array, widths: Array,
-    pool: ThreadPoolExecutor | None = None,
+    pool: ThreadPoolExecutor | None = None, changes: Changes | None = None,
 ) -> Look:  # fmt: skip
-    """What the readings say at θ (n_θ,), from differences of the widths given (n_θ,)."""
-    bank = bank_of([build(values) for values in neighbours(theta, widths)])
-    n = len(theta)
-    found = Score(0.0, np.zeros(n), np.zeros((n, n)))
+    """What the readings say at θ (n_θ,), from differences of the widths given (n_θ,), and of changes of themselves."""
+    models, n = [build(values) for values in neighbours(theta, widths)], len(theta)
+    bank = bank_of(models, changes.count if changes else 0)
+    found = Score(0.0, np.zeros(n), np.zeros((n, n)), np.zeros((n, len(bank.tangents[0]))))
     for inputs, readings in samples:
-        bank, more = score(bank, inputs, readings, widths, pool)
+        moved = changes.of(inputs, readings) if changes else None
+        bank, more = score(bank, inputs, readings, widths, pool, moved)
         found = found.plus(more)
     return Look(theta, widths, bank, found)
 
@@ -281,22 +303,28 @@ def neighbours(theta: Array, widths: Array) -> list[Array]:
 
 
 def score(
-    bank: Bank, inputs: Array, readings: Array, widths: Array, pool: ThreadPoolExecutor | None = None
-) -> tuple[Bank, Score]:
-    """Run a bank of `neighbours` over T samples and take the differences between its filters."""
+    bank: Bank, inputs: Array, readings: Array, widths: Array, pool: ThreadPoolExecutor | None = None,
+    changes: Array | None = None,
+) -> tuple[Bank, Score]:  # fmt: skip
+    """Run a bank of `neighbours` over T samples, and of changes of the readings (T, m, c), and take the differences
+    between its filters."""
     n = len(widths)
     log_likelihood, gradient, fisher = 0.0, np.zeros(n), np.zeros((n, n))
+    mixed = np.zeros((n, bank.tangents.shape[1]))
     for first in range(0, len(readings), CHUNK):
         part = slice(first, first + CHUNK)
-        bank, scores = run_bank(bank, inputs[part], readings[part], pool)
-        z, log_s = (array.reshape(-1, bank.filters) for array in scores)  # zero where the reading is missing
+        bank, scores = run_bank(bank, inputs[part], readings[part], pool, None if changes is None else changes[part])
+        z, log_s = (array.reshape(-1, bank.filters) for array in scores[:2])  # zero where the reading is missing
         middle = z[:, 0]
         log_likelihood -= float(log_s[:, 0].sum() + 0.5 * middle @ middle)
         moved_z, moved_s = (array[:, 1:] - array[:, :1] for array in (z, log_s))
+        mixed -= (scores.slopes[:, 1:] - scores.slopes[:, :1]).T
         gradient -= moved_s.sum(axis=0) + middle @ moved_z
         fisher += 2.0 * (moved_s.T @ moved_s)
         moved_z += middle[:, None] * moved_s
         fisher += moved_z.T @ moved_z
         passed(len(readings[part]))
     log_likelihood -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
-    return bank, Score(float(log_likelihood), gradient / widths, fisher / np.outer(widths, widths))
+    return bank, Score(
+        float(log_likelihood), gradient / widths, fisher / np.outer(widths, widths), mixed / widths[:, None]
+    )

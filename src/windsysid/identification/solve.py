@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
-from windsysid.identification.clocks import add_clocks, shifted
+from windsysid.identification.clocks import Lateness, add_clocks, shifted
 from windsysid.identification.outcome import check_finite
 from windsysid.identification.posterior_mode import Mode, find_mode
 from windsysid.identification.recursive import History, Online, advance, finish, join_histories
@@ -279,7 +279,8 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
         moved = shifted(problem, samples, clocks)
         for _ in range(MAX_CLIMBS):
             mode = find_mode(
-                problem.build, moved, prior_mean=prior[0], prior_cov=prior[1], start=mean, start_cov=cov
+                problem.build, moved, prior_mean=prior[0], prior_cov=prior[1], start=mean, start_cov=cov,
+                changes=Lateness(moved, problem.clocks) if problem.clocks else None,
             )  # fmt: skip
             mean, cov = mode.mean, mode.cov
             if mode.settled:
