@@ -250,6 +250,19 @@ def test_a_tilted_prior_far_away_still_finds_the_stiffness(verne555, decay):
         assert e.estimate == pytest.approx(e.reference, rel=0.01 if e.kind == "stiffness" else 0.05), e.name
 
 
+def test_a_recursion_that_loses_its_way_costs_the_history_only(verne555, driven, found, monkeypatch):
+    def astray(*_):
+        raise WindsysidError("rational spectrum: expected a positive rms, got nan")
+
+    monkeypatch.setattr("windsysid.identification.solve._take_in", astray)
+    result = identify(driven, verne555, prior=Prior(1.3, 1.3))
+    whole = found[1.3]
+    assert result.diagnosis.trusted
+    for one, other in zip(result.estimates, whole.estimates, strict=True):
+        assert one.estimate == pytest.approx(other.estimate, abs=0.05 * other.std)
+        assert one.std == pytest.approx(other.std, rel=0.02)
+
+
 def test_a_diverged_filter_is_one_clear_error():
     with pytest.raises(WindsysidError, match=r"the filter diverged: .* --prior-scale"):
         check_finite(np.array([1.0, np.nan]), np.eye(2))

@@ -160,7 +160,7 @@ def solve(
         Samples per second [Hz].
     start
         Where the search for the mode begins, and how uncertain that is (n,), (n, n), the tolerances left out or not:
-        where the recursion ends by default. With it, a recursion that loses its way costs the history only.
+        where the recursion ends by default, or where it was before it lost its way: that costs the history only.
 
     Raises
     ------
@@ -170,12 +170,14 @@ def solve(
     history: History | None = None
     if online is not None:
         try:
-            online, history = _take_in(problem, samples, online)
+            with np.errstate(over="ignore", invalid="ignore"):  # of a recursion that loses its way
+                online, history = _take_in(problem, samples, online)
             check_finite(online.theta, online.precision)
             start = start or (online.theta, online.cov)
         except (WindsysidError, np.linalg.LinAlgError):
-            if start is None:
+            if start is None and not online.samples:
                 raise
+            start = start or (online.theta, online.cov)
     if start is None:
         raise ValueError("a search begins where the recursion ends, or at a start")
     mode, outliers, seen = _search(problem, samples, start, rate)
@@ -253,7 +255,7 @@ def _search(
     """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the
     mode."""
     outliers, clocks, kept = Outliers(), np.zeros(len(problem.clocks)), samples
-    for _ in range(MAX_GATED_SEARCHES):
+    for searches in range(1, MAX_GATED_SEARCHES + 1):
         mode = _climb(problem, kept, start, clocks)
         n = len(mode.look.theta)
         start, clocks = (mode.mean[:n], mode.cov[:n, :n]), mode.mean[n:]
@@ -261,7 +263,7 @@ def _search(
         gated = replace(model, blocks=model.blocks._replace(gate=np.array([GATE_SIGMAS])))
         seen = _filter(gated, shifted(problem, samples, clocks), rate, frequencies)
         found = _outliers(seen)
-        if found.same_as(outliers):
+        if found.same_as(outliers) or (searches > 1 and not mode.settled):  # no set of readings makes it settle
             break
         outliers, kept = found, SamplesWithout(samples, found)
     if seen.gated.any():  # what a filter without a gate says
@@ -292,7 +294,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
         check_finite(wide.mean, wide.cov)
         mode = mode._replace(mean=wide.mean, cov=wide.cov)
         mean, clocks = wide.mean[:n], wide.mean[n:]
-        if wide.moved < CLOSE:
+        if wide.moved < CLOSE or not mode.settled:
             break
     else:
         mode = mode._replace(settled=mode.settled and not problem.clocks)
