@@ -41,7 +41,7 @@ from windsysid.fleet.members import Member
 from windsysid.live.block import Block
 from windsysid.live.codec import encode_arrow, encode_json
 from windsysid.live.engine import Engine, Followed
-from windsysid.live.settings import Broker
+from windsysid.live.source_settings import Broker
 from windsysid.live.sources.broker import Marks, connect, new_client, properties_of
 from windsysid.live.sources.mqtt import MqttSource
 from windsysid.live.sources.publisher import Publisher

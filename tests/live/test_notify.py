@@ -16,7 +16,8 @@ import pytest
 
 from windsysid.live import notify
 from windsysid.live.notify import MqttRecipient, UndeliveredError, Webhook, notice_of, tell_alarms
-from windsysid.live.settings import Broker, MqttNotice
+from windsysid.live.settings import MqttNotice
+from windsysid.live.source_settings import Broker
 from windsysid.live.store.contents import Alarm, Commit, Status
 from windsysid.live.store.opening import open_store
 from windsysid.live.store.store import Store

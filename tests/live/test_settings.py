@@ -4,14 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from windsysid.live.settings import (
-    FolderSettings,
-    MqttNotice,
-    MqttSettings,
-    SettingsError,
-    WebhookNotice,
-    read_settings,
-)
+from windsysid.live.settings import MqttNotice, SettingsError, WebhookNotice, read_settings
+from windsysid.live.source_settings import Certificates, FolderSettings, MqttSettings, OpcuaSettings
 from windsysid.live.sources.replay import Replay
 from windsysid.live.wiring import sources_of
 
@@ -57,7 +51,7 @@ def test_the_smallest_file_has_defaults_for_all_else(tmp_path: Path):
 def test_all_kinds_of_tables_are_read_with_their_secrets_from_files_and_environment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    for name in ("reader", "operator", "hook"):
+    for name in ("reader", "operator", "hook", "own.pem", "key.pem", "scada.der"):
         (tmp_path / name).write_text(f"secret of {name}\n", encoding="utf-8")
     (tmp_path / "records").mkdir()
     monkeypatch.setenv("BROKER_PASSWORD", "secret of broker")
@@ -72,6 +66,9 @@ turbine = "T01"
 [[source]]
 kind = "opcua"
 server = "opc.tcp://scada:4840"
+certificate = "own.pem"
+key = "key.pem"
+server_certificate = "scada.der"
 turbine = "T01"
 every = "500 ms"
 [[source.node]]
@@ -107,7 +104,9 @@ format = "json"
     assert mqtt.broker.password is not None
     assert mqtt.broker.password.value == "secret of broker"
     assert isinstance(folder, FolderSettings)
-    assert opcua.nodes == {"rotor_speed": ("ns=2;s=T01.RotorSpeed", "rpm")}  # type: ignore[union-attr]
+    assert isinstance(opcua, OpcuaSettings)
+    assert opcua.nodes == {"rotor_speed": ("ns=2;s=T01.RotorSpeed", "rpm")}
+    assert opcua.secured == Certificates(*(tmp_path / name for name in ("own.pem", "key.pem", "scada.der")))
     webhook, retained = found.notices
     assert isinstance(webhook, WebhookNotice)
     assert webhook.url.value == "secret of hook"
@@ -185,6 +184,10 @@ format = "xml"
         ('[page]\nreader_token_file = "empty"\nreader_token_env = "x"', "[page]: reader_token_file and"),
         ('[page]\nreader_token_file = "empty"', "[page]: reader_token_file: '"),
         ('[page]\ncertificate = "empty"', "[page]: certificate and key: expected both or neither"),
+        (
+            '[[source]]\nkind = "opcua"\nserver = "opc.tcp://scada"\nkey = "empty"',
+            "[[source]] 1: certificate, key and server_certificate: expected all three or none, got no certificate",
+        ),
     ],
 )
 def test_a_wrong_value_is_named(tmp_path: Path, text: str, expected: str):

@@ -13,7 +13,7 @@ from windsysid.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from windsysid.live.block import Block
-    from windsysid.live.settings import Broker
+    from windsysid.live.source_settings import Broker
     from windsysid.live.sources.publisher import Publisher
 
 __all__ = []
@@ -105,7 +105,7 @@ def _told(publisher: "Publisher", turbine: str, sent: int, known: int) -> str:
 
 def _broker(url: str, user: str, password_file: Path | None, ca: Path | None) -> "Broker":
     """The broker as it is told, checked as a settings file is."""
-    from windsysid.live.settings import Broker
+    from windsysid.live.source_settings import Broker
     from windsysid.live.toml_table import TomlTable
 
     told: dict[str, str] = {"broker": url}

@@ -21,19 +21,22 @@ from typing import Any, Literal
 from windsysid.configuration import parse_toml
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
+from windsysid.live.source_settings import (
+    Broker,
+    FolderSettings,
+    ReplaySettings,
+    SourceSettings,
+    broker_of,
+    source_of,
+)
 from windsysid.live.store.keep import span
 from windsysid.live.toml_table import Secret, TomlTable
 from windsysid.turbine.file import packaged_turbines
 
 __all__ = [
-    "Broker",
-    "FolderSettings",
     "LogSettings",
     "MqttNotice",
-    "MqttSettings",
-    "OpcuaSettings",
     "PageSettings",
-    "ReplaySettings",
     "Settings",
     "SettingsError",
     "WebhookNotice",
@@ -58,99 +61,6 @@ class SettingsError(ConfigurationError):
     def __init__(self, lines: list[str]) -> None:
         super().__init__("\n".join(lines))
         self.lines = lines
-
-
-@dataclass(frozen=True)
-class Broker:
-    """How an MQTT broker is reached.
-
-    Attributes
-    ----------
-    url
-        ``mqtt://HOST[:PORT]``, or ``mqtts://`` with TLS.
-    ca
-        File of the authority that signed the broker's certificate; the system's authorities where None.
-    """
-
-    url: str
-    user: str = ""
-    password: Secret | None = None
-    ca: Path | None = None
-
-
-@dataclass(frozen=True)
-class MqttSettings:
-    """Blocks from a broker.
-
-    Attributes
-    ----------
-    topic
-        With ``{turbine}`` where the turbine's name stands.
-    client
-        Under this name the broker keeps what was not acknowledged.
-    """
-
-    broker: Broker
-    topic: str
-    client: str
-
-
-@dataclass(frozen=True)
-class FolderSettings:
-    """Records that appear in a folder.
-
-    Attributes
-    ----------
-    turbine
-        Whose they are.
-    pattern
-        Of their names.
-    """
-
-    path: Path
-    turbine: str
-    pattern: str
-
-
-@dataclass(frozen=True)
-class OpcuaSettings:
-    """Channels of a SCADA server.
-
-    Attributes
-    ----------
-    nodes
-        Node and unit of each channel.
-    every
-        How often the server samples them [s].
-    """
-
-    server: str
-    turbine: str
-    nodes: dict[str, tuple[str, str]]
-    every: float
-    user: str = ""
-    password: Secret | None = None
-
-
-@dataclass(frozen=True)
-class ReplaySettings:
-    """A record that is played.
-
-    Attributes
-    ----------
-    speed
-        How many times faster than it was recorded; 0 is as fast as it goes.
-    start
-        The moment of its time 0 [ns since 1970]; None for its own, or now.
-    """
-
-    record: Path
-    turbine: str
-    speed: float
-    start: int | None = None
-
-
-SourceSettings = MqttSettings | FolderSettings | OpcuaSettings | ReplaySettings
 
 
 @dataclass(frozen=True)
@@ -279,7 +189,7 @@ def _settings(file: TomlTable) -> Settings:
     alarms = file.number("alarms_per_year", 0.1, 1e-3, 100.0)
     turbines = _turbines(file)
     names = [member.name for member in turbines]
-    sources = [made for table in file.tables("source", "source") if (made := _source(table, names)) is not None]
+    sources = [made for table in file.tables("source", "source") if (made := source_of(table, names)) is not None]
     read = {one.turbine for one in sources if isinstance(one, FolderSettings | ReplaySettings)}
     for name in (one.name for one in turbines if one.mapping is not None and one.name not in read):
         file.fault(f"[[turbine]] '{name}': mapping is for sources folder and replay, and it has none: take it out")
@@ -335,61 +245,6 @@ def _turbine(table: TomlTable) -> Member | None:
     return member
 
 
-def _source(table: TomlTable, names: list[str]) -> SourceSettings | None:
-    kinds = {"mqtt": _mqtt, "folder": _folder, "opcua": _opcua, "replay": _replay}
-    kind = table.choice("kind", tuple(kinds))
-    made = kinds[kind](table, names) if kind else None
-    if made is not None:
-        table.done()
-    return made
-
-
-def _broker(table: TomlTable) -> Broker:
-    return Broker(
-        url=table.url("broker", ("mqtt", "mqtts")), user=table.text("user"), password=table.secret("password"),
-        ca=table.path("ca", exists="file"),
-    )  # fmt: skip
-
-
-def _mqtt(table: TomlTable, names: list[str]) -> MqttSettings:
-    broker = _broker(table)
-    topic = table.text("topic", "windsysid/{turbine}/blocks")
-    if topic.split("/").count("{turbine}") != 1 or "#" in topic or "+" in topic:
-        table.fault(f"topic: expected one level '{{turbine}}' and neither # nor +, got '{topic[:60]}'")
-    return MqttSettings(broker, topic, table.text("client", "windsysid-live"))
-
-
-def _folder(table: TomlTable, names: list[str]) -> FolderSettings | None:
-    path = table.path("path", needed=True, exists="folder")
-    turbine, pattern = _one_of(table, names), table.text("pattern", "*")
-    return None if path is None else FolderSettings(path, turbine, pattern)
-
-
-def _opcua(table: TomlTable, names: list[str]) -> OpcuaSettings:
-    server, turbine = table.url("server", ("opc.tcp",)), _one_of(table, names)
-    every = table.time("every", "1 s", "10 ms", "1 h")
-    user, password = table.text("user"), table.secret("password")
-    nodes = {}
-    for node in table.tables("node", "source.node"):
-        channel, identifier, unit = (node.text(key, needed=True) for key in ("channel", "node", "unit"))
-        nodes[channel] = (identifier, unit)
-        node.done()
-    if not table.given.get("node"):
-        table.fault("[[source.node]] is missing: expected one table or more, with channel, node and unit")
-    return OpcuaSettings(server, turbine, nodes, every, user, password)
-
-
-def _replay(table: TomlTable, names: list[str]) -> ReplaySettings | None:
-    record, turbine = table.path("record", needed=True, exists="file"), _one_of(table, names)
-    speed, start = table.number("speed", 1.0, 0.0, 1e6), table.moment("start")
-    return None if record is None else ReplaySettings(record, turbine, speed, start)
-
-
-def _one_of(table: TomlTable, names: list[str]) -> str:
-    found: str = table.value("turbine", "the name of a [[turbine]]", lambda it: it in names, "", needed=True)
-    return found
-
-
 def _notice(table: TomlTable) -> NoticeSettings | None:
     kind, made = table.choice("kind", ("webhook", "mqtt")), None
     if kind:
@@ -413,7 +268,7 @@ def _mqtt_notice(table: TomlTable, severity: str) -> MqttNotice:
     topic = table.text("topic", "windsysid/{turbine}/alarms/{alarm}")
     if "{alarm}" not in topic or "#" in topic or "+" in topic:
         table.fault(f"topic: expected '{{alarm}}' in it and neither # nor +, got '{topic[:60]}'")
-    return MqttNotice(_broker(table), topic, severity)
+    return MqttNotice(broker_of(table), topic, severity)
 
 
 def _page(table: TomlTable) -> PageSettings:

@@ -1,6 +1,7 @@
 """From settings to the sources that they mean."""
 
-from windsysid.live.settings import MqttSettings, OpcuaSettings, ReplaySettings, Settings, SourceSettings
+from windsysid.live.settings import Settings
+from windsysid.live.source_settings import MqttSettings, OpcuaSettings, ReplaySettings, SourceSettings
 from windsysid.live.sources.folder import FolderSource
 from windsysid.live.sources.mqtt import MqttSource
 from windsysid.live.sources.opcua import OpcuaSource
@@ -29,5 +30,8 @@ def _source(one: SourceSettings, names: list[str], mappings: dict[str, str | Non
     if isinstance(one, MqttSettings):
         return MqttSource(one.broker, names, topic=one.topic, client=one.client)
     if isinstance(one, OpcuaSettings):
-        return OpcuaSource(one.server, one.turbine, one.nodes, every=one.every, user=one.user, password=one.password)
+        return OpcuaSource(
+            one.server, one.turbine, one.nodes, every=one.every, user=one.user, password=one.password,
+            secured=one.secured,
+        )  # fmt: skip
     return FolderSource(one.path, one.turbine, pattern=one.pattern, mapping=mappings[one.turbine])

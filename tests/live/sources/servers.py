@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from windsysid.live.settings import Broker
+from windsysid.live.source_settings import Broker
 
 __all__ = ["Mosquitto", "free_port", "wait_for"]
 

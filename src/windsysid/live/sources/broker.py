@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 from windsysid.errors import ConfigurationError
-from windsysid.live.settings import Broker
+from windsysid.live.source_settings import Broker
 
 __all__ = [
     "LONGEST_PAYLOAD",

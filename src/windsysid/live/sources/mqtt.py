@@ -18,7 +18,7 @@ from typing import Any
 
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, Limits, decode
-from windsysid.live.settings import Broker
+from windsysid.live.source_settings import Broker
 from windsysid.live.sources.broker import LONGEST_PAYLOAD, TOPIC, Marks, Topics, connect, marks_of, new_client
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 

@@ -11,6 +11,7 @@ import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
+from windsysid.live.source_settings import Certificates
 from windsysid.live.sources.broker import needed
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
 from windsysid.live.toml_table import Secret
@@ -37,6 +39,9 @@ PATIENCE = 4.0
 
 LAST_WAIT = 2.0
 """For the store to take the last blocks when the service ends [s]."""
+
+POLICIES = ("Aes256Sha256RsaPss", "Aes128Sha256RsaOaep", "Basic256Sha256")
+"""Kinds of encryption, the strongest first."""
 
 LATE = 0.5
 """Of a period: an answer that comes later is of another moment, and missing."""
@@ -63,6 +68,8 @@ class OpcuaSource:
         Period [s].
     user, password
         Where the server asks for them.
+    secured
+        Certificates by which client and server know each other; all is signed and encrypted then.
     """
 
     def __init__(
@@ -74,9 +81,10 @@ class OpcuaSource:
         every: float = 1.0,
         user: str = "",
         password: Secret | None = None,
+        secured: Certificates | None = None,
     ) -> None:
         self.server, self.turbine, self.nodes, self.every = server, turbine, dict(nodes), every
-        self.user, self.password = user, password
+        self.user, self.password, self.secured = user, password, secured
         self.state = SourceState()
         self._blocks: asyncio.Queue[Block] = asyncio.Queue()
 
@@ -90,7 +98,7 @@ class OpcuaSource:
         Raises
         ------
         ConfigurationError
-            If asyncua is not installed, or a node is not written as one.
+            If asyncua is not installed, a node is not written as one, or a certificate or key cannot be read.
         """
         asyncua = needed("asyncua", "OPC UA needs asyncua")
         for library in ("asyncua", "asyncua.client", "asyncua.common"):
@@ -119,10 +127,14 @@ class OpcuaSource:
         except asyncua.ua.UaStringParsingError as error:
             raise ConfigurationError(f"node: expected one such as ns=2;s=Rotor.Speed: {str(error)[:80]}") from None
         try:
+            if self.secured is not None:
+                await asyncio.wait_for(_secure(client, self.secured), 2.0 * PATIENCE)
             await asyncio.wait_for(client.connect(), 2.0 * PATIENCE)
             succeeded()
             self.state = self.state._replace(state="running", text="")
             await self._read(client, nodes, stop)
+        except ConfigurationError:
+            raise
         except Exception as error:  # asyncua raises what it likes
             return str(error).split("\n")[0][:120] or type(error).__name__
         finally:
@@ -180,6 +192,60 @@ class OpcuaSource:
                     continue
                 break
             self._blocks.task_done()
+
+
+async def _secure(client: Any, files: Certificates) -> None:
+    """Have all that goes to and fro signed and encrypted, by the strongest of `POLICIES` that the server offers.
+
+    Raises
+    ------
+    ConfigurationError
+        If a file is no certificate or key.
+    ConnectionError
+        If the server offers none of them, or has another certificate.
+    """
+    from asyncua import ua
+    from asyncua.crypto import security_policies, uacrypto
+
+    def content(path: Path) -> Any:
+        text = path.read_bytes()
+        return uacrypto.CertProperties(text, "pem" if b"-----BEGIN" in text else "der")
+
+    certificate, key, server = (content(path) for path in (files.certificate, files.key, files.server_certificate))
+    try:
+        own = await uacrypto.load_certificate(certificate.path_or_content, certificate.extension)
+        theirs = await uacrypto.load_certificate(server.path_or_content, server.extension)
+        await uacrypto.load_private_key(key.path_or_content, None, key.extension)
+    except (ValueError, TypeError) as error:
+        raise ConfigurationError(
+            f"certificate, key or server_certificate: expected PEM or DER files, got something else ({str(error)[:60]})"
+        ) from None
+    client.application_uri = _application_uri(own) or client.application_uri
+    encrypted = ua.MessageSecurityMode.SignAndEncrypt
+    offers = {
+        offer.SecurityPolicyUri: offer.ServerCertificate
+        for offer in await client.connect_and_get_server_endpoints()
+        if offer.SecurityMode == encrypted
+    }
+    policies = [getattr(security_policies, f"SecurityPolicy{name}") for name in POLICIES]
+    policy = next((policy for policy in policies if policy.URI in offers), None)
+    if policy is None:
+        raise ConnectionError(f"the server offers no encryption that is safe: expected one of {', '.join(POLICIES)}")
+    if not offers[policy.URI].startswith(uacrypto.der_from_x509(theirs)):
+        raise ConnectionError("the server's certificate is not server_certificate: another server, or a renewed one")
+    await client.set_security(policy, certificate, key, server_certificate=server, mode=encrypted)
+
+
+def _application_uri(certificate: Any) -> str:
+    """The name of the application that a certificate is for; empty where it tells none."""
+    from cryptography import x509
+
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return ""
+    found = names.get_values_for_type(x509.UniformResourceIdentifier)
+    return str(found[0]) if found else ""
 
 
 def _number(answer: Any) -> float:

@@ -21,7 +21,7 @@ from typing import Any
 
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, check, encode_arrow
-from windsysid.live.settings import Broker
+from windsysid.live.source_settings import Broker
 from windsysid.live.sources.broker import (
     LONGEST_PAYLOAD,
     TOPIC,
