@@ -100,9 +100,11 @@ def test_a_class_says_what_it_holds(found: Any):
 
 
 @pytest.mark.parametrize("method", list(methods()))
-def test_a_method_is_described_and_says_what_it_refuses(method: Any):
+def test_a_method_says_what_it_takes_and_refuses(method: Any):
     text = inspect.getdoc(method) or ""
     assert text
+    taken = [name for name in inspect.signature(method).parameters if name not in ("self", "cls")]
+    assert [name for name in taken if not names(text, name)] == []
     given = inspect.get_annotations(method)
     assert without_shape_or_unit(text, given) == []
     arrays = [name for name, kind in given.items() if "ndarray" in str(kind) and name != "return"]

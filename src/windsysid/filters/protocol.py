@@ -114,16 +114,16 @@ class Filter:
         return Belief(model.mean.copy(), model.cov.copy(), np.zeros(len(model.inputs)), 0)
 
     def predict(self, model: StateSpace, belief: Belief, inputs: Array) -> Belief:
-        """The belief at the time of `inputs` (n_u + n_w,), one sample on; the first prediction stays at the prior."""
+        """The `belief` of `model` at the time of `inputs` (n_u + n_w,), one sample on; the first stays at the prior."""
         nothing = np.full((1, len(model.readings)), np.nan)
         return self._filter(model, belief, np.atleast_2d(inputs), nothing)[0]
 
     def update(self, model: StateSpace, belief: Belief, readings: Array) -> tuple[Belief, Info]:
-        """The belief after readings (m,) taken at its own time."""
+        """The `belief` of `model` after `readings` (m,) taken at its own time."""
         return self._filter(model, belief, belief.inputs[None], np.atleast_2d(readings), moves=False)[:2]
 
     def step(self, model: StateSpace, belief: Belief, inputs: Array, readings: Array) -> tuple[Belief, Info]:
-        """Filter one sample: `run` over inputs (n_u + n_w,) and readings (m,)."""
+        """Filter one sample from `belief` on: `run` of `model` over `inputs` (n_u + n_w,) and `readings` (m,)."""
         return self.run(model, belief, np.atleast_2d(inputs), np.atleast_2d(readings))
 
     def run(self, model: StateSpace, belief: Belief, inputs: Array, readings: Array) -> tuple[Belief, Info]:
@@ -153,7 +153,7 @@ class Filter:
     def run_with_covariances(
         self, model: StateSpace, belief: Belief, inputs: Array, readings: Array
     ) -> tuple[Belief, Info, Array]:
-        """As `run`, and the covariance after each sample (T, n, n)."""
+        """As `run` of `model` from `belief` on over `inputs` and `readings`, and the covariances (T, n, n)."""
         return self._filter(model, belief, inputs, readings, keep=True)
 
     def _kept(self, model: StateSpace) -> Callable[..., None]:

@@ -109,14 +109,14 @@ class Plan(Answer):
         return self.start + max(duration - self.start_seconds, 0.0) * self.growth
 
     def band(self, name: str, duration: float | None = None) -> float:
-        """Relative ±2σ of one parameter after `duration` [s], as planned by default; infinite where it is not seen."""
+        """Relative ±2σ of the parameter `name` after `duration` [s], as planned by default; infinite where not seen."""
         if name in self.locked:
             return math.inf
         sigma = standard_deviations(self.information(self.duration if duration is None else duration))
         return SIGMAS * float(sigma[self.names.index(name)])
 
     def needed(self, name: str) -> float:
-        """Duration [s] after which ±2σ of one parameter is within the wish; infinite if that takes more than ten
+        """Duration [s] after which ±2σ of the parameter `name` is within the wish; infinite if that takes more than ten
         years."""
         low = high = self.start_seconds
         while self.band(name, high) > self.within:  # after ten years rounding would hide what tolerances leave open

@@ -39,7 +39,7 @@ class Prior:
             raise ConfigurationError(f"prior spread: expected a positive number, such as 0.3, got {self.spread:g}")
 
     def parameters(self, turbine: Turbine, names: Sequence[str], *, linear: bool) -> tuple[Parameter, ...]:
-        """The parameters to identify; `linear` keeps stiffness unscaled, as the force balance needs it.
+        """The parameters `names` of `turbine`; `linear` keeps stiffness unscaled, as the force balance needs it.
 
         Masses, moments and geometry are centred on their references, however far the coefficients' priors are moved.
         """

@@ -156,7 +156,7 @@ class Inspection(Answer):
         return Table(("section [s]", "why"), self.stop_rows(), STOPS_TITLE, words=(0, 1))
 
     def peaks_table(self, most_channels: int = 6) -> Table:
-        """Spectral peaks of the most telling channels."""
+        """Spectral peaks of the most telling channels, `most_channels` at most."""
         headings = ("channel", "frequency [Hz]", "rms", "what it may be")
         return Table(headings, self.peak_rows(most_channels), "Spectral peaks", words=(0, 3))
 
@@ -193,7 +193,7 @@ class Inspection(Answer):
         return [(f"{stop.start:g}–{stop.end:g}", str(stop)) for stop in self.stops]
 
     def peak_rows(self, most_channels: int = 1000) -> list[tuple[str, str, str, str]]:
-        """Channel, frequency, rms, and what it may be, of every peak."""
+        """Channel, frequency, rms, and what it may be, of every peak of the first `most_channels` channels."""
         return [
             (
                 spectrum.channel if i == 0 else "",

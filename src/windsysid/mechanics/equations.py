@@ -145,7 +145,7 @@ class Equations:
         ]
 
     def readings_across(self, sensors: Sequence[object]) -> list[sp.Expr | None]:
-        """None for each sensor: expressions have no axis."""
+        """None for each of `sensors`: expressions have no axis."""
         return [None] * len(sensors)
 
 

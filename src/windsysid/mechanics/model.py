@@ -201,12 +201,12 @@ class MechanicalModel(Model, Protocol):
 
     @abstractmethod
     def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
-        """Mass [kg] or inertia [kg·m²] that moves with one degree of freedom when the others are held."""
+        """Mass [kg] or inertia [kg·m²] that moves with `coordinate` when the others are held, at `values`."""
 
     @abstractmethod
     def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
-        """What holds one degree of freedom [N/m or N·m/rad] when the others are held, the rotor turning at
-        `rotor_speed` [rad/s]."""
+        """What holds `coordinate` [N/m or N·m/rad] when the others are held, at coefficients `values`, the rotor
+        turning at `rotor_speed` [rad/s]."""
 
     def __hash__(self) -> int:
         """Models with the same equations are one."""
@@ -218,8 +218,8 @@ class MechanicalModel(Model, Protocol):
         return ()
 
     def lock_unseen(self, sensors: Sequence[Any]) -> tuple[Self, tuple[str, ...]]:
-        """The model with those degrees of freedom locked that no sensor sees, and a note on each; by default all stay
-        free."""
+        """The model with those degrees of freedom locked that none of `sensors` sees, and a note on each; by default
+        all stay free."""
         return self, ()
 
     def bodies(self) -> Mapping[str, tuple[str, ...]]:
@@ -272,7 +272,7 @@ class MechanicalModel(Model, Protocol):
         raise ConfigurationError(f"no parameter '{name}' in a model of the kind '{self.kind}': expected one of {names}")
 
     def coefficients_of(self, coordinate: str, kind: str) -> tuple[str, ...]:
-        """Names of the coefficients of one kind that belong to a degree of freedom."""
+        """Names of the coefficients of one `kind` that belong to `coordinate`."""
         return tuple(c.name for c in self.parameters if c.part == coordinate and c.kind == kind)
 
     def freedom(self, name: str) -> Coordinate:
@@ -291,12 +291,12 @@ class MechanicalModel(Model, Protocol):
         )
 
     def acts(self, name: str) -> bool:
-        """Whether a parameter plays a part: not so stiffness and damping of what is locked."""
+        """Whether the parameter `name` plays a part: not so stiffness and damping of what is locked."""
         kinds = {c.name: c.kind for c in self.parameters}
         return name in self.coefficients or kinds.get(name) in ("inertia", "geometry")
 
     def natural_frequency(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
-        """ω [rad/s] of one degree of freedom when the others are held."""
+        """ω [rad/s] of `coordinate` when the others are held, at coefficients `values` and `rotor_speed` [rad/s]."""
         return math.sqrt(self.stiffness(coordinate, values, rotor_speed) / self.inertia(coordinate, values))
 
 

@@ -129,7 +129,7 @@ class RotorModel(MechanicalModel):
         return range(1, self.blades + 1)
 
     def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
-        """Mass [kg] or inertia [kg·m²] that moves with one degree of freedom when the others are held."""
+        """Mass [kg] or inertia [kg·m²] that moves with `coordinate` when the others are held, at `values`."""
         v = values
         if blade := self.blade_of(coordinate):
             return v[f"blade_inertia_{blade}"]
@@ -145,18 +145,18 @@ class RotorModel(MechanicalModel):
         return total + own + leaning
 
     def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
-        """The spring of one degree of freedom and, for a blade, its centrifugal stiffening."""
+        """The spring of `coordinate` at `values`; for a blade its centrifugal stiffening at `rotor_speed` [rad/s] too."""
         stiffness = values[f"k_{coordinate}"]
         if blade := self.blade_of(coordinate):
             stiffness += values[f"blade_first_moment_{blade}"] * values["hinge_offset"] * rotor_speed**2
         return stiffness
 
     def blade_of(self, coordinate: str) -> int:
-        """Number of the blade whose lag angle a degree of freedom is, free or locked; 0 for the support's."""
+        """Number of the blade whose lag angle `coordinate` is, free or locked; 0 for the support's."""
         return next((i for i in self.blade_numbers if coordinate == f"beta_{i}"), 0)
 
     def lock_unseen(self, sensors: "Sequence[Sensor]") -> "tuple[RotorModel, tuple[str, ...]]":
-        """The rotor with its blades locked where no sensor sits on one, and x or y where nothing sees them move."""
+        """The rotor with blades locked where none of `sensors` sits on one, and x or y where none sees them move."""
         changes: dict[str, str] = {}
         notes = []
         if self.lag == "free" and not any(sensor.blade for sensor in sensors):
@@ -183,7 +183,7 @@ class RotorModel(MechanicalModel):
         return MultiBlade(self)
 
     def lean(self, values: Mapping[str, float]) -> float:
-        """κ [rad/m], by how much x leans the rotor: 0 where roll is locked."""
+        """κ [rad/m], by how much x leans the rotor at coefficients `values`: 0 where roll is locked."""
         return 0.0 if self.roll == "locked" else values["kappa"]
 
     @property
@@ -212,13 +212,13 @@ class RotorModel(MechanicalModel):
         )
 
     def readings(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr]":
-        """What each sensor reads, in x, a, u, p and w."""
+        """What each of `sensors` reads, in x, a, u, p and w."""
         from windsysid.mechanics.readings import RotorMotion
 
         return [sensor.reading(RotorMotion(self.kinematics)) for sensor in sensors]
 
     def readings_across(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr | None]":
-        """The same with each sensor's axis turned by 90°; None where that changes nothing."""
+        """The same with the axis of each of `sensors` turned by 90°; None where that changes nothing."""
         from windsysid.mechanics.readings import RotorMotion
 
         return [sensor.across(RotorMotion(self.kinematics)) for sensor in sensors]

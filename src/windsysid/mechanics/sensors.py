@@ -114,7 +114,7 @@ class Sensor(BaseModel):
 
     @abstractmethod
     def reading(self, motion: Motion) -> "sp.Expr":
-        """What it reads of a structure that moves like that, noise and offset apart."""
+        """What it reads of a structure in `motion`, noise and offset apart."""
 
     @property
     def blade(self) -> int:
@@ -132,7 +132,7 @@ class Sensor(BaseModel):
         return 0.0
 
     def across(self, motion: Motion) -> "sp.Expr | None":
-        """What it would read if it were turned by 90°; None where turning it changes nothing that is modelled."""
+        """What it would read of `motion` if turned by 90°; None where turning changes nothing that is modelled."""
         return None
 
     def exact(self) -> Self:
@@ -258,7 +258,7 @@ class PlacedSensor(Sensor):
         return math.radians(self.alignment_tolerance) if self.turned else 0.0
 
     def across(self, motion: Motion) -> "sp.Expr | None":
-        """What it would read if its axis were turned by 90°."""
+        """What it would read of `motion` if its axis were turned by 90°."""
         if self.turned is None:
             return None
         sign, other = self.turned
@@ -366,7 +366,7 @@ class AngularRateSensor(PlacedSensor):
         return None
 
     def reading(self, motion: Motion) -> "sp.Expr":
-        """The gain times the rate at which its part turns."""
+        """The gain times the rate at which its part turns in `motion`."""
         return self.gain * motion.turning(self)
 
 
@@ -388,7 +388,7 @@ class MomentSensor(PlacedSensor):
         return None if self.blade else super().turned
 
     def reading(self, motion: Motion) -> "sp.Expr":
-        """The gain times force or moment."""
+        """The gain times force or moment in `motion`."""
         return self.gain * motion.spring_force(self)
 
 

@@ -112,15 +112,15 @@ class TowerModel(MechanicalModel):
         return {"top": tuple(f"mass_{name}" for name in DIRECTIONS)}
 
     def inertia(self, coordinate: str, values: Mapping[str, float]) -> float:
-        """Modal mass [kg] of one direction."""
+        """Modal mass [kg] of the direction `coordinate`, at coefficients `values`."""
         return values[f"mass_{coordinate}"]
 
     def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
-        """Stiffness [N/m] of one direction."""
+        """Stiffness [N/m] of the direction `coordinate`, at coefficients `values`, whatever `rotor_speed` [rad/s]."""
         return values[f"k_{coordinate}"]
 
     def lock_unseen(self, sensors: "Sequence[Sensor]") -> "tuple[TowerModel, tuple[str, ...]]":
-        """The tower with a direction locked where no sensor sees it move."""
+        """The tower with a direction locked where none of `sensors` sees it move."""
         seen = set().union(*(sensor.directions for sensor in sensors))
         unseen = [name for name, axis in zip(DIRECTIONS, ("x", "z"), strict=True) if axis not in seen]
         unseen = [name for name in unseen if name in self.coordinates]
@@ -155,12 +155,12 @@ class TowerModel(MechanicalModel):
         )
 
     def readings(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr]":
-        """What each sensor reads, in x, a, u, p and w."""
+        """What each of `sensors` reads, in x, a, u, p and w."""
         k = _Kinematics(self)
         return [sensor.reading(k) for sensor in sensors]
 
     def readings_across(self, sensors: "Sequence[Sensor]") -> "list[sp.Expr | None]":
-        """The same with each sensor's axis turned by 90°; None where that changes nothing."""
+        """The same with the axis of each of `sensors` turned by 90°; None where that changes nothing."""
         k = _Kinematics(self)
         return [sensor.across(k) for sensor in sensors]
 

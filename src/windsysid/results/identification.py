@@ -168,7 +168,7 @@ class Identification(Answer):
         ).given("masses")  # fmt: skip
 
     def history(self, name: str) -> tuple[Array, Array, Array]:
-        """Estimate, low and high of one coefficient after each sample, (T,) each, in its SI unit."""
+        """Estimate, low and high of the coefficient `name` after each sample, (T,) each, in its SI unit."""
         i = [parameter.name for parameter in self.parameters].index(self[name].name)
         middle, spread = self.mean[:, i], SIGMAS * self.std[:, i]
         values = (self.parameters[i].physical(theta) for theta in (middle, middle - spread, middle + spread))

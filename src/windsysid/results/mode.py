@@ -41,7 +41,7 @@ class Mode(NamedTuple):
         return (self.name, f"{f[0]:.4f}", f"{f[1]:.4f} … {f[2]:.4f}", z, f"{low} … {high}")
 
     def beside(self, orders: Sequence[int], rotor_speed: float) -> str:
-        """How far the mode is from the nearest of the harmonics n of a rotor speed [rad/s], as text: ``3P -7.7 %``."""
+        """How far the mode is from the nearest of `orders` of `rotor_speed` [rad/s], as text: ``3P -7.7 %``."""
         harmonics = {n: n * rotor_speed / (2.0 * math.pi) for n in orders}
         n = min(harmonics, key=lambda n: abs(self.frequency_hz[0] / harmonics[n] - 1.0))
         return f"{n}P {100.0 * (self.frequency_hz[0] / harmonics[n] - 1.0):+.2g} %"

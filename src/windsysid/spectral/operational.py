@@ -118,7 +118,7 @@ class OperationalMode:
         return float(np.sum(turned.imag**2) / np.sum(np.abs(turned) ** 2))
 
     def summary(self, channels: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Any]:
-        """As plain values."""
+        """As plain values, its shape by `channels` in their `units`."""
         factor = float(np.exp(SIGMAS * min(self.ln_load_std, 3.0)))
         largest = int(np.argmax(np.abs(self.shape)))
         return {
@@ -343,13 +343,13 @@ class OperationalModes(Answer):
         ]  # fmt: skip
 
     def table(self, caption: str | None = None) -> Table:
-        """`rows`."""
+        """`rows`, under `caption`."""
         of = self.record if self.parts else section_name(self.record, *self.section)
         last = len(self.headings) - 2
         return Table(self.headings, self.rows, f"modes of {of}" if caption is None else caption, (0, last, last + 1))
 
     def agreement_table(self, caption: str = "record by record") -> Table:
-        """`agreement`."""
+        """`agreement`, under `caption`."""
         return Table(self.agreement_headings, self.agreement, caption, tuple(range(1 + len(self.parts))))
 
     def unit(self, channel: str) -> str:

@@ -58,7 +58,7 @@ class Parameter:
         return (0.0, self.spread) if self.logarithmic else (self.centre / self.scale, self.spread / self.scale)
 
     def physical(self, theta: ArrayLike) -> Array:
-        """The parameter in SI for values of θ, in their shape: (T,) for (T,)."""
+        """The parameter in SI for values `theta` in filter coordinates, in their shape: (T,) for (T,)."""
         theta = np.asarray(theta, dtype=np.float64)
         return self.reference * (np.exp(theta) if self.logarithmic else theta)
 

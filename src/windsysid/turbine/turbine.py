@@ -88,19 +88,19 @@ class Turbine:
         )
 
     def inertia(self, coordinate: str) -> float:
-        """Mass [kg] or inertia [kg·m²] that moves with one degree of freedom when the others are held."""
+        """Mass [kg] or inertia [kg·m²] that moves with `coordinate` when the others are held."""
         return self.model.inertia(coordinate, self.values)
 
     def natural_frequency(self, coordinate: str) -> float:
-        """ω [rad/s] of one degree of freedom on its own spring (and, for a blade, its centrifugal stiffening)."""
+        """ω [rad/s] of `coordinate` on its own spring (and, for a blade, its centrifugal stiffening)."""
         return self.model.natural_frequency(coordinate, self.values, self.rotor_speed)
 
     def damping(self, coordinate: str) -> float:
-        """What damps one degree of freedom [N·s/m or N·m·s/rad]: the sum of its coefficients."""
+        """What damps `coordinate` [N·s/m or N·m·s/rad]: the sum of its coefficients."""
         return sum((self.values[name] for name in self.model.coefficients_of(coordinate, "damping")), 0.0)
 
     def critical_damping(self, coordinate: str) -> float:
-        """What would just keep one degree of freedom from vibrating [N·s/m or N·m·s/rad]: 2 m ω."""
+        """What would just keep `coordinate` from vibrating [N·s/m or N·m·s/rad]: 2 m ω."""
         return 2.0 * self.inertia(coordinate) * self.natural_frequency(coordinate)
 
     @property
@@ -137,5 +137,5 @@ class Turbine:
         return replace(self, mass_tolerance=0.0, sensors=tuple(sensor.exact() for sensor in self.sensors))
 
     def with_model(self, model: MechanicalModel) -> "Turbine":
-        """The same turbine with other degrees of freedom."""
+        """The same turbine with the degrees of freedom of `model`."""
         return replace(self, model=model)

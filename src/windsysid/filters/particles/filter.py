@@ -155,7 +155,7 @@ class ParticleFilter:
         return self.cloud(model, particles)
 
     def cloud(self, model: StateSpace, particles: ArrayLike) -> Cloud:
-        """Particles (n, N) drawn from any other prior as a belief that no sample has reached yet;
+        """`particles` (n, N) of `model`, drawn from any other prior, as a belief that no sample has reached yet;
         ConfigurationError if they are not finite or not N."""
         given = np.array(particles, dtype=np.float64, order="C")
         if given.shape != (len(model.states), self.particles) or not np.isfinite(given).all():
@@ -165,19 +165,19 @@ class ParticleFilter:
         return Cloud(given, np.zeros(self.particles), given.mean(axis=1), np.zeros(len(model.inputs)), 0)
 
     def predict(self, model: StateSpace, belief: Cloud, inputs: Array) -> Cloud:
-        """The cloud at the time of `inputs` (n_u + n_w,), one sample on; the first prediction stays at the prior."""
+        """The `belief` of `model` at the time of `inputs` (n_u + n_w,), one sample on; the first stays at the prior."""
         return self._filter(model, belief, np.atleast_2d(inputs), np.full((1, len(model.readings)), np.nan))[0]
 
     def update(self, model: StateSpace, belief: Cloud, readings: Array) -> tuple[Cloud, ParticleInfo]:
-        """The cloud after readings (m,) taken at its own time."""
+        """The cloud `belief` of `model` after `readings` (m,) taken at its own time."""
         return self._filter(model, belief, belief.inputs[None], np.atleast_2d(readings), moves=False)
 
     def step(self, model: StateSpace, belief: Cloud, inputs: Array, readings: Array) -> tuple[Cloud, ParticleInfo]:
-        """Filter one sample: `run` over inputs (n_u + n_w,) and readings (m,)."""
+        """Filter one sample from `belief` on: `run` of `model` over `inputs` (n_u + n_w,) and `readings` (m,)."""
         return self.run(model, belief, np.atleast_2d(inputs), np.atleast_2d(readings))
 
     def run(self, model: StateSpace, belief: Cloud, inputs: Array, readings: Array) -> tuple[Cloud, ParticleInfo]:
-        """Filter T samples: inputs (T, n_u + n_w) and readings (T, m), NaN = missing.
+        """Filter T samples from `belief` on: inputs (T, n_u + n_w) and readings (T, m), NaN = missing.
 
         Raises
         ------
@@ -192,7 +192,8 @@ class ParticleFilter:
         self, model: StateSpace, belief: Cloud, inputs: Array, readings: Array, *, every: int = 100,
         probabilities: ArrayLike = (0.02275, 0.5, 0.97725),
     ) -> tuple[Cloud, ParticleInfo, Array]:  # fmt: skip
-        """As `run`, and the state's quantiles at `probabilities` (P,) after each `every` samples (T // every, P, n)."""
+        """As `run` of `model` from `belief` on over `inputs` and `readings`, and the state's quantiles at
+        `probabilities` (P,) after each `every` samples (T // every, P, n)."""
         parts, quantiles = [], []
         for first in range(0, max(len(inputs), 1), every):
             part = slice(first, first + every)
@@ -225,7 +226,7 @@ class ParticleFilter:
         return Cloud(run.particles, run.log_weights, run.centre, last, reached), info
 
     def bounds_of(self, model: StateSpace) -> dict[int, tuple[float, float]]:
-        """Bounds in filter coordinates, by the number of the state; ConfigurationError if one is not identified."""
+        """Bounds in filter coordinates, by state of `model`; ConfigurationError if one is not identified."""
         found = {}
         first = model.parameter_block.start
         names = [q.name for q in model.parameters]

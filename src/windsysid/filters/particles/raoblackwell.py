@@ -148,27 +148,27 @@ class RaoBlackwellised:
         self._as_particle_filter()
 
     def init(self, model: Split) -> Mixture:
-        """Particles of the parameters' prior, and the prior of all the rest for each."""
+        """Particles of the prior of the parameters of `model`, and the prior of all the rest for each."""
         block = model.joint.parameter_block
         theta = np.ascontiguousarray(self._as_particle_filter().init(model.joint).particles[block])
         return Mixture(theta, np.zeros(self.particles), _bank(model, theta))
 
     def predict(self, model: Split, belief: Mixture, inputs: Array) -> Mixture:
-        """The belief at the time of `inputs` (n_u + n_w,), one sample on; the first prediction stays at the prior."""
+        """The `belief` of `model` at the time of `inputs` (n_u + n_w,), one sample on; the first stays at the prior."""
         return self.step(model, belief, inputs, np.full(len(model.given.readings), np.nan))[0]
 
     def update(self, model: Split, belief: Mixture, readings: Array) -> tuple[Mixture, MixtureInfo]:
-        """The belief after readings (m,) taken at its own time."""
+        """The `belief` of `model` after `readings` (m,) taken at its own time."""
         at_rest = belief._replace(bank=belief.bank._replace(samples=0))  # which the first sample finds where it is
         end, info = self._filter(model, at_rest, belief.bank.inputs[None], np.atleast_2d(readings))
         return end._replace(bank=end.bank._replace(samples=belief.bank.samples)), info
 
     def step(self, model: Split, belief: Mixture, inputs: Array, readings: Array) -> tuple[Mixture, MixtureInfo]:
-        """Filter one sample: `run` over inputs (n_u + n_w,) and readings (m,)."""
+        """Filter one sample from `belief` on: `run` of `model` over `inputs` (n_u + n_w,) and `readings` (m,)."""
         return self.run(model, belief, np.atleast_2d(inputs), np.atleast_2d(readings))
 
     def run(self, model: Split, belief: Mixture, inputs: Array, readings: Array) -> tuple[Mixture, MixtureInfo]:
-        """Filter T samples: inputs (T, n_u + n_w) and readings (T, m), NaN = missing.
+        """Filter T samples from `belief` on: inputs (T, n_u + n_w) and readings (T, m), NaN = missing.
 
         Raises
         ------
