@@ -23,6 +23,7 @@ from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
 from windsysid.results.steadiness import Late, how_late
+from windsysid.results.stillness import find_still
 from windsysid.results.straightness import Bent, find_bent
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE
 from windsysid.turbine.turbine import Turbine
@@ -100,7 +101,7 @@ def conclude(
         rotor_speed=speed,
         blades=turbine.model.blades,
         white=formulation == "joint",
-        doubts=outcome.doubts,
+        doubts=(*outcome.doubts, *(_still(outcome, record, speed) if formulation != "force-balance" else ())),
         whiteness=outcome.whiteness,
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
         line=_line(outcome, record, modes, speed) if formulation != "force-balance" else None,
@@ -158,6 +159,26 @@ def _line(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float)
     return find_line(
         readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=abs(speed) / (2.0 * math.pi)
     )  # fmt: skip
+
+
+def _still(outcome: Outcome, record: Record, speed: float) -> tuple[str, ...]:
+    """Which channels hear no vibration, as a doubt; the file's frequencies tell where to listen: the fit's may be
+    anywhere then."""
+    if not record.is_uniform:
+        return ()
+    readings = np.column_stack([record[channel] for channel in outcome.channels])
+    file = outcome.turbine
+    natural = [file.natural_frequency(name) / (2.0 * math.pi) for name in file.model.coordinates]
+    still = find_still(
+        readings, outcome.channels, rate=record.rate, frequencies=natural, rotor_hz=abs(speed) / (2.0 * math.pi)
+    )
+    if not still:
+        return ()
+    more = f" and {len(still) - 1} more" if len(still) > 1 else ""
+    return (
+        f"nothing vibrates in {still[0]}{more}, only white noise is there: likely an instrument (no power, a broken "
+        "cable); check it or leave it out",
+    )
 
 
 def _late(outcome: Outcome, record: Record) -> Late | None:

@@ -145,7 +145,7 @@ class RotorModel(MechanicalModel):
         return total + own + leaning
 
     def stiffness(self, coordinate: str, values: Mapping[str, float], rotor_speed: float) -> float:
-        """The spring of `coordinate` at `values`; for a blade its centrifugal stiffening at `rotor_speed` [rad/s] too."""
+        """The spring of `coordinate` at `values`; for a blade its stiffening at `rotor_speed` [rad/s] too."""
         stiffness = values[f"k_{coordinate}"]
         if blade := self.blade_of(coordinate):
             stiffness += values[f"blade_first_moment_{blade}"] * values["hinge_offset"] * rotor_speed**2

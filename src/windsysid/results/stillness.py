@@ -1,0 +1,83 @@
+"""Channels in which nothing vibrates: white noise where the structure's modes are.
+
+A sensor without power or with a broken cable reads noise. A model explains it with a loud noise and little load, leaves
+white innovations, and takes the missing resonances for information: coefficients go where a resonance would not show.
+
+White noise's periodogram is level: the mean of n neighbouring frequencies over the mean of the m others has Fisher's
+distribution of 2n and 2m degrees of freedom, fewer under Hann's window, whose neighbours are alike. Something vibrates
+where windows of one width or another stand higher than chance lets any of them. What turns with the rotor is left out:
+gravity shows in a sensor that hears no vibration.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array
+
+__all__ = ["CHANCE", "find_still"]
+
+CHANCE = 1e-3
+"""Share of channels of white noise in which something seems to vibrate."""
+
+REACH = 2.0
+"""Factor below the lowest and above the highest natural frequency between which vibration is looked for."""
+
+LEAST = 20
+"""Frequencies below which a channel is not judged."""
+
+WIDEST = 2
+"""Share of all frequencies, one in so many, that the widest window holds."""
+
+TURNING_SHARE, TURNING_WIDTH = 0.02, 3.0
+"""Share of a frequency nP to either side, and frequencies of the periodogram, within which what turns with the rotor
+stands out."""
+
+MOST_MISSING = 0.05
+"""Share of a channel beyond which it is not judged."""
+
+
+def find_still(
+    readings: Array, channels: Sequence[str], *, rate: float, frequencies: Sequence[float], rotor_hz: float
+) -> tuple[str, ...]:
+    """The channels of readings (T, m), sampled at `rate` [Hz], that are white noise around the natural `frequencies`
+    [Hz] of a machine whose rotor turns at `rotor_hz`."""
+    if not frequencies:
+        return ()
+    missing = ~np.isfinite(readings)
+    mean = np.where(missing, 0.0, readings).sum(axis=0) / np.maximum((~missing).sum(axis=0), 1)
+    window = np.hanning(len(readings))[:, None]
+    power = np.abs(np.fft.rfft(np.where(missing, 0.0, readings - mean) * window, axis=0)) ** 2
+    f = np.fft.rfftfreq(len(readings), 1.0 / rate)
+    there = (f > min(frequencies) / REACH) & (f < min(REACH * max(frequencies), 0.45 * rate))
+    if rotor_hz > 0.0:
+        away = np.abs(f - rotor_hz * np.maximum(np.round(f / rotor_hz), 1.0))
+        there &= away > np.maximum(TURNING_SHARE * f, TURNING_WIDTH * rate / len(readings))
+    if there.sum() < LEAST:
+        return ()
+    judged = (missing.mean(axis=0) <= MOST_MISSING) & (power[there].max(axis=0) > 0.0)
+    return tuple(
+        channel for channel, one, look in zip(channels, power[there].T, judged, strict=True)
+        if look and not _stands_out(one)
+    )  # fmt: skip
+
+
+def _stands_out(power: Array) -> bool:
+    """Whether a window of neighbouring frequencies (n,) is higher than chance lets one of white noise be."""
+    from scipy.special import fdtrc
+
+    n, total = len(power), float(power.sum())
+    sums = np.concatenate([[0.0], np.cumsum(power)])
+    width, tried, least = 1, 0, 1.0
+    while width <= n // WIDEST:
+        inside = sums[width:] - sums[:-width]
+        ratio = float(inside.max()) / width / ((total - float(inside.max())) / (n - width))
+        least = min(least, float(fdtrc(2.0 * _shape(width), 2.0 * _shape(n - width), ratio)))
+        tried += len(inside)
+        width *= 2
+    return least * tried < CHANCE
+
+
+def _shape(width: int) -> float:
+    """As how many independent frequencies so many neighbours count under Hann's window."""
+    return width / (1.0 + (8.0 / 9.0) * (width - 1) / width + max(width - 2, 0) / (18.0 * width))

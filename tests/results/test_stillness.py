@@ -1,0 +1,77 @@
+"""A sensor that reads noise and no vibration is named; one that hears a resonance faintly is not."""
+
+from typing import Literal
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from windsysid.identification.identify import identify
+from windsysid.identification.prior import Prior
+from windsysid.records.record import Record
+from windsysid.results.stillness import find_still
+from windsysid.simulation.record import simulate_record
+from windsysid.turbine.turbine import Turbine
+
+RATE, F = 20.0, 1.5
+
+
+def resonance(rng: np.random.Generator, samples: int, damping: float = 0.02) -> np.ndarray:
+    """Noise through one mode at `F`, of unit variance."""
+    pole = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * 2.0 * np.pi * F / RATE)
+    found = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], rng.standard_normal(samples + 2000))[2000:]
+    return np.asarray(found / found.std())
+
+
+@pytest.mark.parametrize("samples", [400, 2000, 12000])
+def test_white_noise_is_still_and_a_faint_resonance_is_not(samples: int):
+    rng = np.random.default_rng(4)
+    noise = rng.standard_normal((samples, 3))
+    readings = noise + np.column_stack([0.0 * noise[:, 0], resonance(rng, samples), np.zeros(samples)])
+    readings[:, 2] += 30.0 * np.cos(2.0 * np.pi * 0.9 * np.arange(samples) / RATE)  # gravity, once a turn
+    found = find_still(readings, ("a", "b", "c"), rate=RATE, frequencies=[F], rotor_hz=0.9)
+    assert found == ("a", "c")
+
+
+def test_a_hundredth_of_the_power_is_heard_in_ten_minutes():
+    rng = np.random.default_rng(5)
+    readings = rng.standard_normal((12000, 1)) + 0.1 * resonance(rng, 12000)[:, None] * np.sqrt(10.0)
+    assert find_still(readings, ("a",), rate=RATE, frequencies=[F], rotor_hz=0.0) == ()
+
+
+def test_chance_makes_something_vibrate_in_one_channel_of_a_thousand():
+    rng = np.random.default_rng(6)
+    for samples in (600, 6000):
+        noise = rng.standard_normal((samples, 2000))
+        noise[rng.random(noise.shape) < 0.01] = np.nan
+        found = find_still(noise, tuple(map(str, range(2000))), rate=RATE, frequencies=[F], rotor_hz=0.9)
+        assert 2000 - len(found) <= 6
+
+
+def test_what_is_missing_or_too_short_is_not_judged():
+    noise = np.random.default_rng(7).standard_normal((2000, 2))
+    noise[:300, 0] = np.nan
+    assert find_still(noise, ("a", "b"), rate=RATE, frequencies=[F], rotor_hz=0.0) == ("b",)
+    assert find_still(noise[:100], ("a", "b"), rate=RATE, frequencies=[F], rotor_hz=0.0) == ()
+    assert find_still(0.0 * noise, ("a", "b"), rate=RATE, frequencies=[F], rotor_hz=0.0) == ()
+    assert find_still(noise, ("a", "b"), rate=RATE, frequencies=[], rotor_hz=0.0) == ()
+
+
+@pytest.mark.parametrize("dead", ["", "blade"])
+@pytest.mark.parametrize("formulation", ["joint", "spectral"])
+def test_sensors_without_power_are_never_trusted(
+    verne555: Turbine, dead: str, formulation: Literal["joint", "spectral"]
+):
+    record = simulate_record(verne555, duration=60.0, rate=50.0, seed=5)
+    rng = np.random.default_rng(1)
+    noise = {
+        sensor.channel: (record[sensor.channel].std() * rng.standard_normal(record.samples), sensor.unit)
+        for sensor in verne555.sensors
+        if sensor.channel.startswith(dead)
+    }
+    quiet: Record = record.with_channels(noise)
+    found = identify(quiet, verne555, prior=Prior(1.3, 1.3), formulation=formulation, loads="broadband")
+    assert not found.diagnosis.trusted
+    said = " ".join(found.diagnosis.reasons)
+    assert "nothing vibrates in" in said
+    assert f"nothing vibrates in {'blade_1_lag' if dead else 'tower_x'}_acceleration and " in said
