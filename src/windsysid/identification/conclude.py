@@ -176,7 +176,7 @@ def _still(outcome: Outcome, record: Record, speed: float) -> tuple[str, ...]:
         return ()
     more = f" and {len(still) - 1} more" if len(still) > 1 else ""
     return (
-        f"nothing vibrates in {still[0]}{more}, only white noise is there: likely an instrument (no power, a broken "
+        f"nothing vibrates in {still[0]}{more}, only noise is there: likely an instrument (no power, a broken "
         "cable); check it or leave it out",
     )
 

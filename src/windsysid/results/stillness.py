@@ -1,12 +1,12 @@
-"""Channels in which nothing vibrates: white noise where the structure's modes are.
+"""Channels in which nothing vibrates: noise, white or of any power law, where the structure's modes are.
 
 A sensor without power or with a broken cable reads noise. A model explains it with a loud noise and little load, leaves
 white innovations, and takes the missing resonances for information: coefficients go where a resonance would not show.
 
-White noise's periodogram is level: the mean of n neighbouring frequencies over the mean of the m others has Fisher's
-distribution of 2n and 2m degrees of freedom, fewer under Hann's window, whose neighbours are alike. Something vibrates
-where windows of one width or another stand higher than chance lets any of them. What turns with the rotor is left out:
-gravity shows in a sensor that hears no vibration.
+Divided by its power law, noise's periodogram is level: the mean of n neighbouring frequencies over the mean of the m
+others has Fisher's distribution of 2n and 2m degrees of freedom, fewer under Hann's window, whose neighbours are alike.
+Something vibrates where windows of one width or another stand higher than chance lets any of them. What turns with the
+rotor is left out: gravity shows in a sensor that hears no vibration.
 """
 
 from collections.abc import Sequence
@@ -17,13 +17,17 @@ from windsysid._types import Array
 
 __all__ = ["CHANCE", "find_still"]
 
-CHANCE = 1e-3
-"""Share of channels of white noise in which something seems to vibrate."""
+CHANCE, CHANCE_OF_FEW = 1e-3, 0.1
+"""Share of channels of noise in which something seems to vibrate, and the same of short records, whose resonances stand
+out little: so told, none of 150 of 15 s of the scale model was called still."""
+
+FEW = 200
+"""Frequencies below which a record is short."""
 
 REACH = 2.0
 """Factor below the lowest and above the highest natural frequency between which vibration is looked for."""
 
-LEAST = 20
+LEAST = 40
 """Frequencies below which a channel is not judged."""
 
 WIDEST = 2
@@ -40,15 +44,15 @@ MOST_MISSING = 0.05
 def find_still(
     readings: Array, channels: Sequence[str], *, rate: float, frequencies: Sequence[float], rotor_hz: float
 ) -> tuple[str, ...]:
-    """The channels of readings (T, m), sampled at `rate` [Hz], that are white noise around the natural `frequencies`
-    [Hz] of a machine whose rotor turns at `rotor_hz`."""
+    """The channels of readings (T, m), sampled at `rate` [Hz], that are nothing but noise around the natural
+    `frequencies` [Hz] of a machine whose rotor turns at `rotor_hz`."""
     if not frequencies:
         return ()
     missing = ~np.isfinite(readings)
     mean = np.where(missing, 0.0, readings).sum(axis=0) / np.maximum((~missing).sum(axis=0), 1)
     window = np.hanning(len(readings))[:, None]
     power = np.abs(np.fft.rfft(np.where(missing, 0.0, readings - mean) * window, axis=0)) ** 2
-    f = np.fft.rfftfreq(len(readings), 1.0 / rate)
+    f = np.asarray(np.fft.rfftfreq(len(readings), 1.0 / rate), dtype=np.float64)
     there = (f > min(frequencies) / REACH) & (f < min(REACH * max(frequencies), 0.45 * rate))
     if rotor_hz > 0.0:
         away = np.abs(f - rotor_hz * np.maximum(np.round(f / rotor_hz), 1.0))
@@ -58,12 +62,18 @@ def find_still(
     judged = (missing.mean(axis=0) <= MOST_MISSING) & (power[there].max(axis=0) > 0.0)
     return tuple(
         channel for channel, one, look in zip(channels, power[there].T, judged, strict=True)
-        if look and not _stands_out(one)
+        if look and not _stands_out(_levelled(f[there], one))
     )  # fmt: skip
 
 
+def _levelled(f: Array, power: Array) -> Array:
+    """Power (n,) at f (n,) [Hz] over the power law that it follows."""
+    slope = np.polyfit(np.log(f), np.log(np.maximum(power, 1e-30 * power.max())), 1)[0]
+    return np.asarray(power / f**slope)
+
+
 def _stands_out(power: Array) -> bool:
-    """Whether a window of neighbouring frequencies (n,) is higher than chance lets one of white noise be."""
+    """Whether a window of neighbouring frequencies (n,) is higher than chance lets one of level noise be."""
     from scipy.special import fdtrc
 
     n, total = len(power), float(power.sum())
@@ -75,7 +85,7 @@ def _stands_out(power: Array) -> bool:
         least = min(least, float(fdtrc(2.0 * _shape(width), 2.0 * _shape(n - width), ratio)))
         tried += len(inside)
         width *= 2
-    return least * tried < CHANCE
+    return least * tried < (CHANCE if n >= FEW else CHANCE_OF_FEW)
 
 
 def _shape(width: int) -> float:
