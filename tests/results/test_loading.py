@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -191,3 +191,9 @@ def test_answers_are_drawn_in_a_figure_of_ones_own(found: ws.Identification):
     assert len(own.axes) > 2
     with pytest.raises(ConfigurationError, match="ax: expected axes that subplots or add_subplot made"):
         found.plot(ax=own.add_axes((0.0, 0.0, 1.0, 1.0)))
+
+
+def test_a_difference_of_nothing_has_no_minus(found: ws.Identification):
+    reference = found.estimates[0].estimate * (1.0 + 1e-6)
+    same = replace(found, estimates=(replace(found.estimates[0], reference=reference),))
+    assert same.table().rows[0][-1] == "+0.00 %"

@@ -305,7 +305,7 @@ def _estimate_cells(name: str, unit: str, informed: str, known: bool, values: Ma
     cells = (name, f"{estimate:.5g}", f"{values['low']:.5g} … {values['high']:.5g}", unit, informed)
     if not known:
         return cells
-    difference = f"{100.0 * (estimate / reference - 1.0):+.2f} %" if reference else ""
+    difference = f"{round(100.0 * (estimate / reference - 1.0), 2) + 0.0:+.2f} %" if reference else ""  # no -0.00 %
     return (*cells, "" if reference is None else f"{reference:.5g}", difference)
 
 
