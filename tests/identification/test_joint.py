@@ -263,6 +263,28 @@ def test_a_recursion_that_loses_its_way_costs_the_history_only(verne555, driven,
         assert one.std == pytest.approx(other.std, rel=0.02)
 
 
+@pytest.mark.parametrize(("factor", "trusted"), [(1.0, True), (1.004, True), (1.015, False), (0.985, False)])
+def test_time_that_is_counted_wrongly_shows_between_azimuth_and_speed(verne555, driven, factor, trusted):
+    result = identify(replace(driven, time=driven.time * factor), verne555)
+    assert result.diagnosis.trusted == trusted
+    how = "slower" if factor > 1.0 else "faster"
+    said = f"rotor_azimuth turns 1.5 % {how} than rotor_speed says"
+    assert trusted or any(reason.startswith(said) for reason in result.diagnosis.reasons)
+
+
+def test_readings_in_another_unit_than_they_say_are_one_clear_error(verne555, driven, monkeypatch):
+    degrees = {name: (np.degrees(driven[name]), "rad/s^2") for name in driven.channels if name.startswith("blade")}
+    with pytest.raises(WindsysidError, match="check units"):
+        identify(driven.with_channels(degrees), verne555, loads="broadband")
+
+    def singular(*_):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("windsysid.identification.solve._search", singular)
+    with pytest.raises(WindsysidError, match="the filter diverged"):
+        identify(driven.section(0.0, 20.0), verne555, loads="broadband")
+
+
 def test_a_diverged_filter_is_one_clear_error():
     with pytest.raises(WindsysidError, match=r"the filter diverged: .* --prior-scale"):
         check_finite(np.array([1.0, np.nan]), np.eye(2))

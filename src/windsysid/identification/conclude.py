@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.errors import RecordError
 from windsysid.filters import EKF
 from windsysid.identification.clocks import PASSED
 from windsysid.identification.outcome import Outcome
@@ -26,12 +27,16 @@ from windsysid.results.steadiness import Late, how_late
 from windsysid.results.stillness import find_still
 from windsysid.results.straightness import Bent, find_bent
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE
+from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Formulation", "conclude"]
 
 
 Formulation = Literal["joint", "force-balance", "spectral"]
+
+OFF_CLOCK = 0.01
+"""Share of the rotor's speed by which azimuth and speed may contradict each other."""
 
 
 def conclude(
@@ -101,7 +106,11 @@ def conclude(
         rotor_speed=speed,
         blades=turbine.model.blades,
         white=formulation == "joint",
-        doubts=(*outcome.doubts, *(_still(outcome, record, speed) if formulation != "force-balance" else ())),
+        doubts=(
+            *outcome.doubts,
+            *(_still(outcome, record, speed) if formulation != "force-balance" else ()),
+            *_off_clock(record, speed),
+        ),
         whiteness=outcome.whiteness,
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
         line=_line(outcome, record, modes, speed) if formulation != "force-balance" else None,
@@ -178,6 +187,26 @@ def _still(outcome: Outcome, record: Record, speed: float) -> tuple[str, ...]:
     return (
         f"nothing vibrates in {still[0]}{more}, only noise is there: likely an instrument (no power, a broken "
         "cable); check it or leave it out",
+    )
+
+
+def _off_clock(record: Record, speed: float) -> tuple[str, ...]:
+    """That azimuth and speed contradict each other, as a doubt: time may be counted wrongly, and stiffness goes with
+    its square."""
+    if not ("rotor_azimuth" in record and "rotor_speed" in record and record.is_uniform):
+        return ()
+    try:
+        psi, recorded, _ = rotor_inputs(record, abs(speed)).T
+    except RecordError:  # an azimuth that was not needed
+        return ()
+    mean = float(recorded.mean())
+    turned = float(psi[-1] - psi[0]) / float(record.time[-1] - record.time[0])
+    if not mean > STANDING_MAX_SPEED or abs(turned / mean - 1.0) < OFF_CLOCK:
+        return ()
+    how = "faster" if turned > mean else "slower"
+    return (
+        f"rotor_azimuth turns {100.0 * abs(turned / mean - 1.0):.2g} % {how} than rotor_speed says: where time is "
+        "wrong, stiffness is by twice that; check the sampling rate and both channels",
     )
 
 

@@ -24,7 +24,7 @@ from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Outcome", "check_finite", "known_inputs", "known_loads", "no_innovations"]
+__all__ = ["Outcome", "check_finite", "diverged", "known_inputs", "known_loads", "no_innovations"]
 
 
 class Outcome(NamedTuple):
@@ -134,10 +134,15 @@ def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMark
 def check_finite(mean: Array, cov: Array) -> None:
     """Raise where a filter has diverged."""
     if not (np.isfinite(mean).all() and np.isfinite(cov).all()):
-        raise WindsysidError(
-            "the filter diverged: expected loads, noise and priors of the size of the record's; "
-            "check units and the turbine file, or move the priors with --prior-scale"
-        )
+        raise diverged()
+
+
+def diverged() -> WindsysidError:
+    """What to say where a filter has lost its way."""
+    return WindsysidError(
+        "the filter diverged: expected loads, noise and priors of the size of the record's; "
+        "check units and the turbine file, or move the priors with --prior-scale"
+    )
 
 
 def no_innovations(readings: int, log_likelihood: float) -> Info:

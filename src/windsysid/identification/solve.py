@@ -20,7 +20,7 @@ from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.identification.clocks import Lateness, add_clocks, shifted
-from windsysid.identification.outcome import check_finite
+from windsysid.identification.outcome import check_finite, diverged
 from windsysid.identification.posterior_mode import Mode, find_mode
 from windsysid.identification.recursive import History, Online, advance, finish, join_histories
 from windsysid.identification.samples import Block, Samples, split_evenly
@@ -180,7 +180,11 @@ def solve(
             start = start or (online.theta, online.cov)
     if start is None:
         raise ValueError("a search begins where the recursion ends, or at a start")
-    mode, outliers, seen = _search(problem, samples, start, rate)
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused
+            mode, outliers, seen = _search(problem, samples, start, rate)
+    except np.linalg.LinAlgError:
+        raise diverged() from None
     return Solution(
         history=history,
         mean=mode.mean,
