@@ -131,7 +131,8 @@ def run_bank(
         )  # fmt: skip
 
     list((pool.map if pool else map)(run, range(len(bank.lanes))))
-    log_std = 0.5 * np.log(variance)
+    with np.errstate(invalid="ignore", divide="ignore"):  # of a filter that diverges: what it says is no number
+        log_std = 0.5 * np.log(variance)
     z, log_s = (array.reshape(samples, m, groups * LANES)[..., : bank.filters] for array in (whitened, log_std))
     along = slopes.transpose(1, 0, 2).reshape(c, groups * LANES)[:, : bank.filters]
     last = inputs[-1].copy() if samples else bank.inputs
