@@ -181,10 +181,12 @@ def _add_up(readings: Any, azimuth: Any, weights: Any, sums: Any, seen: Any) -> 
                 b[lane] = a[lane] * s[lane] + b[lane] * c[lane]
                 a[lane] = next_a
     for j in range(2 * lines + 1):
-        sums[j] += complex(across[j, 0].sum(), across[j, 1].sum())
+        for lane in range(LANES):
+            sums[j] += complex(across[j, 0, lane], across[j, 1, lane])
     for j in range(lines + 1):
         for i in range(m):
-            seen[j, i] += complex(along[j, i, 0].sum(), along[j, i, 1].sum())
+            for lane in range(LANES):
+                seen[j, i] += complex(along[j, i, 0, lane], along[j, i, 1, lane])
 
 
 def _take_out(readings: Any, azimuth: Any, coefficients: Any, out: Any) -> None:

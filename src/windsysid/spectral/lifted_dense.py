@@ -1,20 +1,42 @@
 """Lifted spectra of many entries, and their likelihood, one place after the other.
 
 The equations are those of `windsysid.spectral.lifted_likelihood`. Where a spectrum has many entries, the products of
-matrices cost most: here those of one place stay in the processor's cache, and a parameter's derivative
-(dR − T dD) Q, of which few columns or rows are not zero, is multiplied out on those only. Sources act on few degrees of
-freedom: what they do is added up from the elements of U that are not zero.
+matrices cost most: here those of one place stay in the processor's cache, as rows of whole vectors
+(`windsysid.kernels.complex_rows`), and nothing is multiplied out that is zero or known by symmetry:
+
+- D couples neighbouring harmonics, so it is a band about its diagonal: its factors solve for T = R D⁻¹, for L⁻¹ T and
+  for Q = D⁻¹ U S_s (T U)ᴴ L⁻ᴴ, and there is no inverse.
+- A parameter's derivative (dR − T dD) Q has few columns or rows that are not zero.
+- Sources act on few degrees of freedom, and an unknown of the loads changes few sources.
+- Of Hermitian matrices the half is found.
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from windsysid._types import Array
+from windsysid.kernels.complex_rows import (
+    add_row,
+    clear,
+    clear_row,
+    conjugate_row,
+    copy_part,
+    copy_row,
+    gram,
+    imaginary,
+    products,
+    split,
+    turn,
+)
+from windsysid.kernels.complex_solve import factor, solve, solve_turned, whiten
 from windsysid.kernels.jit import called, compiled
+from windsysid.kernels.rows import padded
 from windsysid.spectral.lifted import Complex
 from windsysid.spectral.lifted_kernel import _at
 from windsysid.spectral.lifted_mechanics import HIGHEST
@@ -41,245 +63,389 @@ def places_of(placement: Complex) -> tuple[NDArray[np.int64], Complex]:
     return where, np.ascontiguousarray(placement[where[:, 1], where[:, 0]])
 
 
-_C1, _C2, _C3, _C4, _C5 = (types.Array(types.complex128, rank, "C") for rank in (1, 2, 3, 4, 5))
+class Room(NamedTuple):
+    """Where the matrices of one place are worked out; those of complex rows are (rows, columns).
+
+    Attributes
+    ----------
+    D, turned, order
+        The factors of D (q, q) and their transposed, and the row that each step exchanges (q,).
+    phase
+        What late clocks make of the readings (e,).
+    one, weights, whitener, turned_whitener
+        1, what the elimination takes of the rows above, L⁻¹, and its transposed (e, e).
+    T, white, Q
+        Tᵀ, (L⁻¹ T)ᵀ and Q (q, e).
+    placed, placed_white, driven
+        (T U)ᵀ, the same whitened, and S_s of its conjugate (s, e).
+    S, half
+        S, and one whitened derivative (e, e).
+    data, turned_data
+        L⁻¹ Y (e, g) and its transposed.
+    left, right, slot
+        Two factors of a derivative (max(2 (q + e), s, g), e), and the row that a row or a column has in them (q + e,).
+    flat
+        Whitened derivatives and, behind them, 1 − L⁻¹ P L⁻ᴴ of the data's mean P (n + 1, e²), as real numbers whose
+        products are traces; so many more rows that there are a multiple of four.
+    found
+        The sum of their products, which are F and g (n + 1, n + 1).
+    """
+
+    D: Complex
+    turned: Complex
+    order: NDArray[np.int64]
+    phase: Complex
+    one: Array
+    weights: Complex
+    whitener: Array
+    turned_whitener: Array
+    T: Array
+    white: Array
+    Q: Array
+    placed: Array
+    placed_white: Array
+    driven: Array
+    S: Array
+    half: Array
+    data: Array
+    turned_data: Array
+    left: Array
+    right: Array
+    slot: NDArray[np.int64]
+    flat: Array
+    found: Array
+
+
+def _room(model: Sequence[Any], columns: int = 0, unknowns: int = 0) -> Room:
+    """Room for one place of a model."""
+    size, entries, sources = model[4].shape[1] * model[0].shape[4], len(model[5]), model[11].shape[1]
+    one = split(entries, entries)
+    one[:, :entries] = np.eye(entries)
+    most, rows = max(2 * (size + entries) if unknowns else 0, sources, columns), -(-(unknowns + 1) // 4) * 4
+    return Room(
+        D=np.empty((size, size), dtype=np.complex128),
+        turned=np.empty((size, size), dtype=np.complex128),
+        order=np.empty(size, dtype=np.int64),
+        phase=np.empty(entries, dtype=np.complex128),
+        one=one,
+        weights=np.empty((entries, entries), dtype=np.complex128),
+        whitener=split(entries, entries),
+        turned_whitener=split(entries, entries),
+        T=split(size, entries),
+        white=split(size, entries),
+        Q=split(size, entries),
+        placed=split(sources, entries),
+        placed_white=split(sources, entries),
+        driven=split(sources, entries),
+        S=split(entries, entries),
+        half=split(entries, entries),
+        data=split(entries, columns),
+        turned_data=split(columns, entries),
+        left=split(most, entries),
+        right=split(most, entries),
+        slot=np.empty(size + entries, dtype=np.int64),
+        flat=padded(rows, entries**2),
+        found=padded(rows, rows),
+    )
+
+
+_C1, _C2, _C3, _C5 = (types.Array(types.complex128, rank, "C") for rank in (1, 2, 3, 5))
 _F1, _F2, _F3 = (types.Array(types.float64, rank, "C") for rank in (1, 2, 3))
 _I1, _I2 = types.Array(types.int64, 1, "C"), types.Array(types.int64, 2, "C")
 _MODEL = (_C5, _I2, _C5, _I2, _F2, _I1, _I2, types.boolean[:, ::1], _F1, _I2, _C1, _F2, _F2, _F2, _C3)
+_ROOM = {"D": _C2, "turned": _C2, "order": _I1, "phase": _C1, "weights": _C2, "slot": _I1}
+_ROOM_TYPE = types.NamedTuple([_ROOM.get(name, _F2) for name in Room._fields], Room)
+
+
+def spectra_dense(model: Sequence[Any], S: Complex) -> None:
+    """Fills S (B, e, e)."""
+    _spectra_kernel()(*model, _room(model), S)
+
+
+def add_up_dense(
+    model: Sequence[Any], slopes: Sequence[Any], data: Complex, counts: Array, g: Array, F: Array
+) -> float:
+    """J of data (B, e, g); adds slope and information to g (n,) and F (n, n). NaN where S is not positive definite."""
+    return float(_add_up_kernel()(*model, *slopes, data, counts, _room(model, data.shape[2], len(g)), g, F))
 
 
 @lru_cache(maxsize=1)
-def spectra_dense() -> Any:
-    """The kernel that fills S (B, e, e)."""
-    return compiled(_spectra, types.void(*_MODEL, _C3))
+def _spectra_kernel() -> Any:
+    return compiled(_spectra, types.void(*_MODEL, _ROOM_TYPE, _C3), borrows=True)
 
 
 @lru_cache(maxsize=1)
-def add_up_dense() -> Any:
-    """The kernel that returns J of data (B, e, g), and adds slope and information to g (n,) and F (n, n)."""
+def _add_up_kernel() -> Any:
     slopes = (_C5, _I2, _C5, _I2, _F2, _F3, _F3, _F3)
-    return compiled(_add_up, types.float64(*_MODEL, *slopes, _C3, _F1, _F1, _F2))
+    return compiled(_add_up, types.float64(*_MODEL, *slopes, _C3, _F1, _ROOM_TYPE, _F1, _F2), borrows=True)
 
 
 @called
-def _couple(matrices: Any, elements: Any, omega: Any, out: Any) -> None:
-    """The transposed of −ω² X_a + iω X_v + X_q of one set of matrices between all harmonics (q, q)."""
-    count, n = len(omega), matrices.shape[4]
-    out[:] = 0.0
+def _couple(matrices: Any, elements: Any, omega: Any, out: Any) -> int:
+    """−ω² X_a + iω X_v + X_q of one set of matrices between all harmonics (q, q); the width of its band to either side
+    of the diagonal."""
+    count, n, apart = len(omega), matrices.shape[4], 0
+    clear(out)
     for at in range(len(elements)):
         h, i, j = elements[at, 1], elements[at, 2], elements[at, 3]
         shift = h - HIGHEST
+        apart = max(apart, abs(shift * n + i - j))
         for k in range(max(0, -shift), min(count, count - shift)):
-            out[k * n + j, (k + shift) * n + i] = _at(matrices[:, 0], h, i, j, omega[k])
+            out[(k + shift) * n + i, k * n + j] = _at(matrices[:, 0], h, i, j, omega[k])
+    return apart
 
 
 @called
 def _read(
-    matrices: Any, elements: Any, first: int, end: int, omega: Any, entry_of: Any, left_out: Any, phase: Any, turn: Any,
-    inverse: Any, out: Any,
-) -> None:  # fmt: skip
-    """Adds (R phase) D⁻¹ to `out` (e, q), R being the elements first … end of a set of matrices."""
-    count, n, width = len(omega), matrices.shape[4], out.shape[1]
-    for at in range(first, end):
-        a, h, i, j = elements[at, 0], elements[at, 1], elements[at, 2], elements[at, 3]
+    matrices: Any, elements: Any, omega: Any, entry_of: Any, left_out: Any, phase: Any, white: Any, out: Any
+) -> None:
+    """out (q, e) ← (white R phase)ᵀ, R being one set of matrices and `white` transposed."""
+    count, n = len(omega), matrices.shape[4]
+    clear(out)
+    for at in range(len(elements)):
+        h, i, j = elements[at, 1], elements[at, 2], elements[at, 3]
         shift = h - HIGHEST
         for k in range(max(0, -shift), min(count, count - shift)):
             x = entry_of[k + shift, i]
             if x < 0 or left_out[x]:
                 continue
-            value = _at(matrices[:, a], h, i, j, omega[k])
-            if turn:
-                value *= phase[x]
-            row = k * n + j
-            for c in range(width):
-                out[x, c] += value * inverse[row, c]
+            value = _at(matrices[:, 0], h, i, j, omega[k]) * phase[x]
+            add_row(out, k * n + j, value.real, value.imag, white, x)
 
 
 @called
-def _place(where: Any, elements: Any, left: Any, out: Any) -> None:
-    """out (s, e) ← (left U)ᵀ of left ᵀ (q, e)."""
-    out[:] = 0.0
+def _place(where: Any, elements: Any, T: Any, out: Any) -> None:
+    """out (s, e) ← (T U)ᵀ of Tᵀ (q, e)."""
+    clear(out)
     for at in range(len(where)):
-        s, row, u = where[at, 0], where[at, 1], elements[at]
-        for x in range(out.shape[1]):
-            out[s, x] += u * left[row, x]
+        u = elements[at]
+        add_row(out, where[at, 0], u.real, u.imag, T, where[at, 1])
 
 
 @called
-def _drive(where: Any, elements: Any, placed: Any, own: Any, cross: Any, driven: Any, out: Any) -> None:
-    """out (q, e) ← U S_s (placed)*, placed (s, e) being (T U)ᵀ."""
-    pairs, e = len(cross), placed.shape[1]
+def _power(own: Any, cross: Any, s: int) -> Any:
+    """The other source that one goes with, their cross spectrum, and whether there is any power."""
+    pairs = len(cross)
+    if s >= 2 * pairs:
+        return s, 0.0, own[s] != 0.0
+    other = s + pairs if s < pairs else s - pairs
+    joint = cross[min(s, other)]
+    return other, joint, own[s] != 0.0 or joint != 0.0
+
+
+@called
+def _drive_row(own: Any, cross: Any, placed: Any, s: int, out: Any, row: int) -> None:
+    """A row of `out` ← row s of S_s (T U)ᴴ of (T U)ᵀ (s, e)."""
+    other, joint, _ = _power(own, cross, s)
+    conjugate_row(out, row, placed, s, own[s])
+    if joint != 0.0:
+        half = imaginary(out)
+        for c in range(half):
+            out[row, c] += joint * placed[other, c]
+            out[row, half + c] -= joint * placed[other, half + c]
+
+
+@called
+def _half_driven(own: Any, cross: Any, placed: Any, left: Any, right: Any) -> int:
+    """(T U) S_s (T U)ᴴ as leftᵀ right, of the sources that have power; how many rows they have."""
+    used = 0
     for s in range(len(own)):
-        for x in range(e):
-            driven[s, x] = own[s] * placed[s, x].conjugate()
-    for s in range(pairs):
-        for x in range(e):
-            driven[s, x] += cross[s] * placed[s + pairs, x].conjugate()
-            driven[s + pairs, x] += cross[s] * placed[s, x].conjugate()
-    out[:] = 0.0
-    for at in range(len(where)):
-        s, row, u = where[at, 0], where[at, 1], elements[at]
-        for x in range(e):
-            out[row, x] += u * driven[s, x]
+        if _power(own, cross, s)[2]:
+            copy_row(left, used, placed, s)
+            _drive_row(own, cross, placed, s, right, used)
+            used += 1
+    return used
 
 
 @called
-def _pack(half: Any, first: int, out: Any) -> None:
-    """The e² numbers of half (e, first … first + e) and its transposed conjugate, so that products of two such rows
-    are traces of the products of their matrices."""
-    e, place, root2 = half.shape[0], 0, math.sqrt(2.0)
+def _pack(matrix: Any, out: Any, row: int) -> None:
+    """Row of `out` ← the e² numbers of a Hermitian matrix (e, e), so that products of two such rows are traces of the
+    products of their matrices; what is left of the diagonal is not read."""
+    e, half, place, root2 = len(matrix), imaginary(matrix), 0, math.sqrt(2.0)
     for i in range(e):
-        for j in range(i):
-            a, b = half[i, first + j], half[j, first + i]
-            out[place] = root2 * (a.real + b.real)
-            out[place + 1] = root2 * (a.imag - b.imag)
-            place += 2
-        out[place] = 2.0 * half[i, first + i].real
-        place += 1
+        copy_part(out, row, place, matrix, i, i, e - i, root2)
+        out[row, place] = matrix[i, i]
+        place += e - i
+        copy_part(out, row, place, matrix, i, half + i + 1, e - i - 1, root2)
+        place += e - i - 1
+
+
+@called
+def _both_ways(left: Any, right: Any, used: int, out: Any) -> None:
+    """out ← leftᵀ right of so many rows + its transposed conjugate; the rows behind them are lost."""
+    for k in range(used):
+        conjugate_row(left, used + k, right, k, 1.0)
+        conjugate_row(right, used + k, left, k, 1.0)
+    products(left, right, 2 * used, out)
+
+
+@called
+def _spectrum(
+    mechanics: Any, m_at: Any, readings: Any, r_at: Any, omega: Any, entries: Any, entry_of: Any, left_out: Any,
+    late: Any, where: Any, placement: Any, own: Any, cross: Any, noise: Any, more: Any, b: int, room: Any,
+) -> int:  # fmt: skip
+    """S of one place, on the diagonal and to its right; the width of the band of D."""
+    e, r, half = len(entries), readings.shape[3], imaginary(room.S)
+    apart = _couple(mechanics, m_at, omega, room.D)
+    factor(apart, room.order, room.D, room.turned)
+    for x in range(e):
+        angle = -omega[entries[x] // r] * late[x]
+        room.phase[x] = complex(math.cos(angle), math.sin(angle))
+    _read(readings, r_at, omega, entry_of, left_out, room.phase, room.one, room.T)
+    solve_turned(apart, room.order, room.turned, room.T)
+    _place(where, placement, room.T, room.placed)
+    products(room.left, room.right, _half_driven(own, cross, room.placed, room.left, room.right), room.S)
+    for x in range(e):
+        if len(more):
+            for y in range(x, e):
+                room.S[x, y] += more[b, x, y].real
+                room.S[x, half + y] += more[b, x, y].imag
+        room.S[x, x] += 1.0 if left_out[x] else noise[x]
+    return apart
+
+
+@called
+def _half_moved(
+    d_mechanics: Any, dm_at: Any, d_readings: Any, dr_at: Any, which: int, omega: Any, entry_of: Any, left_out: Any,
+    room: Any,
+) -> int:  # fmt: skip
+    """(dR − T dD) Q of one mechanical unknown as leftᵀ right, on the columns of dD or, where there are none, on the
+    rows of dR; how many rows they have."""
+    count, n, size, used = len(omega), d_mechanics.shape[4], len(room.order), 0
+    for k in range(len(room.slot)):
+        room.slot[k] = -1
+    for at in range(len(dm_at)):
+        if dm_at[at, 0] != which:
+            continue
+        h, i, j = dm_at[at, 1], dm_at[at, 2], dm_at[at, 3]
+        shift = h - HIGHEST
+        for k in range(max(0, -shift), min(count, count - shift)):
+            to, value = k * n + j, _at(d_mechanics[:, which], h, i, j, omega[k])
+            if room.slot[to] < 0:
+                room.slot[to] = used
+                clear_row(room.left, used)
+                copy_row(room.right, used, room.Q, to)
+                used += 1
+            add_row(room.left, room.slot[to], -value.real, -value.imag, room.white, (k + shift) * n + i)
+    for at in range(len(dr_at)):
+        if dr_at[at, 0] != which:
+            continue
+        h, i, j = dr_at[at, 1], dr_at[at, 2], dr_at[at, 3]
+        shift = h - HIGHEST
+        for k in range(max(0, -shift), min(count, count - shift)):
+            x, to = entry_of[k + shift, i], k * n + j
+            if x < 0 or left_out[x]:
+                continue
+            value = _at(d_readings[:, which], h, i, j, omega[k]) * room.phase[x]
+            if room.slot[to] >= 0:
+                add_row(room.left, room.slot[to], value.real, value.imag, room.turned_whitener, x)
+                continue
+            if room.slot[size + x] < 0:
+                room.slot[size + x] = used
+                copy_row(room.left, used, room.turned_whitener, x)
+                clear_row(room.right, used)
+                used += 1
+            add_row(room.right, room.slot[size + x], value.real, value.imag, room.Q, to)
+    return used
 
 
 def _spectra(
     mechanics: Any, m_at: Any, readings: Any, r_at: Any, omega: Any, entries: Any, entry_of: Any, left_out: Any,
-    late: Any, where: Any, placement: Any, own: Any, cross: Any, noise: Any, more: Any, S: Any,
+    late: Any, where: Any, placement: Any, own: Any, cross: Any, noise: Any, more: Any, room: Any, S: Any,
 ) -> None:  # fmt: skip
-    bins, count = omega.shape
-    n, r, e = mechanics.shape[4], readings.shape[3], len(entries)
-    size, sources, turn, added = count * n, own.shape[1], late.any(), len(more) > 0
-    phase = np.empty(e, dtype=np.complex128)
-    D, T = np.empty((size, size), dtype=np.complex128), np.empty((e, size), dtype=np.complex128)
-    placed, driven = np.empty((sources, e), dtype=np.complex128), np.empty((sources, e), dtype=np.complex128)
-    W = np.empty((size, e), dtype=np.complex128)
-    for b in range(bins):
-        _couple(mechanics, m_at, omega[b], D)
-        if turn:
-            for x in range(e):
-                phase[x] = np.exp(complex(0.0, -omega[b, entries[x] // r] * late[x]))
-        T[:] = 0.0
-        _read(readings, r_at, 0, len(r_at), omega[b], entry_of, left_out[b], phase, turn, np.linalg.inv(D).T, T)
-        _place(where, placement, np.ascontiguousarray(T.T), placed)
-        _drive(where, placement, placed, own[b], cross[b], driven, W)
-        np.dot(T, W, S[b])
-        if added:
-            S[b] += more[b]
-        for x in range(e):
-            S[b, x, x] += 1.0 if left_out[b, x] else noise[b, x]
+    half = imaginary(room.S)
+    for b in range(len(omega)):
+        _spectrum(
+            mechanics, m_at, readings, r_at, omega[b], entries, entry_of, left_out[b], late, where, placement, own[b],
+            cross[b], noise[b], more, b, room,
+        )  # fmt: skip
+        for x in range(len(entries)):
+            for y in range(x, len(entries)):
+                S[b, x, y] = complex(room.S[x, y], room.S[x, half + y])
+                S[b, y, x] = S[b, x, y].conjugate()
 
 
 def _add_up(
     mechanics: Any, m_at: Any, readings: Any, r_at: Any, omega: Any, entries: Any, entry_of: Any, left_out: Any,
     late: Any, where: Any, placement: Any, own: Any, cross: Any, noise: Any, more: Any, d_mechanics: Any, dm_at: Any,
     d_readings: Any, dr_at: Any, later: Any, d_own: Any, d_cross: Any, d_noise: Any, data: Any, counts: Any,
-    gradient: Any, information: Any,
+    room: Any, gradient: Any, information: Any,
 ) -> float:  # fmt: skip
-    bins, count = omega.shape
-    n, r, e = mechanics.shape[4], readings.shape[3], len(entries)
-    size, sources, turn, added = count * n, own.shape[1], late.any(), len(more) > 0
+    e, r, half = len(entries), readings.shape[3], imaginary(room.S)
+    sources, columns = own.shape[1], data.shape[2]
     moved, clocks, loads, levels = d_mechanics.shape[1], len(later), len(d_own), len(d_noise)
-    phase = np.empty(e, dtype=np.complex128)
-    D, T = np.empty((size, size), dtype=np.complex128), np.empty((e, size), dtype=np.complex128)
-    placed, driven = np.empty((sources, e), dtype=np.complex128), np.empty((sources, e), dtype=np.complex128)
-    W, W_all = np.empty((size, e), dtype=np.complex128), np.empty((size, loads * e), dtype=np.complex128)
-    S, half = np.empty((e, e), dtype=np.complex128), np.empty((e, e), dtype=np.complex128)
-    left, right = np.empty((size + e, e), dtype=np.complex128), np.empty((size + e, e), dtype=np.complex128)
-    slot = np.empty(size + e, dtype=np.int64)
-    flat, shown = np.empty((len(gradient), e * e)), np.empty(e * e)
     value = 0.0
-    for b in range(bins):
-        _couple(mechanics, m_at, omega[b], D)
+    for b in range(len(omega)):
+        apart = _spectrum(
+            mechanics, m_at, readings, r_at, omega[b], entries, entry_of, left_out[b], late, where, placement, own[b],
+            cross[b], noise[b], more, b, room,
+        )  # fmt: skip
         for x in range(e):
-            phase[x] = np.exp(complex(0.0, -omega[b, entries[x] // r] * late[x]))
-        inverse = np.linalg.inv(D).T
-        T[:] = 0.0
-        _read(readings, r_at, 0, len(r_at), omega[b], entry_of, left_out[b], phase, turn, inverse, T)
-        _place(where, placement, np.ascontiguousarray(T.T), placed)
-        _drive(where, placement, placed, own[b], cross[b], driven, W)
-        np.dot(T, W, S)
-        signal = S.copy()
-        if added:
-            S += more[b]
+            copy_row(room.whitener, x, room.one, x)
+            for g in range(columns):
+                room.data[x, g] = data[b, x, g].real
+                room.data[x, imaginary(room.data) + g] = data[b, x, g].imag
+        value += counts[b] * whiten(room.S, room.weights, room.whitener, room.data)
+        if math.isnan(value):
+            return math.nan
+        turn(room.whitener, room.turned_whitener)
+        turn(room.data, room.turned_data)
+        for g in range(columns):
+            copy_row(room.left, g, room.turned_data, g)
+            conjugate_row(room.right, g, room.turned_data, g, -1.0 / counts[b])
+        products(room.left, room.right, columns, room.half)
         for x in range(e):
-            S[x, x] += 1.0 if left_out[b, x] else noise[b, x]
-        for x in range(e):
-            if not S[x, x].real > 0.0:
-                return math.nan
-        L_inv = np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(S)))
-        L_h = np.conj(L_inv).T
-        y = np.dot(L_inv, data[b])
-        half[:] = -0.5 * np.dot(y, np.conj(y).T)
-        for x in range(e):
-            value -= 2.0 * counts[b] * math.log(L_inv[x, x].real)
-            value -= 2.0 * half[x, x].real
-            half[x, x] += 0.5 * counts[b]
-        _pack(half, 0, shown)
-        T_w, L_t = np.dot(T.T, L_inv.T), np.ascontiguousarray(L_inv.T)  # (q, e) and (e, e): transposed
-        Q = np.dot(np.dot(inverse, W), L_h)
-        m_first = r_first = 0
-        for a in range(moved):  # (dR − T dD) Q, on the columns of dD or, where there are none, on the rows of dR
-            m_end, r_end, used = m_first, r_first, 0
-            while m_end < len(dm_at) and dm_at[m_end, 0] == a:
-                m_end += 1
-            while r_end < len(dr_at) and dr_at[r_end, 0] == a:
-                r_end += 1
-            slot[:] = -1
-            for at in range(m_first, m_end):
-                h, i, j = dm_at[at, 1], dm_at[at, 2], dm_at[at, 3]
-                shift = h - HIGHEST
-                for k in range(max(0, -shift), min(count, count - shift)):
-                    to, value_at = k * n + j, _at(d_mechanics[:, a], h, i, j, omega[b, k])
-                    if slot[to] < 0:
-                        slot[to] = used
-                        left[used] = 0.0
-                        right[used] = Q[to]
-                        used += 1
-                    place, row = slot[to], (k + shift) * n + i
-                    for x in range(e):
-                        left[place, x] -= value_at * T_w[row, x]
-            for at in range(r_first, r_end):
-                h, i, j = dr_at[at, 1], dr_at[at, 2], dr_at[at, 3]
-                shift = h - HIGHEST
-                for k in range(max(0, -shift), min(count, count - shift)):
-                    x = entry_of[k + shift, i]
-                    if x < 0 or left_out[b, x]:
-                        continue
-                    value_at = _at(d_readings[:, a], h, i, j, omega[b, k]) * phase[x]
-                    to = k * n + j
-                    if slot[to] >= 0:
-                        for c in range(e):
-                            left[slot[to], c] += value_at * L_t[x, c]
-                        continue
-                    if slot[size + x] < 0:
-                        slot[size + x] = used
-                        left[used] = L_t[x]
-                        right[used] = 0.0
-                        used += 1
-                    for c in range(e):
-                        right[slot[size + x], c] += value_at * Q[to, c]
-            np.dot(left[:used].T, right[:used], half)
-            _pack(half, 0, flat[a])
-            m_first, r_first = m_end, r_end
-        if clocks:
-            seen = np.dot(signal, L_h)
+            value -= counts[b] * room.half[x, x]
+            room.half[x, x] += 1.0
+        _pack(room.half, room.flat, len(gradient))
+        _read(readings, r_at, omega[b], entry_of, left_out[b], room.phase, room.turned_whitener, room.white)
+        solve_turned(apart, room.order, room.turned, room.white)
+        _place(where, placement, room.white, room.placed_white)
+        for s in range(sources):
+            _drive_row(own[b], cross[b], room.placed_white, s, room.driven, s)
+        clear(room.Q)
+        for at in range(len(where)):
+            u = placement[at]
+            add_row(room.Q, where[at, 1], u.real, u.imag, room.driven, where[at, 0])
+        solve(apart, room.order, room.D, room.Q)
+        for a in range(moved):
+            used = _half_moved(d_mechanics, dm_at, d_readings, dr_at, a, omega[b], entry_of, left_out[b], room)
+            _both_ways(room.left, room.right, used, room.half)
+            _pack(room.half, room.flat, a)
+        if clocks:  # S without its noise, times L⁻ᴴ
+            clear(room.S)
+            for x in range(e):
+                for s in range(sources):
+                    add_row(room.S, x, room.placed[s, x], room.placed[s, half + x], room.driven, s)
         for a in range(clocks):
             used = 0
             for x in range(e):
                 if later[a, x] != 0.0 and not left_out[b, x]:
-                    left[used] = L_t[x]
-                    right[used] = complex(0.0, -omega[b, entries[x] // r] * later[a, x]) * seen[x]
+                    copy_row(room.left, used, room.turned_whitener, x)
+                    clear_row(room.right, used)
+                    angle = -omega[b, entries[x] // r] * later[a, x]
+                    add_row(room.right, used, 0.0, angle, room.S, x)
                     used += 1
-            np.dot(left[:used].T, right[:used], half)
-            _pack(half, 0, flat[moved + a])
-        if loads:
-            _place(where, placement, T_w, placed)
-            for a in range(loads):
-                _drive(where, placement, placed, 0.5 * d_own[a, b], 0.5 * d_cross[a, b], driven, W)
-                W_all[:, a * e : (a + 1) * e] = W
-            pushed = np.dot(T_w.T, W_all)
-            for a in range(loads):
-                _pack(pushed, a * e, flat[moved + clocks + a])
+            _both_ways(room.left, room.right, used, room.half)
+            _pack(room.half, room.flat, moved + a)
+        for a in range(loads):
+            used = _half_driven(d_own[a, b], d_cross[a, b], room.placed_white, room.left, room.right)
+            products(room.left, room.right, used, room.half)
+            _pack(room.half, room.flat, moved + clocks + a)
         for a in range(levels):
+            used = 0
             for x in range(e):
-                right[x] = (0.0 if left_out[b, x] else 0.5 * d_noise[a, b, x]) * L_h[x]
-            np.dot(L_inv, right[:e], half)
-            _pack(half, 0, flat[moved + clocks + loads + a])
-        gradient += np.dot(flat, shown)
-        information += counts[b] * np.dot(flat, flat.T)
+                if d_noise[a, b, x] != 0.0 and not left_out[b, x]:
+                    copy_row(room.left, used, room.turned_whitener, x)
+                    conjugate_row(room.right, used, room.turned_whitener, x, d_noise[a, b, x])
+                    used += 1
+            products(room.left, room.right, used, room.half)
+            _pack(room.half, room.flat, moved + clocks + loads + a)
+        gram(room.flat, counts[b], room.found)
+    unknowns = len(gradient)
+    for a in range(unknowns):
+        gradient[a] += room.found[unknowns, a]
+        for c in range(a + 1):
+            information[a, c] += room.found[a, c]
+            information[c, a] = information[a, c]
     return value

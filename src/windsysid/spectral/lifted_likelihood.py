@@ -142,7 +142,7 @@ def spectrum_of_bins(of: Ingredients, *, whiten: bool) -> ModelSpectrum:
     empty = place.left_out
     if slopes is None and entries > FEW:
         S = np.empty((bins, entries, entries), dtype=np.complex128)
-        spectra_dense()(*_many_entries(of), S)
+        spectra_dense(_many_entries(of), S)
         return ModelSpectrum(S, np.empty((0, *S.shape), dtype=np.complex128), None)
     D = coupled(matrices.mechanics[:, 0], place.base, place.orders, place.rotor_hz)
     R = coupled(matrices.readings[:, 0], place.base, place.orders, place.rotor_hz)
@@ -228,11 +228,12 @@ def whittle_of_many(of: Ingredients, data: Complex, counts: Array) -> Likelihood
     moved, sources, noise, late = of.slopes
     n = moved.mechanics.shape[1] + len(late) + len(sources.own) + len(noise)
     g, F = np.zeros(n), np.zeros((n, n))
-    given = (*(part for X in moved for part in (X, elements_of(X))), late, *sources, noise, data, counts)
-    J = add_up_dense()(*_many_entries(of), *(np.ascontiguousarray(array) for array in given), g, F)
+    given = (*(part for X in moved for part in (X, elements_of(X))), late, *sources, noise)
+    data = np.ascontiguousarray(data)
+    J = add_up_dense(_many_entries(of), [np.ascontiguousarray(array) for array in given], data, counts, g, F)
     if not np.isfinite(J):
         raise np.linalg.LinAlgError("a spectrum is not positive definite")
-    return Likelihood(float(J), g, F)
+    return Likelihood(J, g, F)
 
 
 def _many_entries(of: Ingredients) -> list[NDArray[Any]]:
