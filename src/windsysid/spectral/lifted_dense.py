@@ -7,8 +7,7 @@ matrices cost most: here those of one place stay in the processor's cache, as ro
 - D couples neighbouring harmonics, so it is a band about its diagonal: its factors solve for T = R D⁻¹, for L⁻¹ T and
   for Q = D⁻¹ U S_s (T U)ᴴ L⁻ᴴ, and there is no inverse.
 - A parameter's derivative (dR − T dD) Q has few columns or rows that are not zero.
-- Sources act on few degrees of freedom, and an unknown of the loads changes few sources.
-- Of Hermitian matrices the half is found.
+- An unknown of the loads changes few sources, and of Hermitian matrices the half is found.
 """
 
 import math
