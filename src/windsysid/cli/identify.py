@@ -88,8 +88,10 @@ def identify(
     """Identify stiffness and damping of a turbine from a record."""
     from dataclasses import replace
 
+    from windsysid.filters import bank_kernel, ekf
     from windsysid.identification.identify import identify as identify_record
     from windsysid.identification.prior import Prior
+    from windsysid.kernels.ahead import compile_ahead
     from windsysid.mechanics.sensor_lists import read_sensors
     from windsysid.records.formats import load_mapping, read_record
     from windsysid.results.provenance import mapping_tables, record_hash
@@ -99,6 +101,8 @@ def identify(
     machine = load_turbine(turbine)
     rules = load_mapping(mapping) if mapping is not None else None
     listed = read_sensors(sensors) if sensors is not None else None
+    if formulation == "auto":  # spectra come first, then filters
+        compile_ahead(ekf.run_kernel, bank_kernel.run_kernel)
     prior = Prior(prior_scale, prior_scale, spread=1.0 if formulation == "force-balance" else None)
     with show_progress("identify") as progress:
         if in_pieces is not None:

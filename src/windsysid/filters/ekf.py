@@ -19,13 +19,13 @@ from windsysid.kernels.jit import JACOBIAN, compiled
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.workspace import BLOCKS, WORKSPACE, workspace
 
-__all__ = ["EKF"]
+__all__ = ["EKF", "run_kernel"]
 
 
 def _kernel(model: StateSpace) -> Callable[..., None]:
     compiled_model, blocks = model.compiled, model.blocks
     return partial(
-        _compiled(), compiled_model.rates_jacobian, compiled_model.reading_jacobian, blocks, workspace(blocks)
+        run_kernel(), compiled_model.rates_jacobian, compiled_model.reading_jacobian, blocks, workspace(blocks)
     )
 
 
@@ -33,7 +33,7 @@ EKF = Filter("extended Kalman filter", _kernel)
 
 
 @lru_cache(maxsize=1)
-def _compiled() -> Any:
+def run_kernel() -> Any:
     """The compiled filter, one for all models."""
     jacobian = types.FunctionType(JACOBIAN)
     return compiled(_run, types.void(jacobian, jacobian, BLOCKS, WORKSPACE, *ARGUMENTS), borrows=True)

@@ -20,6 +20,7 @@ import llvmlite
 import numba
 from numba import types
 
+from windsysid.kernels.ahead import something_is_compiled
 from windsysid.kernels.cache import cache_folder, in_turn, keep, kept, logger
 from windsysid.kernels.simd import LANE_MATRIX, LANE_VECTOR
 
@@ -115,6 +116,7 @@ class _Cache:
         path = self._path(signature, target.codegen())
         payload = kept(path)
         if payload is None:
+            something_is_compiled()
             self._turn.enter_context(in_turn(path))
             payload = kept(path)
         if payload is None:
