@@ -165,6 +165,7 @@ class WindLoads:
             Statistic("load_eddies_lever", "1", 1.0, spread=0.3),
         )
         self.placement = _wind_placement(names, blades, orders, self._orders)
+        self._terms = lru_cache(maxsize=4)(self._coherent)
         self._parts = lru_cache(maxsize=16)(self._turbulence)
 
     def spectra(self, values: Mapping[str, float], every: int = 1) -> SourceSpectra:
@@ -188,21 +189,25 @@ class WindLoads:
 
     def _turbulence(self, time: float, decay: float, power: float, every: int) -> tuple[Array, Array, Array]:
         """Spectra GG, GF and FF of all sources (B, N (2K+3)) for σ = 1 and forces of 1 N per N·m."""
+        grid, terms = self._terms(power)
+        f = np.abs(self._shifted[every // 2 :: every])
+        kappa = decay * np.hypot(f, 0.12 / time)
+        place = np.clip((np.log(kappa) - grid[0]) / (grid[1] - grid[0]), 0.0, len(grid) - 1.001)
+        level = 2.0 * time * (1.0 + 6.0 * f * time) ** (-5.0 / 3.0)
+        out = np.zeros((3, len(f), self._blades, len(self._orders)))
+        _classes()(level, place, terms, out)
+        force, both, moment = out.reshape(3, len(f), -1)
+        return force, both, moment
+
+    def _coherent(self, power: float) -> tuple[Array, Array]:
+        """ln κ (g,), and Σ_rs w_r w_s ⟨e^{−κ d_rs(θ)} cos nθ⟩ of GG, GF and FF (g, 3, `SERIES` + 1)."""
         r = self._radii
         along = r**power
         outer = along * (r - self._hinge)
         weights = np.stack([along / along.sum(), outer / outer.sum()])
         grid, table = _coherence_table(tuple(r.tolist()))
         pairs = np.einsum("cr,cs->crs", weights[[0, 0, 1]], weights[[0, 1, 1]])
-        contracted = np.einsum("crs,grsn->gcn", pairs, table, optimize=True)
-        f = np.abs(self._shifted[every // 2 :: every])
-        kappa = decay * np.hypot(f, 0.12 / time)
-        place = np.clip((np.log(kappa) - grid[0]) / (grid[1] - grid[0]), 0.0, len(grid) - 1.001)
-        level = 2.0 * time * (1.0 + 6.0 * f * time) ** (-5.0 / 3.0)
-        out = np.zeros((3, len(f), self._blades, len(self._orders)))
-        _classes()(level, place, np.ascontiguousarray(contracted), out)
-        force, both, moment = out.reshape(3, len(f), -1)
-        return force, both, moment
+        return grid, np.ascontiguousarray(np.einsum("crs,grsn->gcn", pairs, table, optimize=True))
 
 
 @lru_cache(maxsize=1)
