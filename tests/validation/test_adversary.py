@@ -6,9 +6,12 @@ import pytest
 from validation.adversary.campaign import identify_one
 from validation.adversary.loads import gauss_markov, narrow_band
 from validation.adversary.machine import Machine, accelerations
+from validation.adversary.scenarios import record
 
+from windsysid.identification.identify import identify
 from windsysid.mechanics.compile import compile_model
 from windsysid.simulation.integrate import integrate
+from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
 
 
@@ -46,3 +49,14 @@ def test_a_late_logger_within_what_its_clock_explains_is_trusted_and_a_support_t
     hard = identify_one("support hardens", 4001, "broadband")
     assert not hard["trusted"]
     assert any("cubes" in reason for reason in hard["reasons"])
+
+
+def test_a_line_is_seen_though_it_turns_the_modes_of_the_tower_into_others():
+    """It brings the stiffnesses together, so that the tower whirls: the file has no modes of these names."""
+    found = identify(
+        record("line 5 % from a mode", 7023), "verne555", prior=DrawnPrior(seed=7023), formulation="joint",
+        loads="broadband",
+    )  # fmt: skip
+    assert {"tower backward", "tower forward"} <= {mode.name for mode in found.modes}
+    assert not found.diagnosis.trusted
+    assert "1.64 Hz" in found.diagnosis.reasons[0]

@@ -162,12 +162,25 @@ def _line(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float)
     line that was taken for one is."""
     if not (modes and record.is_uniform):
         return None
-    least = [mode.reference[1] if mode.reference else 0.0 for mode in modes]
-    known = [(m.frequency_hz[0], max(m.damping_ratio[0], z)) for m, z in zip(modes, least, strict=True)]
+    known = [(m.frequency_hz[0], max(m.damping_ratio[0], _usual_damping(outcome.turbine, m))) for m in modes]
     readings = np.column_stack([record[channel] for channel in outcome.channels])
     return find_line(
         readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=abs(speed) / (2.0 * math.pi)
     )  # fmt: skip
+
+
+def _usual_damping(file: Turbine, mode: Mode) -> float:
+    """The file's damping ratio of a mode or, where it has none of that name, of the degree of freedom that vibrates
+    most nearly as fast: a line may turn two modes of a tower into two that whirl."""
+    if mode.reference is not None:
+        return mode.reference[1]
+    ratios = {
+        abs(math.log(file.natural_frequency(name) / (2.0 * math.pi * mode.frequency_hz[0]))): file.damping(name)
+        / file.critical_damping(name)
+        for name in file.model.coordinates
+        if file.natural_frequency(name) > 0.0
+    }
+    return ratios[min(ratios)] if ratios else 0.0
 
 
 def _still(outcome: Outcome, record: Record, speed: float) -> tuple[str, ...]:
