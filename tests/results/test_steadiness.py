@@ -133,7 +133,27 @@ def test_what_turns_with_the_rotor_and_modes_that_are_no_broader_than_a_line_are
     turning = find_line(z, NAMES[:1], rate=RATE, modes=[(2.0, 0.04)], rotor_hz=0.65)
     assert turning is not None
     assert turning.ratio < turning.bound
-    assert find_line(z, NAMES[:1], rate=RATE, modes=[(2.0, 0.001)], rotor_hz=0.0) is None
+    narrow = find_line(z, NAMES[:1], rate=RATE, modes=[(1.95, 0.001)], rotor_hz=0.0)
+    assert narrow is not None
+    assert abs(narrow.frequency - 1.95) > 0.08
+
+
+@pytest.mark.parametrize("width", [0.3, 1.0, 3.0])
+def test_the_flanks_of_a_narrow_resonance_are_no_lines_and_a_line_beyond_them_is_one(width: float):
+    # Half-power widths in frequencies 1/T of 100 s; a sine 6 % above the resonance that is as strong.
+    modes, alarms, found = [(2.0, 0.01 * width / 2.0)], 0, 0
+    for seed in range(200, 220):
+        z = resonance(seed, 25_000, *modes[0])[20_000:]
+        z[:, 0] += 0.05 * z.std() * white(seed, 5000)[:, 0]
+        healthy = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0)
+        assert healthy is not None
+        alarms += healthy.ratio > healthy.bound
+        z[:, 0] += np.sqrt(2.0) * z.std() * np.sin(2.0 * np.pi * 2.12 * np.arange(5000) / RATE)
+        line = find_line(z, NAMES[:1], rate=RATE, modes=modes, rotor_hz=0.0)
+        assert line is not None
+        found += line.ratio > line.bound
+    assert alarms <= 1
+    assert found == 20
 
 
 def test_blades_that_come_a_sample_late_are_found_in_their_own_frame():

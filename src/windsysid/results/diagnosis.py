@@ -218,6 +218,8 @@ def diagnose(
         ):  # fmt: skip
             reasons += verdict.reasons
             remarks += verdict.remarks
+    else:
+        reasons += _judge_lines(None, line, rotor_hz).reasons
     for check in checks:
         if abs(check.shift) > CONFLICT_SIGMAS:
             reasons.append(
@@ -356,9 +358,11 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float, blades_move: bool) -> _Verdic
 LIKELY_LOADS = "likely loads of another kind: try another load model or section"
 
 
-def _judge_lines(w: Whiteness, line: Line | None, rotor_hz: float) -> _Verdict:
-    worst = max(w.channels, key=lambda c: c.line)
-    found = (worst.name, worst.line_hz) if worst.line > w.line_bound else None
+def _judge_lines(w: Whiteness | None, line: Line | None, rotor_hz: float) -> _Verdict:
+    found = None
+    if w is not None:
+        worst = max(w.channels, key=lambda c: c.line)
+        found = (worst.name, worst.line_hz) if worst.line > w.line_bound else None
     if line is not None and line.ratio > line.bound:
         found = (line.channel, line.frequency)
     if found is None:

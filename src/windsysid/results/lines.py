@@ -1,9 +1,9 @@
 """Lines: one frequency of a whole record's periodogram that stands out of its surroundings.
 
 A machine, a neighbour or waves put a line beside a mode. In the readings it stands out however the result explains it;
-in the innovations it may not, as a resonance that the fit has moved and narrowed takes it in. A resonance is broad
-where its half-power width ζf is more than a few frequencies 1/T of the periodogram; records too short for that are not
-looked at. What turns with the rotor at nP is no line of this kind.
+in the innovations it may not, as a resonance that the fit has moved and narrowed takes it in. A resonance is
+broad where its half-power width ζf is more than a few frequencies 1/T of the periodogram; a line close to the peak of
+one that is not cannot be told from it. What turns with the rotor at nP is no line of this kind.
 
 Innovations are white beside a line, and the mean of what surrounds it tells their level S. Readings are not: beside a
 resonance 1/S is a parabola in frequency, S = A/(w² + (f − f₀)²). The one that surroundings I_j are likeliest to come
@@ -57,8 +57,11 @@ CLIMBS = 12
 """Steps of Newton's method for the parabola; it settles in half as many."""
 
 NARROWEST = 5.0
-"""Half-power width of a resonance in frequencies of the periodogram, below which its peak and its flanks may look like
-lines."""
+"""Half-power width of a resonance in frequencies of the periodogram, below which its peak may look like a line."""
+
+BESIDE = 8.0
+"""Frequencies of the periodogram to either side of a narrow resonance where no line is looked for: from 5 on, its
+flanks are parabolas in 1/S however narrow it is (``tests/results/test_steadiness.py``)."""
 
 TURNING_SHARE = 0.02
 """Share of a frequency nP to either side within which what turns with the rotor stands out."""
@@ -130,18 +133,20 @@ def find_line(
 ) -> Line | None:  # fmt: skip
     """The line that stands out most of readings (T, m), beside modes of frequencies f [Hz] and damping ratios ζ.
 
-    None where a mode is too narrow for the record's length.
+    None where there is nothing to be looked at.
     """
     frequency = np.arange(len(values) // 2 + 1) * (rate / len(values))
     step = rate / len(values)
-    if any(damping * natural < NARROWEST * step for natural, damping in modes):
-        return None
     near = np.zeros(len(frequency), dtype=np.bool_)
     for natural, _ in modes:
         near |= (frequency > natural / READINGS_REACH) & (frequency < natural * READINGS_REACH)
     if rotor_hz:
         order = np.maximum(np.round(frequency / rotor_hz), 1.0)
         near &= np.abs(frequency - order * rotor_hz) > np.maximum(TURNING_SHARE * frequency, 3.0 * step)
+    for natural, damping in modes:
+        if damping * natural < NARROWEST * step:
+            for seen in (natural - rotor_hz, natural, natural + rotor_hz):  # by what turns, and by what does not
+                near &= np.abs(frequency - abs(seen)) > BESIDE * step
     near[: SURROUNDINGS + 1] = near[-SURROUNDINGS - 1 :] = False
     whole = np.mean(~np.isfinite(values), axis=0) <= MOST_MISSING
     if not near.any() or not whole.any():
