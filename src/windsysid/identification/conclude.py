@@ -30,7 +30,7 @@ from windsysid.results.whiteness import FALSE_ALARM_CHANCE
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Formulation", "conclude"]
+__all__ = ["Formulation", "conclude", "doubts_of_innovations"]
 
 
 Formulation = Literal["joint", "force-balance", "spectral"]
@@ -155,6 +155,15 @@ def conclude(
         tolerances=outcome.tolerances,
         budget=_budget(outcome, modes, slopes, given_masses),
     )
+
+
+def doubts_of_innovations(outcome: Outcome, rate: float) -> tuple[str, ...]:
+    """What the innovations of a filter, so many a second, say against its result."""
+    nothing = np.empty(0)
+    return diagnose(
+        outcome.final, readings=outcome.model.readings, rate=rate, frequencies=(), parameters=(), theta=nothing,
+        cov=np.diag(nothing), whiteness=outcome.whiteness, bent=_bent(outcome), bending=outcome.bending,
+    ).reasons  # fmt: skip
 
 
 def _line(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float) -> Line | None:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from windsysid.errors import ConfigurationError, WindsysidError
-from windsysid.identification.conclude import Formulation, conclude
+from windsysid.identification.conclude import Formulation, conclude, doubts_of_innovations
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.joint import identify_jointly, identify_jointly_from
 from windsysid.identification.outcome import Outcome
@@ -71,8 +71,8 @@ def identify(
         what is missing.
     formulation
         ``"joint"``, ``"spectral"`` (stationary records; docs/spectral.md), ``"force-balance"``, or ``"auto"``: spectra
-        where nothing speaks against them and wind drives a turning rotor or nothing that moves turns, else joint, held
-        against spectra where the record is stationary.
+        where nothing speaks against them and wind drives a turning rotor or nothing that moves turns, else joint; each
+        held against the other where the record is stationary, but under wind.
     section
         Start and end of the part to use [s]; the whole record by default.
     prior
@@ -201,8 +201,11 @@ def _by_force_balance(asked: _Asked) -> _Found:
 
 
 def _by_what_fits(asked: _Asked) -> _Found:
-    """By spectra under wind and where nothing turns, jointly otherwise, and then held against spectra where they
-    apply."""
+    """By spectra under wind and where nothing turns, jointly otherwise; the other way is asked, too, but under wind.
+
+    Springs that harden, friction, play and loads of another kind show in innovations; in the size of a spectrum they
+    hardly do.
+    """
     try:
         spectral = _by_spectra(asked)
     except (WindsysidError, np.linalg.LinAlgError) as error:
@@ -210,16 +213,20 @@ def _by_what_fits(asked: _Asked) -> _Found:
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
     if not doubts and spectral.outcome.hypothesis == RotorWind.name:
         return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
-    if not doubts and not spectral.outcome.turns:
-        return spectral.saying("spectral formulation: the record is stationary, and nothing that moves turns")
     joint = _jointly(asked, None if doubts else spectral.outcome)
     if doubts:
         return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
     name, off = _compare(joint.outcome, spectral.outcome)
+    against = [f"filters and spectra disagree on {name} by {off:.1f} standard deviations: loads are not as modelled"]
+    if spectral.outcome.turns:
+        if off > DISAGREEMENT:
+            return joint.saying("joint formulation; spectra were asked, too", *against)
+        return joint.saying(f"joint formulation; spectra agree within {off:.1f} standard deviations")
+    why = "spectral formulation: the record is stationary, and nothing that moves turns"
     if off > DISAGREEMENT:
-        doubt = f"filters and spectra disagree on {name} by {off:.1f} standard deviations: loads are not as modelled"
-        return joint.saying("joint formulation; spectra were asked, too", doubt)
-    return joint.saying(f"joint formulation; spectra agree within {off:.1f} standard deviations")
+        return spectral.saying(f"{why}; filters were asked, too", *against)
+    innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
+    return spectral.saying(f"{why}; filters agree within {off:.1f} standard deviations", *innovations)
 
 
 def _undamped(found: Outcome) -> list[str]:

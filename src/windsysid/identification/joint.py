@@ -79,20 +79,13 @@ def identify_jointly_from(
     problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
     warm(problem)
     started = time.perf_counter()
-    known = len(problem.wide_prior[0])
-    start = np.concatenate(
-        [
-            near.theta,
-            coordinates_of(problem.statistics, {one.name: one.estimate for one in near.statistics}),
-            [one.estimate / one.spread for one in near.tolerances],
-        ]
-    )[:known]
-    if near.joint_cov is None or len(start) < known or [*near.model.parameters] != [*problem.parameters]:
+    start = _where_it_ended(near, problem)
+    if start is None:
         return None
     samples = [(problem.inputs, problem.readings)]
     expect_search(record.samples)
     try:
-        solution = solve(problem, samples, None, rate=record.rate, start=(start, near.joint_cov[:known, :known]))
+        solution = solve(problem, samples, None, rate=record.rate, start=start)
     except (WindsysidError, np.linalg.LinAlgError):
         return None
     if not solution.settled or not is_explained(solution.whiteness):
@@ -102,6 +95,27 @@ def identify_jointly_from(
     why = f"load model {near.hypothesis}: it explains the record"
     found = describe_solution(problem, solution, turbine, why, only, elapsed)
     return found._replace(bending=_bending(problem, solution))
+
+
+def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Array] | None:
+    """Where spectra ended, in a problem's unknowns but the clocks (n,), and how uncertain that is (n, n); what spectra
+    know by other statistics is as before. None where coefficients are others."""
+    if near.joint_cov is None or [*near.model.parameters] != [*problem.parameters]:
+        return None
+    mean, cov = problem.wide_prior[0].copy(), problem.wide_prior[1].copy()
+    n, ours, theirs = len(near.theta), [one.name for one in problem.statistics], [one.name for one in near.statistics]
+    mean[:n] = near.theta
+    values = {one.name: one.estimate for one in near.statistics}
+    mean[n : n + len(ours)] = coordinates_of(problem.statistics, values)
+    first, tolerances = n + len(ours), [one.estimate / one.spread for one in near.tolerances]
+    mean[first:] = tolerances[: len(mean) - first]
+    if ours == theirs:
+        known = near.joint_cov[: len(mean), : len(mean)]
+        return mean, known
+    same = [*range(n), *range(n + len(theirs), n + len(theirs) + len(mean) - first)]
+    kept = [*range(n), *range(first, len(mean))]
+    cov[np.ix_(kept, kept)] = near.joint_cov[np.ix_(same, same)]
+    return mean, cov
 
 
 def _bending(problem: TurbineProblem, solution: Solution) -> Bending | None:

@@ -1,0 +1,32 @@
+"""A tower that is as its file says is trusted; one that is not, is not, though spectra hardly show it."""
+
+import numpy as np
+import pytest
+from validation.towers import record
+
+from windsysid.identification.identify import identify
+from windsysid.results.identification import Identification
+from windsysid.study.drawn_prior import DrawnPrior
+from windsysid.turbine.file import load_turbine
+
+
+def found(kind: str, seed: int = 501) -> Identification:
+    return identify(record(kind, seed), "tower", prior=DrawnPrior(seed=seed))
+
+
+def test_a_tower_that_is_as_its_file_says_is_trusted():
+    result, values = found("healthy"), load_turbine("tower").values
+    assert result.formulation == "spectral"
+    assert result.diagnosis.trusted
+    assert "filters agree within" in result.notes[-1]
+    assert max(np.abs([(e.estimate - values[e.name]) / e.std for e in result.estimates])) < 3.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [("play of 0.3 σ", "cubes"), ("friction of 10 %", "likely a spring"), ("hump fore-aft, 0.36 Hz", "likely loads")],
+)
+def test_what_spectra_hardly_show_is_seen_by_filters(kind: str, said: str):
+    result = found(kind)
+    assert not result.diagnosis.trusted
+    assert any(said in reason for reason in result.diagnosis.reasons)
