@@ -67,6 +67,9 @@ LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
 """As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
 Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
 
+PASSING = 1.2
+"""Factor about a natural frequency within which the load of passing blades bends what spectra find of it."""
+
 LEAST_OF_A_BLOCK = 20.0
 """And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
 
@@ -123,6 +126,8 @@ def identify_by_spectrum(
         best = admit(best, _inexact(question, tolerances))
     model = posed.model
     doubts += _doubts(question, posed, best, name)
+    if not coupled:
+        doubts += _passed_by(question, best.unknowns, abs(float(speeds.mean())) / (2.0 * math.pi))
     n, lag = len(question.parameters), model.lag
     if lag:
         angle, std = 1e3 * best.unknowns[n], 1e3 * math.sqrt(best.cov[n, n])
@@ -344,6 +349,23 @@ def _doubts(question: Question, posed: Posed, found: Fit, loads: str) -> list[st
         except RecordError:
             return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
     return doubts + unsteady(*halves)[:2]
+
+
+def _passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[str]:
+    """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: what wind does then is a
+    hump, not a line, and spectra have no model of it."""
+    blades = question.turbine.model.blades
+    passing = blades * rotor_hz
+    values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, unknowns, strict=False)}
+    found = question.turbine.with_values(values)
+    for name in found.model.coordinates:
+        natural = found.natural_frequency(name) / (2.0 * math.pi)
+        if passing and natural / PASSING < passing < natural * PASSING:
+            return [
+                f"the blades pass at {passing:.3g} Hz ({blades}P), within {100.0 * (PASSING - 1.0):.0f} % of {name} at "
+                f"{natural:.3g} Hz: their load was not modelled; use --formulation joint, or a section of another speed"
+            ]
+    return []
 
 
 def _unsteady_blocks(question: Question, sums: LiftedSums, posed: Posed) -> list[str]:
