@@ -362,8 +362,8 @@ def _passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[str
         natural = found.natural_frequency(name) / (2.0 * math.pi)
         if passing and natural / PASSING < passing < natural * PASSING:
             return [
-                f"the blades pass at {passing:.3g} Hz ({blades}P), within {100.0 * (PASSING - 1.0):.0f} % of {name} at "
-                f"{natural:.3g} Hz: their load was not modelled; use --formulation joint, or a section of another speed"
+                f"the blades pass at {passing:.3g} Hz ({blades}P), near {name} at {natural:.3g} Hz: their load was not "
+                "modelled; use --formulation joint"
             ]
     return []
 
