@@ -12,6 +12,8 @@ from windsysid.errors import RecordError
 from windsysid.filters import EKF
 from windsysid.identification.clocks import PASSED
 from windsysid.identification.outcome import Outcome
+from windsysid.inspection.health import Finding
+from windsysid.inspection.screening import doubted, noted
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Coefficient
 from windsysid.modal.analysis import modes_with_slopes
@@ -49,8 +51,10 @@ def conclude(
     history_time: Array | None = None,
     wind_speed: float | None = None,
     provenance: Provenance | None = None,
+    faults: Sequence[Finding] = (),
 ) -> Identification:
-    """Put what a formulation found on `record` into physical units, with bands, modes and errors.
+    """Put what a formulation found on `record` into physical units, with bands, modes and errors, and judge it, with
+    the faults of its channels.
 
     Where `record` is the end of a longer one, `section` [s], `samples` and the mean `wind_speed` [m/s] are the whole's,
     and `history_time` [s] says when the estimates of the history were made.
@@ -107,6 +111,7 @@ def conclude(
         blades=turbine.model.blades,
         white=formulation == "joint",
         doubts=(
+            *doubted(faults),
             *outcome.doubts,
             *(_still(outcome, record, speed) if formulation != "force-balance" else ()),
             *_off_clock(record, speed),
@@ -142,7 +147,7 @@ def conclude(
         log_likelihood=float(outcome.final.log_likelihood.sum())
         if outcome.log_likelihood is None
         else outcome.log_likelihood,
-        notes=outcome.notes,
+        notes=(*outcome.notes, *noted(faults)),
         statistics=outcome.statistics,
         diagnosis=diagnosis,
         machine=replace(turbine, rotor_speed=max(speed, 0.0)),

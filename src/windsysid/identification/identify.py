@@ -21,7 +21,8 @@ from windsysid.identification.prepare import (
 )
 from windsysid.identification.prior import Prior
 from windsysid.identification.spectral import identify_by_spectrum
-from windsysid.inspection.screening import noted, screen
+from windsysid.inspection.health import Finding
+from windsysid.inspection.screening import screen
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.mechanics.sensors import Sensor
@@ -121,7 +122,7 @@ def identify(
     with hear(progress, doing):
         found = _WAYS[formulation](asked)
     return conclude(
-        found.outcome, found.read, found.formulation,
+        found.outcome, found.read, found.formulation, faults=found.faults,
         provenance=trace(record, record_hash(record), turbine, found.sensors, options),
     )  # fmt: skip
 
@@ -140,12 +141,13 @@ class _Asked(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """What a formulation found, on which record and with which sensors."""
+    """What a formulation found, on which record and with which sensors, and the faults of what it read."""
 
     formulation: Formulation
     outcome: Outcome
     read: Record
     sensors: tuple[Sensor, ...]
+    faults: Sequence[Finding]
 
     def saying(self, note: str, *doubts: str) -> "_Found":
         """The same with a note, and what speaks against it."""
@@ -157,16 +159,16 @@ def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
     """By filters, from where spectra ended if that is said."""
     part, turbine, sensors = asked.part.on_own_times(), asked.turbine, asked.sensors
     found = usable_sensors(part, turbine, sensors)
-    faults = noted(screened(asked.part, turbine, found))
+    faults = screened(asked.part, turbine, found)
     part, steps, resampled = resample_for_model(part, turbine, asked.rate, sensors or turbine.sensors)
     check_length(part.name, part.duration, part.rate, turbine)
     prior, uniform = asked.prior or Prior(), part.is_uniform
     outcome = identify_jointly_from(near, part, turbine, found, prior, asked.parameters) if near and uniform else None
     if outcome is None:
         outcome = identify_jointly(part, turbine, found, prior, asked.parameters, loads=asked.loads)
-    outcome = thin_to_readings(outcome, steps)._replace(notes=(*resampled, *outcome.notes, *faults))
+    outcome = thin_to_readings(outcome, steps)._replace(notes=(*resampled, *outcome.notes))
     read = replace(part, time=part.time[::steps], values=part.values[::steps])
-    return _Found("joint", outcome, read, found)
+    return _Found("joint", outcome, read, found, faults)
 
 
 def _by_spectra(asked: _Asked) -> _Found:
@@ -175,9 +177,9 @@ def _by_spectra(asked: _Asked) -> _Found:
     if asked.rate is not None:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     found = usable_sensors(part, turbine, asked.sensors)
-    faults = noted(screened(asked.part, turbine, found))
+    faults = screened(asked.part, turbine, found)
     outcome = identify_by_spectrum(part, turbine, found, asked.prior or Prior(), asked.parameters, loads=asked.loads)
-    return _Found("spectral", outcome._replace(notes=(*outcome.notes, *faults)), part, found)
+    return _Found("spectral", outcome, part, found, faults)
 
 
 def _by_force_balance(asked: _Asked) -> _Found:
@@ -195,9 +197,9 @@ def _by_force_balance(asked: _Asked) -> _Found:
         raise ConfigurationError("the force balance has no model of the loads: leave `loads` out")
     whole = asked.record.on_uniform_grid()
     measured = measured_channels(part, turbine)
-    faults = noted(screen(asked.part, turbine, measured, others=(*TURNING, *turbine.model.loads)))
+    faults = screen(asked.part, turbine, measured, others=(*TURNING, *turbine.model.loads))
     outcome = identify_by_force_balance(whole, part, turbine, asked.prior or Prior(spread=1.0))
-    return _Found("force-balance", outcome._replace(notes=(*outcome.notes, *faults)), part, ())
+    return _Found("force-balance", outcome, part, (), faults)
 
 
 def _by_what_fits(asked: _Asked) -> _Found:

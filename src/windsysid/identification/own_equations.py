@@ -29,7 +29,7 @@ from windsysid.identification.recursive import begin, spread_over_samples
 from windsysid.identification.samples import Samples, SamplesOnDisk
 from windsysid.identification.solve import Solution, solve
 from windsysid.inspection.health import Finding
-from windsysid.inspection.screening import noted, screen
+from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Model
@@ -216,6 +216,7 @@ def fit(
 
     n = len(parameters)
     spread = np.sqrt(np.diag(found.cov))
+    steps = _list_step_doubts(problem.build(found.mean), found.info, found.inputs)
     return Fit(
         method=f"posterior mode, {EKF.name}",
         formulation="fit",
@@ -240,13 +241,11 @@ def fit(
         notes=(
             *taken.notes,
             *found.notes,
-            *taken.faults,
+            *noted(taken.faults),
             *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
         ),
         statistics=_describe_levels(part, sensors, loads, found.mean[n:], spread[n:]),
-        diagnosis=_diagnose(
-            found, joint, part.rate, _list_step_doubts(problem.build(found.mean), found.info, found.inputs)
-        ),
+        diagnosis=_diagnose(found, joint, part.rate, (*doubted(taken.faults), *steps)),
         states=plain.states,
         state_mean=found.info.mean,
         state_std=found.info.std,
@@ -309,7 +308,7 @@ class _Taken(NamedTuple):
     begun: float
     last: Record
     notes: tuple[str, ...]
-    faults: tuple[str, ...]
+    faults: list[Finding]
 
 
 def _take(
@@ -349,7 +348,7 @@ def _take(
         raise RecordError("no pieces: expected at least one, got an empty record")
     samples: Samples = [(inputs, readings)] if whole else held
     number = len(readings) if whole else held.count
-    return _Taken(problem, samples, number, begun, last, notes, tuple(noted(faults)))
+    return _Taken(problem, samples, number, begun, last, notes, faults)
 
 
 def _go_on(before: Record, piece: Record, sensors: Sequence[Any]) -> Record:

@@ -16,7 +16,8 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.own_problem import constant_loads, known_columns
 from windsysid.identification.spectral_readings import read_bridged
-from windsysid.inspection.screening import noted, screen
+from windsysid.inspection.health import Finding
+from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Model
 from windsysid.records.record import LOW_PASS, Record
@@ -91,9 +92,10 @@ def fit_by_spectra(
     energies: list[Array] = []
     samples, begun, limits = 0, 0.0, (0.0, 0.0)
     names = [sensor.channel for sensor in sensors]
+    faults: list[Finding] = []
     for piece in [record] if isinstance(record, Record) else record:
         part = piece.on_uniform_grid()
-        faults = noted(screen(piece, None, names, refuse=last is None))
+        faults += screen(piece, None, names, refuse=last is None)
         readings = read_bridged(part, names, notes)
         if posed is None or total is None:
             posed = _pose(model, part, parameters, sensors, mean, known, loads, channels, levels)
@@ -110,7 +112,6 @@ def fit_by_spectra(
             half = len(readings) // 2
             halves = [cross_spectra(r, part.rate, limits) for r in (readings[:half], readings[half : 2 * half])]
             energies = [range_energies(block, ranges) for block in halves]
-        notes += faults
         samples += len(readings)
         last = part
     if posed is None or total is None or last is None:
@@ -129,7 +130,8 @@ def fit_by_spectra(
         f"read in {total.blocks:g} block{'s' * (total.blocks != 1)} of {seconds:.4g} s, at {total.frequency[0]:.3g} … "
         f"{total.frequency[-1]:.3g} Hz"
     )
-    return SpectralFit(posed.compiled.name, found, last, begun, samples, tuple(notes), tuple(doubts))
+    told, against = (*notes, *noted(faults)), (*doubted(faults), *doubts)
+    return SpectralFit(posed.compiled.name, found, last, begun, samples, told, against)
 
 
 def _pose(

@@ -46,7 +46,6 @@ from windsysid.identification.solve import expect_search, solve
 from windsysid.identification.spectral_pieces import identify_spectra_of_pieces
 from windsysid.identification.windows import Prepared, Windows
 from windsysid.inspection.health import Finding
-from windsysid.inspection.screening import noted
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -158,7 +157,7 @@ def identify_pieces(
             progress(float(piece.time[-1]))
     if run is None:
         raise RecordError("no pieces: expected at least one, got an empty record")
-    result = run.conclude(started, noted(faults))
+    result = run.conclude(started, faults)
     if checkpoint is not None and not keep_checkpoint:
         checkpoint.unlink(missing_ok=True)
     return result
@@ -280,7 +279,7 @@ class _Run:
             self.online, history = advance(self.problem.build, self.online, *new, self.problem.start)
             self.histories.append(history)
 
-    def conclude(self, started: float, faults: Sequence[str]) -> Identification:
+    def conclude(self, started: float, faults: Sequence[Finding]) -> Identification:
         """The result."""
         if self.taken < int(self.stopped["samples"]):
             raise another_call(self._path, ["record"])
@@ -307,7 +306,7 @@ class _Run:
         thin = thin_to_readings(outcome, steps)._replace(
             history_mean=outcome.history_mean,
             history_std=outcome.history_std,
-            notes=(*self.windows.notes, *outcome.notes, pieces, *faults),
+            notes=(*self.windows.notes, *outcome.notes, pieces),
         )
         count = -(-solution.samples // steps)
         kept = min(last, 2)
@@ -317,5 +316,5 @@ class _Run:
             thin, read, "joint", section=(begun, self.ended), samples=count,
             history_time=begun + (history.samples - 1) / self.windows.rate,
             wind_speed=self.wind[0] / self.wind[1] if self.wind[1] else None,
-            provenance=trace(self.first, str(self.hash), self.turbine, self.sensors, self.options),
+            provenance=trace(self.first, str(self.hash), self.turbine, self.sensors, self.options), faults=faults,
         )  # fmt: skip

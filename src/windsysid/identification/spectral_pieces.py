@@ -32,7 +32,6 @@ from windsysid.identification.recursive import another_call, check_call
 from windsysid.identification.spectral import ask, identify_by_spectrum
 from windsysid.identification.spectral_readings import read_bridged
 from windsysid.inspection.health import Finding
-from windsysid.inspection.screening import noted
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.files import claim_file
 from windsysid.records.record import Record
@@ -84,7 +83,7 @@ def identify_spectra_of_pieces(
             progress(float(piece.time[-1]))
     if run is None:
         raise RecordError("no pieces: expected at least one, got an empty record")
-    result = run.conclude(started, noted(faults))
+    result = run.conclude(started, faults)
     if checkpoint is not None and not keep_checkpoint:
         checkpoint.unlink(missing_ok=True)
     return result
@@ -239,7 +238,7 @@ class _Run:
         assert self.checkpoint is not None
         return another_call(self.checkpoint, [what])
 
-    def conclude(self, started: float, faults: Sequence[str]) -> Identification:
+    def conclude(self, started: float, faults: Sequence[Finding]) -> Identification:
         """The result."""
         if self.taken < int(self.stopped["samples"]):
             raise self._another("record")
@@ -257,14 +256,14 @@ class _Run:
         if self.memory < 1.0:
             blocks += f", which count as {sums.blocks:.3g}: the older, the less"
         outcome = outcome._replace(
-            rotor=inputs, notes=tuple(dict.fromkeys([*self.notes, *outcome.notes, blocks, *faults])),
+            rotor=inputs, notes=tuple(dict.fromkeys([*self.notes, *outcome.notes, blocks])),
             elapsed=time.perf_counter() - started,
         )  # fmt: skip
         read = replace(self.last, name=self.first.name, time=self.last.time[-2:], values=self.last.values[-2:])
         return conclude(
             outcome, read, "spectral", section=(begun, ended), samples=self.taken, history_time=np.array([ended]),
             wind_speed=self.wind[0] / self.wind[1] if self.wind[1] else None,
-            provenance=trace(self.first, str(self.hash), self.turbine, self.sensors, self.options),
+            provenance=trace(self.first, str(self.hash), self.turbine, self.sensors, self.options), faults=faults,
         )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """The checks that every identification runs before it reads a record, and what becomes of their findings.
 
-A unit that is evidently wrong and a channel that is dead make every estimate wrong: the record is refused. Spikes,
-clipping, gaps and stuck stretches make it worse by an amount that the data do not tell: they are noted in the result.
+A unit that is evidently wrong and a channel that is dead make every estimate wrong: the record is refused. Readings
+that were copied or lost, and converters that ran over, make estimates or their bands wrong: no such result is trusted.
+Spikes, clipping, gaps and stuck stretches make it worse by an amount that the data do not tell: they are noted.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,6 +13,7 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.inspection.channels import VIBRATION, Kind, kinds
+from windsysid.inspection.continuity import copied_channels, copied_passages, lost_samples, overrun
 from windsysid.inspection.health import SEVERITIES, Finding, channel_faults, clock_faults
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor, implausible, rotor_of
 from windsysid.records.record import Record
@@ -20,9 +22,13 @@ from windsysid.signals.inputs import TURNING
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["examine", "findings_of", "noted", "read_besides", "screen"]
+__all__ = ["doubted", "examine", "findings_of", "noted", "read_besides", "screen"]
 
 _DEAD = ("constant", "frozen")
+_FALSE = frozenset({"copied passage", "copy", "lost samples", "overrun"})
+"""Kinds of findings that make estimates or their bands wrong."""
+_JUMPING = frozenset({"clipping", "frozen", "held", "missing", "overrun", "spikes"})
+"""Kinds of findings that jumps of a channel come from."""
 _MAX_VALUE = 1e100
 _OFFSET_SIGMAS = 3.0
 """A mean is expected where a sensor's offset has a prior standard deviation of a third of it."""
@@ -50,9 +56,16 @@ def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], d
     )
     findings = clock_faults(record)
     for channel, kind in known.items():
-        findings += channel_faults(record, channel, kind, standing)
+        ran_over = overrun(record, channel) if kind in VIBRATION else []
+        faults = channel_faults(record, channel, kind, standing)
+        findings += ran_over + [fault for fault in faults if not (ran_over and fault.kind == "spikes")]
     broken = {finding.channel for finding in findings if finding.severity == "unusable"}
     usable = {channel: kind for channel, kind in known.items() if channel not in broken}
+    moving = [channel for channel, kind in usable.items() if kind in VIBRATION]
+    findings += copied_passages(record, moving)
+    jumping = {finding.channel for finding in findings if finding.kind in _JUMPING}
+    if not any(finding.kind in ("gaps", "repeated rows") for finding in findings):
+        findings += lost_samples(record, [channel for channel in moving if channel not in jumping])
     rotor = rotor_of(record, set(usable))
     findings += implausible(record, usable, rotor, turbine)
     findings.sort(key=lambda f: (SEVERITIES.index(f.severity), f.channel != ""))
@@ -118,7 +131,7 @@ def screen(
     """
     measured = list(sensors)
     read = [*measured, *(channel for channel in others if channel in record)]
-    findings = findings_of(record, read, turbine)
+    findings = [*findings_of(record, read, turbine), *copied_channels(record, measured)]
     known = kinds(record)
     for finding in findings if refuse else ():
         channel = finding.channel
@@ -141,6 +154,15 @@ def screen(
 
 def noted(findings: Iterable[Finding]) -> tuple[str, ...]:
     """Findings as notes of a result; channels of which the same is said share a note, and so do pieces of a record."""
+    return _told(finding for finding in findings if finding.kind not in _FALSE)
+
+
+def doubted(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Findings that no result is to be trusted with, as `noted` tells the others."""
+    return _told(finding for finding in findings if finding.kind in _FALSE)
+
+
+def _told(findings: Iterable[Finding]) -> tuple[str, ...]:
     pieces: dict[tuple[str, str], list[str]] = {}
     for finding in findings:
         pieces.setdefault((finding.channel, finding.kind), []).append(finding.text)

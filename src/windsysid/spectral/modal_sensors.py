@@ -14,10 +14,7 @@ from windsysid.mechanics.sensor_lists import first_problem, parse_sensors, read_
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 
-__all__ = ["ModalSensor", "choose_sensors", "derivative_order", "read_modal_sensors", "without_copies"]
-
-COPY = 1e-6
-"""Share of a channel's variance that is its own: below, it is a copy of another."""
+__all__ = ["ModalSensor", "choose_sensors", "derivative_order", "read_modal_sensors"]
 
 MOST_SENSORS = 60
 
@@ -143,23 +140,6 @@ def derivative_order(sensor: ModalSensor, record: Record) -> int:
             f'list what it reads: quantity = "acceleration"'
         )
     return _ORDERS[kind]
-
-
-def without_copies(values: Array, names: Sequence[str]) -> list[tuple[int, int]]:
-    """Pairs (kept, copy) of the columns of values (T, n) that are the same reading, whatever their scale."""
-    from scipy.signal import lfilter
-
-    sped = lfilter([1.0, -1.0], [1.0], values, axis=0)[1:]  # slow drifts that channels share are no copy
-    sped = sped / np.maximum(np.sqrt(np.mean(sped**2, axis=0)), 1e-300)
-    alike = sped.T @ sped / len(sped)
-    found: list[tuple[int, int]] = []
-    gone: set[int] = set()
-    for i in range(len(names)):
-        for j in range(i + 1, len(names)):
-            if i not in gone and j not in gone and 1.0 - alike[i, j] ** 2 < COPY:
-                found.append((i, j))
-                gone.add(j)
-    return found
 
 
 def _moves(values: Array) -> bool:

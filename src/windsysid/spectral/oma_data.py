@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
+from windsysid.inspection.continuity import copies_among
 from windsysid.inspection.health import Finding
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
-from windsysid.inspection.screening import noted, screen
+from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.signals.condition import resample
 from windsysid.spectral.dft import transform
-from windsysid.spectral.modal_sensors import ModalSensor, choose_sensors, derivative_order, without_copies
+from windsysid.spectral.modal_sensors import ModalSensor, choose_sensors, derivative_order
 from windsysid.spectral.multiblade import blade_sets, multiblade
 from windsysid.spectral.tonal import find_lines, without_harmonics, without_line
 
@@ -115,11 +116,11 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     record = _without_gaps(record.select([*channels, *helpers]), channels, notes)
     findings = screen(record, None, channels, others=helpers)
     few = [one for one in findings if one.kind == "spikes" and one.count <= MAX_SPIKED * record.samples]
-    findings = [one for one in findings if one not in few]
+    findings = [one for one in findings if one not in few and one.kind != "copy"]  # copies are left out
     notes += noted(findings) + ((_bridged_spikes(few, record.samples),) if few else ())
-    doubts = [_doubt_of(finding) for finding in findings if finding.kind in TELLING]
+    doubts = [_doubt_of(finding) for finding in findings if finding.kind in TELLING] + list(doubted(findings))
     values = np.column_stack([_bridged(_without_spikes(record, name, few)) for name in channels])
-    copies = without_copies(values, channels)
+    copies = copies_among(values)
     if copies and sensors is not None:
         i, j = copies[0]
         raise RecordError(

@@ -1,0 +1,232 @@
+"""Places where a table of readings does not go on from what came before: passages that were pasted, samples that were
+lost while the time went on, converters that ran over, and channels that are copies of others.
+
+Each of them leaves every single value plausible. A passage that occurs twice makes bands too narrow, lost samples make
+damping too large, and a converter that runs over makes a spectrum of jumps.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array, Mask
+from windsysid.inspection.health import Finding, count_of, when
+from windsysid.records.record import Record
+
+__all__ = ["copied_channels", "copied_passages", "copies_among", "lost_samples", "overrun"]
+
+PASSAGE = 32
+"""Rows in a row that are equal to others, in every channel that vibrates, before a passage counts as copied."""
+
+COPY = 1e-6
+"""Share of a channel's power, in steps from sample to sample, that another one does not explain: less is a copy."""
+
+PREDICTORS = 24
+"""Readings from which the next one is predicted."""
+
+FITTED = 20_000
+"""Rows that a prediction is fitted to, at most."""
+
+FEWEST = 1000
+"""Rows below which no prediction is made."""
+
+UNLIKELY = 1e-7
+"""Chance by which errors of prediction of all channels exceed, in one row of white noise, what makes it a seam."""
+
+FEWEST_SEAMS = 6
+"""Seams that keep to multiples of some rows: 6 of 7 do so by chance in one of 1000 such records."""
+
+SHARE_IN_STEP = 0.8
+"""Of all seams: so many do."""
+
+SHARE_AT_ENDS = 0.9
+"""Of all jumps across a channel's range: so many start and end at its ends."""
+
+FEWEST_JUMPS = 3
+"""Jumps across a channel's range before its converter is said to have run over."""
+
+UNWRAPPED = 0.06
+"""Squares of what unwrapped jumps differ from the steps beside them, over those of the jumps as they are: a spike's
+reach 0.1."""
+
+_BLOCK = 400
+_FACTOR, _MODULUS = 0x9E3779B97F4A7C15, 2**64
+
+
+def copied_passages(record: Record, channels: Sequence[str]) -> list[Finding]:
+    """Passages that repeat an earlier one to the last digit, in all these channels."""
+    values = _columns(record, channels)
+    if len(values) < 2 * PASSAGE or not channels:
+        return []
+    moving = np.ones(len(values), dtype=np.bool_)
+    moving[1:] = np.any(values[1:] != values[:-1], axis=1)
+    usable = moving & np.isfinite(values).all(axis=1)
+    key = np.zeros(len(values), dtype=np.uint64)
+    for column in (values + 0.0).T:  # no negative zeros
+        key = (key ^ np.ascontiguousarray(column).view(np.uint64)) * np.uint64(_FACTOR)
+        key ^= key >> np.uint64(29)
+    count, factor = 1, _FACTOR
+    while count < PASSAGE:  # what stands for a passage, from what stands for its halves
+        key = key[:-count] * np.uint64(factor) + key[count:]
+        usable = usable[:-count] & usable[count:]
+        count, factor = 2 * count, factor * factor % _MODULUS
+    at = np.flatnonzero(usable)
+    if not at.size:
+        return []
+    _, first, which = np.unique(key[at], return_index=True, return_inverse=True)
+    source = at[first[which]]
+    again = at[source < at]
+    if not again.size:
+        return []
+    mask = np.zeros(len(values) + 1, dtype=np.int64)
+    np.add.at(mask, again, 1)
+    np.add.at(mask, again + PASSAGE, -1)
+    copied = np.cumsum(mask)[:-1] > 0
+    spans = _spans(record.time, copied)
+    share, origin = float(copied.mean()), float(record.time[source[np.searchsorted(at, again[0])]])
+    text = (
+        f"{count_of(int(copied.sum()), 'row')} ({100.0 * share:.2g} %) repeat earlier rows to the last digit,"
+        f" {when(spans)}, as from {origin:.6g} s on: a passage was written twice; leave the copies out"
+    )
+    return [Finding("", "copied passage", "warning", text, int(copied.sum()), spans)]
+
+
+def copies_among(values: Array) -> list[tuple[int, int]]:
+    """Pairs (kept, copy) of the columns of values (T, n) that are the same reading, whatever their scale and offset."""
+    steps = np.diff(values, axis=0)  # slow drifts that channels share are no copy
+    steps = steps[np.isfinite(steps).all(axis=1)]
+    if len(steps) < 2 * PASSAGE:
+        return []
+    steps /= np.maximum(np.sqrt(np.mean(steps**2, axis=0)), 1e-300)
+    alike = steps.T @ steps / len(steps)
+    found: list[tuple[int, int]] = []
+    gone: set[int] = set()
+    for i in range(len(alike)):
+        for j in range(i + 1, len(alike)):
+            if i not in gone and j not in gone and 1.0 - alike[i, j] ** 2 < COPY:
+                found.append((i, j))
+                gone.add(j)
+    return found
+
+
+def copied_channels(record: Record, channels: Sequence[str]) -> list[Finding]:
+    """Channels that are others, whatever their scale and offset."""
+    found = []
+    for i, j in copies_among(_columns(record, channels)):
+        text = f"is a copy of {channels[i]}: what one sensor says is counted twice; leave it out"
+        found.append(Finding(channels[j], "copy", "warning", text, record.samples, np.empty((0, 2))))
+    return found
+
+
+def overrun(record: Record, channel: str) -> list[Finding]:
+    """Jumps from one end of a channel's range to the other that go on as if they had not been: a converter that counted
+    on where it should have stopped."""
+    x = record[channel]
+    known = np.flatnonzero(np.isfinite(x))
+    if known.size < 2 * PASSAGE:
+        return []
+    low, span = float(x[known].min()), float(np.ptp(x[known]))
+    if span <= 0.0:
+        return []
+    place = (x[known] - low) / span
+    step = np.diff(place)
+    far = 1 + np.flatnonzero(np.abs(step[1:-1]) > 0.75)
+    around = 0.5 * (step[far - 1] + step[far + 1])
+    ends = (np.minimum(place[far], place[far + 1]) < 0.2) & (np.maximum(place[far], place[far + 1]) > 0.8)
+    if ends.sum() < max(FEWEST_JUMPS, SHARE_AT_ENDS * far.size) or np.mean((place > 0.25) & (place < 0.75)) < 0.2:
+        return []
+    unwrapped = step[far] - np.sign(step[far])
+    if np.median((unwrapped - around) ** 2 / (step[far] - around) ** 2) > UNWRAPPED:
+        return []
+    time = record.time[known[far + 1][ends]]
+    spans = np.column_stack([time, time])
+    text = (
+        f"jumps {count_of(len(time), 'time')} from one end of its range to the other, {when(spans)}: the converter ran"
+        " over; unwrap its values or leave it out"
+    )
+    return [Finding(channel, "overrun", "warning", text, len(time), spans)]
+
+
+def lost_samples(record: Record, channels: Sequence[str]) -> list[Finding]:
+    """Places at regular distances where readings do not go on from those before, though the time does: buffers were
+    lost between others that came through. A blow looks the same, but blows do not keep to multiples of some rows."""
+    from scipy.special import gammainccinv
+
+    values = _columns(record, channels)
+    values = values[:, np.isfinite(values).all(axis=0)]
+    if len(values) < FEWEST or not values.shape[1]:
+        return []
+    errors = np.array([_errors_of_prediction(column) for column in values.T])
+    usual = np.clip(errors, -4.0, 4.0)
+    own, into = np.linalg.eigh(usual @ usual.T / len(values))
+    apart = own > 1e-6 * own[-1]
+    together = np.sum((into.T @ errors)[apart] ** 2 / own[apart, None], axis=0)
+    middle = np.partition(errors**2, (len(errors) - 1) // 2, axis=0)[(len(errors) - 1) // 2]
+    bound = 2.0 * float(gammainccinv(0.5 * apart.sum(), UNLIKELY))  # of chi-squared
+    rows = np.flatnonzero((together > bound) & (middle > 3.0))
+    if not rows.size:
+        return []
+    seams = rows[np.concatenate([[True], np.diff(rows) > PREDICTORS])]
+    buffer = _common_divisor(seams)
+    if not buffer:
+        return []
+    spans = np.column_stack([record.time[seams], record.time[seams]])
+    text = (
+        f"readings do not go on at {seams.size} places, multiples of {buffer / record.rate:.6g} s apart, {when(spans)}:"
+        " samples were lost between buffers, or filled in; damping comes out too large; choose a section between them"
+    )
+    return [Finding("", "lost samples", "warning", text, int(seams.size), spans)]
+
+
+def _common_divisor(rows: NDArray[np.int64]) -> int:
+    """The largest number of rows by multiples of which most of these are apart, give or take one; 0 where there is
+    none."""
+    steps = np.concatenate([np.diff(rows), rows[2:] - rows[:-2]])
+    candidates = np.unique(np.concatenate([steps // part + off for part in (1, 2, 3) for off in (-1, 0, 1)]))
+    for apart in candidates[::-1].tolist():
+        if apart <= PREDICTORS:
+            break
+        count = np.bincount(rows % apart, minlength=apart)
+        in_step = int((count + np.roll(count, 1) + np.roll(count, -1)).max())
+        if in_step >= max(FEWEST_SEAMS, SHARE_IN_STEP * rows.size):
+            return int(apart)
+    return 0
+
+
+def _errors_of_prediction(x: Array) -> Array:
+    """Errors (T,) of the best linear prediction from the readings before, over their usual size around there."""
+    x = x - x.mean()
+    rows = np.arange(PREDICTORS, len(x))
+    if rows.size > FITTED:
+        starts = np.linspace(PREDICTORS, len(x) - 1000, FITTED // 1000).astype(np.int64)
+        rows = (starts[:, None] + np.arange(1000)).ravel()
+    past = np.column_stack([x[rows - lag] for lag in range(PREDICTORS + 1)])
+    used = past
+    for _ in range(2):
+        moment = used.T @ used
+        moment[1:, 1:] += np.eye(PREDICTORS) * 1e-12 * moment[0, 0]  # what is sampled very often predicts itself
+        weights = np.linalg.lstsq(moment[1:, 1:], moment[1:, 0], rcond=None)[0]
+        error = np.abs(past @ np.concatenate([[1.0], -weights]))
+        used = past[error <= 4.0 * np.median(error) / 0.6745]
+    errors: Array = np.convolve(x, np.concatenate([[1.0], -weights]))[: len(x)]
+    errors[:PREDICTORS] = 0.0
+    return errors / np.maximum(_size_around(np.abs(errors)), 1e-300)
+
+
+def _size_around(size: Array) -> Array:
+    """Standard deviation around each row, of the largest of three blocks: vibration swells and fades."""
+    whole = len(size) // _BLOCK
+    blocks = np.median(size[: whole * _BLOCK].reshape(whole, _BLOCK), axis=1) / 0.6745
+    around = np.pad(blocks, 1, mode="edge")
+    blocks = np.maximum.reduce([around[:-2], around[1:-1], around[2:]])
+    return np.concatenate([np.repeat(blocks, _BLOCK), np.full(len(size) - whole * _BLOCK, blocks[-1])])
+
+
+def _columns(record: Record, channels: Sequence[str]) -> Array:
+    return np.column_stack([record[name] for name in channels]) if channels else np.empty((record.samples, 0))
+
+
+def _spans(time: Array, mask: Mask) -> Array:
+    edges: NDArray[np.int64] = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return np.column_stack([time[edges[::2]], time[edges[1::2] - 1]])

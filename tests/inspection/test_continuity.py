@@ -1,0 +1,131 @@
+"""Readings that were pasted, lost or copied, and converters that ran over, are found; what looks like them is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import windsysid as ws
+from windsysid.inspection.screening import doubted, examine, noted, screen
+from windsysid.records.record import Record
+from windsysid.simulation.record import simulate_record
+
+RATE = 50.0
+NAMES = ("a_acceleration", "b_acceleration", "c_acceleration")
+
+
+def vibration(seed: int, seconds: float = 600.0, heavy: float | None = None) -> np.ndarray:
+    """Three channels (T, 3) [m/s²] of two modes at 0.8 and 2.1 Hz under noise or blows, and noise of their own."""
+    random = np.random.default_rng(seed)
+    count = int(seconds * RATE)
+    shapes = np.array([[1.0, 0.6, -0.4], [0.5, -1.0, 0.8]])
+    readings = 0.01 * random.standard_normal((count, 3))
+    for frequency, damping, shape in zip((0.8, 2.1), (0.01, 0.015), shapes, strict=True):
+        omega, step = 2.0 * np.pi * frequency, 1.0 / RATE
+        radius = np.exp(-damping * omega * step)
+        push = random.standard_normal(count) if heavy is None else random.standard_t(heavy, count)
+        pole = [1.0, -2.0 * radius * np.cos(omega * step), radius**2]
+        readings += np.outer(lfilter([1.0, -2.0, 1.0], pole, lfilter([1.0], [1.0, -0.8], push)), shape)
+    return readings
+
+
+def record_of(values: np.ndarray) -> Record:
+    return Record(np.arange(len(values)) / RATE, values, NAMES[: values.shape[1]], units=("m/s^2",) * values.shape[1])
+
+
+def kinds_of(values: np.ndarray) -> set[str]:
+    return {finding.kind for finding in examine(record_of(values), None)[0] if finding.severity != "note"}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_healthy_vibration_goes_on(seed):
+    assert kinds_of(vibration(seed)) == set()
+
+
+@pytest.mark.parametrize("heavy", [2.0, 3.0, 5.0])
+def test_blows_are_not_lost_samples(heavy):
+    for seed in range(4):
+        assert "lost samples" not in kinds_of(vibration(seed, heavy=heavy))
+
+
+@pytest.mark.parametrize("scale", [0.7, 1e-3, 1e4])
+def test_a_record_pasted_behind_itself_is_found(scale):
+    values = scale * vibration(1, 300.0)
+    findings, _, _ = examine(record_of(np.vstack([values, values])), None)
+    (found,) = [f for f in findings if f.kind == "copied passage"]
+    assert found.count == len(values)
+    assert np.allclose(found.spans, [[300.0, 599.98]])
+
+
+def test_a_short_passage_in_the_place_of_another_is_found_where_it_is():
+    values = vibration(2)
+    values[10_000:10_050] = values[4_000:4_050]
+    (found,) = [f for f in examine(record_of(values), None)[0] if f.kind == "copied passage"]
+    assert found.count == 50
+    assert np.allclose(found.spans, [[200.0, 200.98]])
+    assert "as from 80 s on" in found.text
+
+
+def test_a_coarse_converter_and_a_held_channel_repeat_nothing():
+    values = vibration(3)
+    steps = values.std(axis=0) / 3.0
+    assert "copied passage" not in kinds_of(np.round(values / steps) * steps)
+    assert "copied passage" not in kinds_of(np.repeat(values[::10], 10, axis=0))
+
+
+@pytest.mark.parametrize(("every", "lost"), [(10.0, 0.5), (5.0, 0.1), (60.0, 2.0)])
+def test_buffers_that_were_lost_without_a_gap_in_time_are_found(every, lost):
+    values = vibration(4)
+    kept = np.mod(np.arange(len(values)), int(every * RATE)) >= int(lost * RATE)
+    (found,) = [f for f in examine(record_of(values[kept]), None)[0] if f.kind == "lost samples"]
+    assert f"multiples of {every - lost:g} s" in found.text
+    assert found.count >= 6
+
+
+@pytest.mark.parametrize("times", [1.5, 2.0, 3.0])
+def test_a_converter_that_ran_over_is_found(times):
+    values = vibration(5)
+    end = times * values.std(axis=0)
+    assert "overrun" in kinds_of(np.mod(values + end, 2.0 * end) - end)
+
+
+def test_spikes_clipping_and_white_noise_are_no_overrun():
+    random = np.random.default_rng(6)
+    values = vibration(6)
+    spiked = values.copy()
+    spiked[500::500] += 20.0 * values.std(axis=0)
+    up_and_down = values.copy()
+    up_and_down[500::500] += 30.0 * values.std(axis=0) * random.choice([-1.0, 1.0], (59, 1))
+    end = 1.5 * values.std(axis=0)
+    for each in (spiked, up_and_down, np.clip(values, -end, end), random.standard_normal((30_000, 2))):
+        assert "overrun" not in kinds_of(each)
+
+
+def test_a_copy_of_a_sensor_is_a_doubt_and_two_sensors_close_by_are_not():
+    values = vibration(7)
+    copied = record_of(np.column_stack([values[:, 0], 0.5 * values[:, 0] + 3.0, values[:, 1]]))
+    findings = screen(copied, None, NAMES)
+    assert [f.channel for f in findings if f.kind == "copy"] == ["b_acceleration"]
+    assert "is a copy of a_acceleration" in doubted(findings)[0]
+    assert not noted(findings)
+    near = values[:, 0] + 0.01 * np.random.default_rng(7).standard_normal(len(values))
+    assert not screen(record_of(np.column_stack([values[:, 0], near, values[:, 1]])), None, NAMES)
+
+
+@pytest.mark.parametrize("formulation", ["auto", "spectral", "joint"])
+def test_no_identification_from_a_pasted_record_is_trusted(formulation):
+    tower = ws.load_turbine("tower")
+    once = simulate_record(tower, duration=600.0, rate=20.0, seed=11)
+    steps = np.arange(2 * once.samples) / 20.0
+    twice = replace(once, time=steps, values=np.vstack([once.values, once.values]))
+    assert ws.identify(once, tower, formulation=formulation).diagnosis.trusted
+    found = ws.identify(twice, tower, formulation=formulation).diagnosis
+    assert not found.trusted
+    assert "repeat earlier rows to the last digit" in found.reasons[0]
+
+
+def test_no_modes_from_a_pasted_record_are_trusted():
+    values = vibration(8, 300.0)
+    assert ws.oma(record_of(values)).trusted
+    assert "repeat earlier rows" in ws.oma(record_of(np.vstack([values, values]))).reasons[0]
