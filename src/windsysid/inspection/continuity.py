@@ -173,8 +173,8 @@ def lost_samples(record: Record, channels: Sequence[str]) -> list[Finding]:
         return []
     spans = np.column_stack([record.time[seams], record.time[seams]])
     text = (
-        f"readings do not go on at {seams.size} places, multiples of {buffer / record.rate:.6g} s apart, {when(spans)}:"
-        " samples were lost between buffers, or filled in; damping comes out too large; choose a section between them"
+        f"{seams.size} breaks at multiples of {buffer / record.rate:.6g} s, {when(spans)}: samples were lost there, and"
+        " damping comes out too large; choose a section without"
     )
     return [Finding("", "lost samples", "warning", text, int(seams.size), spans)]
 
