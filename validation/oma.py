@@ -4,6 +4,7 @@
   Operational Modal Analysis, Springer 2017), 5 000 s.
 - One mode at several lengths, beside Au's laws, c_f² = ζ/(2π N_c B_f) and c_ζ² = 1/(2π ζ N_c B_ζ) with N_c cycles and
   the band f (1 ± 10 ζ).
+- Four modes far apart, each with a coloured load of its own, 600 s at 50 Hz: is every one found, and no other?
 - Frames of N storeys, 600 s at 50 Hz, output only: white forces on every storey, 1 % noise on every geophone.
 - Several records of two modes, 250 s each, together: with the same sensors, and with sensors that move.
 - OpenFAST (`--openfast FOLDER`): c2 and d1, tower and edgewise modes.
@@ -39,6 +40,8 @@ FRESH = 70_000
 CLOSE = ((0.98, 0.008), (1.00, 0.010), (1.02, 0.012))
 LENGTHS = (200.0, 500.0, 1500.0)
 STOREYS = (5, 10, 20)
+APART = ((0.8, 0.008), (1.9, 0.010), (3.1, 0.012), (4.6, 0.015))
+APART_SHAPES = ((1.0, 0.9, 0.6, 0.3), (1.0, 0.1, -0.9, -0.7), (1.0, -0.9, -0.2, 0.9), (0.8, -1.0, 1.0, -0.5))
 KAPPA = 10.0
 
 FILES = {"c2": "c2_turb12_full.outb", "d1": "d1_turb12_full_KSS090.outb"}
@@ -70,10 +73,10 @@ def responses(
     return np.asarray(x.real[lead:, 1::2])
 
 
-def record(values: Array, rate: float) -> Record:
+def record(values: Array, rate: float, quantity: str = "velocity", unit: str = "m/s") -> Record:
     """Readings (T, n) as a record."""
-    names = tuple(f"point_{i}_velocity" for i in range(1, values.shape[1] + 1))
-    return Record(np.arange(len(values)) / rate, values, names, ("m/s",) * len(names), name="simulated")
+    names = tuple(f"point_{i}_{quantity}" for i in range(1, values.shape[1] + 1))
+    return Record(np.arange(len(values)) / rate, values, names, (unit,) * len(names), name="simulated")
 
 
 class Score(NamedTuple):
@@ -147,6 +150,23 @@ def close_modes(runs: int) -> Iterator[tuple[str, ...]]:
         y = (q / q.std(axis=0)) @ rng.normal(size=(3, 4)) + 0.05 * rng.normal(size=(40_000, 4))
         total = total.with_more(scored(analyse_vibration(record(y, 8.0)), CLOSE))
     yield row("three close modes, 5 000 s", total, runs)
+
+
+def modes_apart(runs: int) -> Iterator[tuple[str, ...]]:
+    """Four modes that nobody could take for each other."""
+    rate, count = 50.0, 30_000
+    total, whole = Score(), 0
+    for seed in range(FRESH + 4000, FRESH + 4000 + runs):
+        rng = np.random.default_rng(seed)
+        y = 0.002 * rng.normal(size=(count, 4))
+        for (f, z), shape in zip(APART, APART_SHAPES, strict=True):
+            size, angle = np.exp(-z * 2.0 * np.pi * f / rate), 2.0 * np.pi * f * np.sqrt(1.0 - z * z) / rate
+            load = lfilter([1.0], [1.0, -np.exp(-20.0 / rate)], rng.normal(size=count))
+            y += np.outer(lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * size * np.cos(angle), size**2], load), shape)
+        found = analyse_vibration(record(y, rate, "acceleration", "m/s^2"))
+        whole += found.trusted and len(found.modes) == len(APART)
+        total = total.with_more(scored(found, APART))
+    yield row(f"four modes apart, 600 s; {whole} of {runs} records right and trusted", total, runs)
 
 
 def single_modes(runs: int) -> Iterator[tuple[str, ...]]:
@@ -268,6 +288,7 @@ def main() -> None:
         table("frames, output only", HEADINGS, frames(given.frames))
     if given.runs > 0:
         table("close modes", HEADINGS, close_modes(given.runs))
+        table("modes apart", HEADINGS, modes_apart(runs=2 * given.runs))
         table("one mode", HEADINGS, single_modes(given.runs))
         table("several records together", HEADINGS, several_records(given.runs))
     print(f"{time.time() - began:.0f} s")

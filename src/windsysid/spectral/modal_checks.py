@@ -6,7 +6,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.spectral.dft import band_data
-from windsysid.spectral.modal_model import spectrum
+from windsysid.spectral.modal_model import prominence, spectrum
 from windsysid.spectral.modal_scoring import Fit, score
 from windsysid.spectral.oma_data import Line, Readings
 from windsysid.spectral.operational import Doubt
@@ -40,12 +40,13 @@ SURE_OF_DAMPING = 0.6
 
 LEAST_CYCLES = 40
 
-STEADY_ENVELOPE = 0.35
-"""Variance of a mode's squared amplitude over the square of its mean: 1 under a random load, 0 for a steady sine; below
-this it is a line."""
+FAINT, FAINT_AT_BORDER, CLEAR = 2.0, 7.0, 5.0
+"""Power of a mode at its natural frequency over what else is there. Below the first two it stands for how that varies
+over the band, as no one law of power has the flanks of several modes; below the third it may."""
 
-LEAST_LIVES = 25.0
-"""ζ ω T from which the envelope of a mode tells that."""
+STEADY_ENVELOPE, STEADY_PER_LIFE = 0.35, 0.06
+"""Variance of a mode's squared amplitude over the square of its mean: 1 under a random load, 0 for a steady sine. Below
+the first, and the second times the root of ζ ω T, it is a line: of modes under white noise, one in 100 is as steady."""
 
 MAX_FADE = 4.5
 """Standard deviations by which a quarter of the record may differ from the mean in energy …"""
@@ -59,10 +60,18 @@ MAX_SHAPE_STD = 0.15
 
 
 def is_flank(found: BandFit, j: int, length: float) -> bool:
-    """Whether mode j stands for what reaches into the band from outside: its frequency is not inside, or its damping is
-    not seen."""
-    f = float(found.fit.modes.frequency[j])
-    return not found.bins[0] < f * length < found.bins[-1] or found.fit.std(j)[1] > UNSEEN
+    """Whether mode j stands for what reaches into the band from outside, or for what else is in it: its frequency is
+    not inside, its damping is not seen, or it does not stand out."""
+    modes = found.fit.modes
+    if not found.bins[0] < float(modes.frequency[j]) * length < found.bins[-1] or found.fit.std(j)[1] > UNSEEN:
+        return True
+    return prominence(modes, j, found.band) < (FAINT_AT_BORDER if _at_border(found, j, length) else FAINT)
+
+
+def _at_border(found: BandFit, j: int, length: float) -> bool:
+    """Whether a mode's half-width reaches out of its band."""
+    f, z = float(found.fit.modes.frequency[j]), float(found.fit.modes.damping[j])
+    return not found.bins[0] < (f - z * f) * length or not (f + z * f) * length < found.bins[-1]
 
 
 def misfit(found: BandFit) -> tuple[float, float]:
@@ -100,10 +109,10 @@ def half_fits(found: BandFit, halves: Sequence[tuple[Array, Complex]], samples: 
 def mode_doubts(found: BandFit, j: int, shapes: Shapes, halves: Sequence[Fit], readings: Readings) -> list[Doubt]:
     """Why mode j of a band is not to be trusted."""
     fit = found.fit
-    f, z = float(fit.modes.frequency[j]), float(fit.modes.damping[j])
+    f = float(fit.modes.frequency[j])
     length = readings.samples / readings.rate
     doubts = fit_doubts(found, j, shapes, readings)
-    if not found.bins[0] < (f - z * f) * length or not (f + z * f) * length < found.bins[-1]:
+    if _at_border(found, j, length):
         doubts.append(Doubt("border", "it sits at the border of its band"))
     alone = _along_shape(found, j)
     apart = abs(np.log(float(alone.modes.frequency[j]) / f)) / alone.std(j)[0]
@@ -111,6 +120,12 @@ def mode_doubts(found: BandFit, j: int, shapes: Shapes, halves: Sequence[Fit], r
         there = f"{float(alone.modes.frequency[j]):.4g} Hz, {apart:.1f} σ away"
         text = f"the channels disagree: along its shape alone its frequency is {there}"
         doubts.append(Doubt("channels", text))
+    over = prominence(fit.modes, j, found.band)
+    if over < CLEAR:
+        text = (
+            f"it stands only {over:.2g} times above what else is there: it may stand for the flanks of its neighbours"
+        )
+        doubts.append(Doubt("faint", text))
     return doubts + _half_doubts(j, halves) + shape_doubts(shapes.std[:, j])
 
 
@@ -204,7 +219,7 @@ def _history_doubts(found: BandFit, f: float, z: float, response: Complex, lengt
     lives = 2.0 * np.pi * z * f * length
     doubts = []
     steadiness = float(np.var(inner) / np.mean(inner) ** 2)
-    if lives > LEAST_LIVES and steadiness < STEADY_ENVELOPE:
+    if steadiness < min(STEADY_ENVELOPE, STEADY_PER_LIFE * np.sqrt(lives)):
         doubts.append("its amplitude is as steady as a machine's line, not that of a mode under random loads")
     quarters = np.array([part.mean() for part in np.array_split(inner, 4)]) / inner.mean()
     scatter = np.sqrt(4.0 / max(lives, 1.0))

@@ -30,6 +30,7 @@ __all__ = [
     "Scores",
     "advance",
     "coordinates",
+    "prominence",
     "responses",
     "scores",
     "spectrum",
@@ -92,6 +93,17 @@ class Scores(NamedTuple):
     cost: float
     gradient: Array
     fisher: Array
+
+
+def prominence(modes: Modes, j: int, band: Band) -> float:
+    """Power of mode j at its natural frequency over what else is there, in the direction where that is largest."""
+    at, others = modes.frequency[j : j + 1], np.arange(len(modes.frequency)) != j
+    h = responses(modes, at)[:, 0]
+    driven = h[:, None] * (modes.load @ modes.load.conj().T) * h.conj() * tilt_of(at, band, modes.load_slope)
+    around, along = modes.shape[:, others], modes.shape[:, j]
+    rest = modes.rest @ modes.rest.conj().T * tilt_of(at, band, modes.rest_slope)
+    rest = rest + around @ driven[np.ix_(others, others)] @ around.conj().T
+    return float((along.conj() @ np.linalg.solve(rest, along)).real * driven[j, j].real)
 
 
 def with_real_elements(modes: Modes) -> Modes:

@@ -79,7 +79,7 @@ def without_flanks(bands: list[list[OperationalMode]]) -> list[list[OperationalM
 
 def with_neighbours(modes: list[OperationalMode]) -> list[OperationalMode]:
     """Modes of one band: where one is doubtful the others are, since they were found together."""
-    doubtful = [mode for mode in modes if any(doubt.kind != "shape" for doubt in mode.grounds)]
+    doubtful = [mode for mode in modes if any(doubt.kind not in ("shape", "faint") for doubt in mode.grounds)]
     if not doubtful:
         return modes
     why = Doubt("neighbour", f"it was found together with a doubtful one at {doubtful[0].frequency:.4g} Hz")

@@ -32,6 +32,15 @@ HUMP = 0.01
 """A peak this near to a harmonic of the rotor, relative, or nearer than one and a half of its half-widths, is of the
 wind that blades sample."""
 
+CLEAR = 8.0
+"""Rise of a peak, in standard deviations, that calls for a mode."""
+
+WIDER = 3.0
+"""Times the half-width that a clear peak without a mode is given: few bins tell half its height badly."""
+
+EXPLAINED = 5.0
+"""Half-widths of a mode from which on it does not account for a peak."""
+
 LEAST_EVIDENCE = 10.0
 """2 ln of the evidence for a mode against none."""
 
@@ -97,6 +106,13 @@ def search_modes(
     for again in range(AGAIN if bands is None else 0):
         progress("bands around what was found", None)
         found = search_again(found, frequency, values, readings, [] if again else seen, keep=again > 0)
+    left = [
+        peak._replace(half_width=WIDER * peak.half_width) for peak in seen if not _explained(peak, found, 1.0 / step)
+    ]
+    if left:
+        progress("peaks without a mode, in wider bands", None)
+        found = search_again(found, frequency, values, readings, left, keep=True)
+        found = search_again(found, frequency, values, readings, [], keep=True)
     empty = [
         (low, high)
         for (low, high, _), one in zip(wanted, found, strict=False)
@@ -205,6 +221,22 @@ def search_again(
             one = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
         again.append(one)
     return again
+
+
+def _explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:
+    """Whether a peak asks for no mode, or has one within its half-widths or the mode's."""
+    return (
+        peak.alone
+        or peak.rise < CLEAR
+        or any(
+            abs(f - peak.frequency) < max(EXPLAINED * f * z, WIDER * peak.half_width)
+            for one in found
+            for j, (f, z) in enumerate(
+                zip(one.fit.modes.frequency[: modes_of(one)], one.fit.modes.damping, strict=False)
+            )
+            if not is_flank(one, j, length)
+        )
+    )
 
 
 def is_hump(peak: Peak, readings: Readings) -> bool:

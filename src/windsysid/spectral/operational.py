@@ -34,6 +34,7 @@ DoubtKind = Literal[
     "channels",
     "halves",
     "shape",
+    "faint",
     "neighbour",
     "records",
     "record",
