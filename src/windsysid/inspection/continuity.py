@@ -46,6 +46,9 @@ SHARE_AT_ENDS = 0.9
 FEWEST_JUMPS = 3
 """Jumps across a channel's range before its converter is said to have run over."""
 
+LARGEST_STEP = 0.17
+"""Of a channel's range: standard deviation of its other steps, beyond which a jump across it is nothing unusual."""
+
 UNWRAPPED = 0.06
 """Squares of what unwrapped jumps differ from the steps beside them, over those of the jumps as they are: a spike's
 reach 0.1."""
@@ -135,6 +138,8 @@ def overrun(record: Record, channel: str) -> list[Finding]:
     around = 0.5 * (step[far - 1] + step[far + 1])
     ends = (np.minimum(place[far], place[far + 1]) < 0.2) & (np.maximum(place[far], place[far + 1]) > 0.8)
     if ends.sum() < max(FEWEST_JUMPS, SHARE_AT_ENDS * far.size) or np.mean((place > 0.25) & (place < 0.75)) < 0.2:
+        return []
+    if np.std(step[np.abs(step) <= 0.75]) > LARGEST_STEP:  # some readings a period: crests follow troughs
         return []
     unwrapped = step[far] - np.sign(step[far])
     if np.median((unwrapped - around) ** 2 / (step[far] - around) ** 2) > UNWRAPPED:
