@@ -383,6 +383,18 @@ def test_every_clear_mode_of_a_frame_is_found_and_no_other(seed):
     assert [round(mode.frequency, 1) for mode in found.modes] == [0.8, 1.9, 3.1, 4.6]
 
 
+@pytest.mark.parametrize("way", ["held", "interpolated"])
+def test_images_of_a_slow_logger_are_no_modes(way):
+    """Readings that are held, or filled in by straight lines, mirror every mode at the rate they were read at."""
+    slow = two_modes(40)
+    fine = np.arange(5 * len(slow) - 4) / 5.0
+    columns = [np.interp(fine, np.arange(len(slow)), column) for column in slow.T]
+    filled = np.repeat(slow, 5, axis=0) if way == "held" else np.column_stack(columns)
+    found = ws.oma(record_of(np.round(filled, 5), 5.0 * RATE))
+    assert [round(mode.frequency, 1) for mode in found.modes] == [1.1, 2.7]
+    assert any("was read 10 times a second" in note for note in found.notes)
+
+
 def test_a_band_of_a_short_record_does_not_reach_frequency_zero():
     # Where a mode is too narrow to tell, its band is widened; in 33 s that reached bin 0, which has no logarithm.
     record = simulate_record("nrel5mw_full", duration=60.0, rate=50.0, seed=5, loads="wind").section(0.0, 33.0)

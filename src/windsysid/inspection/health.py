@@ -17,7 +17,7 @@ from windsysid.inspection.channels import VIBRATION, Kind, kinds
 from windsysid.records.record import AS_WRITTEN, Record
 from windsysid.units import unit_text
 
-__all__ = ["SEVERITIES", "Finding", "Severity", "channel_faults", "clock_faults", "when"]
+__all__ = ["SEVERITIES", "Finding", "Severity", "channel_faults", "clock_faults", "sampled_every", "when"]
 
 
 Severity = Literal["note", "warning", "unusable"]
@@ -28,6 +28,8 @@ SPIKE_MIN_SIGMAS = 8.0
 """A spike's jump, in standard deviations of the steps around it."""
 MAX_SPIKE_SAMPLES = 5
 """Samples; what lasts longer is not called a spike."""
+STRAIGHT = 0.02
+"""Of the root mean square of a channel's bends: less is none."""
 GAP_MIN_STEPS = 1.5
 """A step longer than this many usual ones is a gap."""
 
@@ -157,6 +159,24 @@ def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = Fa
     if kind in VIBRATION and lsb > 0.0:
         found += _quantised(channel, x[~spike], lsb, unit)
     return found
+
+
+def sampled_every(x: Array) -> tuple[int, str]:
+    """Every how many samples a channel (T,) without gaps was really read, and what is between: ``held`` values,
+    ``interpolated`` ones, on straight lines, or nothing, an empty text."""
+    if x.size < 40:
+        return 1, ""
+    bends = np.abs(np.diff(x, 2))
+    changes = {
+        "held": np.flatnonzero(np.diff(x) != 0.0),
+        "interpolated": np.flatnonzero(bends > STRAIGHT * np.sqrt(np.mean(bends**2))),
+    }
+    for name, least in (("held", 3), ("interpolated", 2)):
+        lengths = np.diff(changes[name])
+        middle = float(np.median(lengths)) if lengths.size >= 20 else 0.0
+        if middle >= least and np.mean(np.abs(lengths - middle) <= (name == "held")) > 0.8:
+            return int(middle), name
+    return 1, ""
 
 
 def when(spans: Array, most: int = 4) -> str:
@@ -310,13 +330,17 @@ def _frozen(
     channel: str, kind: Kind, x: Array, time: Array, step: float, lsb: float, clipped: Mask, standing: bool
 ) -> list[Finding]:
     """Stretches in which a value repeats far longer than this channel is used to."""
+    every, filled = sampled_every(x)
+    if every > 1:
+        text = (
+            f"changes only every {every} samples ({1.0 / (every * step):.3g} Hz): sampled slowly and held"
+            if filled == "held"
+            else f"lies on straight lines between every {every} samples ({1.0 / (every * step):.3g} Hz): filled in"
+        )
+        return [_everywhere(channel, filled, "note", text, x.size)]
     starts = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0.0]))
     lengths = np.diff(np.concatenate([starts, [x.size]]))
     usual = float(np.percentile(lengths, 95.0))
-    middle = float(np.median(lengths))
-    if middle >= 3 and np.mean(np.abs(lengths - middle) <= 1) > 0.8 and lengths.size > 20:
-        text = f"changes only every {middle:g} samples ({1.0 / (middle * step):.3g} Hz): sampled slowly and held"
-        return [_everywhere(channel, "held", "note", text, x.size)]
     shortest = 0.5 if kind in VIBRATION or kind == "azimuth" else 5.0
     # A slow signal dwells on a level of its converter, comes from the next one and leaves to the next one.
     edge = np.pad(np.abs(np.diff(x[starts])), 1, constant_values=0.0)

@@ -27,7 +27,7 @@ __all__ = ["doubted", "examine", "findings_of", "noted", "read_besides", "screen
 _DEAD = ("constant", "frozen")
 _FALSE = frozenset({"copied passage", "copy", "lost samples", "overrun"})
 """Kinds of findings that make estimates or their bands wrong."""
-_JUMPING = frozenset({"clipping", "frozen", "held", "missing", "overrun", "spikes"})
+_JUMPING = frozenset({"clipping", "frozen", "held", "interpolated", "missing", "overrun", "spikes"})
 """Kinds of findings that jumps of a channel come from."""
 _MAX_VALUE = 1e100
 _OFFSET_SIGMAS = 3.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.inspection.continuity import copies_among
-from windsysid.inspection.health import Finding
+from windsysid.inspection.health import Finding, sampled_every
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
@@ -135,6 +135,11 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     high = HIGHEST * rate
     if LOW_PASS in record.attributes:
         high = min(high, LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
+    slowest = max((sampled_every(column)[0], one.channel) for column, one in zip(values.T, chosen, strict=True))
+    if slowest[0] > 1 and HIGHEST * rate / slowest[0] < high:
+        high = HIGHEST * rate / slowest[0]
+        read = f"{rate / slowest[0]:.4g} times a second and filled in between"
+        notes.append(f"{slowest[1]} was read {read}: modes are sought below {high:.4g} Hz")
     azimuth, rotor_hz, lines = _rotor(record, high, notes, doubts)
     values = values - values.mean(axis=0)
     if azimuth is not None:
