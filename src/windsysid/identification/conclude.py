@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from windsysid.results.lines import Line, find_line
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
+from windsysid.results.rivals import BETTER, find_rival
 from windsysid.results.steadiness import Late, how_late
 from windsysid.results.stillness import find_still
 from windsysid.results.straightness import Bent, find_bent
@@ -36,6 +37,9 @@ __all__ = ["Formulation", "conclude", "doubts_of_innovations"]
 
 
 Formulation = Literal["joint", "force-balance", "spectral"]
+
+FAR = 1.0
+"""Standard deviations of its prior by which a coefficient is off where another explanation is looked for."""
 
 OFF_CLOCK = 0.01
 """Share of the rotor's speed by which azimuth and speed may contradict each other."""
@@ -115,6 +119,7 @@ def conclude(
             *outcome.doubts,
             *(_still(outcome, record, speed) if formulation != "force-balance" else ()),
             *_off_clock(record, speed),
+            *(_rivalled(outcome, record, final) if formulation != "force-balance" else ()),
         ),
         whiteness=outcome.whiteness,
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
@@ -215,6 +220,47 @@ def _still(outcome: Outcome, record: Record, speed: float) -> tuple[str, ...]:
         f"nothing vibrates in {still[0]}{more}, only noise is there: likely an instrument (no power, a broken "
         "cable); check it or leave it out",
     )
+
+
+def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ...]:
+    """Which degree of freedom of a support that stands was found far from its prior, where a narrow-band load and a
+    mode near the prior explain the readings better, as a doubt."""
+    file, compiled = outcome.turbine, outcome.model.compiled
+    if not record.is_uniform or any(freedom.blade for freedom in file.model.freedoms):
+        return ()
+    off = {q.name: (q, (outcome.theta[i] - q.prior[0]) / q.prior[1]) for i, q in enumerate(outcome.model.parameters)}
+    p, (n, m) = np.array([file.values[name] for name in compiled.parameters]), (len(compiled.states), compiled.readings)
+    seen, loads = np.zeros((m, n)), len(compiled.loads)
+    inputs = np.ascontiguousarray(outcome.rotor.mean(axis=0)[: len(compiled.inputs)])
+    others = np.zeros((m, len(compiled.identified))), np.zeros((m, loads))
+    compiled.reading_jacobian(np.zeros(n), inputs, p, np.zeros(loads), np.zeros(m), seen, *others)
+    values = np.column_stack([record[channel] for channel in outcome.channels])
+    whole = np.isfinite(values).all(axis=0)
+    for i, name in enumerate(file.model.coordinates):
+        own = {kind: off.get(f"{kind}_{name}") for kind in ("k", "c")}
+        if all(one is None or abs(one[1]) < FAR for one in own.values()) or not whole.any():
+            continue
+
+        def known(*normal: float, own: Any = own, name: str = name) -> tuple[float, ...]:
+            return tuple(
+                max(float(one[0].physical(one[0].prior[0] + z * one[0].prior[1])) / file.values[f"{kind}_{name}"], 1e-4)
+                if one is not None
+                else 1.0
+                for (kind, one), z in zip(own.items(), normal, strict=True)
+            )
+
+        channel = int(np.argmax(np.where(whole, np.abs(seen[:, i]) / np.maximum(values.std(axis=0), 1e-300), -1.0)))
+        of_file, found = (
+            (one.natural_frequency(name) / (2.0 * math.pi), one.damping(name) / one.critical_damping(name))
+            for one in (file, final)
+        )
+        rival = find_rival(values[:, channel], record.rate, of_file, found, known)
+        if rival is not None and rival.better > BETTER:
+            return (
+                f"{outcome.channels[channel]} fits better with a narrow-band load at {rival.frequency:.3g} Hz beside a "
+                f"{name} as in the file: a machine or waves; leave that load out, or correct the file",
+            )
+    return ()
 
 
 def _off_clock(record: Record, speed: float) -> tuple[str, ...]:

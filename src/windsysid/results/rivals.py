@@ -1,0 +1,112 @@
+"""Narrow-band loads that were taken for a mode.
+
+A machine nearby, waves or a neighbour's mode push at frequencies of their own. Where such a load is beside a well
+damped mode, its peak is the narrower one, and a search that knows smooth loads only may take it for the mode and the
+mode for a hump of the loads: the filters' innovations are white then. So two ways to explain the periodogram I_j of one
+channel around a mode are held against each other, both with the file's prior of the mode's stiffness and damping:
+
+    S(f) = L(f) |H(f)|²              and              S(f) = (L(f) + N(f)) |H(f)|²,
+
+H the mode's response, L a power law of the load, N a narrow-band load (a second-order process) of any frequency, width
+and level. Each is taken at the greatest of −Σ (I_j/S_j + log S_j) (Whittle 1953) and the log prior together.
+
+Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-6161.1953.tb00131.x.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.results.lines import HANN_VARIANCE
+
+__all__ = ["BETTER", "Rival", "find_rival"]
+
+BETTER = 3.0
+"""Log posterior by which a narrow-band load has to explain a channel better: odds of 20 to 1."""
+
+REACH = 1.55
+"""Factor about the mode's frequency, as the file has it and as it was found, between which both are held."""
+
+FEWEST_BINS = 40
+"""Frequencies of a periodogram below which nothing is asked."""
+
+SLOPE_SPREAD = 6.0
+"""Standard deviation of the slope of L."""
+
+WIDTHS, WIDTH_SPREAD = (0.004, 0.03), 1.0
+"""Damping ratios of N at which a search begins; standard deviation of its logarithm about 0.02."""
+
+TRIED = 2
+"""Starts of each width and level that are searched from."""
+
+
+class Rival(NamedTuple):
+    """A narrow-band load that explains a channel better than the mode that was found: its frequency [Hz], and by how
+    much the log posterior is greater."""
+
+    frequency: float
+    better: float
+
+
+def find_rival(
+    readings: Array, rate: float, file: tuple[float, float], found: tuple[float, float],
+    known: Callable[[float, float], tuple[float, ...]],
+) -> Rival | None:  # fmt: skip
+    """The narrow-band load beside a mode that explains a channel best; None where there is too little to ask.
+
+    Parameters
+    ----------
+    readings, rate
+        The channel in which the mode shows most (T,), without gaps, and its samples per second [Hz].
+    file, found
+        Frequency [Hz] and damping ratio of the mode, as the turbine file has them and as they were found.
+    known
+        Stiffness and damping, each over the file's, from their prior's standard normal coordinates.
+    """
+    from scipy.optimize import minimize
+
+    power = np.abs(np.fft.rfft(np.hanning(len(readings)) * (readings - readings.mean()))) ** 2
+    frequency = np.fft.rfftfreq(len(readings), 1.0 / rate)
+    near = (frequency > min(file[0], found[0]) / REACH) & (frequency < max(file[0], found[0]) * REACH)
+    if near.sum() < FEWEST_BINS:
+        return None
+    f, power = frequency[near].astype(np.float64), power[near] / np.median(power[near])
+    tilt = np.log(f / np.sqrt(f[0] * f[-1]))
+
+    def cost(unknowns: Array) -> float:
+        stiffness, damping = known(unknowns[0], unknowns[1])
+        load = np.exp(np.clip(unknowns[2] + unknowns[3] * tilt, -40.0, 40.0))
+        prior = unknowns[0] ** 2 + unknowns[1] ** 2 + (unknowns[3] / SLOPE_SPREAD) ** 2
+        if len(unknowns) > 4:
+            at, width, level = np.exp(np.clip(unknowns[4:], -40.0, 40.0))
+            load = load + level * (2.0 * width) ** 2 * _response(f, at, width)
+            prior += (np.log(width / 0.02) / WIDTH_SPREAD) ** 2
+        own = file[0] * np.sqrt(stiffness)
+        spectrum = load * _response(f, own, max(file[1] * damping / np.sqrt(stiffness), 1e-5))
+        return float(np.sum(np.log(spectrum) + power / spectrum) / HANN_VARIANCE + 0.5 * prior)
+
+    def least(starts: list[list[float]]) -> tuple[float, Array]:
+        ends = [
+            minimize(cost, start, method="Nelder-Mead", options={"maxfev": 3000, "xatol": 1e-3, "fatol": 1e-2})
+            for start in starts
+        ]
+        best = min(ends, key=lambda end: float(end.fun))
+        return float(best.fun), np.asarray(best.x)
+
+    alone, _ = least([[k, c, -1.0, 0.0] for k in (0.0, 0.3, -0.3) for c in (0.0, -1.0, -1.8)])
+    places = np.log(f[:: max(1, len(f) // 50)]).tolist()
+    starts = []
+    for width in WIDTHS:
+        for base in (-1.0, -3.0):
+            at = [[0.0, 0.0, base, 0.0, place, float(np.log(width)), over] for place in places for over in (0.0, 2.0)]
+            starts += sorted(at, key=lambda start: cost(np.array(start)))[:TRIED]
+    both, best = least(starts)
+    return Rival(float(np.exp(best[4])), alone - both)
+
+
+def _response(f: Array, own: float, damping: float) -> Array:
+    """|H|² of acceleration at frequencies f."""
+    ratio = (f / own) ** 2
+    return np.asarray(ratio**2 / ((1.0 - ratio) ** 2 + 4.0 * damping**2 * ratio))
