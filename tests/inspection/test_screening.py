@@ -52,6 +52,19 @@ def test_an_independent_simulation_passes(file):
         assert findings(record.section(60.0, 160.0), ws.load_turbine(name)) == [], name
 
 
+@pytest.mark.parametrize(("step", "refused"), [(50.0, True), (1.0, False), (0.05 / 24.0 / 3600.0, False)])
+def test_a_time_that_is_in_no_seconds_is_refused_or_named(healthy, verne555, step, refused):
+    odd = Record(step * np.arange(healthy.samples), healthy.values, healthy.channels, healthy.units)
+    support = [channel for channel in odd.channels if channel.startswith("tower")]
+    if refused:
+        with pytest.raises(RecordError, match=r"come every 50 s.*write its unit into its heading, as in 'time \[ms\]'"):
+            ws.oma(odd.select(support))
+    else:
+        found = [finding.text for finding in screen(odd, None, support) if finding.channel == "time"]
+        assert len(found) == 1
+        assert f"write 'time [{'ms' if step == 1.0 else 'h'}]'" in found[0]
+
+
 # A unit that is evidently wrong: what the file says, how much the values are off, and the turbine whose record it is.
 WRONG: dict[str, tuple[str, str, Callable[[Any], Any], str]] = {
     "an upright accelerometer in g": ("verne555", TOWER, lambda x: x / G + 1.0, "g marked as m/s²"),

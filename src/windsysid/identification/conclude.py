@@ -41,6 +41,9 @@ Formulation = Literal["joint", "force-balance", "spectral"]
 FAR = 1.0
 """Standard deviations of its prior by which a coefficient is off where another explanation is looked for."""
 
+MIXED = 0.1
+"""Share of one degree of freedom's motion in a reading of another, whose mode would look like a narrow-band load."""
+
 OFF_CLOCK = 0.01
 """Share of the rotor's speed by which azimuth and speed may contradict each other."""
 
@@ -230,7 +233,7 @@ def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ..
         return ()
     off = {q.name: (q, (outcome.theta[i] - q.prior[0]) / q.prior[1]) for i, q in enumerate(outcome.model.parameters)}
     p, (n, m) = np.array([file.values[name] for name in compiled.parameters]), (len(compiled.states), compiled.readings)
-    seen, loads = np.zeros((m, n)), len(compiled.loads)
+    seen, loads, dofs = np.zeros((m, n)), len(compiled.loads), len(file.model.coordinates)
     inputs = np.ascontiguousarray(outcome.rotor.mean(axis=0)[: len(compiled.inputs)])
     others = np.zeros((m, len(compiled.identified))), np.zeros((m, loads))
     compiled.reading_jacobian(np.zeros(n), inputs, p, np.zeros(loads), np.zeros(m), seen, *others)
@@ -238,7 +241,7 @@ def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ..
     whole = np.isfinite(values).all(axis=0)
     for i, name in enumerate(file.model.coordinates):
         own = {kind: off.get(f"{kind}_{name}") for kind in ("k", "c")}
-        if all(one is None or abs(one[1]) < FAR for one in own.values()) or not whole.any():
+        if all(one is None or abs(one[1]) < FAR for one in own.values()):
             continue
 
         def known(*normal: float, own: Any = own, name: str = name) -> tuple[float, ...]:
@@ -249,7 +252,10 @@ def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ..
                 for (kind, one), z in zip(own.items(), normal, strict=True)
             )
 
-        channel = int(np.argmax(np.where(whole, np.abs(seen[:, i]) / np.maximum(values.std(axis=0), 1e-300), -1.0)))
+        alone = whole & (np.abs(np.delete(seen[:, :dofs], i, axis=1)) < MIXED * np.abs(seen[:, [i]])).all(axis=1)
+        if not alone.any():
+            continue
+        channel = int(np.argmax(np.where(alone, np.abs(seen[:, i]) / np.maximum(values.std(axis=0), 1e-300), -1.0)))
         of_file, found = (
             (one.natural_frequency(name) / (2.0 * math.pi), one.damping(name) / one.critical_damping(name))
             for one in (file, final)

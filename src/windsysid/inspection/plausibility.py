@@ -12,12 +12,18 @@ from windsysid.records.record import Record
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["GRAVITY", "Rotor", "implausible", "once_per_turn", "rotor_of"]
+__all__ = ["GRAVITY", "TIME", "Rotor", "implausible", "once_per_turn", "rotor_of"]
 
 
 GRAVITY = 9.80665
+TIME = "time"
+"""What findings about the time's unit are about."""
 MIN_ROTOR_SPEED = 0.05
 """Least rotor speed of a running machine [rad/s]."""
+
+SLOW, ONCE_A_SECOND, FAST = 0.5, 1.0, 20_000.0
+"""Readings of an acceleration a second [Hz]: below the first no structure shows, up to the second few do, and few
+loggers are as fast as the third."""
 
 _TURN = 2.0 * np.pi
 _RATIOS = (
@@ -81,7 +87,7 @@ def implausible(
     record: Record, known: dict[str, Kind], rotor: Rotor | None, turbine: "Turbine | None"
 ) -> list[Finding]:
     """Findings on units and contradictions over all channels (`known`: those that are usable, with their kinds)."""
-    found: list[Finding] = []
+    found = _pace(record) if "acceleration" in known.values() else []
     for channel, kind in known.items():
         values = record[channel]
         x = values[np.isfinite(values)]
@@ -99,6 +105,21 @@ def implausible(
     if "rotor_azimuth" in known:
         found += _azimuth_against_speed(record, "rotor_speed" in known)
     return found
+
+
+def _pace(record: Record) -> list[Finding]:
+    """Whether accelerations come so seldom that the time was in milliseconds, or so often that it was in days."""
+    step = 1.0 / record.rate
+    if record.rate < SLOW:
+        text = f"accelerations come every {step:.3g} s, which shows no structure: is it in milliseconds?"
+        return [_unit(TIME, f"{text} Then write its unit into its heading, as in 'time [ms]'.")]
+    if record.rate <= ONCE_A_SECOND and np.array_equal(record.time, np.round(record.time)):
+        text = f"accelerations come every {step:.3g} s: if it is in milliseconds, write 'time [ms]' as its heading."
+    elif record.rate > FAST:
+        text = f"accelerations come every {step:.3g} s: if it is in hours or days, write 'time [h]' or 'time [d]'."
+    else:
+        return []
+    return [Finding(TIME, "pace", "warning", text, 0, np.empty((0, 2)))]
 
 
 def _acceleration(record: Record, channel: str, values: Array, x: Array, rotor: Rotor | None) -> list[Finding]:

@@ -15,7 +15,7 @@ from windsysid.errors import RecordError
 from windsysid.inspection.channels import VIBRATION, Kind, kinds
 from windsysid.inspection.continuity import copied_channels, copied_passages, lost_samples, overrun
 from windsysid.inspection.health import SEVERITIES, Finding, channel_faults, clock_faults
-from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor, implausible, rotor_of
+from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, TIME, Rotor, implausible, rotor_of
 from windsysid.records.record import Record
 from windsysid.signals.inputs import TURNING
 
@@ -143,6 +143,8 @@ def screen(
                 f"{record.name}: channel '{channel}' {what}: disconnected? "
                 "leave it out of the sensors, or choose another section"
             )
+        if channel == TIME and finding.kind == "unit":
+            raise RecordError(f"{record.name}: time: {finding.text}")
         if finding.kind != "unit" or finding.severity != "warning" or known[channel] == "wind speed":
             continue
         offset = (offsets or {}).get(channel, 0.0)
