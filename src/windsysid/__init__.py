@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from windsysid._version import __version__
+from windsysid.output.pages import take_pages_from
 
 if TYPE_CHECKING:
     from windsysid.errors import ConfigurationError, OutputError, RecordError, WindsysidError
@@ -236,6 +237,8 @@ __all__ = [  # noqa: RUF022
     "write_record",
     "write_turbine",
 ]
+
+take_pages_from(lambda: import_module("windsysid.reports"))
 
 
 def __getattr__(name: str) -> Any:

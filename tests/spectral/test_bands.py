@@ -21,7 +21,7 @@ from windsysid.spectral.band_pose import PosedBands, belongs_in_bands, pose_band
 from windsysid.spectral.band_rows import bins_between, combine, turned_spectra
 from windsysid.spectral.band_search import FAINT, best_of, trace
 from windsysid.spectral.hump_loads import hump_terms, line_terms, wind_of
-from windsysid.spectral.lifted_pose import Question
+from windsysid.spectral.question import Question
 from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.statespace.compose import compose
 from windsysid.study.drawn_prior import DrawnPrior

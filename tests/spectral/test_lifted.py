@@ -18,7 +18,8 @@ from windsysid.spectral.lifted import _without_lines, lift, turn_lines
 from windsysid.spectral.lifted_loads import STATIONS, WindLoads
 from windsysid.spectral.lifted_mechanics import coupled, matrix_harmonics
 from windsysid.spectral.lifted_model import LiftedModel
-from windsysid.spectral.lifted_pose import Posed, Question, pose_lifted
+from windsysid.spectral.lifted_pose import pose_lifted
+from windsysid.spectral.question import Posed, Question
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
 

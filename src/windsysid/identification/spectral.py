@@ -41,8 +41,9 @@ from windsysid.spectral.band_pose import belongs_in_bands
 from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.lifted_fit import COARSE, WHOLE, Fit, admit, fit
 from windsysid.spectral.lifted_model import Inexact
-from windsysid.spectral.lifted_pose import Posed, Question, pose_lifted, turns_couple
+from windsysid.spectral.lifted_pose import pose_lifted, turns_couple
 from windsysid.spectral.lifted_sums import LiftedSums
+from windsysid.spectral.question import Posed, Question
 from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.statespace.compose import compose
 from windsysid.turbine.turbine import Turbine

@@ -11,7 +11,7 @@ from windsysid.loads.statistics import Statistic
 from windsysid.spectral.band_checks import doubts_of_bands
 from windsysid.spectral.band_pose import PosedBands, centre_bands, search_bands
 from windsysid.spectral.lifted_model import Inexact
-from windsysid.spectral.lifted_pose import Question
+from windsysid.spectral.question import Question
 from windsysid.spectral.scoring import covariance
 
 __all__ = ["ReadInBands", "read_in_bands"]

@@ -2,19 +2,19 @@
 
 import json
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from windsysid.fleet.rows import Row
 from windsysid.live.block import Block
 from windsysid.live.estimate import Estimator, Here
-from windsysid.live.follower import Follower, WindowTask
-from windsysid.live.store.contents import Alarm, Result
-from windsysid.live.streams import Drift, Verdict, drifts
+from windsysid.live.follower import Conclusion, Follower, WindowTask
+from windsysid.live.store.contents import Result
+from windsysid.live.streams import Drift, drifts
 from windsysid.live.timeline import gather
 from windsysid.records.moments import moment_text
 
-__all__ = ["Conclusion", "Read", "conclude", "estimate", "unpack"]
+__all__ = ["Read", "conclude", "estimate", "unpack"]
 
 
 class Read(NamedTuple):
@@ -24,15 +24,6 @@ class Read(NamedTuple):
     counts: dict[str, int]
     joining: float
     estimating: float
-
-
-class Conclusion(NamedTuple):
-    """What a row gave: its result, alarms of the structure, and what is known of the channels' means after it."""
-
-    result: Result
-    alarms: Sequence[Alarm]
-    means: Drift
-    verdicts: Sequence[Verdict]
 
 
 def estimate(follower: Follower, task: WindowTask, blocks: Iterable[Block], estimator: Estimator) -> Read:

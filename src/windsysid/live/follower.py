@@ -6,10 +6,10 @@ store. Its methods are called under its lock.
 
 import threading
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
@@ -17,15 +17,12 @@ from windsysid.fleet.rows import Row
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
 from windsysid.live.open_alarms import OpenAlarms
-from windsysid.live.store.contents import Status
-from windsysid.live.streams import Drift, StreamHealth
+from windsysid.live.store.contents import Alarm, Result, Status
+from windsysid.live.streams import Drift, StreamHealth, Verdict
 from windsysid.live.timeline import SECOND, Windows, sample_time
 from windsysid.live.watching import Options, Watching
 
-if TYPE_CHECKING:
-    from windsysid.live.closing import Conclusion
-
-__all__ = ["Followed", "Follower", "Placed", "WindowTask"]
+__all__ = ["Conclusion", "Followed", "Follower", "Placed", "WindowTask"]
 
 STREAMS = 16
 """Loggers that a turbine may have."""
@@ -66,6 +63,15 @@ class WindowTask(NamedTuple):
     window: int
     until: int
     closed: int
+
+
+class Conclusion(NamedTuple):
+    """What a row gave: its result, alarms of the structure, and what is known of the channels' means after it."""
+
+    result: Result
+    alarms: Sequence[Alarm]
+    means: Drift
+    verdicts: Sequence[Verdict]
 
 
 class Placed(NamedTuple):

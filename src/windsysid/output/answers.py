@@ -1,16 +1,16 @@
 """What an answer can do: say itself in words and tables, be saved with its page, and draw itself.
 
-An answer does not know its page. `windsysid.reports` says which module writes the page of a type and which function
-draws it; it is looked up by the name of the type when somebody asks.
+An answer does not know its page. The room of the pages knows which module writes the page of a type and which function
+draws it; it is looked up by the name of the type when somebody asks (`windsysid.output.pages`).
 """
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from windsysid.output.console import render
 from windsysid.output.folders import Saveable
+from windsysid.output.pages import pages
 from windsysid.output.table import Table
 
 if TYPE_CHECKING:
@@ -38,12 +38,12 @@ class Answer(Saveable):
 
     def _repr_html_(self) -> str:
         """The parts as a notebook shows them."""
-        found: str = _reports().fragment(self.contents())
+        found: str = pages().fragment(self.contents())
         return found
 
     def files(self) -> dict[str, bytes]:
         """What `save` writes, by name: ``report.html``, figures, and the answer as JSON."""
-        found: dict[str, bytes] = _reports().files(self)
+        found: dict[str, bytes] = pages().files(self)
         return found
 
     def plot(self, ax: "Axes | None" = None) -> "Figure":
@@ -65,9 +65,5 @@ class Answer(Saveable):
         ConfigurationError
             If several panels are to take the place of axes that were placed by hand.
         """
-        figure: Figure = _reports().figure(self, ax)
+        figure: Figure = pages().figure(self, ax)
         return figure
-
-
-def _reports() -> Any:
-    return import_module("windsysid.reports")

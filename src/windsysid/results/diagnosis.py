@@ -17,10 +17,6 @@ reason.
 Limits of chance are such that each of some ten tests condemns one healthy record in 500; ``python -m
 validation.adversary.calibrate`` prints every limit beside what healthy records show. Limits of size say what does harm.
 
-Estimates are held against their priors: before the record was seen, estimate and centre of the prior were expected to
-differ by √(σ₀² − σ²) (the prior predictive check of Box, J. R. Statist. Soc. A 143, 1980,
-https://doi.org/10.2307/2982063).
-
 Sources: Box & Pierce, J. Am. Statist. Ass. 65, 1970, https://doi.org/10.1080/01621459.1970.10481180; Welch, IEEE Trans.
 AU-15(2), 1967, https://doi.org/10.1109/TAU.1967.1161901, for the degrees of freedom too.
 """
@@ -35,6 +31,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters import Info
 from windsysid.results.directions import describe_directions
+from windsysid.results.estimate_checks import Band, CoefficientCheck, doubt_damping, doubt_priors, hold_against_priors
 from windsysid.results.lines import Line
 from windsysid.results.steadiness import Late
 from windsysid.results.straightness import Bending, Bent, doubt_bending, doubt_bent
@@ -42,10 +39,7 @@ from windsysid.results.stretches import MIN_REMARKED_OUTLIERS, OUTLIER_SIGMAS, b
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE, ChannelCheck, Whiteness, chance_limit, examine
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["CoefficientCheck", "Diagnosis", "diagnose"]
-
-Band = tuple[float, float, float]
-"""Value, and ±2σ around it: low, high."""
+__all__ = ["Diagnosis", "diagnose"]
 
 PEAK_MAX_LEVEL = 2.0
 """Level of the spectrum from which a peak within reach of a natural frequency condemns a result, where it is beyond its
@@ -79,19 +73,6 @@ OUTLIER_MAX_SHARE = 0.1
 
 GATED_MAX_SHARE = 0.05
 """Share of a channel's readings that a gate may leave out before it hides a wrong model rather than outliers."""
-
-CONFLICT_SIGMAS = 4.0
-"""Standard deviations between estimate and prior beyond which one of the two is wrong: one in 16 000."""
-
-
-class CoefficientCheck(NamedTuple):
-    """An estimate against its prior: share of the information from the data, and distance from the prior's centre in
-    the standard deviations that were to be expected.
-    """
-
-    name: str
-    informed_by_data: float
-    shift: float
 
 
 @dataclass(frozen=True)
@@ -201,9 +182,7 @@ def diagnose(
         with frequency does to estimates; elsewhere it is a remark.
     """
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
-    checks = tuple(
-        _against_prior(q, float(t), float(v)) for q, t, v in zip(parameters, theta, np.diag(cov), strict=True)
-    )
+    checks = hold_against_priors(parameters, theta, cov)
     reasons, remarks = list(doubts), []
     if white and whiteness is None:
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
@@ -220,35 +199,14 @@ def diagnose(
             remarks += verdict.remarks
     else:
         reasons += _judge_lines(None, line, rotor_hz).reasons
-    for check in checks:
-        if abs(check.shift) > CONFLICT_SIGMAS:
-            reasons.append(
-                f"{check.name} and its prior contradict each other: they are {abs(check.shift):.1f} standard deviations"
-                " apart; the turbine file, a unit or the model is wrong"
-            )
+    reasons += doubt_priors(checks)
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
     remarks += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
-    verdict = _judge_damping(_dampers(parameters, theta, cov), damping)
-    reasons += verdict.reasons
-    remarks += verdict.remarks
+    doubts_of_damping, remarks_of_damping = doubt_damping(parameters, theta, cov, damping)
+    reasons += doubts_of_damping
+    remarks += remarks_of_damping
     return Diagnosis(tuple(reasons), tuple(remarks), whiteness, checks, rotor_hz, blades, band_of_interest(frequencies))
-
-
-def _against_prior(q: Parameter, theta: float, variance: float) -> CoefficientCheck:
-    mean, std = q.prior
-    informed = float(np.clip(1.0 - variance / std**2, 0.0, 1.0))
-    return CoefficientCheck(q.name, informed, (theta - mean) / (std * math.sqrt(informed)) if informed > 0.0 else 0.0)
-
-
-def _dampers(parameters: Sequence[Parameter], theta: Array, cov: Array) -> list[tuple[str, Band]]:
-    """Name and band of each damping coefficient that may be negative: linear, and expected above zero."""
-    found = []
-    for q, t, v in zip(parameters, theta, np.diag(cov), strict=True):
-        if (q.name == "c" or q.name.startswith("c_")) and not q.logarithmic and q.centre > 0.0:
-            value, low, high = (float(q.physical(t + k * math.sqrt(v))) for k in (0.0, -2.0, 2.0))
-            found.append((q.name, (value, low, high)))
-    return found
 
 
 class _Verdict(NamedTuple):
@@ -294,29 +252,6 @@ def _is_size_off(nis: float, used: int, factor: float) -> bool:
         < nis * used
         < chance_limit(0.5 * FALSE_ALARM_CHANCE, used)
     )
-
-
-def _judge_damping(dampers: Sequence[tuple[str, Band]], modes: Sequence[tuple[str, Band]]) -> _Verdict:
-    verdict = _Verdict([], [])
-    lost = [f"{name} is {value:.2g}{_describe_certainty(high)}" for name, (value, _, high) in dampers if value <= 0.0]
-    lost += [
-        f"{name} has {100.0 * value:.2g} %{_describe_certainty(high)}"
-        for name, (value, _, high) in modes
-        if value <= 0.0
-    ]
-    if lost:
-        verdict.reasons.append(
-            f"damping is not positive: {', '.join(lost)}. If the motion grew, stop and check the turbine; if not, try"
-            " a longer or calmer section or another load model"
-        )
-    doubtful = ", ".join(name for name, (value, low, _) in (*dampers, *modes) if low <= 0.0 < value)
-    if doubtful:
-        verdict.remarks.append(f"damping may be zero or negative within its band: {doubtful}; a longer record tells")
-    return verdict
-
-
-def _describe_certainty(high: float) -> str:
-    return " (negative over its whole band)" if high < 0.0 else ""
 
 
 def _judge_spectrum(w: Whiteness, rotor_hz: float, blades_move: bool) -> _Verdict:

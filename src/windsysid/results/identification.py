@@ -2,40 +2,31 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.loads.statistics import Statistic
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.results.budget import Budget
-from windsysid.results.diagnosis import Diagnosis
 from windsysid.results.estimate import Estimate
-from windsysid.results.load_history import Loads
-from windsysid.results.mode import Mode
+from windsysid.results.findings import Findings
 from windsysid.results.plain import finite
-from windsysid.results.provenance import Provenance
+from windsysid.results.posterior import Posterior, section_name
 from windsysid.results.stored import as_netcdf, attributes_of, variables_of
-from windsysid.results.tolerance import Tolerance
-from windsysid.statespace.parameter import Parameter
-from windsysid.turbine.turbine import Turbine
 from windsysid.units import RPM, unit_text
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-from windsysid.results.posterior import NOT_RECORDED, SIGMAS, Conditions, Posterior, section_name
-
 __all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
 
 
 @dataclass(frozen=True)
-class Identification(Answer):
+class Identification(Findings, Answer):
     """What an identification found.
 
     Attributes
@@ -90,37 +81,6 @@ class Identification(Answer):
         What widens the bands.
     """
 
-    method: str
-    formulation: str
-    record: str
-    turbine: str
-    sensors: tuple[str, ...]
-    section: tuple[float, float]
-    rate: float
-    samples: int
-    elapsed: float
-    estimates: tuple[Estimate, ...]
-    modes: tuple[Mode, ...]
-    parameters: tuple[Parameter, ...]
-    time: Array
-    mean: Array
-    std: Array
-    cov: Array
-    readings: tuple[str, ...]
-    innovation: Array
-    whitened: Array
-    log_likelihood: float
-    notes: tuple[str, ...] = ()
-    statistics: tuple[Statistic, ...] = ()
-    loads: "Loads | None" = None
-    machine: Turbine | None = None
-    conditions: Conditions = NOT_RECORDED
-    provenance: Provenance | None = None
-    joint_cov: Array | None = None
-    tolerances: tuple[Tolerance, ...] = ()
-    budget: Budget = field(default_factory=Budget)
-    diagnosis: Diagnosis = field(kw_only=True)
-
     def __repr__(self) -> str:
         trusted = "trusted" if self.diagnosis.trusted else "not trusted"
         listed = ", ".join(f"{e.name} {e.estimate:.4g}" for e in self.estimates[:4]) + (
@@ -130,20 +90,6 @@ class Identification(Answer):
             f"<{type(self).__name__} of {self.turbine} from {self.record}: {len(self.estimates)} parameters ({listed}),"
             f" {trusted}; print it for the table>"
         )
-
-    def __getitem__(self, name: str) -> Estimate:
-        """The estimate of one coefficient."""
-        for estimate in self.estimates:
-            if estimate.name == name:
-                return estimate
-        raise KeyError(f"'{name}' was not identified: expected one of {', '.join(e.name for e in self.estimates)}")
-
-    @property
-    def innovation_time(self) -> Array:
-        """When the readings of `innovation` were taken [s]: all of the record, or its end where it came in pieces."""
-        if len(self.innovation) == len(self.time):
-            return self.time
-        return self.section[1] - np.arange(len(self.innovation))[::-1] / self.rate
 
     @property
     def posterior(self) -> Posterior:
@@ -166,13 +112,6 @@ class Identification(Answer):
             start=None if known is None else known.start, record_hash=None if known is None else known.record_hash,
             section=self.section, statistics=self.statistics, joint_cov=self.joint_cov, tolerances=self.tolerances,
         ).given("masses")  # fmt: skip
-
-    def history(self, name: str) -> tuple[Array, Array, Array]:
-        """Estimate, low and high of the coefficient `name` after each sample, (T,) each, in its SI unit."""
-        i = [parameter.name for parameter in self.parameters].index(self[name].name)
-        middle, spread = self.mean[:, i], SIGMAS * self.std[:, i]
-        values = (self.parameters[i].physical(theta) for theta in (middle, middle - spread, middle + spread))
-        return next(values), next(values), next(values)
 
     def summary(self) -> dict[str, Any]:
         """The result as plain values: what ``summary.json`` holds."""

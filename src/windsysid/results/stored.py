@@ -16,6 +16,7 @@ from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
 from windsysid.results.diagnosis import Diagnosis
 from windsysid.results.estimate import Estimate
+from windsysid.results.findings import Findings
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.plain import as_plain, finite, from_plain
@@ -34,8 +35,6 @@ from windsysid.turbine.tables import as_tables, parse_turbine
 
 if TYPE_CHECKING:
     import h5netcdf
-
-    from windsysid.results.identification import Identification
 
 __all__ = ["as_netcdf", "attributes_of", "read_fields", "variables_of"]
 
@@ -65,7 +64,7 @@ WHITENESS = {
 """The arrays of `windsysid.results.whiteness.Whiteness`, and the variables that hold them."""
 
 
-def variables_of(found: "Identification") -> dict[str, Variable]:
+def variables_of(found: Findings) -> dict[str, Variable]:
     """What ``identification.nc`` holds."""
     names = [parameter.name for parameter in found.parameters]
     histories = np.reshape([found.history(name) for name in names], (len(names), 3, len(found.time)))
@@ -107,7 +106,7 @@ def variables_of(found: "Identification") -> dict[str, Variable]:
     return variables
 
 
-def attributes_of(found: "Identification") -> dict[str, Any]:
+def attributes_of(found: Findings) -> dict[str, Any]:
     """What ``identification.nc`` says of the whole."""
     import tomli_w
 
@@ -132,7 +131,7 @@ def attributes_of(found: "Identification") -> dict[str, Any]:
     }
 
 
-def _rest(found: "Identification") -> dict[str, Any]:
+def _rest(found: Findings) -> dict[str, Any]:
     """What ``identification.nc`` holds beside its variables: the rest of what `windsysid.load_result` needs."""
     judged, w = found.diagnosis, found.diagnosis.whiteness
     if w is not None:  # its arrays are variables
@@ -141,7 +140,7 @@ def _rest(found: "Identification") -> dict[str, Any]:
     return {name: getattr(found, name) for name in REST} | {"diagnosis": judged}
 
 
-def as_netcdf(found: "Identification") -> bytes:
+def as_netcdf(found: Findings) -> bytes:
     """``identification.nc``."""
     import h5netcdf
     import h5py  # type: ignore[import-untyped,unused-ignore]

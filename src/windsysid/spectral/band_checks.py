@@ -18,7 +18,7 @@ from windsysid.spectral.band_model import BandFit
 from windsysid.spectral.band_pose import PosedBands, pose_bands
 from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.lifted_model import LiftedModel
-from windsysid.spectral.lifted_pose import Question
+from windsysid.spectral.question import Question
 from windsysid.spectral.scoring import Mode
 
 __all__ = ["doubts_of_bands"]

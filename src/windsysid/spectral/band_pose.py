@@ -37,7 +37,8 @@ from windsysid.spectral.lifted import Complex
 from windsysid.spectral.lifted_likelihood import Place as Where
 from windsysid.spectral.lifted_mechanics import coupled, matrix_harmonics
 from windsysid.spectral.lifted_model import LiftedModel, finer_bins, taper_window
-from windsysid.spectral.lifted_pose import MOST_HARMONICS, Question
+from windsysid.spectral.lifted_pose import MOST_HARMONICS
+from windsysid.spectral.question import Question
 
 __all__ = ["PosedBands", "belongs_in_bands", "centre_bands", "highest_in_bands", "pose_bands", "search_bands"]
 
@@ -110,7 +111,7 @@ def belongs_in_bands(question: Question) -> bool:
 def highest_in_bands(question: Question) -> float:
     """The highest frequency [Hz] that bands look at, with springs as stiff as priors reach."""
     stiff = {q.name: q.centre * math.exp(REACH * q.spread) for q in question.parameters if q.logarithmic}
-    p = _centres(question)
+    p = question.centres
     for name, value in stiff.items():
         p[question.compiled.parameters.index(name)] = value
     rotor_hz = abs(float(question.inputs[:, 1].mean())) / (2.0 * math.pi)
@@ -127,7 +128,7 @@ def search_bands(question: Question) -> PosedBands | None:
         If the record is too short for the bands, or no sensor shows a mode.
     """
     spectra, combined = _read(question)
-    at_centres = _centres(question)
+    at_centres = question.centres
     names = question.compiled.parameters
 
     def frequencies(values: Mapping[str, float]) -> dict[str, float]:
@@ -174,7 +175,7 @@ def pose_bands(
 def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> PosedBands:
     """The same with the bands around the modes of the unknowns (n,), so that they do not depend on how a peak was
     found; it starts there."""
-    p = _centres(question)
+    p = question.centres
     for q, theta in zip(question.parameters, unknowns[: len(question.parameters)].tolist(), strict=True):
         p[question.compiled.parameters.index(q.name)] = float(q.physical(theta))
     there = _modes(question, p, posed.spectra)
@@ -202,13 +203,6 @@ def _modes(question: Question, p: Array, spectra: TurnedSpectra) -> dict[str, tu
     for name, frequency, ratio in modes(question.turbine.model, question.compiled, p, speed):
         found.setdefault(name.partition(" (")[0], (frequency, ratio))
     return found
-
-
-def _centres(question: Question) -> Array:
-    """All parameters (n_p,), those that are identified at the centres of their priors."""
-    centres = {q.name: q.centre for q in question.parameters}
-    values = question.turbine.values
-    return np.array([centres.get(name, values.get(name, 0.0)) for name in question.compiled.parameters])
 
 
 def _near_each_other(places: Sequence[Place]) -> list[list[Place]]:
@@ -240,7 +234,7 @@ class _Builder:
         self.question, self.spectra, self.combined, self.width = question, spectra, combined, width
         self.weights = np.array([c.weights for c in combined])
         self.freedoms = question.turbine.model.freedoms
-        self.given = _centres(question)
+        self.given = question.centres
         self.hz, self.duration = spectra.rotor_hz, spectra.duration
         v = question.turbine.values
         self.lever, self.hinge = v["blade_inertia_1"] / v["blade_first_moment_1"], v["hinge_offset"]

@@ -1,0 +1,77 @@
+"""What an identification found, as values: what is saved, shown and compared."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.loads.statistics import Statistic
+from windsysid.results.budget import Budget
+from windsysid.results.diagnosis import Diagnosis
+from windsysid.results.estimate import Estimate
+from windsysid.results.load_history import Loads
+from windsysid.results.mode import Mode
+from windsysid.results.posterior import NOT_RECORDED, SIGMAS, Conditions
+from windsysid.results.provenance import Provenance
+from windsysid.results.tolerance import Tolerance
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Findings"]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """The values of an identification; `windsysid.Identification` says what each is."""
+
+    method: str
+    formulation: str
+    record: str
+    turbine: str
+    sensors: tuple[str, ...]
+    section: tuple[float, float]
+    rate: float
+    samples: int
+    elapsed: float
+    estimates: tuple[Estimate, ...]
+    modes: tuple[Mode, ...]
+    parameters: tuple[Parameter, ...]
+    time: Array
+    mean: Array
+    std: Array
+    cov: Array
+    readings: tuple[str, ...]
+    innovation: Array
+    whitened: Array
+    log_likelihood: float
+    notes: tuple[str, ...] = ()
+    statistics: tuple[Statistic, ...] = ()
+    loads: Loads | None = None
+    machine: Turbine | None = None
+    conditions: Conditions = NOT_RECORDED
+    provenance: Provenance | None = None
+    joint_cov: Array | None = None
+    tolerances: tuple[Tolerance, ...] = ()
+    budget: Budget = field(default_factory=Budget)
+    diagnosis: Diagnosis = field(kw_only=True)
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of one coefficient."""
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise KeyError(f"'{name}' was not identified: expected one of {', '.join(e.name for e in self.estimates)}")
+
+    @property
+    def innovation_time(self) -> Array:
+        """When the readings of `innovation` were taken [s]: all of the record, or its end where it came in pieces."""
+        if len(self.innovation) == len(self.time):
+            return self.time
+        return self.section[1] - np.arange(len(self.innovation))[::-1] / self.rate
+
+    def history(self, name: str) -> tuple[Array, Array, Array]:
+        """Estimate, low and high of the coefficient `name` after each sample, (T,) each, in its SI unit."""
+        i = [parameter.name for parameter in self.parameters].index(self[name].name)
+        middle, spread = self.mean[:, i], SIGMAS * self.std[:, i]
+        values = (self.parameters[i].physical(theta) for theta in (middle, middle - spread, middle + spread))
+        return next(values), next(values), next(values)
