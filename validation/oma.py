@@ -6,6 +6,8 @@
   the band f (1 ± 10 ζ).
 - Four modes far apart, each with a coloured load of its own, 600 s at 50 Hz: is every one found, and no other?
 - Frames of N storeys, 600 s at 50 Hz, output only: white forces on every storey, 1 % noise on every geophone.
+- Frames of 5 storeys, 600 s, 10 % noise, which one load drives on all storeys alike, or at the top: every mode has the
+  same load as its neighbours.
 - Several records of two modes, 250 s each, together: with the same sensors, and with sensors that move.
 - OpenFAST (`--openfast FOLDER`): c2 and d1, tower and edgewise modes.
 
@@ -213,6 +215,20 @@ def frames(runs: int) -> Iterator[tuple[str, ...]]:
         yield row(f"frame of {storeys} storeys, 600 s at 50 Hz", total, runs)
 
 
+def shared_loads(runs: int) -> Iterator[tuple[str, ...]]:
+    """A frame that one load drives: modes that respond together."""
+    modes, shapes = frame(5)
+    modes = [(f, 0.02) for f, _ in modes]
+    for where, load in (("on all storeys", np.ones(5)), ("at the top", np.eye(5)[-1])):
+        total = Score()
+        for seed in range(FRESH + 5000, FRESH + 5000 + runs):
+            rng = np.random.default_rng(seed)
+            y = responses(modes, (shapes.T @ load)[:, None], 50.0, 30_000, rng) @ shapes.T
+            y += 0.1 * y.std(axis=0) * rng.normal(size=y.shape)
+            total = total.with_more(scored(analyse_vibration(record(y, 50.0)), modes))
+        yield row(f"frame of 5 storeys, one load {where}", total, runs)
+
+
 def several_records(runs: int) -> Iterator[tuple[str, ...]]:
     """Short records of one structure, alone and together; the same sensors, and two of four moved (setups)."""
     rate, length, modes = 8.0, 250.0, [(1.0, 0.01), (1.3, 0.015)]
@@ -289,6 +305,7 @@ def main() -> None:
     if given.runs > 0:
         table("close modes", HEADINGS, close_modes(given.runs))
         table("modes apart", HEADINGS, modes_apart(runs=2 * given.runs))
+        table("one load", HEADINGS, shared_loads(given.runs // 2))
         table("one mode", HEADINGS, single_modes(given.runs))
         table("several records together", HEADINGS, several_records(given.runs))
     print(f"{time.time() - began:.0f} s")

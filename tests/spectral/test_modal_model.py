@@ -5,15 +5,16 @@ from windsysid.spectral.dft import Band, band_data, taper_factor, transform, win
 from windsysid.spectral.modal_model import Modes, advance, scores, spectrum, with_real_elements
 
 
-def some_modes(rng, m=3, r=2):
+def some_modes(rng, m=3, r=2, *, drift=False):
     shape = rng.normal(size=(m, r)) + 1j * rng.normal(size=(m, r))
     load = np.eye(r, dtype=complex)
     if r > 1:
         load[1, 0] = 0.3 - 0.2j
     rest = np.linalg.cholesky(np.eye(m) + 0.3 * np.ones((m, m))).astype(complex)
-    return with_real_elements(
-        Modes(np.array([0.97, 1.04])[:r], np.array([0.02, 0.01])[:r], 0.05 * shape, load, 0.4, rest, -0.7)
-    )
+    modes = Modes(np.array([0.97, 1.04])[:r], np.array([0.02, 0.01])[:r], 0.05 * shape, load, 0.4, rest, -0.7)
+    if drift:
+        modes = modes._replace(drift=0.1 * (rng.normal(size=(m, r)) + 1j * rng.normal(size=(m, r))))
+    return with_real_elements(modes)
 
 
 def some_band(rng, m=3, samples=2000, rate=10.0):
@@ -22,10 +23,11 @@ def some_band(rng, m=3, samples=2000, rate=10.0):
     return band_data(values, bins, samples, rate)
 
 
+@pytest.mark.parametrize("drift", [False, True])
 @pytest.mark.parametrize("r", [1, 2])
-def test_gradient_and_information_are_those_of_differences_of_the_plain_formula(r):
+def test_gradient_and_information_are_those_of_differences_of_the_plain_formula(r, drift):
     rng = np.random.default_rng(1)
-    modes, band = some_modes(rng, r=r), some_band(rng)
+    modes, band = some_modes(rng, r=r, drift=drift), some_band(rng)
 
     def cost(step):
         s = spectrum(advance(modes, step), band)

@@ -401,3 +401,39 @@ def test_a_band_of_a_short_record_does_not_reach_frequency_zero():
     with np.errstate(all="raise"):
         found = ws.oma(record, turbine="nrel5mw_full")
     assert all(mode.frequency > 2.0 / 33.0 for mode in found.modes)
+
+
+def frame(seed, loads, storeys=5, zeta=0.02, noise=0.1):
+    """Velocities of a shear frame under white loads (N, s) on its storeys, its natural frequencies up to 12 Hz."""
+    stiffness = 2.0 * np.eye(storeys) - np.eye(storeys, k=1) - np.eye(storeys, k=-1)
+    stiffness[-1, -1] = 1.0
+    squares, shapes = np.linalg.eigh(stiffness)
+    frequencies, rng = 12.0 * np.sqrt(squares / squares[-1]), np.random.default_rng(seed)
+    _, q = modal_responses(frequencies, [zeta] * storeys, 50.0, 30_000, rng, shapes.T @ loads)
+    y = q @ shapes.T
+    return frequencies, y + noise * y.std(axis=0) * rng.normal(size=y.shape)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_no_mode_is_trusted_and_wrong_where_one_load_drives_all(seed):
+    """The neighbours' response to the load of a mode is coherent with its own, and moved a damping by five sigma."""
+    true, y = frame(seed, np.ones((5, 1)))
+    for mode in ws.oma(record_of(y, 50.0, unit="m/s")).modes:
+        if mode.trusted:
+            assert np.min(np.abs(mode.frequency - true)) < 3.0 * mode.frequency_std
+            assert abs(np.log(mode.damping / 0.02)) < 3.0 * mode.ln_damping_std
+
+
+def test_a_load_that_drives_neighbours_is_told_from_one_that_does_not():
+    def fit_of(loads):
+        true, y = frame(2, loads, storeys=3, zeta=0.01, noise=0.01)
+        readings = prepare_readings(record_of(y, 50.0, unit="m/s"), None)
+        return true[1], fit_between(*transforms(readings), readings, 7.5, 9.1, 1, 2)
+
+    _, own = fit_of(np.eye(3))
+    true, shared = fit_of(np.ones((3, 1)))
+    assert own.plain is None
+    assert own.fit.modes.drift is None
+    assert shared.plain is not None
+    off = [abs(np.log(fit.modes.frequency[0] / true)) / fit.std(0)[0] for fit in (shared.fit, shared.plain)]
+    assert off[0] < 2.0 < off[1]

@@ -32,6 +32,9 @@ LEAST_BINS = 8
 MAX_ALONE = 2.0
 """Standard deviations by which all channels together may differ from what is along the shape."""
 
+MAX_SHARED = 1.0
+"""Standard deviations by which a mode may be elsewhere than it would be if no load drove two modes."""
+
 UNSEEN = 1.2
 """Standard deviation of ln ζ, beyond which it is the prior's."""
 
@@ -126,6 +129,7 @@ def mode_doubts(found: BandFit, j: int, shapes: Shapes, halves: Sequence[Fit], r
             f"it stands only {over:.2g} times above what else is there: it may stand for the flanks of its neighbours"
         )
         doubts.append(Doubt("faint", text))
+    doubts += _shared_doubts(found, j)
     return doubts + _half_doubts(j, halves) + shape_doubts(shapes.std[:, j])
 
 
@@ -175,6 +179,28 @@ def _half_doubts(j: int, halves: Sequence[Fit]) -> list[Doubt]:
     return doubts
 
 
+def _shared_doubts(found: BandFit, j: int) -> list[Doubt]:
+    """A doubt where loads are shared and the mode is elsewhere than it would be if they were not."""
+    if found.plain is None:
+        return []
+    f, plain = float(found.fit.modes.frequency[j]), found.plain.modes
+    i = int(np.argmin(np.abs(plain.frequency - f)))
+    moves = [
+        np.log(now / then) / max(stds)
+        for now, then, *stds in zip(
+            (f, found.fit.modes.damping[j]),
+            (plain.frequency[i], plain.damping[i]),
+            found.fit.std(j),
+            found.plain.std(i),
+            strict=True,
+        )
+    ]
+    if max(map(abs, moves)) < MAX_SHARED:
+        return []
+    text = f"its load drives its neighbours, too: that moves its frequency by {moves[0]:+.1f} σ, its damping by"
+    return [Doubt("shared", f"{text} {moves[1]:+.1f} σ")]
+
+
 def _along_shape(found: BandFit, j: int) -> Fit:
     """The modes of a band from the readings along the shape of mode j alone: loads that reach other channels by other
     ways have no say there."""
@@ -182,7 +208,10 @@ def _along_shape(found: BandFit, j: int) -> Fit:
     way = modes.shape[:, j] / np.linalg.norm(modes.shape[:, j])
     power = np.einsum("i,kij,j->k", way.conj(), band.power, way).reshape(-1, 1, 1)
     rest = np.linalg.norm(way.conj() @ modes.rest)
-    start = modes._replace(shape=(way.conj() @ modes.shape)[None], rest=np.array([[rest]], dtype=np.complex128))
+    drift = None if modes.drift is None else (way.conj() @ modes.drift)[None]
+    start = modes._replace(
+        shape=(way.conj() @ modes.shape)[None], rest=np.array([[rest]], dtype=np.complex128), drift=drift
+    )
     return score(start, band._replace(power=np.ascontiguousarray(power)), converged=0.01)
 
 

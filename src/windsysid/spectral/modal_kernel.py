@@ -24,7 +24,7 @@ def whitened_slopes() -> Any:
     c2, c3 = types.complex128[:, ::1], types.complex128[:, :, ::1]
     f0, f1, f2, f3 = types.float64, types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
     i1 = types.int64[::1]
-    return compiled(_whiten, f0(c3, f1, f1, f1, i1, f2, f1, f1, c2, c2, c2, f1, i1, f3, f2))
+    return compiled(_whiten, f0(c3, f1, f1, f1, i1, f2, f1, f1, c2, c2, c2, f1, c2, i1, f3, f2))
 
 
 @inlined
@@ -120,7 +120,7 @@ def _add(u: Any, v: Any, scale: float, out: Any) -> None:
 
 def _whiten(
     power: Any, count: Any, frequency: Any, fine: Any, first: Any, window: Any, f: Any, zeta: Any,
-    phi: Any, load: Any, rest: Any, numbers: Any, real: Any, slopes: Any, misfit: Any,
+    shape: Any, load: Any, rest: Any, numbers: Any, drift: Any, real: Any, slopes: Any, misfit: Any,
 ) -> float:  # fmt: skip
     """Whitened slopes (p, K, m²) and misfit 1 − G⁻¹ P G⁻ᴴ (K, m²), both times √n; returns Σ n (ln det S̄ + tr S̄⁻¹ P),
     infinite where S̄ is not positive.
@@ -129,8 +129,8 @@ def _whiten(
     ----------
     power, count, frequency, fine, first, window
         Of a `windsysid.spectral.dft.Band`.
-    f, zeta, phi, load, rest
-        Of the modes.
+    f, zeta, shape, load, rest, drift
+        Of the modes; no columns of `drift` where it is no unknown.
     numbers
         f_c, a, b.
     real
@@ -139,7 +139,9 @@ def _whiten(
         Zero when handed in.
     """
     k_rows, m = power.shape[0], power.shape[1]
-    r = phi.shape[1]
+    r = shape.shape[1]
+    moves = drift.shape[1] > 0
+    phi = shape.copy()
     centre, a_slope, b_slope = numbers[0], numbers[1], numbers[2]
     h = np.empty((r, len(fine)), dtype=np.complex128)
     h_f, h_z = np.empty_like(h), np.empty_like(h)
@@ -164,6 +166,10 @@ def _whiten(
         height = math.log(frequency[k] / centre)
         tilt = math.exp(b_slope * height)
         bend = height * tilt
+        if moves:
+            for j in range(r):
+                for i in range(m):
+                    phi[i, j] = shape[i, j] + (frequency[k] / f[j] - 1.0) * drift[i, j]
         _expect(window[k], first[k], tilts, bends, h, h_f, h_z, d, d_f, d_z, d_a)
         _assemble(d, both, phi, level, tilt, root, inner)
         for i in range(m):  # Cholesky, in place
@@ -216,6 +222,7 @@ def _whiten(
                         v[i] += weight.conjugate() * white[other, i]
                 _add(white[j], v, size, slopes[a, k])
                 a += 1
+        first_drift = len(slopes) - 2 * m * r
         for j in range(r):
             for i in range(m):
                 inner[j, i] = 0.0
@@ -227,11 +234,21 @@ def _whiten(
             for j in range(r):
                 for i in range(m):
                     v[i] = inner[j, i] if which == 0 else -1j * inner[j, i]
+                if moves:
+                    for row in range(m):
+                        _add(axes[row], v, size * (frequency[k] / f[j] - 1.0), slopes[first_drift, k])
+                        first_drift += 1
                 for row in range(m):
                     if which == 1 and row == real[j]:
                         continue
                     _add(axes[row], v, size, slopes[a, k])
                     a += 1
+        if moves:
+            for j in range(r):
+                for i in range(m):
+                    v[i] = -frequency[k] / f[j] * drift[i, j]
+                _solve(root, v)
+                _add(v, inner[j], size, slopes[j, k])
         for which in range(2):
             for i in range(1, r):
                 for j in range(i):

@@ -16,7 +16,7 @@ from windsysid._types import Array
 from windsysid.spectral.dft import Band
 from windsysid.spectral.modal_model import SLOPE_SPREAD, Modes, Scores, advance, coordinates, scores, with_real_elements
 
-__all__ = ["Fit", "score", "score_together"]
+__all__ = ["Fit", "evidence", "score", "score_together", "slopes"]
 
 MAX_STEPS = 40
 MAX_TRIALS = 12
@@ -39,6 +39,9 @@ SLOPE_PRIORS = (1.0, SLOPE_SPREAD)
 
 COHERENCE_PRIOR = 1.0
 """Spread of the elements of C."""
+
+DRIFT_PRIOR = 4.0
+"""Spread of the real and the imaginary parts of a column of Ψ, over the norm of the shape where a search begins."""
 
 MAX_MOVES = (0.02, 1.1, 10.0)
 """By how much a step may change ln f, ln ζ and b."""
@@ -156,6 +159,33 @@ def _covariances(here: Sequence[Scores], r: int) -> list[Array]:
     ]
 
 
+def evidence(fit: Fit, bins: int) -> float:
+    """−2 ln of the evidence of so many transforms: by Schwarz's approximation, and by Laplace's for Ψ, of which the
+    prior says something."""
+    modes = fit.modes
+    fixed = modes.size - modes.drifting
+    found = fit.deviance + fixed * float(np.log(bins))
+    if modes.drift is None:
+        return found
+    spread = _drift_spread(modes)
+    size = float(np.sum((coordinates(modes)[-modes.drifting :] / spread) ** 2))
+    return found + size + 2.0 * float(np.log(spread).sum()) - float(np.linalg.slogdet(fit.cov[fixed:, fixed:])[1])
+
+
+def slopes(modes: Modes, band: Band) -> tuple[Scores, Array]:
+    """Slopes of J at some modes, and the weights of the prior in the diagonal of its Fisher information, those of Ψ
+    last."""
+    prior = _Prior(modes, 1.0)
+    return _posterior(modes, band, prior)[0], prior.weight
+
+
+def _drift_spread(modes: Modes) -> Array:
+    """Spread of the unknowns of Ψ (2 m r,)."""
+    if modes.drift is None:
+        return np.empty(0)
+    return np.tile(np.repeat(DRIFT_PRIOR * np.linalg.norm(modes.shape, axis=0), len(modes.shape)), 2)
+
+
 class _Prior:
     """Gaussian in the unknowns that `coordinates` gives; `share` of that of damping."""
 
@@ -163,12 +193,13 @@ class _Prior:
         m, r = modes.shape.shape
         loads = r * (r - 1)
         some = int(r > 0)
-        self.centre = np.concatenate([np.full(r, DAMPING_PRIOR[0]), np.zeros(loads + some + 1)])
+        self.centre = np.concatenate([np.full(r, DAMPING_PRIOR[0]), np.zeros(loads + some + 1 + modes.drifting)])
         spread = [DAMPING_PRIOR[1]] * r + [COHERENCE_PRIOR] * loads + [SLOPE_PRIORS[0]] * some + [SLOPE_PRIORS[1]]
-        self.weight = np.array(spread) ** -2
+        self.weight = np.concatenate([spread, _drift_spread(modes)]) ** -2.0
         self.weight[:r] *= share
         first = 2 * r + 2 * m * r - r
-        self.at = np.array([*range(r, 2 * r), *range(first, first + loads + some), modes.size - 1])
+        last = modes.size - modes.drifting - 1
+        self.at = np.array([*range(r, 2 * r), *range(first, first + loads + some), *range(last, modes.size)])
 
     def cost(self, modes: Modes) -> float:
         return 0.5 * float(self.weight @ (coordinates(modes) - self.centre) ** 2)
@@ -188,7 +219,8 @@ def _limited(steps: Sequence[Array], modes: Sequence[Modes]) -> list[Array]:
     """Steps that move no mode too far."""
     r = len(modes[0].frequency)
     share = 1.0
-    for step in steps:
-        moves = [float(np.max(np.abs(part), initial=0.0)) for part in (step[:r], step[r : 2 * r], step[-1:])]
+    for step, one in zip(steps, modes, strict=True):
+        b = len(step) - one.drifting - 1
+        moves = [float(np.max(np.abs(part), initial=0.0)) for part in (step[:r], step[r : 2 * r], step[b : b + 1])]
         share = max(share, *(move / most for move, most in zip(moves, MAX_MOVES, strict=True)))
     return [np.asarray(step / share) for step in steps]

@@ -35,6 +35,7 @@ DoubtKind = Literal[
     "halves",
     "shape",
     "faint",
+    "shared",
     "neighbour",
     "records",
     "record",

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.spectral.dft import Band, band_data
 from windsysid.spectral.modal_model import Modes, responses
-from windsysid.spectral.modal_scoring import Fit, score
+from windsysid.spectral.modal_scoring import Fit, evidence, score
 from windsysid.spectral.modal_start import add_mode, deviance, modes_at, without_modes
+from windsysid.spectral.shared_loads import are_shared, fit_shared
 
 __all__ = ["BandFit", "Shapes", "fit_band", "full_shapes", "principal_directions"]
 
@@ -52,6 +53,8 @@ class BandFit(NamedTuple):
         (n, m): from directions to channels; its pseudo-inverse leads back.
     against_none
         2 ln of the evidence for these modes against a band without a mode.
+    plain
+        The fit for which every mode has a load of its own, where the data speak against that; else None.
     """
 
     fit: Fit
@@ -60,6 +63,7 @@ class BandFit(NamedTuple):
     bins: NDArray[np.int64]
     directions: Complex
     against_none: float
+    plain: Fit | None = None
 
 
 class Shapes(NamedTuple):
@@ -108,26 +112,29 @@ def fit_band(
     """
     directions, back = principal_directions(values, min(values.shape[1], peaks + 2))
     band = band_data(values @ back.T, bins, samples, rate)
-    empty = without_modes(band)
+    empty, plain = without_modes(band), None
     none = Fit(empty, np.empty((0, 0)), deviance(empty, band), True)
     best = _most_evident(band, len(bins), none, peaks, most, known[:most])
     if known and not len(best.modes.frequency):  # what was known is not here: from the beginning
         best = _most_evident(band, len(bins), none, peaks, most, ())
     if len(best.modes.frequency) and most > peaks:
         best = score(best.modes, band, max_steps=POLISH_STEPS)
-    return BandFit(best, band, values, bins, directions, _evidence(none, len(bins)) - _evidence(best, len(bins)))
+        if are_shared(best, band) and (shared := fit_shared(best, band, len(bins), most)):
+            plain, best = best, score(shared.modes, band, max_steps=POLISH_STEPS)
+    against = evidence(none, len(bins)) - evidence(best, len(bins))
+    return BandFit(best, band, values, bins, directions, against, plain)
 
 
 def _most_evident(band: Band, bins: int, none: Fit, peaks: int, most: int, known: Sequence[tuple[float, float]]) -> Fit:
     """As many modes as the evidence asks for, added one by one to those that are known."""
-    best, least = none, _evidence(none, bins)
+    best, least = none, evidence(none, bins)
     last = none
     first = max(1, len(known))
     for r in range(first, most + 1):
         more = modes_at(known, band) if known and r == first else add_mode(last.modes, band)
         target = np.inf if r <= peaks else least - CLEARLY - more.size * float(np.log(bins))
         last = score(more, band, converged=ROUGH, target=target)
-        now = _evidence(last, bins)
+        now = evidence(last, bins)
         if now < least - CLEARLY and last.modes.damping.max() < MOST_DAMPED:
             best, least = last, now
         elif r >= peaks:
@@ -175,9 +182,10 @@ def _modal_responses(modes: Modes, band: Band, values: Complex) -> tuple[Complex
     rows = np.repeat(np.arange(len(band.counts)), band.counts.astype(np.int64))
     h = responses(modes, band.frequency).T
     d = h[:, :, None] * (modes.load @ modes.load.conj().T) * h.conj()[:, None, :]
-    ahead = d @ modes.shape.conj().T
-    gain = ahead @ np.linalg.inv(modes.shape @ ahead + modes.rest @ modes.rest.conj().T)
-    unsure = np.einsum("k,kij->ij", band.counts, d - gain @ (modes.shape @ d))
+    phi = modes.shapes(band.frequency)
+    ahead = d @ phi.conj().transpose(0, 2, 1)
+    gain = ahead @ np.linalg.inv(phi @ ahead + modes.rest @ modes.rest.conj().T)
+    unsure = np.einsum("k,kij->ij", band.counts, d - gain @ (phi @ d))
     return np.einsum("krm,km->kr", gain[rows], values), unsure
 
 
@@ -210,8 +218,3 @@ def principal_directions(values: Complex, most: int) -> tuple[Complex, Complex]:
     root = np.sqrt(sizes[order])
     turned = turned[:, order]
     return scale[:, None] * turned * root, turned.conj().T / root[:, None] / scale[None]
-
-
-def _evidence(fit: Fit, bins: int) -> float:
-    """−2 ln of the evidence, by Schwarz."""
-    return fit.deviance + fit.modes.size * float(np.log(bins))

@@ -31,6 +31,7 @@ from windsysid.spectral.oma_result import Single, drawn, result_of
 from windsysid.spectral.operational import Doubt, DoubtKind, OperationalMode, OperationalModes, Part
 from windsysid.spectral.order import BandFit, full_shapes, principal_directions
 from windsysid.spectral.shape_merging import Ratios, merge_shapes
+from windsysid.spectral.shared_loads import are_shared
 
 __all__ = ["join"]
 
@@ -42,7 +43,7 @@ LEAST_ALIKE = 0.95
 
 JOINT_STEPS = 120
 
-OF_A_RECORD: tuple[DoubtKind, ...] = ("channels", "halves")
+OF_A_RECORD: tuple[DoubtKind, ...] = ("channels", "halves", "shared")
 """Doubts of one record alone that more records do not answer."""
 
 
@@ -168,7 +169,10 @@ def _together(singles: Sequence[Single], group: Sequence[dict[int, int]], low: f
         band = band_data(values @ back.T, bins, single.readings.samples, single.readings.rate)
         parts.append((band, values, bins, directions))
     starts = [modes_at(known, band) for band, *_ in parts]
-    fits: list[Fit] = score_together(starts, [band for band, *_ in parts], max_steps=JOINT_STEPS)
+    bands = [band for band, *_ in parts]
+    fits: list[Fit] = score_together(starts, bands, max_steps=JOINT_STEPS)
+    if any(map(are_shared, fits, bands)):
+        fits = score_together([fit.modes.let_drift() for fit in fits], bands, max_steps=JOINT_STEPS)
     return [
         BandFit(fit, band, values, bins, directions, 0.0)
         for fit, (band, values, bins, directions) in zip(fits, parts, strict=True)
