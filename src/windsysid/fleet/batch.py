@@ -189,9 +189,10 @@ def batch(
         with ExitStack() as stack:
             team = [stack.enter_context(closing(Worker(limit))) for _ in range(workers or _processors())]
             tasks = _tasks(new, known, folder, formulation, settings, limit, team, progress, scadas)
-            counted = _Counted(sum(len(task.sources) for task in tasks), progress)
+            total = sum(len(task.sources) for task in tasks)
+            counted = _Counted(total, progress)
             if scheduler is None:
-                run_here(tasks, team[: len(tasks)], counted.tell)
+                run_here(tasks, team[:total], counted.tell)
             else:
                 stack.close()
                 run_on_dask(tasks, scheduler, counted.tell)

@@ -1,7 +1,7 @@
 """Who runs the tasks: worker processes of this machine, or a Dask scheduler of the user's.
 
-Both run `windsysid.fleet.tasks.run_task`, which guards a process of its own, so that a record which hangs or kills is
-met in the same way. On Dask a task has a deterministic key, a window of `WINDOW` tasks a worker is submitted, and each
+Both take records by a guarded process (`windsysid.fleet.tasks.take`), so that one which hangs or kills is met in the
+same way. On Dask a task has a deterministic key, a window of `WINDOW` tasks a worker is submitted, and each
 future is released as it completes: finished work whose future is held would be run again where its worker dies.
 """
 
@@ -9,11 +9,13 @@ import queue
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
 from typing import Any, TypeVar
 
 from windsysid.errors import ConfigurationError, OutputError
 from windsysid.fleet.guard import StoppedError, Worker
-from windsysid.fleet.tasks import Task, Tell, run_task
+from windsysid.fleet.rows import Row
+from windsysid.fleet.tasks import Filing, Task, Tell, run_task, take
 from windsysid.records.formats.files import quiet
 from windsysid.records.formats.format import package
 
@@ -76,8 +78,18 @@ def share(items: Iterable[T], workers: Sequence[Worker], do: Callable[[T, Worker
 
 
 def run_here(tasks: Iterable[Task], workers: Sequence[Worker], tell: Tell) -> None:
-    """Run tasks by worker processes of this machine; what is running is filed where this is interrupted."""
-    share(tasks, workers, run_task, tell)
+    """Run tasks by worker processes of this machine, record by record, so that one day keeps all of them busy; what is
+    whole is filed by the caller while workers go on, and what is there where this is interrupted."""
+
+    def do(one: tuple[Task, str, int], worker: Worker, say: Say) -> None:
+        say(one[0], take(*one, worker))
+
+    def hear(task: Task, row: Row) -> None:
+        filing.add(task, row)
+        tell(row["status"], row["why"] or "")
+
+    with closing(Filing()) as filing:
+        share(((task, source, tries) for task in tasks for source, tries in task.sources), workers, do, hear)
 
 
 def run_on_dask(tasks: Iterable[Task], address: str, tell: Tell) -> None:

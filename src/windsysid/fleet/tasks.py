@@ -1,8 +1,10 @@
-"""A task: the records of one turbine and day, taken one after the other and filed together."""
+"""A task: the records of one turbine and day, which are filed together."""
 
 import hashlib
 import time
+from collections import Counter
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -12,7 +14,7 @@ from windsysid.fleet.members import Member
 from windsysid.fleet.remote import size_of
 from windsysid.fleet.rows import Row, failed_row
 
-__all__ = ["FLUSH_SECONDS", "Task", "Tell", "run_task"]
+__all__ = ["FLUSH_SECONDS", "Filing", "Task", "Tell", "run_task", "take"]
 
 Tell = Callable[[str, str], None]
 """Hears of each record: its status, and why it has no result."""
@@ -57,27 +59,52 @@ class Task:
         return f"windsysid-{self.member.name}-{self.day}-{digest}"
 
 
+class Filing:
+    """Rows as they come, filed when their task is whole, or `FLUSH_SECONDS` after the first of them."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, tuple[list[Row], float]] = {}
+        self._left: Counter[str] = Counter()
+
+    def add(self, task: Task, row: Row) -> None:
+        """One more row of a task."""
+        left = self._left.setdefault(task.place, len(task.sources)) - 1
+        self._left[task.place] = left
+        rows, since = self._open.setdefault(task.place, ([], time.monotonic()))
+        rows.append(row)
+        if not left or time.monotonic() - since > FLUSH_SECONDS:
+            self._file(task.place)
+
+    def close(self) -> None:
+        """File what is there, where the work ended between two records."""
+        for place in tuple(self._open):
+            self._file(place)
+
+    def _file(self, place: str) -> None:
+        rows, _ = self._open.pop(place)
+        add_rows(Path(place), rows)
+
+
 def run_task(task: Task, worker: Worker, tell: Tell) -> None:
-    """Take the records of a task and file them; `tell` is told the status of each, and why it has no result.
+    """Take the records of a task by one worker and file them; `tell` is told the status of each, and why it has no
+    result.
 
     What was found is filed also where the worker is stopped between two records.
     """
-    rows: list[Row] = []
-    filed = time.monotonic()
-    try:
+    with closing(Filing()) as filing:
         for source, tries in task.sources:
-            row = _take(task, source, worker)
-            rows.append(row | {"tries": row["tries"] + tries} if row["status"] == "failed" else row)
+            row = take(task, source, tries, worker)
+            filing.add(task, row)
             tell(row["status"], row["why"] or "")
-            if time.monotonic() - filed > FLUSH_SECONDS:
-                add_rows(Path(task.place), rows)
-                rows, filed = [], time.monotonic()
-    finally:
-        if rows:
-            add_rows(Path(task.place), rows)
 
 
-def _take(task: Task, source: str, worker: Worker) -> Row:
+def take(task: Task, source: str, tries: int, worker: Worker) -> Row:
+    """The row of a record of a task, which was tried so often before."""
+    row = _ask(task, source, worker)
+    return row | {"tries": row["tries"] + tries} if row["status"] == "failed" else row
+
+
+def _ask(task: Task, source: str, worker: Worker) -> Row:
     """The row of a record; one that a worker hangs at, or dies at again and again, is left alone."""
     request = {
         "do": "take", "source": source, "member": asdict(task.member), "formulation": task.formulation,
