@@ -2,7 +2,8 @@ import json
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, lfilter, sosfiltfilt
 
 import windsysid as ws
 from windsysid.simulation.record import simulate_record
@@ -437,3 +438,24 @@ def test_a_load_that_drives_neighbours_is_told_from_one_that_does_not():
     assert shared.plain is not None
     off = [abs(np.log(fit.modes.frequency[0] / true)) / fit.std(0)[0] for fit in (shared.fit, shared.plain)]
     assert off[0] < 2.0 < off[1]
+
+
+def test_images_of_splines_are_no_modes():
+    """A spline through slow readings leaves faint images of its modes, which nothing else tells from modes."""
+    rng = np.random.default_rng(1)
+    _, q = modal_responses([3.1, 4.6], [0.012, 0.015], 20.0, 12_000, rng)
+    slow = (q / q.std(axis=0)) @ SHAPES.T
+    times = np.arange(len(slow)) / 20.0
+    values = CubicSpline(times, slow + 0.01 * rng.normal(size=slow.shape))(np.arange(0.0, times[-1], 0.02))
+    found = ws.oma(record_of(values, 50.0, unit="m/s"))
+    assert [round(mode.frequency, 1) for mode in found.modes if mode.trusted] == [3.1, 4.6]
+    images = [mode.frequency for mode in found.modes if mode.doubted_for("image")]
+    np.testing.assert_allclose(images, [20.0 - 4.6], rtol=0.01)
+
+
+def test_a_steep_filter_in_the_band_is_no_error():
+    """In its stop band the spectra of channels are singular to rounding."""
+    y = two_modes(1)
+    sos = butter(8, 2.6, fs=RATE, output="sos")
+    found = ws.oma(record_of(sosfiltfilt(sos, y, axis=0), RATE))
+    assert [mode.trusted for mode in found.modes if round(mode.frequency, 1) == 1.1] == [True]

@@ -165,4 +165,13 @@ def quiet_start(band: Band, share: float = 0.25) -> Complex:
 
 
 def _root(matrix: Complex) -> Complex:
-    return np.asarray(np.linalg.cholesky(matrix), dtype=np.complex128)
+    """L of a Hermitian matrix L Lᴴ. Rounding may make one that is singular, of a filter's stop band, not positive."""
+    size = np.sqrt(np.maximum(np.diagonal(matrix).real, np.finfo(float).tiny))
+    scaled, added = matrix / np.outer(size, size), 0.0
+    while True:
+        try:
+            return np.asarray(size[:, None] * np.linalg.cholesky(scaled + added * np.eye(len(size))))
+        except np.linalg.LinAlgError:
+            if added > 1.0:
+                raise
+            added = max(10.0 * added, 1e-12)

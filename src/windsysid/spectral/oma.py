@@ -18,6 +18,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
+from windsysid.spectral.images import with_images
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.spectral.mode_description import described, named, with_neighbours, with_references, without_flanks
 from windsysid.spectral.mode_search import modes_of, search_modes
@@ -139,4 +140,4 @@ def _analysed(
     halves = [transforms(readings, part) for part in (slice(0, middle), slice(readings.samples - middle, None))]
     parted = without_flanks([described(one, halves, readings) for one in found.bands if modes_of(one)])
     modes = sorted((mode for band in parted for mode in with_neighbours(band)), key=lambda mode: mode.frequency)
-    return Single(whole, readings, found, tuple(modes))
+    return Single(whole, readings, found, tuple(with_images(modes, found.frequency, found.values)))

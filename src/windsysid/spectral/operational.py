@@ -36,6 +36,7 @@ DoubtKind = Literal[
     "shape",
     "faint",
     "shared",
+    "image",
     "neighbour",
     "records",
     "record",
