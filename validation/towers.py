@@ -26,6 +26,7 @@ from windsysid.output.console import render
 from windsysid.records.record import Record
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
 
 __all__ = ["KINDS", "Kind", "main", "record"]
 
@@ -63,6 +64,8 @@ class Kind:
         Half the gap in its springs, in standard deviations of its motion.
     drift
         By how much stiffness grows from the first sample to the last, as a share.
+    damping
+        How many times the file's its damping is, side to side.
     loads, reads
         What is done to the loads (T, 2) at `STEPS` a second, and to the readings (T, 2).
     """
@@ -72,8 +75,15 @@ class Kind:
     drag: float = 0.0
     play: float = 0.0
     drift: float = 0.0
+    damping: float = 1.0
     loads: Loads = lambda loads, rng: loads
     reads: Loads = lambda readings, rng: readings
+
+    @property
+    def tower(self) -> Turbine:
+        """The file's tower with its own damping."""
+        tower = load_turbine("tower")
+        return tower.with_values({"c_side_side": self.damping * tower.values["c_side_side"]})
 
 
 def _seconds(samples: int) -> Array:
@@ -135,6 +145,8 @@ def _silent(readings: Array, rng: np.random.Generator) -> Array:
 
 KINDS: dict[str, Kind] = {
     "healthy": Kind(),
+    "damping 3 × the file's": Kind(damping=3.0),
+    "damping 6 × the file's": Kind(damping=6.0),
     "friction of 3 %": Kind(friction=0.03),
     "friction of 10 %": Kind(friction=0.1),
     "hardening by 10 %": Kind(hardening=0.1),
@@ -184,7 +196,8 @@ def _move(n: Array, loads: Array, drift: float, step: float, found: Array, accel
 
 def record(name: str, seed: int) -> Record:
     """A record of a kind."""
-    kind, tower, rng = KINDS[name], load_turbine("tower"), np.random.default_rng(seed)
+    kind, rng = KINDS[name], np.random.default_rng(seed)
+    tower = kind.tower
     v, count = tower.values, int((DURATION + LEAD_IN) * STEPS) + 1
     given = {load.load: load for load in tower.loads}
     drawn, sizes = [], []
@@ -229,10 +242,10 @@ def main(given: Sequence[str] | None = None) -> None:
     tower = load_turbine("tower")
     for name in (name for name in KINDS if name.startswith(tuple(options.only))):
         errors: dict[bool, list[float]] = {True: [], False: []}
-        trusted, reasons = 0, Counter[str]()
+        trusted, reasons, true = 0, Counter[str](), KINDS[name].tower.values
         for seed in range(options.first, options.first + options.runs):
             found = identify(record(name, seed), tower, prior=DrawnPrior(seed=seed))
-            errors[found.diagnosis.trusted] += [(e.estimate - tower.values[e.name]) / e.std for e in found.estimates]
+            errors[found.diagnosis.trusted] += [(e.estimate - true[e.name]) / e.std for e in found.estimates]
             trusted += found.diagnosis.trusted
             reasons.update(_cause(reason) for reason in found.diagnosis.reasons[:1])
         shares = [errors[True] + errors[False], errors[True]]

@@ -197,10 +197,8 @@ def test_without_blade_channels_the_blades_are_locked(verne555, driven):
     assert [e.name for e in result.estimates] == ["k_x", "c_x", "k_y", "c_y"]
     assert any("no blade channels: the blades are locked" in note for note in result.notes)
     assert sorted(mode.name for mode in result.modes) == ["tower x", "tower y"]
-    # This machine's blades are half its moving mass and do move: a load model rich enough hides it, the stiffness does
-    # not.
+    # This machine's blades are half its moving mass and do move: a load model rich enough hides it.
     assert any("no channel sees the blades" in reason for reason in result.diagnosis.reasons)
-    assert off(result, "k_x") > 2.0
 
 
 def test_locked_blades_are_right_for_a_turbine_whose_blades_are_locked(verne555):

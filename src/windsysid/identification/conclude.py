@@ -23,6 +23,7 @@ from windsysid.results.diagnosis import diagnose
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
 from windsysid.results.lines import Line, find_line
 from windsysid.results.mode import Mode
+from windsysid.results.passing import find_passing
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
 from windsysid.results.rivals import BETTER, find_rival
@@ -40,6 +41,10 @@ Formulation = Literal["joint", "force-balance", "spectral"]
 
 FAR = 1.0
 """Standard deviations of its prior by which a coefficient is off where another explanation is looked for."""
+
+OTHER, ELSEWHERE = math.log(2.0), math.log(1.2)
+"""Of the damping, by which another explanation has to be another answer; and of the frequency, beyond which its load
+stands for the mode and its mode for nothing that shows."""
 
 MIXED = 0.1
 """Share of one degree of freedom's motion in a reading of another, whose mode would look like a narrow-band load."""
@@ -122,6 +127,7 @@ def conclude(
             *outcome.doubts,
             *(_still(outcome, record, speed) if formulation != "force-balance" else ()),
             *_off_clock(record, speed),
+            *(_passed(outcome, record, modes) if formulation == "joint" else ()),
             *(_rivalled(outcome, record, final) if formulation != "force-balance" else ()),
         ),
         whiteness=outcome.whiteness,
@@ -184,11 +190,16 @@ def _line(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float)
     line that was taken for one is."""
     if not (modes and record.is_uniform):
         return None
-    known = [(m.frequency_hz[0], max(m.damping_ratio[0], _usual_damping(outcome.turbine, m))) for m in modes]
+    known = _no_narrower(outcome.turbine, modes)
     readings = np.column_stack([record[channel] for channel in outcome.channels])
     return find_line(
         readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=abs(speed) / (2.0 * math.pi)
     )  # fmt: skip
+
+
+def _no_narrower(file: Turbine, modes: Sequence[Mode]) -> list[tuple[float, float]]:
+    """Frequency [Hz] and damping ratio of modes, none narrower than the file's."""
+    return [(m.frequency_hz[0], max(m.damping_ratio[0], _usual_damping(file, m))) for m in modes]
 
 
 def _usual_damping(file: Turbine, mode: Mode) -> float:
@@ -231,7 +242,7 @@ def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ..
     file, compiled = outcome.turbine, outcome.model.compiled
     if not record.is_uniform or any(freedom.blade for freedom in file.model.freedoms):
         return ()
-    off = {q.name: (q, (outcome.theta[i] - q.prior[0]) / q.prior[1]) for i, q in enumerate(outcome.model.parameters)}
+    off = {q.name: (q, (outcome.theta[i] - q.prior[0]) / q.prior[1]) for i, q in enumerate(outcome.priors)}
     p, (n, m) = np.array([file.values[name] for name in compiled.parameters]), (len(compiled.states), compiled.readings)
     seen, loads, dofs = np.zeros((m, n)), len(compiled.loads), len(file.model.coordinates)
     inputs = np.ascontiguousarray(outcome.rotor.mean(axis=0)[: len(compiled.inputs)])
@@ -261,12 +272,37 @@ def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ..
             for one in (file, final)
         )
         rival = find_rival(values[:, channel], record.rate, of_file, found, known)
-        if rival is not None and rival.better > BETTER:
+        if rival is None or rival.better < BETTER:
+            continue
+        moved = [abs(math.log(theirs / ours)) for theirs, ours in zip(rival.mode, found, strict=True)]
+        if moved[0] < ELSEWHERE and moved[1] > OTHER:
             return (
                 f"{outcome.channels[channel]} fits better with a narrow-band load at {rival.frequency:.3g} Hz beside a "
                 f"{name} as in the file: a machine or waves; leave that load out, or correct the file",
             )
     return ()
+
+
+def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[str, ...]:
+    """That blades pass a support at a steady speed where it has a mode, as a doubt."""
+    model = outcome.turbine.model
+    if any(one.blade for one in model.freedoms) or not ("rotor_azimuth" in record and record.is_uniform):
+        return ()
+    try:
+        psi = rotor_inputs(record, abs(outcome.turbine.rotor_speed))[:, 0]
+    except RecordError:  # an azimuth that was not needed
+        return ()
+    readings = np.column_stack([record[channel] for channel in outcome.channels])
+    readings = np.nan_to_num(readings - np.nanmean(readings, axis=0))
+    found = find_passing(
+        readings, psi, rate=record.rate, modes=_no_narrower(outcome.turbine, modes), blades=model.blades
+    )  # fmt: skip
+    if found is None:
+        return ()
+    return (
+        f"the blades pass at {found.frequency:.3g} Hz ({model.blades}P), on the mode at {found.natural:.3g} Hz, and "
+        "steadily: what is theirs and what the mode's cannot be told; take a section at another speed",
+    )
 
 
 def _off_clock(record: Record, speed: float) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.conclude import Formulation, conclude, doubts_of_innovations
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
+from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import identify_jointly, identify_jointly_from
 from windsysid.identification.outcome import Outcome
 from windsysid.identification.prepare import (
@@ -122,7 +123,7 @@ def identify(
     with hear(progress, doing):
         found = _WAYS[formulation](asked)
     return conclude(
-        found.outcome, found.read, found.formulation, faults=found.faults,
+        note_wide_priors(found.outcome), found.read, found.formulation, faults=found.faults,
         provenance=trace(record, record_hash(record), turbine, found.sensors, options),
     )  # fmt: skip
 
@@ -141,13 +142,15 @@ class _Asked(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """What a formulation found, on which record and with which sensors, and the faults of what it read."""
+    """What a formulation found, on which record and with which sensors, the faults of what it read, and under which
+    prior."""
 
     formulation: Formulation
     outcome: Outcome
     read: Record
     sensors: tuple[Sensor, ...]
     faults: Sequence[Finding]
+    prior: Prior = Prior()
 
     def saying(self, note: str, *doubts: str) -> "_Found":
         """The same with a note, and what speaks against it."""
@@ -178,8 +181,11 @@ def _by_spectra(asked: _Asked) -> _Found:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     found = usable_sensors(part, turbine, asked.sensors)
     faults = screened(asked.part, turbine, found)
-    outcome = identify_by_spectrum(part, turbine, found, asked.prior or Prior(), asked.parameters, loads=asked.loads)
-    return _Found("spectral", outcome, part, found, faults)
+    outcome, prior = with_wide_priors(
+        lambda prior: identify_by_spectrum(part, turbine, found, prior, asked.parameters, loads=asked.loads),
+        asked.prior or Prior(),
+    )
+    return _Found("spectral", outcome, part, found, faults, prior)
 
 
 def _by_force_balance(asked: _Asked) -> _Found:
@@ -215,7 +221,8 @@ def _by_what_fits(asked: _Asked) -> _Found:
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
     if not doubts and spectral.outcome.hypothesis == RotorWind.name:
         return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
-    joint = _jointly(asked, None if doubts else spectral.outcome)
+    joint = _jointly(asked._replace(prior=spectral.prior), None if doubts else spectral.outcome)
+    joint = joint._replace(outcome=joint.outcome._replace(given_priors=spectral.outcome.given_priors))
     if doubts:
         return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
     name, off = _compare(joint.outcome, spectral.outcome)

@@ -16,6 +16,7 @@ from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.identification.bending import find_bending
 from windsysid.identification.clocks import shifted
+from windsysid.identification.held_priors import solve_with_wide_priors
 from windsysid.identification.load_choice import Question, choose, is_explained, warm
 from windsysid.identification.outcome import Outcome, known_loads
 from windsysid.identification.prior import Prior
@@ -52,17 +53,19 @@ def identify_jointly(
     """
     started = time.perf_counter()
     question = Question(record, turbine, tuple(sensors), prior, chosen)
-    first, samples = first_estimate(turbine, record.rate), record.samples
-    expect_search(samples, samples + CHOICE * min(MEMORY * first, samples))
+    first, count = first_estimate(turbine, record.rate), record.samples
+    expect_search(count, count + CHOICE * min(MEMORY * first, count))
     choice = choose(question, load_models(record, turbine, loads), first)
-    expect_search(samples, samples)
+    expect_search(count, count)
     problem, best = choice.best.problem, choice.best
-    solution = solve(problem, [(problem.inputs, problem.readings)], best.online, rate=record.rate)
+    given = problem.parameters
+    samples = [(problem.inputs, problem.readings)]
+    problem, solution = solve_with_wide_priors(problem, samples, best.online, rate=record.rate)
     elapsed = time.perf_counter() - started - choice.warming
     history = join_histories([best.history, *filter(None, [solution.history])])
     known = spread_over_samples(*problem.prior, history, solution.samples)
     found = describe_solution(problem, solution, turbine, choice.why, known, elapsed)
-    return found._replace(bending=_bending(problem, solution))
+    return found._replace(bending=_bending(problem, solution), given_priors=given)
 
 
 def identify_jointly_from(
@@ -94,7 +97,7 @@ def identify_jointly_from(
     only = solution.mean[None, :n], np.sqrt(np.diag(solution.cov)[:n])[None]
     why = f"load model {near.hypothesis}: it explains the record"
     found = describe_solution(problem, solution, turbine, why, only, elapsed)
-    return found._replace(bending=_bending(problem, solution))
+    return found._replace(bending=_bending(problem, solution), given_priors=near.given_priors)
 
 
 def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Array] | None:

@@ -22,6 +22,7 @@ from windsysid.signals import resample
 from windsysid.signals.inputs import TURNING, read_inputs
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Outcome", "check_finite", "diverged", "known_inputs", "known_loads", "no_innovations"]
@@ -72,6 +73,10 @@ class Outcome(NamedTuple):
         What shows most that stiffness or damping goes with amplitude; None where that was not looked for.
     turns
         Whether the rotor's turns couple what moves, as far as the formulation has asked.
+    held
+        Damping coefficients that their priors hold where the readings do not want them.
+    given_priors
+        The identified parameters with their priors as they were given, where some were made wider; else none.
     """
 
     turbine: Turbine
@@ -95,6 +100,14 @@ class Outcome(NamedTuple):
     tolerances: tuple[Tolerance, ...] = ()
     bending: Bending | None = None
     turns: bool = True
+    held: tuple[str, ...] = ()
+    given_priors: tuple[Parameter, ...] = ()
+
+    @property
+    def priors(self) -> tuple[Parameter, ...]:
+        """The identified parameters (n_θ,) with their priors as they were given."""
+        known = {q.name: q for q in self.given_priors}
+        return tuple(known.get(q.name, q) for q in self.model.parameters)
 
     def given(self, *groups: Group) -> tuple[Array, Array]:
         """θ (n_θ,), and the covariance of all unknowns, given that what these groups of tolerances hold is as the file

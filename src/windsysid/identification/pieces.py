@@ -24,6 +24,7 @@ import numpy as np
 from windsysid._version import __version__
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.conclude import conclude
+from windsysid.identification.held_priors import note_wide_priors, solve_with_wide_priors
 from windsysid.identification.joint import describe_solution, first_estimate, load_models
 from windsysid.identification.load_choice import Question, choose
 from windsysid.identification.outcome import Outcome
@@ -42,7 +43,7 @@ from windsysid.identification.recursive import (
     save,
 )
 from windsysid.identification.samples import SamplesOnDisk
-from windsysid.identification.solve import expect_search, solve
+from windsysid.identification.solve import expect_search
 from windsysid.identification.spectral_pieces import identify_spectra_of_pieces
 from windsysid.identification.windows import Prepared, Windows
 from windsysid.inspection.health import Finding
@@ -293,12 +294,14 @@ class _Run:
         check_length(self.name, self.ended - begun, self.windows.rate, self.turbine)
         problem, samples = self.problem, self.samples
         expect_search(samples.count)
-        solution = solve(problem, samples, self.online, rate=self.windows.rate)
+        given = problem.parameters
+        problem, solution = solve_with_wide_priors(problem, samples, self.online, rate=self.windows.rate)
         samples.close()
         history = join_histories([*self.histories, *filter(None, [solution.history])])
         known = history.mean, np.sqrt(np.diagonal(history.cov, axis1=1, axis2=2))
         elapsed = time.perf_counter() - started - self.warming
         outcome: Outcome = describe_solution(problem, solution, self.turbine, self.why, known, elapsed)
+        outcome = note_wide_priors(outcome._replace(given_priors=given))
         last = len(solution.info.innovation)
         pieces = "taken in piece by piece"
         if last < solution.samples:

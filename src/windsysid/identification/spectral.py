@@ -17,6 +17,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
+from windsysid.identification.held_priors import find_held
 from windsysid.identification.outcome import Outcome, known_inputs, known_loads, no_innovations
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import seen_by
@@ -133,6 +134,10 @@ def identify_by_spectrum(
     if lag:
         angle, std = 1e3 * best.unknowns[n], 1e3 * math.sqrt(best.cov[n, n])
         notes.append(f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad")
+
+    def log_likelihood(unknowns: Array) -> float:
+        return -best.model.likelihood(unknowns, slopes=False).value
+
     where = ", ".join(f"{low:.3g} … {high:.3g} Hz" for low, high in posed.bands)
     notes += [
         f"loads: {posed.text}, learned from the record with the noise{found.why}; damping is total: structure and "
@@ -142,6 +147,7 @@ def identify_by_spectrum(
     return _outcome(
         question, best.unknowns, best.cov, lag, tolerances, log_likelihood=best.log_likelihood,
         statistics=model.statistics, elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
+        held=find_held(log_likelihood, best.unknowns, best.cov, model.parameters),
     )._replace(turns=coupled)  # fmt: skip
 
 
@@ -155,14 +161,14 @@ def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str
     return _outcome(
         question, found.unknowns, found.cov, 1, tolerances, log_likelihood=found.log_likelihood,
         statistics=found.statistics, elapsed=time.perf_counter() - started, notes=(*notes, *found.notes),
-        doubts=(*doubts, *found.doubts), hypothesis=RotorWind.name,
+        doubts=(*doubts, *found.doubts), hypothesis=RotorWind.name, held=found.held,
     )  # fmt: skip
 
 
 def _outcome(
     question: Question, unknowns: Array, cov: Array, lag: int, tolerances: Sequence[Tolerance], *,
     log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[str],
-    doubts: Sequence[str], hypothesis: str,
+    doubts: Sequence[str], hypothesis: str, held: tuple[str, ...],
 ) -> Outcome:  # fmt: skip
     """What was found, from all unknowns: θ, then the mean lag angle where `lag` is 1, then τ and η."""
     n, end = len(question.parameters), len(question.parameters) + len(statistics)
@@ -193,6 +199,7 @@ def _outcome(
         joint_cov=joint_cov,
         hypothesis=hypothesis,
         tolerances=learned,
+        held=held,
     )
 
 

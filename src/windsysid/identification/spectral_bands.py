@@ -7,6 +7,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.identification.held_priors import find_held
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.band_checks import doubts_of_bands
 from windsysid.spectral.band_pose import PosedBands, centre_bands, search_bands
@@ -30,6 +31,8 @@ class ReadInBands(NamedTuple):
         What η stands for.
     doubts, notes
         What speaks against it, and what a reader must know.
+    held
+        Damping coefficients that their priors hold.
     """
 
     unknowns: Array
@@ -38,6 +41,7 @@ class ReadInBands(NamedTuple):
     statistics: tuple[Statistic, ...]
     doubts: tuple[str, ...]
     notes: tuple[str, ...]
+    held: tuple[str, ...]
 
 
 def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None) -> ReadInBands | None:
@@ -77,6 +81,7 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
         posed.model.statistics,
         tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(settled=settled)))),
         _notes(posed, found.unknowns, cov, len(question.parameters)),
+        find_held(lambda u: -wide.model.likelihood(u)[0], found.unknowns, cov, question.parameters),
     )
 
 

@@ -24,6 +24,7 @@ from windsysid._types import Array
 from windsysid._version import __version__
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.conclude import conclude
+from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.outcome import known_inputs
 from windsysid.identification.prepare import check_length, screened, usable_sensors
 from windsysid.identification.prior import Prior
@@ -246,15 +247,19 @@ class _Run:
             raise RecordError(f"{self.first.name}: expected a whole block of turns, got less: choose longer pieces")
         begun, ended = float(self.first.time[0]), float(self.last.time[-1])
         inputs, sums = self.inputs, self.sums
-        outcome = identify_by_spectrum(
-            self.first.on_uniform_grid(), self.turbine, self.sensors, self.prior, self.chosen, loads=self.loads,
-            sums=sums, speeds=np.array(self.speeds),
+        outcome, _ = with_wide_priors(
+            lambda prior: identify_by_spectrum(
+                self.first.on_uniform_grid(), self.turbine, self.sensors, prior, self.chosen, loads=self.loads,
+                sums=sums, speeds=np.array(self.speeds),
+            ),
+            self.prior,
         )  # fmt: skip
         seconds = sums.last.duration
         what = f"{self.turns} turns" if self.coupled else f"{seconds:.4g} s"
         blocks = f"taken in piece by piece: {len(sums.energies)} blocks of {what}"
         if self.memory < 1.0:
             blocks += f", which count as {sums.blocks:.3g}: the older, the less"
+        outcome = note_wide_priors(outcome)
         outcome = outcome._replace(
             rotor=inputs, notes=tuple(dict.fromkeys([*self.notes, *outcome.notes, blocks])),
             elapsed=time.perf_counter() - started,

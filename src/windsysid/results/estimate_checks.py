@@ -13,7 +13,15 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["Band", "CoefficientCheck", "doubt_damping", "doubt_priors", "hold_against_priors"]
+__all__ = [
+    "CONFLICT_SIGMAS",
+    "Band",
+    "CoefficientCheck",
+    "conflict_text",
+    "doubt_damping",
+    "doubt_priors",
+    "hold_against_priors",
+]
 
 Band = tuple[float, float, float]
 """Value, and ±2σ around it: low, high."""
@@ -39,12 +47,15 @@ def hold_against_priors(parameters: Sequence[Parameter], theta: Array, cov: Arra
 
 def doubt_priors(checks: Sequence[CoefficientCheck]) -> list[str]:
     """A reason for each estimate that contradicts its prior."""
-    return [
-        f"{check.name} and its prior contradict each other: they are {abs(check.shift):.1f} standard deviations"
-        " apart; the turbine file, a unit or the model is wrong"
-        for check in checks
-        if abs(check.shift) > CONFLICT_SIGMAS
-    ]
+    return [conflict_text(check.name, check.shift) for check in checks if abs(check.shift) > CONFLICT_SIGMAS]
+
+
+def conflict_text(name: str, shift: float) -> str:
+    """What is said of an estimate so many standard deviations from its prior."""
+    return (
+        f"{name} and its prior contradict each other: they are {abs(shift):.1f} standard deviations apart; the turbine"
+        " file, a unit or the model is wrong"
+    )
 
 
 def doubt_damping(

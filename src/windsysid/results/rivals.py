@@ -32,6 +32,10 @@ REACH = 1.55
 FEWEST_BINS = 40
 """Frequencies of a periodogram below which nothing is asked."""
 
+LEVEL, LEVEL_SPREAD = -1.0, 4.0
+"""The logarithm of L over the channel's median, and its standard deviation: without it N could be all of the load, and
+stand for the mode that was found."""
+
 SLOPE_SPREAD = 6.0
 """Standard deviation of the slope of L."""
 
@@ -43,11 +47,12 @@ TRIED = 2
 
 
 class Rival(NamedTuple):
-    """A narrow-band load that explains a channel better than the mode that was found: its frequency [Hz], and by how
-    much the log posterior is greater."""
+    """A narrow-band load that explains a channel better than the mode that was found: its frequency [Hz], by how much
+    the log posterior is greater, and frequency [Hz] and damping ratio of the mode beside it."""
 
     frequency: float
     better: float
+    mode: tuple[float, float]
 
 
 def find_rival(
@@ -79,6 +84,7 @@ def find_rival(
         stiffness, damping = known(unknowns[0], unknowns[1])
         load = np.exp(np.clip(unknowns[2] + unknowns[3] * tilt, -40.0, 40.0))
         prior = unknowns[0] ** 2 + unknowns[1] ** 2 + (unknowns[3] / SLOPE_SPREAD) ** 2
+        prior += ((unknowns[2] - LEVEL) / LEVEL_SPREAD) ** 2
         if len(unknowns) > 4:
             at, width, level = np.exp(np.clip(unknowns[4:], -40.0, 40.0))
             load = load + level * (2.0 * width) ** 2 * _response(f, at, width)
@@ -103,7 +109,9 @@ def find_rival(
             at = [[0.0, 0.0, base, 0.0, place, float(np.log(width)), over] for place in places for over in (0.0, 2.0)]
             starts += sorted(at, key=lambda start: cost(np.array(start)))[:TRIED]
     both, best = least(starts)
-    return Rival(float(np.exp(best[4])), alone - both)
+    stiffness, damping = known(best[0], best[1])
+    root = float(np.sqrt(stiffness))
+    return Rival(float(np.exp(best[4])), alone - both, (file[0] * root, file[1] * damping / root))
 
 
 def _response(f: Array, own: float, damping: float) -> Array:

@@ -1,0 +1,161 @@
+"""Priors of damping that hold an estimate where the readings do not want it.
+
+Damping of a structure is known to half of it at best, and what the air adds may be several times as much. A prior that
+is too far off draws the estimate to itself, and Fisher's information, taken where the estimate came to lie, says that
+the readings know it well there: a tower with four times the damping of its file came out ten standard deviations off.
+So the likelihood is asked on the far side: where it rises by more than `GAIN` with up to twice as much damping, all
+other unknowns following, or with half as much where the prior is above, the prior is made wider, and the search is made
+again.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.filters import EKF
+from windsysid.identification.clocks import shifted
+from windsysid.identification.outcome import Outcome
+from windsysid.identification.prior import Prior
+from windsysid.identification.problem import TurbineProblem
+from windsysid.identification.recursive import Online
+from windsysid.identification.samples import Samples
+from windsysid.identification.solve import Solution, solve
+from windsysid.results.estimate_checks import CONFLICT_SIGMAS, conflict_text
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["find_held", "note_wide_priors", "solve_with_wide_priors", "with_wide_priors"]
+
+PULLED = 0.3
+"""Standard deviations of the prior from which on an estimate may be held by it."""
+
+FACTORS = (1.25, 1.5, 2.0)
+"""On damping, at which the likelihood is asked."""
+
+GAIN = 0.5
+"""Rise of the log likelihood: the readings alone would have it a standard deviation away."""
+
+WIDER = 4.0
+"""How many times as wide a prior becomes."""
+
+MOST_WIDENINGS = 2
+
+
+@dataclass(frozen=True)
+class _WidenedPrior(Prior):
+    """Another prior, some of whose standard deviations are `WIDER` times as wide."""
+
+    of: Prior = field(default_factory=Prior)
+    names: tuple[str, ...] = ()
+
+    def parameters(self, turbine: Turbine, names: Sequence[str], *, linear: bool) -> tuple[Parameter, ...]:
+        """As the other has them, but for their spreads."""
+        return tuple(_widened(q, self.names) for q in self.of.parameters(turbine, names, linear=linear))
+
+
+def _widened(q: Parameter, names: Sequence[str]) -> Parameter:
+    return replace(q, spread=WIDER * q.spread) if q.name in names else q
+
+
+def find_held(
+    log_likelihood: Callable[[Array], float], unknowns: Array, cov: Array, parameters: Sequence[Parameter]
+) -> tuple[str, ...]:
+    """Damping coefficients that are held by their priors.
+
+    Parameters
+    ----------
+    log_likelihood
+        Of all readings at unknowns (n,), without the prior; LinAlgError where it cannot be computed.
+    unknowns, cov
+        The mode of the posterior and its covariance (n,), (n, n); `parameters` come first.
+    """
+    here = log_likelihood(unknowns)
+    return tuple(
+        q.name
+        for j, q in enumerate(parameters)
+        if _may_be_held(q, float(unknowns[j]))
+        and any(log_likelihood_at > here + GAIN for log_likelihood_at in _beyond(log_likelihood, unknowns, cov, j, q))
+    )
+
+
+def _may_be_held(q: Parameter, theta: float) -> bool:
+    mean, std = q.prior
+    return q.name.startswith("c_") and not q.logarithmic and theta > 0.0 and abs(theta - mean) > PULLED * std
+
+
+def _beyond(
+    log_likelihood: Callable[[Array], float], unknowns: Array, cov: Array, j: int, q: Parameter
+) -> "list[float]":
+    """The log likelihood farther away from the prior than the estimate is."""
+    theta, away = float(unknowns[j]), math.copysign(1.0, float(unknowns[j]) - q.prior[0])
+    follow = cov[:, j] / cov[j, j]
+    found = []
+    for factor in FACTORS:
+        try:
+            found.append(log_likelihood(unknowns + follow * theta * (factor**away - 1.0)))
+        except np.linalg.LinAlgError:
+            break
+    return found
+
+
+def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tuple[Outcome, Prior]:
+    """What spectra find under a prior that is made wider where it holds an estimate, and that prior."""
+    found = identify(prior)
+    given = found.model.parameters
+    for _ in range(MOST_WIDENINGS):
+        if not found.held:
+            break
+        prior = _WidenedPrior(of=prior, names=found.held)
+        found = identify(prior)
+    return found._replace(given_priors=given), prior
+
+
+def solve_with_wide_priors(
+    problem: TurbineProblem, samples: Samples, online: Online | None, *, rate: float,
+    start: tuple[Array, Array] | None = None,
+) -> tuple[TurbineProblem, Solution]:  # fmt: skip
+    """The same for filters: the search goes on from where it ended. Arguments as for
+    `windsysid.identification.solve.solve`."""
+    solution = first = solve(problem, samples, online, rate=rate, start=start)
+    for _ in range(MOST_WIDENINGS):
+        n = len(solution.mean) - len(problem.clocks)
+        mean, cov = solution.mean[:n], solution.cov[:n, :n]
+        heard = shifted(problem, samples, solution.mean[n:])
+        held = find_held(partial(_log_likelihood, problem, heard), mean, cov, problem.parameters)
+        if not held:
+            break
+        model, block = problem.model, problem.model.parameter_block
+        wide = np.array([WIDER if q.name in held else 1.0 for q in model.parameters])
+        prior = model.cov.copy()
+        prior[block, block] *= np.outer(wide, wide)
+        parameters = tuple(_widened(q, held) for q in model.parameters)
+        problem = problem._replace(model=replace(model, parameters=parameters, cov=prior))
+        solution = solve(problem, samples, None, rate=rate, start=(mean, cov))
+    return problem, solution._replace(history=first.history)
+
+
+def _log_likelihood(problem: TurbineProblem, samples: Samples, unknowns: Array) -> float:
+    model = problem.build(unknowns)
+    belief, found = EKF.init(model), 0.0
+    for inputs, readings in samples:
+        belief, info = EKF.run(model, belief, inputs, readings)
+        found += float(info.log_likelihood.sum())
+    return found
+
+
+def note_wide_priors(found: Outcome) -> Outcome:
+    """The same with what is to be said of priors that were made wider: a doubt where one is far off as it was given."""
+    notes, doubts = list(found.notes), list(found.doubts)
+    for i, (q, given) in enumerate(zip(found.model.parameters, found.priors, strict=True)):
+        if q.spread > given.spread:
+            mean, std = given.prior
+            off = float(found.theta[i] - mean) / math.hypot(std, math.sqrt(found.cov[i, i]))
+            wider = f"the prior was made {q.spread / given.spread:.0f} times as wide"
+            notes.append(f"the readings want {q.name} {abs(off):.1f} standard deviations from its prior: {wider}")
+            if abs(off) > CONFLICT_SIGMAS:
+                doubts.append(conflict_text(q.name, off))
+    return found._replace(notes=tuple(notes), doubts=tuple(doubts))

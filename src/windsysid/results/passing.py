@@ -1,0 +1,72 @@
+"""Blades that pass at a steady speed where a mode is.
+
+Filters take the line NP for a load whose amplitude wanders. A steady one stays, whatever the filter's memory, and comes
+to stand for a part of the resonance: damping comes out too small. Turned back by N ψ it is a constant, which stands out
+of the transform's neighbours as lines do (`windsysid.results.lines`). A resonance that is hardly broader than a line
+cannot be told from one, so that no answer is given there.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.results.lines import (
+    LINE_CHANCE,
+    NARROWEST,
+    PARABOLA_LOSS,
+    SURROUNDINGS,
+    line_bound,
+    stand_out_of_a_bend,
+)
+
+__all__ = ["Passing", "find_passing"]
+
+BEYOND = 2.0
+"""Frequencies 1/T of a record beyond a mode's half-width ζf within which the line is in it."""
+
+
+SMOOTHED = 20.0
+"""Seconds over which the rotor's speed is told: an azimuth has noise of its own."""
+
+
+class Passing(NamedTuple):
+    """Blades that pass at a mode: how often [Hz], and the mode's frequency [Hz]."""
+
+    frequency: float
+    natural: float
+
+
+def find_passing(
+    values: Array, azimuth: Array, *, rate: float, modes: Sequence[tuple[float, float]], blades: int
+) -> Passing | None:
+    """Whether a steady line of the passing blades is in a mode.
+
+    Parameters
+    ----------
+    values, azimuth
+        Readings (T, m) without gaps, and ψ (T,) [rad], unwrapped.
+    modes
+        Frequency [Hz] and damping ratio of each.
+    """
+    step, cycle = rate / len(values), 0.5 * blades / np.pi
+    passing = cycle * abs(float(azimuth[-1] - azimuth[0])) / ((len(azimuth) - 1) / rate)
+    hop = max(1, round(SMOOTHED * rate))
+    scatter = cycle * float(np.std(azimuth[hop:] - azimuth[:-hop])) * rate / hop
+    for natural, damping in modes:
+        width = damping * natural
+        if abs(passing - natural) > width + BEYOND * step or scatter > width:
+            continue
+        if width < NARROWEST * step or _stands_out(values, blades * azimuth):
+            return Passing(passing, natural)
+    return None
+
+
+def _stands_out(values: Array, phase: Array) -> bool:
+    """Whether a constant stands out of readings that are turned back by a phase (T,)."""
+    window = np.hanning(len(values))
+    power = np.abs(np.fft.fft((window * np.exp(-1j * phase))[:, None] * (values - values.mean(axis=0)), axis=0)) ** 2
+    around = np.concatenate([power[-SURROUNDINGS:], power[: SURROUNDINGS + 1]])
+    ratio = stand_out_of_a_bend(around, np.array([SURROUNDINGS]), SURROUNDINGS)
+    return bool(ratio.max() > line_bound(values.shape[1], SURROUNDINGS, LINE_CHANCE, PARABOLA_LOSS))

@@ -1,0 +1,56 @@
+"""Damping far from the file's is found, and the prior that held it is said to be wide now."""
+
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from windsysid.identification.held_priors import find_held
+from windsysid.identification.identify import identify
+from windsysid.simulation.record import simulate_record
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.file import load_turbine
+
+
+def found_of(times: float, seed: int, formulation: Literal["auto", "joint"] = "auto"):
+    tower = load_turbine("tower")
+    true = tower.with_values({"c_side_side": times * tower.values["c_side_side"]})
+    record = simulate_record(true, duration=600.0, rate=20.0, seed=seed)
+    return true, identify(record, tower, formulation=formulation)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("formulation", ["auto", "joint"])
+def test_four_times_the_damping_of_the_file_is_found(seed: int, formulation: Literal["auto", "joint"]):
+    """The prior of half the file's damping held it at half of the truth, six standard deviations off and trusted."""
+    true, found = found_of(4.0, seed, formulation)
+    c = found["c_side_side"]
+    assert abs(c.estimate - true.values["c_side_side"]) < 3.0 * c.std
+    assert any("the prior was made 4 times as wide" in note for note in found.notes)
+
+
+def test_damping_that_no_prior_like_the_files_could_have_is_found_and_not_trusted():
+    true, found = found_of(9.0, 3)
+    c = found["c_side_side"]
+    assert abs(c.estimate - true.values["c_side_side"]) < 3.0 * c.std
+    assert not found.diagnosis.trusted
+    assert "contradict each other" in found.diagnosis.reasons[0]
+
+
+def test_damping_as_in_the_file_keeps_its_prior():
+    _, found = found_of(1.0, 4)
+    assert not any("as wide" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("likeliest", "held"), [(1.1, ()), (2.0, ("c",)), (0.3, ("c",))])
+def test_a_prior_holds_what_the_likelihood_wants_elsewhere(likeliest: float, held: tuple[str, ...]):
+    """A likelihood of ln c with a standard deviation of a quarter, and a prior of 1 ± 0.1."""
+    c = Parameter("c_x", 1.0, 0.1, logarithmic=False)
+
+    def log_likelihood(unknowns: np.ndarray) -> float:
+        return -0.5 * float(np.log(unknowns[0] / likeliest) / 0.25) ** 2
+
+    grid = np.linspace(0.2, 3.0, 5000)
+    mode = grid[np.argmax([log_likelihood(np.array([x])) - 0.5 * ((x - 1.0) / 0.1) ** 2 for x in grid])]
+    found = find_held(log_likelihood, np.array([mode]), np.array([[0.01]]), [c])
+    assert found == tuple("c_x" for _ in held)
