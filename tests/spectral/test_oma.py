@@ -459,3 +459,39 @@ def test_a_steep_filter_in_the_band_is_no_error():
     sos = butter(8, 2.6, fs=RATE, output="sos")
     found = ws.oma(record_of(sosfiltfilt(sos, y, axis=0), RATE))
     assert [mode.trusted for mode in found.modes if round(mode.frequency, 1) == 1.1] == [True]
+
+
+def windows(count, step):
+    """Records of 3000 samples that begin `step` samples after each other, of one motion."""
+    y = two_modes(60, samples=3000 + step * (count - 1))
+    return [record_of(y[i * step : i * step + 3000], RATE) for i in range(count)]
+
+
+@pytest.mark.parametrize("step", [0, 750, 2000])
+def test_records_that_hold_the_same_motion_are_not_trusted_together(step):
+    """What happened once counted several times: bands were too narrow by the root of that."""
+    rng = np.random.default_rng(3)
+    records = windows(3, step)
+    if not step:  # written anew: with another gain and a little noise
+        records[1] = record_of(2.0 * records[1].values + 1e-3 * rng.normal(size=records[1].values.shape), RATE)
+    found = ws.oma(records)
+    assert not found.trusted
+    assert "hold the same motion" in found.doubts[0]
+
+
+def test_records_one_after_the_other_are_trusted_together():
+    assert ws.oma(windows(3, 3000)).trusted
+
+
+def test_a_frequency_that_goes_up_and_down_again_is_not_trusted():
+    """Both halves of a day are alike; damping came out larger by four standard deviations."""
+    rng, samples = np.random.default_rng(5), 40_000
+    q, _ = modal_responses([1.1, 2.7], [0.012, 0.008], 10.0, samples, rng)
+    y = (q / q.std(axis=0)) @ SHAPES.T
+    times = np.arange(samples) / RATE
+    bent = times + 0.01 * times[-1] / (2.0 * np.pi) * np.sin(2.0 * np.pi * times / times[-1])
+    moved = CubicSpline(times, y)(np.minimum(bent, times[-1]))
+    found = ws.oma(record_of(moved + 0.05 * rng.normal(size=y.shape), RATE))
+    assert not any(mode.trusted for mode in found.modes)
+    assert all("during the record" in mode.doubts[0] for mode in found.modes)
+    assert ws.oma(record_of(y + 0.05 * rng.normal(size=y.shape), RATE)).trusted

@@ -12,7 +12,7 @@ from windsysid.spectral.oma_data import Line, Readings
 from windsysid.spectral.operational import Doubt
 from windsysid.spectral.order import BandFit, Shapes
 
-__all__ = ["fit_doubts", "half_fits", "is_flank", "misfit", "mode_doubts", "shape_doubts"]
+__all__ = ["fit_doubts", "is_flank", "misfit", "mode_doubts", "part_fits", "shape_doubts"]
 
 MAX_MISFIT = 5.0
 """Standard deviations by which the spectrum may leave the model in an eighth of a band."""
@@ -27,7 +27,11 @@ BESIDE_LINE, BESIDE_HARMONIC = 0.3, 1.0
 """In ζ f: a line nearer than that stands on a mode; round the rotor's harmonics the sampled wind makes humps."""
 
 LEAST_BINS = 8
-"""Of half a record in a band: with fewer the halves are not compared."""
+"""Of a half or a quarter of a record in a band: with fewer they are not compared."""
+
+MAX_QUARTERS = 21.1
+"""Of the χ² by which the frequencies of the quarters scatter about their mean, with three degrees of freedom: one in
+10 000."""
 
 MAX_ALONE = 2.0
 """Standard deviations by which all channels together may differ from what is along the shape."""
@@ -94,23 +98,25 @@ def misfit(found: BandFit) -> tuple[float, float]:
     return worst
 
 
-def half_fits(found: BandFit, halves: Sequence[tuple[Array, Complex]], samples: int, rate: float) -> list[Fit]:
-    """The modes of a band from each half of the record, starting from those of the whole; none where a half has too few
-    bins in the band."""
+def part_fits(found: BandFit, parts: Sequence[tuple[Array, Complex]], samples: int, rate: float) -> list[Fit]:
+    """The modes of a band from the transforms of equal parts of a record, starting from those of the whole; none where
+    a part has too few bins in the band."""
     back = np.linalg.pinv(found.directions)
     low, high = found.bins[[0, -1]] * rate / samples
     fits = []
-    for frequency, values in halves:
+    for frequency, values in parts:
         bins = np.flatnonzero((frequency >= low) & (frequency <= high))
         if len(bins) < LEAST_BINS:
             return []
-        band = band_data(values[bins] @ back.T, bins, samples // 2, rate)
+        band = band_data(values[bins] @ back.T, bins, samples // len(parts), rate)
         fits.append(score(found.fit.modes, band, max_steps=15, converged=0.01))
     return fits
 
 
-def mode_doubts(found: BandFit, j: int, shapes: Shapes, halves: Sequence[Fit], readings: Readings) -> list[Doubt]:
-    """Why mode j of a band is not to be trusted."""
+def mode_doubts(
+    found: BandFit, j: int, shapes: Shapes, halves: Sequence[Fit], quarters: Sequence[Fit], readings: Readings
+) -> list[Doubt]:
+    """Why mode j of a band is not to be trusted, `halves` and `quarters` of the record being compared."""
     fit = found.fit
     f = float(fit.modes.frequency[j])
     length = readings.samples / readings.rate
@@ -130,7 +136,7 @@ def mode_doubts(found: BandFit, j: int, shapes: Shapes, halves: Sequence[Fit], r
         )
         doubts.append(Doubt("faint", text))
     doubts += _shared_doubts(found, j)
-    return doubts + _half_doubts(j, halves) + shape_doubts(shapes.std[:, j])
+    return doubts + (_half_doubts(j, halves) or _quarter_doubts(j, quarters)) + shape_doubts(shapes.std[:, j])
 
 
 def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> list[Doubt]:
@@ -177,6 +183,19 @@ def _half_doubts(j: int, halves: Sequence[Fit]) -> list[Doubt]:
         if apart > MAX_HALVES:
             doubts.append(Doubt("halves", f"the halves of the record differ in {name} by {apart:.1f} σ"))
     return doubts
+
+
+def _quarter_doubts(j: int, quarters: Sequence[Fit]) -> list[Doubt]:
+    """A frequency that goes up and down again, with the sun for one, leaves both halves alike."""
+    if not quarters:
+        return []
+    logs = np.array([np.log(one.modes.frequency[j]) for one in quarters])
+    weight = np.array([one.std(j)[0] ** -2.0 for one in quarters])
+    square = float(weight @ (logs - weight @ logs / weight.sum()) ** 2)
+    if square < MAX_QUARTERS:
+        return []
+    text = f"its frequency moves during the record: its quarters differ by up to {100.0 * np.ptp(logs):.2g} %"
+    return [Doubt("halves", f"{text} (χ² {square:.3g} for 3)")]
 
 
 def _shared_doubts(found: BandFit, j: int) -> list[Doubt]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 from windsysid.inspection.spectra import expected_modes
-from windsysid.spectral.modal_checks import half_fits, is_flank, mode_doubts
+from windsysid.spectral.modal_checks import is_flank, mode_doubts, part_fits
 from windsysid.spectral.oma_data import Readings
 from windsysid.spectral.operational import Doubt, OperationalMode
 from windsysid.spectral.order import BandFit, Shapes, full_shapes
@@ -26,12 +26,14 @@ BLADES_MOVE = 3.0
 """Blades move that many times as much as the support in a mode of the blades."""
 
 
-def described(found: BandFit, halves: Sequence[tuple[Array, Complex]], readings: Readings) -> list[OperationalMode]:
-    """The modes of a band with their shapes and doubts."""
+def described(
+    found: BandFit, parts: Sequence[Sequence[tuple[Array, Complex]]], readings: Readings
+) -> list[OperationalMode]:
+    """The modes of a band with their shapes and doubts, from the transforms of the record's halves and quarters."""
     shapes = full_shapes(found)
-    both = half_fits(found, halves, readings.samples, readings.rate)
+    halves, quarters = (part_fits(found, some, readings.samples, readings.rate) for some in parts)
     return [
-        mode_of(found, j, shapes, mode_doubts(found, j, shapes, both, readings))
+        mode_of(found, j, shapes, mode_doubts(found, j, shapes, halves, quarters, readings))
         for j in range(len(found.fit.modes.frequency))
         if not is_flank(found, j, readings.samples / readings.rate)
     ]

@@ -136,8 +136,13 @@ def _analysed(
         )
         readings = readings._replace(high=found.reached, notes=(*readings.notes, further))
     progress("checks", None)
-    middle = readings.samples // 2
-    halves = [transforms(readings, part) for part in (slice(0, middle), slice(readings.samples - middle, None))]
-    parted = without_flanks([described(one, halves, readings) for one in found.bands if modes_of(one)])
+    parts = [[transforms(readings, part) for part in _parts(readings.samples, count)] for count in (2, 4)]
+    parted = without_flanks([described(one, parts, readings) for one in found.bands if modes_of(one)])
     modes = sorted((mode for band in parted for mode in with_neighbours(band)), key=lambda mode: mode.frequency)
     return Single(whole, readings, found, tuple(with_images(modes, found.frequency, found.values)))
+
+
+def _parts(samples: int, count: int) -> list[slice]:
+    """So many equal parts of a record."""
+    length = samples // count
+    return [slice(i * length, (i + 1) * length) for i in range(count)]

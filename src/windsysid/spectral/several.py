@@ -30,6 +30,7 @@ from windsysid.spectral.mode_search import band_bins, is_hump
 from windsysid.spectral.oma_result import Single, drawn, result_of
 from windsysid.spectral.operational import Doubt, DoubtKind, OperationalMode, OperationalModes, Part
 from windsysid.spectral.order import BandFit, full_shapes, principal_directions
+from windsysid.spectral.repeated import find_repeated
 from windsysid.spectral.shape_merging import Ratios, merge_shapes
 from windsysid.spectral.shared_loads import are_shared
 
@@ -43,7 +44,7 @@ LEAST_ALIKE = 0.95
 
 JOINT_STEPS = 120
 
-OF_A_RECORD: tuple[DoubtKind, ...] = ("channels", "halves", "shared")
+OF_A_RECORD: tuple[DoubtKind, ...] = ("channels", "halves", "shared", "image")
 """Doubts of one record alone that more records do not answer."""
 
 
@@ -85,7 +86,8 @@ def join(singles: Sequence[Single]) -> OperationalModes:
         described = [_described(fits, j, track, singles, sensors) for j, track in enumerate(group)]
         modes += zip(with_neighbours(described), group, strict=True)
     modes.sort(key=lambda pair: pair[0].frequency)
-    return replace(_result(singles, results, sensors, modes, left), bands=tuple(bands))
+    whole = _result(singles, results, sensors, modes, left)
+    return replace(whole, bands=tuple(bands), doubts=(*find_repeated(singles), *whole.doubts))
 
 
 def _all_sensors(results: Sequence[OperationalModes]) -> _Sensors:
