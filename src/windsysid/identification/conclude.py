@@ -300,8 +300,8 @@ def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[st
     if found is None:
         return ()
     return (
-        f"the blades pass at {found.frequency:.3g} Hz ({model.blades}P), on the mode at {found.natural:.3g} Hz, and "
-        "steadily: what is theirs and what the mode's cannot be told; take a section at another speed",
+        f"the blades pass steadily at {found.frequency:.3g} Hz ({model.blades}P), on the mode at {found.natural:.3g} "
+        "Hz, and cannot be told from it: take a section at another speed",
     )
 
 
