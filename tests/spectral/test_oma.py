@@ -495,3 +495,9 @@ def test_a_frequency_that_goes_up_and_down_again_is_not_trusted():
     assert not any(mode.trusted for mode in found.modes)
     assert all("during the record" in mode.doubts[0] for mode in found.modes)
     assert ws.oma(record_of(y + 0.05 * rng.normal(size=y.shape), RATE)).trusted
+
+
+def test_channels_that_stand_still_are_said_to():
+    still = record_of(np.zeros((3000, 2)), RATE, ["a_acceleration", "b_acceleration"], unit="m/s^2")
+    with pytest.raises(ws.WindsysidError, match="a_acceleration, b_acceleration: constant or empty"):
+        ws.oma(still)

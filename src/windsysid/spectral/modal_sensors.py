@@ -106,6 +106,12 @@ def choose_sensors(record: Record, sensors: Sequence[Sensor | ModalSensor | str]
             names = [name for name, what in live.items() if what == kind and "kinematic" not in name]
             if names:
                 return tuple(ModalSensor(channel=name) for name in names[:MOST_SENSORS])
+        still = [name for name, kind in known.items() if kind in VIBRATION and name not in live]
+        if still:
+            raise ConfigurationError(
+                f"{record.name}: {', '.join(still[:3])}: constant or empty, which no structure is: expected vibration;"
+                " check sensors and file"
+            )
         raise ConfigurationError(
             f"{record.name}: expected channels that show vibration (acceleration, strain, load, displacement, "
             f"velocity), got none: list them (--sensors)"
