@@ -103,11 +103,12 @@ def _beyond(
 
 
 def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tuple[Outcome, Prior]:
-    """What spectra find under a prior that is made wider where it holds an estimate, and that prior."""
+    """What spectra find under a prior that is made wider where it holds an estimate, and that prior. A record that they
+    doubt, a short one for most, keeps it."""
     found = identify(prior)
     given = found.model.parameters
     for _ in range(MOST_WIDENINGS):
-        if not found.held:
+        if not found.held or found.doubts:
             break
         prior = _WidenedPrior(of=prior, names=found.held)
         found = identify(prior)
@@ -126,7 +127,7 @@ def solve_with_wide_priors(
         mean, cov = solution.mean[:n], solution.cov[:n, :n]
         heard = shifted(problem, samples, solution.mean[n:])
         held = find_held(partial(_log_likelihood, problem, heard), mean, cov, problem.parameters)
-        if not held:
+        if not (held and solution.settled):
             break
         model, block = problem.model, problem.model.parameter_block
         wide = np.array([WIDER if q.name in held else 1.0 for q in model.parameters])
