@@ -28,7 +28,8 @@ from windsysid.identification.held_priors import note_wide_priors, solve_with_wi
 from windsysid.identification.joint import describe_solution, first_estimate, load_models
 from windsysid.identification.load_choice import Question, choose
 from windsysid.identification.outcome import Outcome
-from windsysid.identification.prepare import check_length, screened, thin_to_readings, usable_sensors
+from windsysid.identification.over_pieces import take_in
+from windsysid.identification.prepare import check_length, thin_to_readings
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.identification.recursive import (
@@ -143,25 +144,14 @@ def identify_pieces(
         raise ConfigurationError(
             f"pieces: expected the formulation joint without a memory, or spectral, got '{formulation}'"
         )
-    run: _Run | None = None
-    faults: list[Finding] = []
-    for piece in pieces:
-        if run is None:
-            found = usable_sensors(piece, turbine, sensors)
-            faults += screened(piece, turbine, found)
-            run = _Run(piece, turbine, found, prior or Prior(), parameters, rate, loads, checkpoint, options or {})
-            run.take(piece)
-        else:
-            run.take(piece)
-            faults += screened(piece, turbine, found, refuse=False)
-        if progress:
-            progress(float(piece.time[-1]))
-    if run is None:
-        raise RecordError("no pieces: expected at least one, got an empty record")
-    result = run.conclude(started, faults)
-    if checkpoint is not None and not keep_checkpoint:
-        checkpoint.unlink(missing_ok=True)
-    return result
+
+    def begin(first: Record, found: tuple[Sensor, ...]) -> _Run:
+        return _Run(first, turbine, found, prior or Prior(), parameters, rate, loads, checkpoint, options or {})
+
+    return take_in(
+        pieces, turbine, sensors, begin, started, checkpoint=checkpoint, keep_checkpoint=keep_checkpoint,
+        progress=progress,
+    )  # fmt: skip
 
 
 class _Run:

@@ -26,7 +26,8 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.conclude import conclude
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.outcome import known_inputs
-from windsysid.identification.prepare import check_length, screened, usable_sensors
+from windsysid.identification.over_pieces import take_in
+from windsysid.identification.prepare import check_length
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import seen_by
 from windsysid.identification.recursive import another_call, check_call
@@ -69,25 +70,14 @@ def identify_spectra_of_pieces(
         If a piece does not hold what is needed, or the checkpoint belongs to another call.
     """
     started = time.perf_counter()
-    run: _Run | None = None
-    faults: list[Finding] = []
-    for piece in pieces:
-        if run is None:
-            found = usable_sensors(piece, turbine, sensors)
-            faults += screened(piece, turbine, found)
-            run = _Run(piece, turbine, found, prior, parameters, loads, memory, checkpoint, options)
-            run.take(piece)
-        else:
-            run.take(piece)
-            faults += screened(piece, turbine, found, refuse=False)
-        if progress:
-            progress(float(piece.time[-1]))
-    if run is None:
-        raise RecordError("no pieces: expected at least one, got an empty record")
-    result = run.conclude(started, faults)
-    if checkpoint is not None and not keep_checkpoint:
-        checkpoint.unlink(missing_ok=True)
-    return result
+
+    def begin(first: Record, found: tuple[Sensor, ...]) -> _Run:
+        return _Run(first, turbine, found, prior, parameters, loads, memory, checkpoint, options)
+
+    return take_in(
+        pieces, turbine, sensors, begin, started, checkpoint=checkpoint, keep_checkpoint=keep_checkpoint,
+        progress=progress,
+    )  # fmt: skip
 
 
 class _Run:

@@ -52,7 +52,7 @@ def find_passing(
     """
     step, cycle = rate / len(values), 0.5 * blades / np.pi
     passing = cycle * abs(float(azimuth[-1] - azimuth[0])) / ((len(azimuth) - 1) / rate)
-    hop = max(1, round(SMOOTHED * rate))
+    hop = max(1, min(round(SMOOTHED * rate), len(azimuth) // 2))
     scatter = cycle * float(np.std(azimuth[hop:] - azimuth[:-hop])) * rate / hop
     for natural, damping in modes:
         width = damping * natural

@@ -56,13 +56,17 @@ class LiftedSums(NamedTuple):
 
     @property
     def gusts(self) -> float:
-        """1 + (spread of the blocks' energies over their mean)², less what chance makes of it: by so much c_h grows
-        where loads grow and fall from block to block."""
-        if len(self.energies) < 3:
-            return 1.0
-        shares = self.energies / self.energies.mean(axis=0)
-        bins = len(self.power) / self.last.overlap
-        return 1.0 + max(0.0, float(np.mean(shares.var(axis=0))) - 1.0 / bins)
+        """As `gusts_of` has it."""
+        return gusts_of(self.energies, self.last.overlap / len(self.power))
+
+
+def gusts_of(energies: Array, chance: Array | float) -> float:
+    """1 + (spread of the blocks' energies (n, m) over their mean)², less what chance makes of it: by so much c_h grows
+    where loads grow and fall from block to block."""
+    if len(energies) < 3:
+        return 1.0
+    shares = energies / energies.mean(axis=0)
+    return 1.0 + max(0.0, float(np.mean(shares.var(axis=0) - chance)))
 
 
 def sums_of(block: Lifted) -> LiftedSums:

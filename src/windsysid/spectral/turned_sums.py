@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.spectral.band_rows import TurnedSpectra
 from windsysid.spectral.lifted import Complex
-from windsysid.spectral.lifted_sums import factored
+from windsysid.spectral.lifted_sums import factored, gusts_of
 
 __all__ = ["TurnedSums"]
 
@@ -86,13 +86,8 @@ class TurnedSums(NamedTuple):
 
     @property
     def gusts(self) -> float:
-        """1 + (spread of the blocks' energies over their mean)², less what chance makes of it: by so much c_h grows
-        where loads grow and fall from block to block."""
-        if len(self.energies) < 3:
-            return 1.0
-        shares = self.energies / self.energies.mean(axis=0)
-        chance = self.last.overlap / self.independent.mean(axis=0)
-        return 1.0 + max(0.0, float(np.mean(shares.var(axis=0) - chance)))
+        """As `gusts_of` has it."""
+        return gusts_of(self.energies, self.last.overlap / self.independent.mean(axis=0))
 
     def spectra(self) -> TurnedSpectra:
         """What stands for all blocks."""
