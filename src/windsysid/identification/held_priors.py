@@ -78,7 +78,7 @@ def find_held(
         q.name
         for j, q in enumerate(parameters)
         if _may_be_held(q, float(unknowns[j]))
-        and any(log_likelihood_at > here + GAIN for log_likelihood_at in _beyond(log_likelihood, unknowns, cov, j, q))
+        and max(_beyond(log_likelihood, unknowns, cov, j, q), default=here) > here + GAIN
     )
 
 
@@ -87,18 +87,19 @@ def _may_be_held(q: Parameter, theta: float) -> bool:
     return q.name.startswith("c_") and not q.logarithmic and theta > 0.0 and abs(theta - mean) > PULLED * std
 
 
-def _beyond(
-    log_likelihood: Callable[[Array], float], unknowns: Array, cov: Array, j: int, q: Parameter
-) -> "list[float]":
+def _beyond(log_likelihood: Callable[[Array], float], unknowns: Array, cov: Array, j: int, q: Parameter) -> list[float]:
     """The log likelihood farther away from the prior than the estimate is."""
     theta, away = float(unknowns[j]), math.copysign(1.0, float(unknowns[j]) - q.prior[0])
     follow = cov[:, j] / cov[j, j]
     found = []
     for factor in FACTORS:
         try:
-            found.append(log_likelihood(unknowns + follow * theta * (factor**away - 1.0)))
+            value = log_likelihood(unknowns + follow * theta * (factor**away - 1.0))
         except np.linalg.LinAlgError:
             break
+        if not np.isfinite(value):
+            break
+        found.append(value)
     return found
 
 
@@ -116,12 +117,11 @@ def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tupl
 
 
 def solve_with_wide_priors(
-    problem: TurbineProblem, samples: Samples, online: Online | None, *, rate: float,
-    start: tuple[Array, Array] | None = None,
-) -> tuple[TurbineProblem, Solution]:  # fmt: skip
+    problem: TurbineProblem, samples: Samples, online: Online, *, rate: float
+) -> tuple[TurbineProblem, Solution]:
     """The same for filters: the search goes on from where it ended. Arguments as for
     `windsysid.identification.solve.solve`."""
-    solution = first = solve(problem, samples, online, rate=rate, start=start)
+    solution = first = solve(problem, samples, online, rate=rate)
     for _ in range(MOST_WIDENINGS):
         n = len(solution.mean) - len(problem.clocks)
         mean, cov = solution.mean[:n], solution.cov[:n, :n]
