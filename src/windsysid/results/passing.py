@@ -26,7 +26,6 @@ __all__ = ["Passing", "find_passing"]
 BEYOND = 2.0
 """Frequencies 1/T of a record beyond a mode's half-width ζf within which the line is in it."""
 
-
 SMOOTHED = 20.0
 """Seconds over which the rotor's speed is told: an azimuth has noise of its own."""
 

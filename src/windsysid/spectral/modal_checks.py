@@ -135,7 +135,6 @@ def mode_doubts(
             f"it stands only {over:.2g} times above what else is there: it may stand for the flanks of its neighbours"
         )
         doubts.append(Doubt("faint", text))
-    doubts += _shared_doubts(found, j)
     return doubts + (_half_doubts(j, halves) or _quarter_doubts(j, quarters)) + shape_doubts(shapes.std[:, j])
 
 
@@ -160,7 +159,7 @@ def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> li
         doubts.append(Doubt("misfit", text))
     doubts += [Doubt("line", text) for text in _line_doubts(f, z, std_z, length, readings.lines)]
     doubts += [Doubt("history", text) for text in _history_doubts(found, f, z, shapes.responses[:, j], length)]
-    return doubts
+    return doubts + _shared_doubts(found, j)
 
 
 def shape_doubts(std: Array) -> list[Doubt]:

@@ -16,7 +16,7 @@ from windsysid._types import Array
 from windsysid.spectral.dft import Band
 from windsysid.spectral.modal_model import SLOPE_SPREAD, Modes, Scores, advance, coordinates, scores, with_real_elements
 
-__all__ = ["Fit", "evidence", "score", "score_together", "slopes"]
+__all__ = ["CLEARLY", "ROUGH", "Fit", "evidence", "score", "score_together", "slopes"]
 
 MAX_STEPS = 40
 MAX_TRIALS = 12
@@ -30,6 +30,12 @@ ENDED = 0.1
 
 HOPELESS = 40.0
 """How many steps like the last a search may be from where it must come."""
+
+ROUGH = 0.05
+"""Of J: how far fits are taken that are only compared."""
+
+CLEARLY = 6.0
+"""2 ln of the evidence that a mode more must bring."""
 
 DAMPING_PRIOR = (np.log(0.015), 1.5)
 """Centre and spread of ln ζ: 0.075 … 30 % are within two of it."""

@@ -15,19 +15,13 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.spectral.dft import Band, band_data
 from windsysid.spectral.modal_model import Modes, responses
-from windsysid.spectral.modal_scoring import Fit, evidence, score
+from windsysid.spectral.modal_scoring import CLEARLY, ROUGH, Fit, evidence, score
 from windsysid.spectral.modal_start import add_mode, deviance, modes_at, without_modes
 from windsysid.spectral.shared_loads import are_shared, fit_shared
 
 __all__ = ["BandFit", "Shapes", "fit_band", "full_shapes", "principal_directions"]
 
-ROUGH = 0.05
-"""Of J: how far the fits are taken that are only compared."""
-
 POLISH_STEPS = 120
-
-CLEARLY = 6.0
-"""2 ln of the evidence that a mode more must bring."""
 
 WEAKEST = 1e-9
 """Least power of a direction, relative to the strongest's."""

@@ -173,11 +173,13 @@ def _together(singles: Sequence[Single], group: Sequence[dict[int, int]], low: f
     starts = [modes_at(known, band) for band, *_ in parts]
     bands = [band for band, *_ in parts]
     fits: list[Fit] = score_together(starts, bands, max_steps=JOINT_STEPS)
+    plain: Sequence[Fit | None] = [None] * len(fits)
     if any(map(are_shared, fits, bands)):
+        plain = fits
         fits = score_together([fit.modes.let_drift() for fit in fits], bands, max_steps=JOINT_STEPS)
     return [
-        BandFit(fit, band, values, bins, directions, 0.0)
-        for fit, (band, values, bins, directions) in zip(fits, parts, strict=True)
+        BandFit(fit, band, values, bins, directions, 0.0, before)
+        for fit, before, (band, values, bins, directions) in zip(fits, plain, parts, strict=True)
     ]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.spectral.dft import Band
 from windsysid.spectral.modal_model import Modes, with_real_elements
-from windsysid.spectral.modal_scoring import Fit, evidence, score, slopes
+from windsysid.spectral.modal_scoring import CLEARLY, ROUGH, Fit, evidence, score, slopes
 from windsysid.spectral.modal_start import add_mode, modes_at
 
 __all__ = ["are_shared", "fit_shared"]
@@ -26,12 +26,6 @@ SEEN = 1e-8
 
 STEPS, STEPS_MORE = 60, 40
 """Of searches from each start, and with a mode more."""
-
-ROUGH = 0.05
-"""Of J: how far a search with a mode more is taken."""
-
-CLEARLY = 6.0
-"""2 ln of the evidence that a mode more must bring."""
 
 MOST_MODES = 3
 """That are tried where loads are shared: what more modes would stand for, Ψ does."""
