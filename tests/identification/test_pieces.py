@@ -13,6 +13,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as front
 from windsysid.identification.pieces import identify_pieces
 from windsysid.identification.prior import Prior
+from windsysid.identification.solve import find_spikes
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash
@@ -182,8 +183,24 @@ def test_spikes_are_left_out_of_pieces_as_of_the_whole(verne555: Turbine, whole:
     (note,) = [note for note in found.notes if "left out as outliers" in note]
     assert note in one.notes
     assert note.startswith("4 of 1200 samples of tower_x_acceleration")
+    clean = identify(whole, verne555, loads="broadband")
     for e in found.estimates:
         assert abs(e.estimate - one[e.name].estimate) < 0.05 * e.std, e.name
+        assert abs(e.estimate - clean[e.name].estimate) < 0.05 * e.std, e.name
+
+
+def test_spikes_stand_alone_and_a_release_does_not(verne555: Turbine, whole: Record):
+    values = np.full((2 * whole.samples - 1, len(whole.channels)), np.nan)
+    values[::2] = whole.values
+    column = whole.channels.index("tower_x_acceleration")
+    assert not find_spikes([(values, values)]).places
+    values[[260, 1000], column] += 30.0
+    values[300:310, column] = np.nan
+    (places,) = find_spikes([(values, values)]).places
+    assert places.tolist() == [260 * values.shape[1] + column, 1000 * values.shape[1] + column]
+    time = np.arange(0.0, 60.0, 0.02)
+    decay = np.exp(-0.2 * time) * np.cos(12.0 * time) + 1e-4 * np.random.default_rng(1).standard_normal(len(time))
+    assert not find_spikes([(decay, decay[:, None])]).places
 
 
 def test_the_diagnosis_judges_all_pieces(verne555: Turbine, whole: Record):

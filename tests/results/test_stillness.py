@@ -74,7 +74,7 @@ def test_what_is_missing_or_too_short_is_not_judged():
 def test_sensors_without_power_are_never_trusted(
     verne555: Turbine, dead: str, formulation: Literal["joint", "spectral"]
 ):
-    record = simulate_record(verne555, duration=60.0, rate=50.0, seed=5)
+    record = simulate_record(verne555, duration=60.0 if formulation == "spectral" else 15.0, rate=50.0, seed=5)
     rng = np.random.default_rng(1)
     noise = {
         sensor.channel: (record[sensor.channel].std() * rng.standard_normal(record.samples), sensor.unit)

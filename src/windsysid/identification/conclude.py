@@ -42,10 +42,6 @@ Formulation = Literal["joint", "force-balance", "spectral"]
 FAR = 1.0
 """Standard deviations of its prior by which a coefficient is off where another explanation is looked for."""
 
-OTHER, ELSEWHERE = math.log(2.0), math.log(1.2)
-"""Of the damping, by which another explanation has to be another answer; and of the frequency, beyond which its load
-stands for the mode and its mode for nothing that shows."""
-
 MIXED = 0.1
 """Share of one degree of freedom's motion in a reading of another, whose mode would look like a narrow-band load."""
 
@@ -272,10 +268,7 @@ def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ..
             for one in (file, final)
         )
         rival = find_rival(values[:, channel], record.rate, of_file, found, known)
-        if rival is None or rival.better < BETTER:
-            continue
-        moved = [abs(math.log(theirs / ours)) for theirs, ours in zip(rival.mode, found, strict=True)]
-        if moved[0] < ELSEWHERE and moved[1] > OTHER:
+        if rival is not None and rival.better > BETTER and rival.has_another_answer_than(found):
             return (
                 f"{outcome.channels[channel]} fits better with a narrow-band load at {rival.frequency:.3g} Hz beside a "
                 f"{name} as in the file: a machine or waves; leave that load out, or correct the file",

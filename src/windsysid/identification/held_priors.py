@@ -125,7 +125,7 @@ def solve_with_wide_priors(
     for _ in range(MOST_WIDENINGS):
         n = len(solution.mean) - len(problem.clocks)
         mean, cov = solution.mean[:n], solution.cov[:n, :n]
-        heard = shifted(problem, samples, solution.mean[n:])
+        heard = shifted(problem, solution.outliers.left_out_of(samples), solution.mean[n:])
         held = find_held(partial(_log_likelihood, problem, heard), mean, cov, problem.parameters)
         if not (held and solution.settled):
             break

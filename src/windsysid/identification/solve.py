@@ -30,7 +30,7 @@ from windsysid.results.stretches import Stretch, measure_stretch
 from windsysid.results.whiteness import Whiteness, judge_stretches
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["Problem", "Solution", "expect_search", "solve"]
+__all__ = ["Problem", "Solution", "expect_search", "find_spikes", "solve"]
 
 GATE_SIGMAS = 5.0
 """Standard deviations beyond which an innovation is an outlier: one in two million of normal ones."""
@@ -41,6 +41,10 @@ do no harm."""
 
 MAX_OUTLIER_SHARE = 0.05
 """Share of a channel beyond which they are not outliers: then the model is wrong, and all are kept."""
+
+SPIKE, ALONE = 15.0, 0.75
+"""Medians of a channel by which a spike is off the middle of its neighbours: ten standard deviations of normal ones;
+and the share of that by which these may be, which are half as far off beside a spike."""
 
 MAX_GATED_SEARCHES = 4
 """Searches for the mode until the set of outliers stays."""
@@ -106,7 +110,7 @@ class Solution(NamedTuple):
     whiteness
         The innovations at the mode against white noise, all of them.
     outliers
-        How many readings of each channel were left out (m,).
+        The readings that were left out.
     read
         How many readings of each channel there were (m,).
     samples, mean_inputs
@@ -123,7 +127,7 @@ class Solution(NamedTuple):
     inputs: Array
     loads: Loads
     whiteness: Whiteness
-    outliers: NDArray[np.int64]
+    outliers: "Outliers"
     read: NDArray[np.int64]
     samples: int
     mean_inputs: Array
@@ -131,9 +135,10 @@ class Solution(NamedTuple):
     @property
     def notes(self) -> tuple[str, ...]:
         """What was left out."""
+        counts = self.outliers.counts(len(self.read))
         return tuple(
             f"{count} of {read} samples of {channel.name} were left out as outliers (beyond {GATE_SIGMAS:g}σ)"
-            for channel, count, read in zip(self.whiteness.channels, self.outliers, self.read, strict=True)
+            for channel, count, read in zip(self.whiteness.channels, counts, self.read, strict=True)
             if count
         )
 
@@ -168,10 +173,11 @@ def solve(
         If the filter diverges.
     """
     history: History | None = None
+    spikes = find_spikes(samples)
     if online is not None:
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # of a recursion that loses its way
-                online, history = _take_in(problem, samples, online)
+                online, history = _take_in(problem, spikes.left_out_of(samples), online)
             check_finite(online.theta, online.precision)
             start = start or (online.theta, online.cov)
         except (WindsysidError, np.linalg.LinAlgError):
@@ -182,7 +188,7 @@ def solve(
         raise ValueError("a search begins where the recursion ends, or at a start")
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused
-            mode, outliers, seen = _search(problem, samples, start, rate)
+            mode, outliers, seen = _search(problem, samples, start, rate, spikes)
     except np.linalg.LinAlgError:
         raise diverged() from None
     return Solution(
@@ -198,7 +204,7 @@ def solve(
         whiteness=judge_stretches(
             seen.stretch, names=problem.build(mode.mean).readings, frequencies=problem.frequencies(mode.mean)
         ),
-        outliers=outliers.counts(seen.info.whitened.shape[1]),
+        outliers=outliers,
         read=seen.read,
         samples=seen.stretch.samples,
         mean_inputs=seen.total_inputs / seen.stretch.samples,
@@ -240,6 +246,10 @@ class Outliers:
         """Whether the same readings are left out."""
         return len(self.places) == len(other.places) and all(map(np.array_equal, self.places, other.places))
 
+    def left_out_of(self, samples: Samples) -> Samples:
+        """The samples without them."""
+        return SamplesWithout(samples, self) if self.places else samples
+
 
 @dataclass(frozen=True)
 class SamplesWithout:
@@ -254,11 +264,11 @@ class SamplesWithout:
 
 
 def _search(
-    problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float
+    problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float, spikes: Outliers
 ) -> "tuple[Mode, Outliers, _Seen]":
     """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the
-    mode."""
-    outliers, clocks, kept = Outliers(), np.zeros(len(problem.clocks)), samples
+    mode. The first search leaves the spikes out."""
+    outliers, clocks, kept = spikes, np.zeros(len(problem.clocks)), spikes.left_out_of(samples)
     for searches in range(1, MAX_GATED_SEARCHES + 1):
         mode = _climb(problem, kept, start, clocks)
         n = len(mode.look.theta)
@@ -269,7 +279,7 @@ def _search(
         found = _outliers(seen)
         if found.same_as(outliers) or (searches > 1 and not mode.settled):  # no set of readings makes it settle
             break
-        outliers, kept = found, SamplesWithout(samples, found)
+        outliers, kept = found, found.left_out_of(samples)
     if seen.gated.any():  # what a filter without a gate says
         seen = _filter(model, shifted(problem, samples, clocks), rate, frequencies, outliers)
     return mode, outliers, seen
@@ -303,6 +313,28 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
     else:
         mode = mode._replace(settled=mode.settled and not problem.clocks)
     return mode
+
+
+def find_spikes(samples: Samples) -> Outliers:
+    """Readings that stand alone, far from both of their neighbours: what a first search leaves out. A search that took
+    them in would end far away, and the next would begin there."""
+    found = []
+    for _, readings in samples:
+        channels = readings.shape[1]
+        alone = [channels * _alone(column) + i for i, column in enumerate(readings.T)]
+        found.append(np.sort(np.concatenate(alone)))
+    return Outliers(tuple(found)) if any(len(at) for at in found) else Outliers()
+
+
+def _alone(readings: Array) -> NDArray[np.int64]:
+    """Which readings of a channel (T,) are spikes."""
+    read = np.flatnonzero(np.isfinite(readings))
+    values = readings[read]
+    off = np.zeros(len(values))
+    off[1:-1] = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+    beside = np.maximum(np.roll(off, 1), np.roll(off, -1))
+    spikes = (off > SPIKE * np.median(off)) & (beside < ALONE * off) if len(off) else np.zeros(0, dtype=np.bool_)
+    return read[spikes] if np.count_nonzero(spikes) <= MAX_OUTLIER_SHARE * len(values) else read[:0]
 
 
 def _outliers(seen: "_Seen") -> Outliers:

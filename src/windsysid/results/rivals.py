@@ -7,12 +7,14 @@ channel around a mode are held against each other, both with the file's prior of
 
     S(f) = L(f) |H(f)|²              and              S(f) = (L(f) + N(f)) |H(f)|²,
 
-H the mode's response, L a power law of the load, N a narrow-band load (a second-order process) of any frequency, width
-and level. Each is taken at the greatest of −Σ (I_j/S_j + log S_j) (Whittle 1953) and the log prior together.
+H the mode's response, L a power law of the load, N a narrow-band load (a second-order process) near the mode that
+was found, of any width and level. Each is taken at the greatest of −Σ (I_j/S_j + log S_j) (Whittle 1953) and the log
+prior together.
 
 Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-6161.1953.tb00131.x.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -23,8 +25,13 @@ from windsysid.results.lines import HANN_VARIANCE
 
 __all__ = ["BETTER", "Rival", "find_rival"]
 
-BETTER = 3.0
-"""Log posterior by which a narrow-band load has to explain a channel better: odds of 20 to 1."""
+BETTER = 2.3
+"""Log posterior by which a narrow-band load has to explain a channel better: odds of 10 to 1. Where it does, a mode is
+far off; of 40 healthy towers none has a rival of another answer beyond 0.4."""
+
+OTHER, ELSEWHERE = math.log(2.5), math.log(1.2)
+"""Of the damping, by which another explanation has to be another answer; and of the frequency, beyond which its load
+stands for the mode and its mode for nothing that shows."""
 
 REACH = 1.55
 """Factor about the mode's frequency, as the file has it and as it was found, between which both are held."""
@@ -39,8 +46,17 @@ stand for the mode that was found."""
 SLOPE_SPREAD = 6.0
 """Standard deviation of the slope of L."""
 
-WIDTHS, WIDTH_SPREAD = (0.004, 0.03), 1.0
-"""Damping ratios of N at which a search begins; standard deviation of its logarithm about 0.02."""
+WIDTHS = 0.004, 0.03
+"""Damping ratios of N at which a search begins."""
+
+WIDTH, WIDTH_SPREAD = 0.02, 1.0
+"""The damping ratio of N, and the standard deviation of its logarithm."""
+
+NEAR = 0.1
+"""Standard deviation of the logarithm of N's frequency over that of the mode that was found: it stands for its peak."""
+
+FAINT = -4.0
+"""The logarithm of N over the channel's median, where a search begins with the mode that explains it alone."""
 
 TRIED = 2
 """Starts of each width and level that are searched from."""
@@ -53,6 +69,11 @@ class Rival(NamedTuple):
     frequency: float
     better: float
     mode: tuple[float, float]
+
+    def has_another_answer_than(self, found: tuple[float, float]) -> bool:
+        """Whether its mode is as fast as the one that was found, and damped otherwise."""
+        faster, damped = (abs(math.log(theirs / ours)) for theirs, ours in zip(self.mode, found, strict=True))
+        return faster < ELSEWHERE and damped > OTHER
 
 
 def find_rival(
@@ -88,25 +109,22 @@ def find_rival(
         if len(unknowns) > 4:
             at, width, level = np.exp(np.clip(unknowns[4:], -40.0, 40.0))
             load = load + level * (2.0 * width) ** 2 * _response(f, at, width)
-            prior += (np.log(width / 0.02) / WIDTH_SPREAD) ** 2
+            prior += (np.log(width / WIDTH) / WIDTH_SPREAD) ** 2 + (np.log(at / found[0]) / NEAR) ** 2
         own = file[0] * np.sqrt(stiffness)
         spectrum = load * _response(f, own, max(file[1] * damping / np.sqrt(stiffness), 1e-5))
         return float(np.sum(np.log(spectrum) + power / spectrum) / HANN_VARIANCE + 0.5 * prior)
 
     def least(starts: list[list[float]]) -> tuple[float, Array]:
-        ends = [
-            minimize(cost, start, method="Nelder-Mead", options={"maxfev": 3000, "xatol": 1e-3, "fatol": 1e-2})
-            for start in starts
-        ]
+        ends = [minimize(cost, start, method="BFGS", options={"maxiter": 100, "gtol": 1e-2}) for start in starts]
         best = min(ends, key=lambda end: float(end.fun))
         return float(best.fun), np.asarray(best.x)
 
-    alone, _ = least([[k, c, -1.0, 0.0] for k in (0.0, 0.3, -0.3) for c in (0.0, -1.0, -1.8)])
-    places = np.log(f[:: max(1, len(f) // 50)]).tolist()
-    starts = []
+    alone, mode = least([[k, c, -1.0, 0.0] for k in (0.0, 0.3, -0.3) for c in (0.0, -1.0, -1.8)])
+    places = (np.log(found[0]) + NEAR * np.linspace(-2.0, 2.0, 41)).tolist()
+    starts = [[*mode, float(np.log(found[0])), math.log(WIDTH), FAINT]]
     for width in WIDTHS:
         for base in (-1.0, -3.0):
-            at = [[0.0, 0.0, base, 0.0, place, float(np.log(width)), over] for place in places for over in (0.0, 2.0)]
+            at = [[0.0, 0.0, base, 0.0, place, math.log(width), over] for place in places for over in (0.0, 2.0)]
             starts += sorted(at, key=lambda start: cost(np.array(start)))[:TRIED]
     both, best = least(starts)
     stiffness, damping = known(best[0], best[1])
