@@ -3,13 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.filters import EKF
+from windsysid.identification.beside_modes import doubts_beside_modes, line_beside_modes
 from windsysid.identification.clocks import PASSED
 from windsysid.identification.outcome import Outcome
 from windsysid.inspection.health import Finding
@@ -21,14 +22,11 @@ from windsysid.records.record import Record
 from windsysid.results.budget import Budget, budget_of
 from windsysid.results.diagnosis import diagnose
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
-from windsysid.results.lines import Line, find_line
+from windsysid.results.lines import Line
 from windsysid.results.mode import Mode
-from windsysid.results.passing import find_passing
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
-from windsysid.results.rivals import BETTER, find_rival
 from windsysid.results.steadiness import Late, how_late
-from windsysid.results.stillness import find_still
 from windsysid.results.straightness import Bent, find_bent
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
@@ -38,12 +36,6 @@ __all__ = ["Formulation", "conclude", "doubts_of_innovations"]
 
 
 Formulation = Literal["joint", "force-balance", "spectral"]
-
-FAR = 1.0
-"""Standard deviations of its prior by which a coefficient is off where another explanation is looked for."""
-
-MIXED = 0.1
-"""Share of one degree of freedom's motion in a reading of another, whose mode would look like a narrow-band load."""
 
 OFF_CLOCK = 0.01
 """Share of the rotor's speed by which azimuth and speed may contradict each other."""
@@ -107,6 +99,11 @@ def conclude(
     modes, slopes = modes_with_slopes(
         turbine.model, compiled, p, speed, model.parameters, at_masses, given_masses[:n, :n], at_reference
     )
+    line: Line | None = None
+    beside: tuple[str, ...] = ()
+    if formulation != "force-balance":
+        line = line_beside_modes(outcome, record, modes, speed)
+        beside = doubts_beside_modes(outcome, record, final, modes, speed, filtered=formulation == "joint")
     diagnosis = diagnose(
         outcome.final,
         readings=model.readings,
@@ -121,14 +118,12 @@ def conclude(
         doubts=(
             *doubted(faults),
             *outcome.doubts,
-            *(_still(outcome, record, speed) if formulation != "force-balance" else ()),
             *_off_clock(record, speed),
-            *(_passed(outcome, record, modes) if formulation == "joint" else ()),
-            *(_rivalled(outcome, record, final) if formulation != "force-balance" else ()),
+            *beside,
         ),
         whiteness=outcome.whiteness,
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
-        line=_line(outcome, record, modes, speed) if formulation != "force-balance" else None,
+        line=line,
         late=_late(outcome, record) if formulation == "joint" else None,
         bent=_bent(outcome) if formulation == "joint" else None,
         bending=outcome.bending,
@@ -179,123 +174,6 @@ def doubts_of_innovations(outcome: Outcome, rate: float) -> tuple[str, ...]:
         outcome.final, readings=outcome.model.readings, rate=rate, frequencies=(), parameters=(), theta=nothing,
         cov=np.diag(nothing), whiteness=outcome.whiteness, bent=_bent(outcome), bending=outcome.bending,
     ).reasons  # fmt: skip
-
-
-def _line(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float) -> Line | None:
-    """What stands out most of the readings beside a mode; modes are not narrower than the file's: a
-    line that was taken for one is."""
-    if not (modes and record.is_uniform):
-        return None
-    known = _no_narrower(outcome.turbine, modes)
-    readings = np.column_stack([record[channel] for channel in outcome.channels])
-    return find_line(
-        readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=abs(speed) / (2.0 * math.pi)
-    )  # fmt: skip
-
-
-def _no_narrower(file: Turbine, modes: Sequence[Mode]) -> list[tuple[float, float]]:
-    """Frequency [Hz] and damping ratio of modes, none narrower than the file's."""
-    return [(m.frequency_hz[0], max(m.damping_ratio[0], _usual_damping(file, m))) for m in modes]
-
-
-def _usual_damping(file: Turbine, mode: Mode) -> float:
-    """The file's damping ratio of a mode or, where it has none of that name, of the degree of freedom that vibrates
-    most nearly as fast: a line may turn two modes of a tower into two that whirl."""
-    if mode.reference is not None:
-        return mode.reference[1]
-    ratios = {
-        abs(math.log(file.natural_frequency(name) / (2.0 * math.pi * mode.frequency_hz[0]))): file.damping(name)
-        / file.critical_damping(name)
-        for name in file.model.coordinates
-        if file.natural_frequency(name) > 0.0
-    }
-    return ratios[min(ratios)] if ratios else 0.0
-
-
-def _still(outcome: Outcome, record: Record, speed: float) -> tuple[str, ...]:
-    """Which channels hear no vibration, as a doubt; the file's frequencies tell where to listen: the fit's may be
-    anywhere then."""
-    if not record.is_uniform:
-        return ()
-    readings = np.column_stack([record[channel] for channel in outcome.channels])
-    file = outcome.turbine
-    natural = [file.natural_frequency(name) / (2.0 * math.pi) for name in file.model.coordinates]
-    still = find_still(
-        readings, outcome.channels, rate=record.rate, frequencies=natural, rotor_hz=abs(speed) / (2.0 * math.pi)
-    )
-    if not still:
-        return ()
-    more = f" and {len(still) - 1} more" if len(still) > 1 else ""
-    return (
-        f"nothing vibrates in {still[0]}{more}, only noise is there: likely an instrument (no power, a broken "
-        "cable); check it or leave it out",
-    )
-
-
-def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ...]:
-    """Which degree of freedom of a support that stands was found far from its prior, where a narrow-band load and a
-    mode near the prior explain the readings better, as a doubt."""
-    file, compiled = outcome.turbine, outcome.model.compiled
-    if not record.is_uniform or any(freedom.blade for freedom in file.model.freedoms):
-        return ()
-    off = {q.name: (q, (outcome.theta[i] - q.prior[0]) / q.prior[1]) for i, q in enumerate(outcome.priors)}
-    p, (n, m) = np.array([file.values[name] for name in compiled.parameters]), (len(compiled.states), compiled.readings)
-    seen, loads, dofs = np.zeros((m, n)), len(compiled.loads), len(file.model.coordinates)
-    inputs = np.ascontiguousarray(outcome.rotor.mean(axis=0)[: len(compiled.inputs)])
-    others = np.zeros((m, len(compiled.identified))), np.zeros((m, loads))
-    compiled.reading_jacobian(np.zeros(n), inputs, p, np.zeros(loads), np.zeros(m), seen, *others)
-    values = np.column_stack([record[channel] for channel in outcome.channels])
-    whole = np.isfinite(values).all(axis=0)
-    for i, name in enumerate(file.model.coordinates):
-        own = {kind: off.get(f"{kind}_{name}") for kind in ("k", "c")}
-        if all(one is None or abs(one[1]) < FAR for one in own.values()):
-            continue
-
-        def known(*normal: float, own: Any = own, name: str = name) -> tuple[float, ...]:
-            return tuple(
-                max(float(one[0].physical(one[0].prior[0] + z * one[0].prior[1])) / file.values[f"{kind}_{name}"], 1e-4)
-                if one is not None
-                else 1.0
-                for (kind, one), z in zip(own.items(), normal, strict=True)
-            )
-
-        alone = whole & (np.abs(np.delete(seen[:, :dofs], i, axis=1)) < MIXED * np.abs(seen[:, [i]])).all(axis=1)
-        if not alone.any():
-            continue
-        channel = int(np.argmax(np.where(alone, np.abs(seen[:, i]) / np.maximum(values.std(axis=0), 1e-300), -1.0)))
-        of_file, found = (
-            (one.natural_frequency(name) / (2.0 * math.pi), one.damping(name) / one.critical_damping(name))
-            for one in (file, final)
-        )
-        rival = find_rival(values[:, channel], record.rate, of_file, found, known)
-        if rival is not None and rival.better > BETTER and rival.has_another_answer_than(found):
-            return (
-                f"{outcome.channels[channel]} fits better with a narrow-band load at {rival.frequency:.3g} Hz beside a "
-                f"{name} as in the file: a machine or waves; leave that load out, or correct the file",
-            )
-    return ()
-
-
-def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[str, ...]:
-    """That blades pass a support at a steady speed where it has a mode, as a doubt."""
-    model = outcome.turbine.model
-    if any(one.blade for one in model.freedoms) or not ("rotor_azimuth" in record and record.is_uniform):
-        return ()
-    try:
-        psi = rotor_inputs(record, abs(outcome.turbine.rotor_speed))[:, 0]
-    except RecordError:  # an azimuth that was not needed
-        return ()
-    readings = np.column_stack([record[channel] for channel in outcome.channels])
-    readings = np.nan_to_num(readings - np.nanmean(readings, axis=0))
-    found = find_passing(
-        readings, psi, rate=record.rate, modes=_no_narrower(outcome.turbine, modes), blades=model.blades
-    )  # fmt: skip
-    if found is None:
-        return ()
-    return (
-        f"the blades pass steadily at {found.frequency:.3g} Hz ({model.blades}P), on the mode at {found.natural:.3g} "
-        "Hz, and cannot be told from it: take a section at another speed",
-    )
 
 
 def _off_clock(record: Record, speed: float) -> tuple[str, ...]:

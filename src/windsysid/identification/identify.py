@@ -1,6 +1,5 @@
 """Identify: record + turbine + sensors → `Identification`, the front door of the house."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Literal, NamedTuple
@@ -12,7 +11,8 @@ from windsysid.identification.conclude import Formulation, conclude, doubts_of_i
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import identify_jointly, identify_jointly_from
-from windsysid.identification.outcome import Outcome
+from windsysid.identification.line_dependence import doubt_line
+from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prepare import (
     check_length,
     resample_for_model,
@@ -122,6 +122,9 @@ def identify(
     progress(doing, None)
     with hear(progress, doing):
         found = _WAYS[formulation](asked)
+        if found.formulation != "force-balance":
+            line = doubt_line(found.outcome, found.read, turbine, found.sensors, found.prior, parameters)
+            found = found.doubted(*line)
     return conclude(
         note_wide_priors(found.outcome), found.read, found.formulation, faults=found.faults,
         provenance=trace(record, record_hash(record), turbine, found.sensors, options),
@@ -154,8 +157,12 @@ class _Found(NamedTuple):
 
     def saying(self, note: str, *doubts: str) -> "_Found":
         """The same with a note, and what speaks against it."""
-        outcome = self.outcome
-        return self._replace(outcome=outcome._replace(notes=(*outcome.notes, note), doubts=(*outcome.doubts, *doubts)))
+        found = self.doubted(*doubts)
+        return found._replace(outcome=found.outcome._replace(notes=(*found.outcome.notes, note)))
+
+    def doubted(self, *doubts: str) -> "_Found":
+        """The same with what speaks against it."""
+        return self._replace(outcome=self.outcome._replace(doubts=(*self.outcome.doubts, *doubts)))
 
 
 def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
@@ -171,7 +178,7 @@ def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
         outcome = identify_jointly(part, turbine, found, prior, asked.parameters, loads=asked.loads)
     outcome = thin_to_readings(outcome, steps)._replace(notes=(*resampled, *outcome.notes))
     read = replace(part, time=part.time[::steps], values=part.values[::steps])
-    return _Found("joint", outcome, read, found, faults)
+    return _Found("joint", outcome, read, found, faults, prior)
 
 
 def _by_spectra(asked: _Asked) -> _Found:
@@ -225,7 +232,7 @@ def _by_what_fits(asked: _Asked) -> _Found:
     joint = joint._replace(outcome=joint.outcome._replace(given_priors=spectral.outcome.given_priors))
     if doubts:
         return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
-    name, off = _compare(joint.outcome, spectral.outcome)
+    name, off = compare(joint.outcome, spectral.outcome)
     against = [f"filters and spectra disagree on {name} by {off:.1f} standard deviations: loads are not as modelled"]
     if spectral.outcome.turns:
         if off > DISAGREEMENT:
@@ -243,20 +250,6 @@ def _undamped(found: Outcome) -> list[str]:
     damping = {f"c_{name}" for name in found.turbine.model.coordinates}
     at = zip(found.model.parameters, found.theta.tolist(), strict=True)
     return [f"{q.name} is not positive" for q, theta in at if q.name in damping and q.physical(theta) <= 0.0]
-
-
-def _compare(one: Outcome, other: Outcome) -> tuple[str, float]:
-    """The parameter on which two results differ most, in the larger of their standard deviations, with instruments and
-    masses as their files say: both share them, and wide bands would hide what loads do."""
-    (theta, cov), (others, other_cov) = (found.given("gain", "alignment", "clock", "masses") for found in (one, other))
-    names = [q.name for q in other.model.parameters]
-    off = {}
-    for i, q in enumerate(one.model.parameters):
-        if q.name in names:
-            j = names.index(q.name)
-            off[q.name] = abs(theta[i] - others[j]) / math.sqrt(max(cov[i, i], other_cov[j, j]))
-    worst = max(off, key=lambda name: off[name])
-    return worst, float(off[worst])
 
 
 _WAYS = {"auto": _by_what_fits, "joint": _jointly, "spectral": _by_spectra, "force-balance": _by_force_balance}

@@ -25,7 +25,7 @@ from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Outcome", "check_finite", "diverged", "known_inputs", "known_loads", "no_innovations"]
+__all__ = ["Outcome", "check_finite", "compare", "diverged", "known_inputs", "known_loads", "no_innovations"]
 
 
 class Outcome(NamedTuple):
@@ -119,6 +119,20 @@ class Outcome(NamedTuple):
         mean[first:] = [one.estimate / one.spread for one in self.tolerances]
         found, left = hold(mean, cov, [first + at for at, one in enumerate(self.tolerances) if one.group in groups])
         return found[: len(self.theta)], left
+
+
+def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
+    """The parameter on which two results differ most, in the larger of their standard deviations, with instruments and
+    masses as their files say: both share them, and wide bands would hide what loads do."""
+    (theta, cov), (others, other_cov) = (found.given("gain", "alignment", "clock", "masses") for found in (one, other))
+    names = [q.name for q in other.model.parameters]
+    off = {}
+    for i, q in enumerate(one.model.parameters):
+        if q.name in names:
+            j = names.index(q.name)
+            off[q.name] = abs(theta[i] - others[j]) / math.sqrt(max(cov[i, i], other_cov[j, j]))
+    worst = max(off, key=lambda name: off[name])
+    return worst, float(off[worst])
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:

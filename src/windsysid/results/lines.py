@@ -129,9 +129,10 @@ def line_bound(tested: int, surroundings: int, chance: float, loss: float = 1.0)
 
 def find_line(
     values: Array, channels: Sequence[str], *, rate: float, modes: Sequence[tuple[float, float]], rotor_hz: float,
-    chance: float = LINE_CHANCE,
+    chance: float = LINE_CHANCE, reach: float = READINGS_REACH,
 ) -> Line | None:  # fmt: skip
-    """The line that stands out most of readings (T, m), beside modes of frequencies f [Hz] and damping ratios ζ.
+    """The line that stands out most of readings (T, m), beside modes of frequencies f [Hz] and damping ratios ζ, within
+    a factor `reach`.
 
     None where there is nothing to be looked at.
     """
@@ -139,7 +140,7 @@ def find_line(
     step = rate / len(values)
     near = np.zeros(len(frequency), dtype=np.bool_)
     for natural, _ in modes:
-        near |= (frequency > natural / READINGS_REACH) & (frequency < natural * READINGS_REACH)
+        near |= (frequency > natural / reach) & (frequency < natural * reach)
     if rotor_hz:
         order = np.maximum(np.round(frequency / rotor_hz), 1.0)
         near &= np.abs(frequency - order * rotor_hz) > np.maximum(TURNING_SHARE * frequency, 3.0 * step)

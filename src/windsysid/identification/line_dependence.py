@@ -1,0 +1,103 @@
+"""Whether a result is what it is by one line.
+
+A machine's line beside a mode may become the mode's peak, and the mode its flank: it stands out less then, or by no
+more than chance may. So the frequency that stands out most of the support's readings is taken out where it might be a
+line, and spectra are asked again. A coefficient of a structure under random loads depends little on one frequency, and
+that of a line's mode altogether; that of a mode of a few frequencies' width depends on each, and is not asked.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid.errors import WindsysidError
+from windsysid.identification.beside_modes import channel_of, mode_of
+from windsysid.identification.outcome import Outcome, compare
+from windsysid.identification.prior import Prior
+from windsysid.identification.spectral import identify_by_spectrum
+from windsysid.loads.rotor_wind import RotorWind
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.results.lines import Line, find_line
+from windsysid.spectral.tonal import without_line
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["doubt_line"]
+
+REACH = 1.25
+"""Factor about a mode's frequency within which a line is looked for."""
+
+SUSPECT = 9.0
+"""Power over its surroundings from which on a frequency may be a line: one in ten healthy records has it."""
+
+MOVED = 2.5
+"""Standard deviations by which a coefficient may move when one frequency is taken out."""
+
+
+def doubt_line(
+    outcome: Outcome,
+    record: Record,
+    turbine: Turbine,
+    sensors: Sequence[Sensor],
+    prior: Prior,
+    parameters: Sequence[str] | None,
+) -> tuple[str, ...]:
+    """That a coefficient depends on one frequency, as a doubt; none where spectra do not apply, nor to bands around the
+    modes of a real rotor, which have other tests. Arguments as for
+    `windsysid.identification.spectral.identify_by_spectrum`, on whose record `outcome` was found."""
+    line = _suspect(outcome, record)
+    if line is None or line.ratio < SUSPECT:
+        return ()
+    loads = RotorWind.name if outcome.hypothesis == RotorWind.name else "broadband"
+    try:
+        found, without = (
+            identify_by_spectrum(one, turbine, sensors, prior, parameters, loads=loads)
+            for one in (record, _without(record, outcome.channels, line.frequency))
+        )
+    except (WindsysidError, np.linalg.LinAlgError):
+        return ()
+    name, off = compare(without, found)
+    if off < MOVED:
+        return ()
+    return (
+        f"without {line.frequency:.3g} Hz {name} would be {off:.1f} standard deviations elsewhere: likely a machine or "
+        "waves; choose a section without it",
+    )
+
+
+def _suspect(outcome: Outcome, record: Record) -> Line | None:
+    """What stands out most near the frequencies of a support; its modes are not narrower than the file's."""
+    if not record.is_uniform:
+        return None
+    values = {q.name: float(q.physical(t)) for q, t in zip(outcome.model.parameters, outcome.theta, strict=True)}
+    turbine = outcome.turbine.with_values(values)
+    supports = [freedom.name for freedom in turbine.model.freedoms if not freedom.blade]
+    channels = {name: channel for name in supports if (channel := channel_of(outcome, record, name)) is not None}
+    if not channels:
+        return None
+    read = tuple(dict.fromkeys(channels.values()))
+    turned = [i for i, name in enumerate(outcome.model.compiled.inputs) if name == "rotor_speed"]
+    speed = float(outcome.rotor[:, turned[0]].mean()) if turned else turbine.rotor_speed
+    return find_line(
+        np.column_stack([record[channel] for channel in read]), read, rate=record.rate,
+        modes=[
+            (mode_of(turbine, name)[0], max(mode_of(one, name)[1] for one in (turbine, outcome.turbine)))
+            for name in channels
+        ],
+        rotor_hz=abs(speed) / (2.0 * math.pi), reach=REACH,
+    )  # fmt: skip
+
+
+def _without(record: Record, channels: Sequence[str], frequency: float) -> Record:
+    """The record without a sine in these channels."""
+    values = np.column_stack([record[channel] for channel in channels])
+    known = np.nan_to_num(values - np.nanmean(values, axis=0))
+    left = values - (known - without_line(known, record.rate, frequency))
+    columns = [record.channels.index(channel) for channel in channels]
+    return record.with_channels(
+        {
+            channel: (left[:, i], record.units[column])
+            for i, (channel, column) in enumerate(zip(channels, columns, strict=True))
+        }
+    )

@@ -1,0 +1,32 @@
+"""A line that was taken for a mode's peak is found by what the result is without it."""
+
+import pytest
+from validation.adversary.scenarios import SCENARIOS, Scenario, plus_line, record
+
+from windsysid.identification.identify import identify
+from windsysid.results.identification import Identification
+from windsysid.study.drawn_prior import DrawnPrior
+
+
+def identified(name: str, seed: int) -> Identification:
+    return identify(
+        record(name, seed), "verne555", prior=DrawnPrior(seed=seed), formulation="spectral", loads="broadband"
+    )
+
+
+def test_a_line_that_does_not_stand_out_is_found():
+    """Stiffness came out five standard deviations too small, and trusted."""
+    found = identified("line 5 % from a mode", 8000)
+    (reason,) = found.diagnosis.reasons
+    assert reason.startswith("without 1.64 Hz k_x would be")
+
+
+def test_a_fainter_line_is_found(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(SCENARIOS, "faint", Scenario("line", plus_line(1.64, 0.02, (0,))))
+    assert any("without 1.64 Hz" in reason for reason in identified("faint", 208).diagnosis.reasons)
+
+
+@pytest.mark.parametrize("seed", [6003, 6012, 6033])
+def test_a_loud_frequency_that_says_little_by_itself_is_no_line(seed: int):
+    """One of chance, 9 times as loud as its surroundings."""
+    assert identified("reference", seed).diagnosis.trusted
