@@ -9,14 +9,18 @@ STUDY ?= results/study
 # Libraries' modules are compiled where they are first used, and once for every process that tests start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: study test tests test-all lint bench field validation docs clean
+.PHONY: study test tests kernels test-all lint bench field validation docs clean
 
 study: $(VENV)/.installed
 	$(BIN)/windsysid study --output $(STUDY) --overwrite
 
-# Types and tests are checked side by side: either waits for the other's processes now and then.
+# What most tests need is compiled while types are checked: each of the two workers would compile it for itself.
 test: $(VENV)/.installed
-	@$(MAKE) --no-print-directory -j 2 lint tests
+	@$(MAKE) --no-print-directory -j 2 lint kernels
+	@$(MAKE) --no-print-directory tests
+
+kernels: $(VENV)/.installed
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/compile_kernels.py
 
 tests: $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q

@@ -291,7 +291,7 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "--runs", type=int, default=50, help="records of close modes and of single modes, 0 for none (50)"
+        "--runs", type=int, default=50, help="records of single modes, four times that of close ones (50)"
     )
     parser.add_argument("--frames", type=int, default=3, help="records of each frame, 0 for none (3)")
     parser.add_argument("--openfast", type=Path, help="folder of c2 and d1")
@@ -303,7 +303,7 @@ def main() -> None:
     if given.frames > 0:
         table("frames, output only", HEADINGS, frames(given.frames))
     if given.runs > 0:
-        table("close modes", HEADINGS, close_modes(given.runs))
+        table("close modes", HEADINGS, close_modes(4 * given.runs))
         table("modes apart", HEADINGS, modes_apart(runs=2 * given.runs))
         table("one load", HEADINGS, shared_loads(given.runs // 2))
         table("one mode", HEADINGS, single_modes(given.runs))

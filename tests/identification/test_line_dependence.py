@@ -1,7 +1,8 @@
 """A line that was taken for a mode's peak is found by what the result is without it."""
 
 import pytest
-from validation.adversary.scenarios import SCENARIOS, Scenario, plus_line, record
+from validation.adversary.loads import plus_line
+from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
 from windsysid.identification.identify import identify
 from windsysid.results.identification import Identification

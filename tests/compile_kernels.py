@@ -1,0 +1,9 @@
+"""Compile what most tests need, once, while types are checked: two workers would compile all of it twice."""
+
+import windsysid as ws
+
+for name, duration, rate in (("verne555", 30.0, 50.0), ("tower", 300.0, 20.0), ("nrel5mw_full", 60.0, 25.0)):
+    turbine = ws.load_turbine(name)
+    record = ws.simulate(turbine, duration=duration, rate=rate, seed=1)
+    ws.identify(record, turbine, formulation="joint", loads="broadband")
+    ws.oma(record, turbine=turbine)
