@@ -111,6 +111,9 @@ SCENARIOS: dict[str, Scenario] = {
     "5 degrees off": Scenario("instrument", instruments=Instruments(angle=(5.0, 0.0))),
     "blades 2 ms late": Scenario("instrument", instruments=Instruments(late=0.002)),
     "clock drifts 50 ppm": Scenario("instrument", instruments=Instruments(drift=5e-5)),
+    "the same, 600 s at 50 Hz": Scenario(
+        "instrument", instruments=Instruments(drift=5e-5), duration=600.0, rate=50.0, formulation="auto"
+    ),
     "tolerances drawn": Scenario("instrument", instruments=Instruments(drawn=(0.01, 2.0, 0.001))),
     "6 bits": Scenario("instrument", instruments=Instruments(bits=6)),
     "noise correlated 0.9": Scenario("instrument", instruments=Instruments(colour=0.9)),

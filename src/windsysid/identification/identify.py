@@ -8,6 +8,7 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.conclude import Formulation, conclude, doubts_of_innovations
+from windsysid.identification.drifting_clocks import without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import identify_jointly, identify_jointly_from
@@ -41,6 +42,9 @@ __all__ = ["identify"]
 
 DISAGREEMENT = 3.0
 """Standard deviations between what filters and spectra say of a coefficient, beyond which neither is trusted."""
+
+
+MOVED = "readings of a clock that drifts were put back, between samples: filters feel that; use --formulation spectral"
 
 
 @one_thread()
@@ -145,8 +149,8 @@ class _Asked(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """What a formulation found, on which record and with which sensors, the faults of what it read, and under which
-    prior."""
+    """What a formulation found, on which record and with which sensors, the faults of what it read, under which prior,
+    and whether readings of a clock that drifts were put back."""
 
     formulation: Formulation
     outcome: Outcome
@@ -154,6 +158,7 @@ class _Found(NamedTuple):
     sensors: tuple[Sensor, ...]
     faults: Sequence[Finding]
     prior: Prior = Prior()
+    moved: bool = False
 
     def saying(self, note: str, *doubts: str) -> "_Found":
         """The same with a note, and what speaks against it."""
@@ -170,15 +175,17 @@ def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
     part, turbine, sensors = asked.part.on_own_times(), asked.turbine, asked.sensors
     found = usable_sensors(part, turbine, sensors)
     faults = screened(asked.part, turbine, found)
+    part, drifted = without_drift(part, turbine, found)
     part, steps, resampled = resample_for_model(part, turbine, asked.rate, sensors or turbine.sensors)
     check_length(part.name, part.duration, part.rate, turbine)
     prior, uniform = asked.prior or Prior(), part.is_uniform
     outcome = identify_jointly_from(near, part, turbine, found, prior, asked.parameters) if near and uniform else None
     if outcome is None:
         outcome = identify_jointly(part, turbine, found, prior, asked.parameters, loads=asked.loads)
-    outcome = thin_to_readings(outcome, steps)._replace(notes=(*resampled, *outcome.notes))
+    outcome = thin_to_readings(outcome, steps)._replace(notes=(*drifted, *resampled, *outcome.notes))
     read = replace(part, time=part.time[::steps], values=part.values[::steps])
-    return _Found("joint", outcome, read, found, faults, prior)
+    joint = _Found("joint", outcome, read, found, faults, prior, moved=bool(drifted))
+    return joint.doubted(MOVED) if drifted else joint
 
 
 def _by_spectra(asked: _Asked) -> _Found:
@@ -188,11 +195,13 @@ def _by_spectra(asked: _Asked) -> _Found:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     found = usable_sensors(part, turbine, asked.sensors)
     faults = screened(asked.part, turbine, found)
+    part, drifted = without_drift(part, turbine, found)
     outcome, prior = with_wide_priors(
         lambda prior: identify_by_spectrum(part, turbine, found, prior, asked.parameters, loads=asked.loads),
         asked.prior or Prior(),
     )
-    return _Found("spectral", outcome, part, found, faults, prior)
+    outcome = outcome._replace(notes=(*drifted, *outcome.notes))
+    return _Found("spectral", outcome, part, found, faults, prior, moved=bool(drifted))
 
 
 def _by_force_balance(asked: _Asked) -> _Found:
@@ -228,6 +237,8 @@ def _by_what_fits(asked: _Asked) -> _Found:
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
     if not doubts and spectral.outcome.hypothesis == RotorWind.name:
         return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
+    if not doubts and spectral.moved:
+        return spectral.saying("spectral formulation: a clock drifts, and filters feel what is read between samples")
     joint = _jointly(asked._replace(prior=spectral.prior), None if doubts else spectral.outcome)
     joint = joint._replace(outcome=joint.outcome._replace(given_priors=spectral.outcome.given_priors))
     if doubts:

@@ -1,0 +1,144 @@
+"""Loggers on blades whose clock runs faster or slower than that of the tower's.
+
+Two crystals differ by tens of parts in a million: 30 ms in ten minutes, a tenth of a period of a blade. A clock that is
+late has an unknown (`windsysid.identification.clocks`); its drift is seen before anything is identified, as sensors of
+turning blades feel gravity. In the reading y = Re a e^{iψ} of a logger that is late by κ, with the azimuth ψ of the
+tower's logger, the phase of a falls by Ωκ. It is taken window by window; where a straight line through the κ of all
+windows is beyond chance, readings are put back to when they were taken, as if the clocks had agreed at the first
+sample: how late a logger was then is the unknown's.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import RecordError
+from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor
+from windsysid.records.record import Record
+from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Drift", "find_drift", "without_drift"]
+
+TURNS, FEWEST, MOST = 5.0, 6, 40
+"""Turns of a window at least; windows of a record at least and at most."""
+
+CLEAR = 4.0
+"""Standard deviations from which on a drift is one."""
+
+STEADY = 10.0
+"""How many times the amplitude that repeats in every turn must be as large as it scatters from window to window."""
+
+FINER = 8
+"""Values between which a shifted one is interpolated, to each that was read."""
+
+LEAST, GREATEST = 0.1, 3e-4
+"""Angle [rad] of the fastest motion of a degree of freedom by which a drift over the record matters, and [s/s] that a
+clock can have."""
+
+
+class Drift(NamedTuple):
+    """By how much more a logger is late in every second [s/s], and the standard deviation of that."""
+
+    rate: float
+    std: float
+
+
+def without_drift(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> tuple[Record, tuple[str, ...]]:
+    """The record with the readings of drifting loggers on the tower's clock, and a note for each of those."""
+    if not (record.is_uniform and "rotor_azimuth" in record):
+        return record, ()
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    notes, least = [], LEAST / (fastest * record.duration)
+    for logger in dict.fromkeys(sensor.sampled_by for sensor in sensors if sensor.blade):
+        channels = [sensor.channel for sensor in sensors if sensor.sampled_by == logger and sensor.blade]
+        found = None if logger == TOWER_LOGGER else find_drift(record, channels, abs(turbine.rotor_speed))
+        if found is None or not max(CLEAR * found.std, least) < abs(found.rate) < GREATEST:
+            continue
+        of_logger = [sensor.channel for sensor in sensors if sensor.sampled_by == logger]
+        units = dict(zip(record.channels, record.units, strict=True))
+        late = found.rate * (record.time - record.time[0])
+        record = record.with_channels({one: (_moved(record.time, record[one], late), units[one]) for one in of_logger})
+        ppm, std = 1e6 * found.rate, 1e6 * found.std
+        pace = "slowly" if ppm < 0.0 else "fast"
+        notes.append(
+            f"the clock of the logger {logger} runs {abs(ppm):.3g} ± {std:.2g} ppm too {pace}, as gravity in its "
+            "readings says: they were put back, as if it was right at first"
+        )
+    return record, tuple(notes)
+
+
+def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> Drift | None:
+    """The drift of the clock of channels on turning blades against the azimuth; None where gravity hardly shows in
+    them, or the record is too short."""
+    try:
+        psi, speed, _ = rotor_inputs(record, usual_speed).T
+    except RecordError:
+        return None
+    mean = abs(float(speed.mean()))
+    if mean <= STANDING_MAX_SPEED:
+        return None
+    count = min(MOST, int(record.duration * mean / (2.0 * math.pi * TURNS)))
+    if count < FEWEST:
+        return None
+    bounds = np.linspace(0, record.samples, count + 1).astype(int)
+    wave = np.exp(-1j * psi)
+    centres, late, weights = [], [], []
+    for channel in channels:
+        amplitudes = np.array([_amplitude(record[channel][a:b], wave[a:b]) for a, b in pairwise(bounds)])
+        usual = np.nanmean(amplitudes) if np.isfinite(amplitudes).any() else 0.0
+        scatter = float(np.nanstd(np.abs(amplitudes))) if np.isfinite(amplitudes).any() else math.inf
+        if not abs(usual) > STEADY * scatter:
+            continue
+        off = -np.angle(amplitudes / usual) / mean
+        known = np.isfinite(off)
+        centres.append(0.5 * (record.time[bounds[:-1]] + record.time[bounds[1:] - 1])[known])
+        late.append(off[known])
+        weights.append(np.full(known.sum(), (abs(usual) / max(scatter, 1e-12 * abs(usual))) ** 2))
+    if not centres or sum(map(len, centres)) < FEWEST:
+        return None
+    return _line(np.concatenate(centres), np.concatenate(late), np.concatenate(weights))
+
+
+def _amplitude(values: Array, wave: Array) -> complex:
+    """The complex amplitude of what repeats in every turn, by least squares with a mean; NaN of a window with gaps."""
+    if not np.isfinite(values).all():
+        return complex(math.nan, math.nan)
+    design = np.column_stack([np.ones(len(values)), wave.real, wave.imag])
+    _, cosine, sine = np.linalg.lstsq(design, values, rcond=None)[0]
+    return complex(cosine, sine)
+
+
+def _line(time: Array, late: Array, weights: Array) -> Drift:
+    """The slope of a straight line through all, and what its scatter says of it."""
+    root = np.sqrt(weights / weights.mean())
+    design = np.column_stack([np.ones(len(time)), time - time.mean()]) * root[:, None]
+    fit = np.linalg.lstsq(design, late * root, rcond=None)[0]
+    left = late * root - design @ fit
+    variance = float(left @ left) / max(1, len(time) - 2) * float(np.linalg.inv(design.T @ design)[1, 1])
+    return Drift(float(fit[1]), math.sqrt(variance))
+
+
+def _moved(time: Array, values: Array, late: Array) -> Array:
+    """Values (T,) that came so many seconds late, as they were at their times; NaN stay where they are.
+
+    They are taken between samples from `FINER` times as many, by Fourier's series: white noise stays white, which a
+    spline through the samples themselves would not leave it.
+    """
+    from scipy.interpolate import make_interp_spline
+    from scipy.signal import resample
+
+    known = np.isfinite(values)
+    if known.sum() < FEWEST:
+        return values
+    whole = np.interp(time, time[known], values[known])
+    line = np.polynomial.Polynomial.fit(time, whole, 1)
+    samples, step = len(time), time[1] - time[0]
+    fine = time[0] + np.arange(FINER * samples) * step / FINER
+    curve = make_interp_spline(fine, resample(whole - line(time), FINER * samples), k=3)
+    at = np.clip(time + late, time[0], time[-1])
+    return np.where(known, curve(at) + line(at), np.nan)
