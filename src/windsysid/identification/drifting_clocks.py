@@ -50,9 +50,9 @@ class Drift(NamedTuple):
 
 def without_drift(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> tuple[Record, tuple[str, ...]]:
     """The record with the readings of drifting loggers on the tower's clock, and a note for each of those."""
-    if not (record.is_uniform and "rotor_azimuth" in record):
+    fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
+    if not (record.is_uniform and "rotor_azimuth" in record and fastest > 0.0):
         return record, ()
-    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     notes, least = [], LEAST / (fastest * record.duration)
     for logger in dict.fromkeys(sensor.sampled_by for sensor in sensors if sensor.blade):
         channels = [sensor.channel for sensor in sensors if sensor.sampled_by == logger and sensor.blade]
