@@ -2,9 +2,11 @@
 
 Each tolerance is an unknown τ in standard deviations of its prior, beside θ and η. Gains, axes and masses are numbers
 of the model (`windsysid.mechanics.sensors.instrument_parameters`); clocks act on the readings
-(`windsysid.identification.clocks`). A body's mass and moments are wrong together, and those of different bodies apart.
+(`windsysid.identification.clocks`). A body's mass and moments are wrong together. Those of different bodies are half
+wrong together, as they were weighed on one scale, or computed from one drawing and one density.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -27,15 +29,20 @@ __all__ = [
 ]
 
 
+ALL = "all bodies"
+
+SHARED = 0.5
+"""Share of the variance of a body's mass that all have together; half is its own."""
+
+
 def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Sequence[str]) -> tuple[Tolerance, ...]:
     """The tolerances that matter: gains, axes and masses, then clocks. What is `identified` is no tolerance."""
     found = [Tolerance("gain", s.channel, s.gain_tolerance) for s in sensors]
     found += [Tolerance("alignment", s.channel, s.alignment) for s in sensors]
-    found += [
-        Tolerance("masses", body, turbine.mass_tolerance)
-        for body in turbine.model.bodies()
-        if _masses(turbine, body, identified)
-    ]
+    bodies = [body for body in turbine.model.bodies() if _masses(turbine, body, identified)]
+    shared = SHARED if len(bodies) > 1 else 0.0
+    found += [Tolerance("masses", body, math.sqrt(1.0 - shared) * turbine.mass_tolerance) for body in bodies]
+    found.append(Tolerance("masses", ALL, math.sqrt(shared) * turbine.mass_tolerance))
     loggers = dict.fromkeys(s.sampled_by for s in sensors if s.sampled_by != TOWER_LOGGER)
     for logger in loggers:
         spread = max(s.clock_tolerance for s in sensors if s.sampled_by == logger)
@@ -44,8 +51,9 @@ def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Seque
 
 
 def _masses(turbine: Turbine, body: str, identified: Sequence[str]) -> tuple[str, ...]:
-    """The inertias of a body that are known and not zero."""
-    names = turbine.model.bodies()[body]
+    """The inertias of a body, or of all, that are known and not zero."""
+    bodies = turbine.model.bodies()
+    names = bodies[body] if body != ALL else [name for names in bodies.values() for name in names]
     return tuple(name for name in names if name not in identified and turbine.values[name] != 0.0)
 
 

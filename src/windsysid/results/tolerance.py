@@ -30,7 +30,7 @@ class Tolerance:
     Attributes
     ----------
     group, of
-        ``gain`` or ``alignment`` of a channel, ``clock`` of a logger, ``masses`` of a body.
+        ``gain`` or ``alignment`` of a channel, ``clock`` of a logger, ``masses`` of a body or of all.
     spread
         Prior standard deviation: a share (gain, masses), [rad] (alignment) or [s] (clock).
     estimate, std
