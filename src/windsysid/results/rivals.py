@@ -25,11 +25,11 @@ from windsysid.results.lines import HANN_VARIANCE
 
 __all__ = ["BETTER", "Rival", "find_rival"]
 
-BETTER = 2.3
-"""Log posterior by which a narrow-band load has to explain a channel better: odds of 10 to 1. Where it does, a mode is
-far off; of 40 healthy towers none has a rival of another answer beyond 0.4."""
+BETTER = 1.6
+"""Log posterior by which a narrow-band load has to explain a channel better: odds of 5 to 1. Where it does, a mode is
+far off; of 40 healthy towers none has a rival of another answer."""
 
-OTHER, ELSEWHERE = math.log(2.5), math.log(1.2)
+OTHER, ELSEWHERE = math.log(2.5), math.log(1.35)
 """Of the damping, by which another explanation has to be another answer; and of the frequency, beyond which its load
 stands for the mode and its mode for nothing that shows."""
 
