@@ -127,7 +127,10 @@ def identify(
     with hear(progress, doing):
         found = _WAYS[formulation](asked)
         if found.formulation != "force-balance":
-            line = doubt_line(found.outcome, found.read, turbine, found.sensors, found.prior, parameters)
+            line = doubt_line(
+                found.outcome, found.read, turbine, found.sensors, found.prior, parameters,
+                by_spectra=found.formulation == "spectral",
+            )  # fmt: skip
             found = found.doubted(*line)
     return conclude(
         note_wide_priors(found.outcome), found.read, found.formulation, faults=found.faults,

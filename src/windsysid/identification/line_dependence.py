@@ -36,25 +36,24 @@ MOVED = 2.5
 
 
 def doubt_line(
-    outcome: Outcome,
-    record: Record,
-    turbine: Turbine,
-    sensors: Sequence[Sensor],
-    prior: Prior,
-    parameters: Sequence[str] | None,
-) -> tuple[str, ...]:
+    outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    parameters: Sequence[str] | None, *, by_spectra: bool,
+) -> tuple[str, ...]:  # fmt: skip
     """That a coefficient depends on one frequency, as a doubt; none where spectra do not apply, nor to bands around the
     modes of a real rotor, which have other tests. Arguments as for
-    `windsysid.identification.spectral.identify_by_spectrum`, on whose record `outcome` was found."""
+    `windsysid.identification.spectral.identify_by_spectrum`, on whose record `outcome` was found, by filters if not
+    `by_spectra`."""
     line = _suspect(outcome, record)
     if line is None or line.ratio < SUSPECT:
         return ()
     loads = RotorWind.name if outcome.hypothesis == RotorWind.name else "broadband"
+
+    def ask(one: Record) -> Outcome:
+        return identify_by_spectrum(one, turbine, sensors, prior, parameters, loads=loads)
+
     try:
-        found, without = (
-            identify_by_spectrum(one, turbine, sensors, prior, parameters, loads=loads)
-            for one in (record, _without(record, outcome.channels, line.frequency))
-        )
+        without = ask(_without(record, outcome.channels, line.frequency))
+        found = outcome if by_spectra else ask(record)
     except (WindsysidError, np.linalg.LinAlgError):
         return ()
     name, off = compare(without, found)
