@@ -27,7 +27,7 @@ __all__ = ["BETTER", "Rival", "find_rival"]
 
 BETTER = 1.6
 """Log posterior by which a narrow-band load has to explain a channel better: odds of 5 to 1. Where it does, a mode is
-far off; of 40 healthy towers none has a rival of another answer."""
+far off; of 60 healthy towers one has a rival of another answer, and a prior that is 2.2 σ off."""
 
 OTHER, ELSEWHERE = math.log(2.5), math.log(1.35)
 """Of the damping, by which another explanation has to be another answer; and of the frequency, beyond which its load
