@@ -66,8 +66,8 @@ def without_drift(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -
         ppm, std = 1e6 * found.rate, 1e6 * found.std
         pace = "slowly" if ppm < 0.0 else "fast"
         notes.append(
-            f"the clock of the logger {logger} runs {abs(ppm):.3g} ± {std:.2g} ppm too {pace}, as gravity in its "
-            "readings says: they were put back, as if it was right at first"
+            f"the clock of the logger {logger} runs {abs(ppm):.3g} ± {std:.2g} ppm too {pace}, by gravity in its "
+            "readings: they were put back"
         )
     return record, tuple(notes)
 
