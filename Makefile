@@ -14,15 +14,14 @@ unexport PYTHONDONTWRITEBYTECODE
 study: $(VENV)/.installed
 	$(BIN)/windsysid study --output $(STUDY) --overwrite
 
-# What most tests need is compiled while types are checked: each of the two workers would compile it for itself.
+# What most tests need is compiled first, while types are checked: each of the two workers would compile it for itself.
 test: $(VENV)/.installed
-	@$(MAKE) --no-print-directory -j 2 lint kernels
-	@$(MAKE) --no-print-directory tests
+	@$(MAKE) --no-print-directory -j 2 lint tests
 
 kernels: $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/compile_kernels.py
 
-tests: $(VENV)/.installed
+tests: kernels
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
 test-all: lint

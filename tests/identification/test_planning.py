@@ -199,6 +199,7 @@ def test_a_plan_for_a_tower_holds_the_bands_that_spectra_will_have():
     assert "by filters" in " ".join(filters.notes)
 
 
+@pytest.mark.slow
 def test_a_plan_for_a_rotor_in_wind_knows_what_bands_leave_out():
     """Filters would tell the roll's stiffness ten times better than bands do."""
     turbine = load_turbine("nrel5mw_full").exact()
