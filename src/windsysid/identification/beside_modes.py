@@ -157,7 +157,7 @@ def channel_of(outcome: Outcome, record: Record, name: str) -> str | None:
     """The channel without gaps of what does not turn in which a degree of freedom shows most, of those that read hardly
     anything else near its frequency; None where there is none."""
     file = outcome.turbine
-    hz = {other: mode_of(file, other)[0] for other in file.model.coordinates}
+    hz = {other: file.natural_frequency(other) for other in file.model.coordinates}  # free ones have none
     near = [hz[name] / NEIGHBOURS < hz[other] < hz[name] * NEIGHBOURS for other in hz if other != name]
     i = list(hz).index(name)
     seen, turned = (np.abs(_seen(outcome, turn)) for turn in (0.0, 1.0))

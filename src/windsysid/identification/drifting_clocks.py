@@ -60,9 +60,10 @@ def without_drift(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -
         if found is None or not max(CLEAR * found.std, least) < abs(found.rate) < GREATEST:
             continue
         of_logger = [sensor.channel for sensor in sensors if sensor.sampled_by == logger]
-        units = dict(zip(record.channels, record.units, strict=True))
         late = found.rate * (record.time - record.time[0])
-        record = record.with_channels({one: (_moved(record.time, record[one], late), units[one]) for one in of_logger})
+        record = record.with_channels(
+            {one: (_moved(record.time, record[one], late), record.unit(one)) for one in of_logger}
+        )
         ppm, std = 1e6 * found.rate, 1e6 * found.std
         pace = "slowly" if ppm < 0.0 else "fast"
         notes.append(

@@ -71,7 +71,10 @@ def _suspect(outcome: Outcome, record: Record) -> Line | None:
         return None
     values = {q.name: float(q.physical(t)) for q, t in zip(outcome.model.parameters, outcome.theta, strict=True)}
     turbine = outcome.turbine.with_values(values)
-    supports = [freedom.name for freedom in turbine.model.freedoms if not freedom.blade]
+    freedoms = [one.name for one in turbine.model.freedoms if not one.blade]
+    supports = [
+        name for name in freedoms if min(one.critical_damping(name) for one in (turbine, outcome.turbine)) > 0.0
+    ]
     channels = {name: channel for name in supports if (channel := channel_of(outcome, record, name)) is not None}
     if not channels:
         return None
@@ -93,10 +96,6 @@ def _without(record: Record, channels: Sequence[str], frequency: float) -> Recor
     values = np.column_stack([record[channel] for channel in channels])
     known = np.nan_to_num(values - np.nanmean(values, axis=0))
     left = values - (known - without_line(known, record.rate, frequency))
-    columns = [record.channels.index(channel) for channel in channels]
     return record.with_channels(
-        {
-            channel: (left[:, i], record.units[column])
-            for i, (channel, column) in enumerate(zip(channels, columns, strict=True))
-        }
+        {channel: (column, record.unit(channel)) for channel, column in zip(channels, left.T, strict=True)}
     )
