@@ -221,7 +221,7 @@ def find_mode(
     Raises
     ------
     WindsysidError
-        If the likelihood cannot be computed at the start.
+        If the likelihood cannot be computed at the start, or its slopes anywhere.
     """
     information = np.linalg.inv(prior_cov)
 
@@ -236,14 +236,14 @@ def find_mode(
         here = look(build, samples, start.copy(), widths, pool, changes)
         best = objective(here)
         if not np.isfinite(best):
-            raise WindsysidError(
-                "the likelihood is not finite at the start: check units, the turbine file and the priors"
-            )
+            raise _not_finite("the likelihood is not finite at the start")
         for count in range(1, MAX_ITERATIONS + 1):  # noqa: B007 (told to the caller)
             theta = here.theta
             curvature = here.found.fisher + information
             pull = here.found.gradient - information @ (theta - prior_mean)
             step = np.asarray(np.linalg.solve(curvature, pull), dtype=np.float64)
+            if not np.isfinite(step).all():
+                raise _not_finite("the slopes of the likelihood are not finite")
             distance = float(step @ curvature @ step)
             step *= min(1.0, MAX_STEP_SIGMAS / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
             if distance < MODE_TOLERANCE or distance**2 < LEFT * before:  # so short a step is taken unseen
@@ -261,6 +261,10 @@ def find_mode(
                 settled = distance < NEARLY_SETTLED
                 break
     return Mode(theta, np.linalg.inv(curvature), count, settled, distance, here)
+
+
+def _not_finite(what: str) -> WindsysidError:
+    return WindsysidError(f"{what}: check units, the turbine file and the priors")
 
 
 def look(

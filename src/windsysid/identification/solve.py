@@ -177,8 +177,9 @@ def solve(
     if online is not None:
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # of a recursion that loses its way
-                online, history = _take_in(problem, spikes.left_out_of(samples), online)
-            check_finite(online.theta, online.precision)
+                taken, known = _take_in(problem, spikes.left_out_of(samples), online)
+            check_finite(taken.theta, taken.precision)
+            online, history = taken, known
             start = start or (online.theta, online.cov)
         except (WindsysidError, np.linalg.LinAlgError):
             if start is None and not online.samples:

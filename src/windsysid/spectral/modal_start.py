@@ -130,7 +130,7 @@ def expect(modes: Modes, band: Band, passes: int = PASSES) -> Modes:
     phi, b = modes.shape, modes.load @ modes.load.conj().T
     rest = modes.rest @ modes.rest.conj().T
     n, total = band.counts, float(band.counts.sum())
-    small = 1e-9 * np.diag(np.einsum("kii->i", band.power).real / len(band.power))
+    level = np.einsum("kii->i", band.power).real / len(band.power)
     for _ in range(passes):
         d = h[:, :, None] * b * h.conj()[:, None, :]
         ahead = d @ phi.conj().T
@@ -140,7 +140,7 @@ def expect(modes: Modes, band: Band, passes: int = PASSES) -> Modes:
         across = np.einsum("k,kji->ij", n, seen.conj())
         phi = across @ np.linalg.inv(np.einsum("k,kij->ij", n, moments))
         rest = (np.einsum("k,kij->ij", n, band.power) - phi @ across.conj().T) / total
-        rest = 0.5 * (rest + rest.conj().T) + small
+        rest = _positive(0.5 * (rest + rest.conj().T) + np.diag(1e-9 * level), level)
         b = np.einsum("k,kij->ij", n, moments / (h[:, :, None] * h.conj()[:, None, :])) / total
         size = np.sqrt(np.diagonal(b).real)
         phi, b = phi * size, b / np.outer(size, size)
@@ -162,6 +162,17 @@ def quiet_start(band: Band, share: float = 0.25) -> Complex:
     mean = np.average(power[quiet], axis=0, weights=band.counts[quiet])
     mean = mean + np.diag(1e-3 * np.diagonal(mean).real + 1e-9 * own.mean(axis=0))
     return _root(mean)
+
+
+def _positive(matrix: Complex, level: Array) -> Complex:
+    """A Hermitian matrix of channels with these powers (m,), positive where rounding made it negative: moments that are
+    all but singular, of a filter's stop band, leave a difference of what is much larger."""
+    root = np.sqrt(np.maximum(level, np.finfo(float).tiny))
+    size = np.outer(root, root)
+    values, vectors = np.linalg.eigh(matrix / size)
+    if values[0] > 0.0:
+        return matrix
+    return np.asarray(((vectors * np.maximum(values, 1e-12)) @ vectors.conj().T) * size)
 
 
 def _root(matrix: Complex) -> Complex:
