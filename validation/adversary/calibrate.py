@@ -14,13 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.adversary.scenarios import SCENARIOS, record
-from windsysid.filters import EKF, Info
+from windsysid.filters import EKF
 from windsysid.identification.bending import find_bending
 from windsysid.identification.clocks import PASSED
 from windsysid.identification.prepare import resample_for_model
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.loads.statistics import coordinates_of
+from windsysid.mechanics.compile import compile_model
+from windsysid.modal.analysis import modes as find_modes
 from windsysid.output.console import render
 from windsysid.results.diagnosis import (
     CHANNEL_MAX_FACTOR,
@@ -33,11 +35,9 @@ from windsysid.results.diagnosis import (
     UNSTEADY_MAX,
 )
 from windsysid.results.lines import find_line
-from windsysid.results.load_history import Loads
 from windsysid.results.steadiness import how_late
-from windsysid.results.straightness import Bending, find_bent
+from windsysid.results.straightness import find_bent
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE, examine
-from windsysid.statespace.compose import StateSpace
 from windsysid.turbine.file import load_turbine
 
 __all__ = ["KINDS", "LIMITS", "is_condemned", "measure"]
@@ -78,14 +78,6 @@ TOGETHER = (("level over time", "level over time, σ"), ("tails", "tails, σ"),
 """Of these both have to be beyond their limits; of all others each condemns by itself."""
 
 
-def bend(problem: TurbineProblem, model: StateSpace, info: Info) -> Bending | None:
-    """What shows most that stiffness or damping goes with amplitude, all loads of the file's size."""
-    freedoms = problem.turbine.model.freedoms
-    size = np.outer([1.0, -1.0], [load.rms for load in problem.turbine.loads])
-    loads = Loads(tuple(one.load for one in freedoms), size, size)
-    return find_bending(model, problem.inputs, problem.readings, info, loads=loads, freedoms=freedoms)
-
-
 def measure(name: str, seed: int) -> list[float]:
     """The statistics of `LIMITS` of a healthy record."""
     kind, turbine = SCENARIOS[name], load_turbine("verne555")
@@ -94,17 +86,16 @@ def measure(name: str, seed: int) -> list[float]:
     problem = pose(fine, turbine, turbine.sensors, Prior())
     model = problem.build(_truth(problem, name))
     info = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1]
-    bending = bend(problem, model, info)
+    freedoms = problem.turbine.model.freedoms
+    bending = find_bending(model, problem.inputs, problem.readings, info, freedoms=freedoms)
     z = info.whitened[::steps]
     frequencies = problem.frequencies(problem.prior[0])
     w = examine(z, names=model.readings, rate=made.rate, frequencies=frequencies)
     below = min(0.5, PASSED * max(frequencies) / made.rate)
     late = how_late(z, made["rotor_azimuth"], (0, 1), {2 + i: 2.0 * math.pi * i / 3.0 for i in range(3)}, below=below)
-    v = turbine.values
-    modes = [
-        (f, math.pi * f * v[f"c_{c}"] / v[f"k_{c}"])
-        for f, c in zip(frequencies, turbine.model.coordinates, strict=True)
-    ]
+    compiled = compile_model(turbine.model)
+    p = np.array([turbine.values[q] for q in compiled.parameters])
+    modes = [(f, damping) for _, f, damping in find_modes(turbine.model, compiled, p, kind.machine.speed)]
     turning = kind.machine.speed / (2.0 * math.pi)
     line = find_line(problem.readings[::steps], model.readings, rate=made.rate, modes=modes, rotor_hz=turning)
     n = len(frequencies)

@@ -126,8 +126,7 @@ def _bending(problem: TurbineProblem, solution: Solution) -> Bending | None:
     n = len(solution.mean) - len(problem.clocks)
     ((inputs, readings),) = shifted(problem, [(problem.inputs, problem.readings)], solution.mean[n:])
     return find_bending(
-        problem.build(solution.mean[:n]), inputs, readings, solution.info,
-        loads=solution.loads, freedoms=problem.turbine.model.freedoms,
+        problem.build(solution.mean[:n]), inputs, readings, solution.info, freedoms=problem.turbine.model.freedoms
     )  # fmt: skip
 
 

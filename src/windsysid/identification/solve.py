@@ -28,6 +28,7 @@ from windsysid.output.progress import expect
 from windsysid.results.load_history import Loads
 from windsysid.results.stretches import Stretch, measure_stretch
 from windsysid.results.whiteness import Whiteness, judge_stretches
+from windsysid.statespace.acting_loads import acting_loads
 from windsysid.statespace.compose import StateSpace
 
 __all__ = ["Problem", "Solution", "expect_search", "find_spikes", "solve"]
@@ -403,16 +404,9 @@ def _filter(
 
 
 def _acting_loads(model: StateSpace, inputs: Array, info: Info, covs: Array) -> Loads:
-    """The loads that are states as the filter knew them after each sample, w = H(ψ) z."""
-    compiled, blocks = model.compiled, model.blocks
-    nx, nz = blocks.sizes[:2]
-    driven = np.any(blocks.load_output != 0.0, axis=(0, 2))
-    names = tuple(name for name, is_driven in zip(compiled.loads, driven, strict=True) if is_driven)
+    """The loads that are states as the filter knew them after each sample."""
+    nx, nz = model.blocks.sizes[:2]
+    names, H = acting_loads(model, inputs)
     z, P = info.mean[:, nx : nx + nz], covs[:, nx : nx + nz, nx : nx + nz]
-    psi = inputs[:, blocks.azimuth[0]] if blocks.azimuth[0] >= 0 else np.zeros(len(z))
-    k = np.arange(1, (len(blocks.load_output) + 1) // 2)
-    turn = np.ones((len(z), len(blocks.load_output)))
-    turn[:, 1::2], turn[:, 2::2] = np.cos(np.outer(psi, k)), np.sin(np.outer(psi, k))
-    H = np.einsum("tk,kwz->twz", turn, blocks.load_output[:, driven])
     std = np.sqrt(np.maximum(np.einsum("twz,tzy,twy->tw", H, P, H), 0.0))
     return Loads(names, np.einsum("twz,tz->tw", H, z), std)
