@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from validation.adversary.scenarios import SCENARIOS, record
 from windsysid.filters import EKF
-from windsysid.identification.bending import find_bending
 from windsysid.identification.clocks import PASSED
 from windsysid.identification.prepare import resample_for_model
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
+from windsysid.identification.smoothed_loads import judge_smoothed_loads
 from windsysid.loads.statistics import coordinates_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes as find_modes
@@ -87,7 +87,7 @@ def measure(name: str, seed: int) -> list[float]:
     model = problem.build(_truth(problem, name))
     info = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1]
     freedoms = problem.turbine.model.freedoms
-    bending = find_bending(model, problem.inputs, problem.readings, info, freedoms=freedoms)
+    asked = judge_smoothed_loads(model, problem.inputs, problem.readings, info, freedoms=freedoms)
     z = info.whitened[::steps]
     frequencies = problem.frequencies(problem.prior[0])
     w = examine(z, names=model.readings, rate=made.rate, frequencies=frequencies)
@@ -120,7 +120,7 @@ def measure(name: str, seed: int) -> list[float]:
         math.nan if line is None else line.ratio / line.bound,
         math.nan if bent is None else bent.statistic / bent.bound,
         0.0 if w.smooth is None else w.smooth.ratio,
-        math.nan if bending is None else abs(bending.sigmas) / bending.bound,
+        math.nan if asked is None else abs(asked.bending.sigmas) / asked.bending.bound,
     ]
 
 

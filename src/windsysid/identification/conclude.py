@@ -126,7 +126,7 @@ def conclude(
         line=line,
         late=_late(outcome, record) if formulation == "joint" else None,
         bent=_bent(outcome) if formulation == "joint" else None,
-        bending=outcome.bending,
+        smoothed_loads=outcome.smoothed_loads,
         blades_move=any(freedom.blade for freedom in turbine.model.freedoms),
     )
     return Identification(
@@ -172,7 +172,7 @@ def doubts_of_innovations(outcome: Outcome, rate: float) -> tuple[str, ...]:
     nothing = np.empty(0)
     return diagnose(
         outcome.final, readings=outcome.model.readings, rate=rate, frequencies=(), parameters=(), theta=nothing,
-        cov=np.diag(nothing), whiteness=outcome.whiteness, bent=_bent(outcome), bending=outcome.bending,
+        cov=np.diag(nothing), whiteness=outcome.whiteness, bent=_bent(outcome), smoothed_loads=outcome.smoothed_loads,
     ).reasons  # fmt: skip
 
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
-from windsysid.identification.bending import find_bending
 from windsysid.identification.clocks import shifted
 from windsysid.identification.held_priors import solve_with_wide_priors
 from windsysid.identification.load_choice import Question, choose, is_explained, warm
@@ -22,6 +21,7 @@ from windsysid.identification.outcome import Outcome, known_loads
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.identification.recursive import MEMORY, join_histories, spread_over_samples
+from windsysid.identification.smoothed_loads import judge_smoothed_loads
 from windsysid.identification.solve import Solution, expect_search, solve
 from windsysid.identification.tolerances import doubt_tolerances, learned_tolerances, note_tolerances
 from windsysid.loads.family import candidates
@@ -29,7 +29,7 @@ from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
-from windsysid.results.straightness import Bending
+from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Tolerance
 from windsysid.turbine.turbine import Turbine
 
@@ -65,7 +65,7 @@ def identify_jointly(
     history = join_histories([best.history, *filter(None, [solution.history])])
     known = spread_over_samples(*problem.prior, history, solution.samples)
     found = describe_solution(problem, solution, turbine, choice.why, known, elapsed)
-    return found._replace(bending=_bending(problem, solution), given_priors=given)
+    return found._replace(smoothed_loads=_smoothed_loads(problem, solution), given_priors=given)
 
 
 def identify_jointly_from(
@@ -97,7 +97,7 @@ def identify_jointly_from(
     only = solution.mean[None, :n], np.sqrt(np.diag(solution.cov)[:n])[None]
     why = f"load model {near.hypothesis}: it explains the record"
     found = describe_solution(problem, solution, turbine, why, only, elapsed)
-    return found._replace(bending=_bending(problem, solution), given_priors=near.given_priors)
+    return found._replace(smoothed_loads=_smoothed_loads(problem, solution), given_priors=near.given_priors)
 
 
 def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Array] | None:
@@ -121,11 +121,11 @@ def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Arra
     return mean, cov
 
 
-def _bending(problem: TurbineProblem, solution: Solution) -> Bending | None:
-    """What shows most that stiffness or damping goes with amplitude, of a record in one block."""
+def _smoothed_loads(problem: TurbineProblem, solution: Solution) -> SmoothedLoads | None:
+    """What smoothed loads say, of a record in one block."""
     n = len(solution.mean) - len(problem.clocks)
     ((inputs, readings),) = shifted(problem, [(problem.inputs, problem.readings)], solution.mean[n:])
-    return find_bending(
+    return judge_smoothed_loads(
         problem.build(solution.mean[:n]), inputs, readings, solution.info, freedoms=problem.turbine.model.freedoms
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.held import hold
 from windsysid.results.load_history import Loads
-from windsysid.results.straightness import Bending
+from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Group, Tolerance
 from windsysid.results.whiteness import Whiteness
 from windsysid.signals import resample
@@ -69,8 +69,8 @@ class Outcome(NamedTuple):
     tolerances
         What is known of instruments and masses within tolerances only, as the record has it; none where they were taken
         as exact.
-    bending
-        What shows most that stiffness or damping goes with amplitude; None where that was not looked for.
+    smoothed_loads
+        What smoothed loads say; None where they were not asked.
     turns
         Whether the rotor's turns couple what moves, as far as the formulation has asked.
     held
@@ -98,7 +98,7 @@ class Outcome(NamedTuple):
     log_likelihood: float | None = None
     hypothesis: str = ""
     tolerances: tuple[Tolerance, ...] = ()
-    bending: Bending | None = None
+    smoothed_loads: SmoothedLoads | None = None
     turns: bool = True
     held: tuple[str, ...] = ()
     given_priors: tuple[Parameter, ...] = ()

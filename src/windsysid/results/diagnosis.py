@@ -33,8 +33,9 @@ from windsysid.filters import Info
 from windsysid.results.directions import describe_directions
 from windsysid.results.estimate_checks import Band, CoefficientCheck, doubt_damping, doubt_priors, hold_against_priors
 from windsysid.results.lines import Line
+from windsysid.results.smoothed_loads import SmoothedLoads, doubt_correlated
 from windsysid.results.steadiness import Late
-from windsysid.results.straightness import Bending, Bent, doubt_bending, doubt_bent
+from windsysid.results.straightness import Bent, doubt_bending, doubt_bent
 from windsysid.results.stretches import MIN_REMARKED_OUTLIERS, OUTLIER_SIGMAS, band_of_interest
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE, ChannelCheck, Whiteness, chance_limit, examine
 from windsysid.statespace.parameter import Parameter
@@ -144,7 +145,7 @@ def diagnose(
     line: Line | None = None,
     late: Late | None = None,
     bent: Bent | None = None,
-    bending: Bending | None = None,
+    smoothed_loads: SmoothedLoads | None = None,
     blades_move: bool = False,
 ) -> Diagnosis:
     """Judge a result by its innovations and its priors.
@@ -174,9 +175,9 @@ def diagnose(
         Of each mode, its name and its damping ratio with the ±2σ band.
     line
         What stands out most of the readings beside a mode, where that was looked for.
-    late, bent, bending
-        How late the blades seem to be, and what shows most that a spring or damper is no straight line, or that
-        stiffness or damping goes with amplitude, where that was looked for.
+    late, bent, smoothed_loads
+        How late the blades seem to be, what shows most that a spring or damper is no straight line, and what smoothed
+        loads say, where that was looked for.
     blades_move
         Whether blades are degrees of freedom. Only for them was it measured what a level of the innovations that goes
         with frequency does to estimates; elsewhere it is a remark.
@@ -188,12 +189,13 @@ def diagnose(
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
     if whiteness is not None:
         common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz, blades_move)
+        bending, together = smoothed_loads or (None, None)
         loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
         for verdict in (  # the most telling first
             _judge_steadiness(whiteness), _judge_lines(whiteness, line, rotor_hz),
             *((spectrum, common) if loud else (common,)), _judge_size(whiteness), _judge_lateness(late),
-            _Verdict([*doubt_bent(bent), *doubt_bending(bending)], []), *(() if loud else (spectrum,)),
-            _judge_outliers(whiteness),
+            _Verdict([*doubt_correlated(together), *doubt_bent(bent), *doubt_bending(bending)], []),
+            *(() if loud else (spectrum,)), _judge_outliers(whiteness),
         ):  # fmt: skip
             reasons += verdict.reasons
             remarks += verdict.remarks

@@ -50,7 +50,7 @@ class Bent(NamedTuple):
 
 
 class Bending(NamedTuple):
-    """What shows most that stiffness or damping goes with amplitude (`windsysid.identification.bending`).
+    """What shows most that stiffness or damping goes with amplitude (`windsysid.identification.smoothed_loads`).
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Dry friction and play make damping and stiffness go with amplitude, and the filter's innovations say so."""
+"""Dry friction and play make damping and stiffness go with amplitude, and loads push in two directions at once."""
 
 from dataclasses import replace
 
@@ -6,20 +6,21 @@ import numpy as np
 import pytest
 
 from windsysid.filters import EKF
-from windsysid.identification.bending import find_bending
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import pose
+from windsysid.identification.smoothed_loads import judge_smoothed_loads
 from windsysid.records.record import Record
-from windsysid.results.straightness import Bending, doubt_bending
+from windsysid.results.smoothed_loads import SmoothedLoads, doubt_correlated
+from windsysid.results.straightness import doubt_bending
 from windsysid.turbine.file import load_turbine
 
 RATE, SUBSTEPS, SECONDS, RECORDS = 10.0, 5, 400.0, 4
 TOWER = load_turbine("tower")
 
 
-def vibration(friction: float, play: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def vibration(friction: float, play: float, shared: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Displacement, velocity and acceleration (T, 2, R) of a tower top along and across the rotor's axis, R records;
-    its spring has play [m], and friction [N] acts beside."""
+    its spring has play [m], friction [N] acts beside, and loads are correlated."""
     rng = np.random.default_rng(31)
     v = TOWER.values
     m, k, c = (np.array([[v[f"{what}_{f}"]] for f in ("side_side", "fore_aft")]) for what in ("mass", "k", "c"))
@@ -29,6 +30,7 @@ def vibration(friction: float, play: float) -> tuple[np.ndarray, np.ndarray, np.
     q, r, w = np.zeros((2, RECORDS)), np.zeros((2, RECORDS)), rms * rng.standard_normal((2, RECORDS))
     out = np.empty((3, count, 2, RECORDS))
     lead = round(50.0 * RATE)
+    mixed = np.linalg.cholesky([[1.0, shared], [shared, 1.0]])
     for n in range(-lead, count):
         for part, kick in enumerate(rng.standard_normal((SUBSTEPS, 2, RECORDS))):
             a = (w - k * (q - np.clip(q, -play, play)) - c * r - friction * np.tanh(r / 1e-3)) / m
@@ -36,13 +38,13 @@ def vibration(friction: float, play: float) -> tuple[np.ndarray, np.ndarray, np.
                 out[:, n] = q, r, a
             r = r + step * a
             q = q + step * r
-            w = stay * w + np.sqrt(1.0 - stay**2) * rms * kick
+            w = stay * w + np.sqrt(1.0 - stay**2) * rms * (mixed @ kick)
     return out[0], out[1], out[2]
 
 
-def bendings(friction: float = 0.0, play: float = 0.0) -> list[Bending]:
+def judged(friction: float = 0.0, play: float = 0.0, shared: float = 0.0) -> list[SmoothedLoads]:
     """Of each record, with the coefficients of this amplitude."""
-    q, r, a = vibration(friction, play)
+    q, r, a = vibration(friction, play, shared)
     sensors = tuple(sensor.model_copy(update={"feels_gravity": False}) for sensor in TOWER.sensors)
     loads = TOWER.loads[:2]
     noise = 0.005 * np.random.default_rng(5).standard_normal(a.shape)
@@ -63,20 +65,27 @@ def bendings(friction: float = 0.0, play: float = 0.0) -> list[Bending]:
         model = problem.build(np.concatenate([theta, np.zeros(len(problem.statistics))]))
         info = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1]
         freedoms = problem.turbine.model.freedoms
-        one = find_bending(model, problem.inputs, problem.readings, info, freedoms=freedoms)
+        one = judge_smoothed_loads(model, problem.inputs, problem.readings, info, freedoms=freedoms)
         assert one is not None
         found.append(one)
     return found
 
 
-def test_straight_springs_and_dampers_are_not_doubted():
-    assert not [one for one in bendings() if doubt_bending(one)]
+def test_straight_springs_and_dampers_and_loads_that_are_independent_are_not_doubted():
+    assert not [one for one in judged() if doubt_bending(one.bending) or doubt_correlated(one.correlated)]
 
 
 @pytest.mark.parametrize(
     ("fault", "law"), [({"friction": 2e3}, "damping"), ({"play": 0.02}, "stiffness"), ({"play": 0.003}, "stiffness")]
 )
 def test_friction_and_play_are_found_and_named(fault: dict[str, float], law: str):
-    found = bendings(**fault)
+    found = [one.bending for one in judged(**fault)]
     assert all(one.sigmas > one.bound and one.law == law for one in found), found
     assert law in doubt_bending(found[0])[0]
+
+
+@pytest.mark.parametrize("shared", [0.3, -0.7])
+def test_loads_that_go_together_are_found(shared: float):
+    found = [one.correlated for one in judged(shared=shared)]
+    assert all(one is not None and one.sigmas * np.sign(shared) > one.bound for one in found), found
+    assert "load_side_side and load_fore_aft go together" in doubt_correlated(found[0])[0]

@@ -1,4 +1,4 @@
-"""Forces that a linear model does not have: whether a support's stiffness or damping goes with amplitude.
+"""What smoothed loads say against a model: stiffness or damping that goes with amplitude, and loads that go together.
 
 Play, a spring that hardens and dry friction are forces on a degree of freedom that are no straight lines. A filter that
 knows none of them takes them in as loads, and finds the stiffness and damping of this amplitude. Had the model a small
@@ -17,6 +17,10 @@ Shapes are tanh q/σ, q in its rms: what cubes of a Gaussian q leave looks nearl
 play, where a slow part of q is hidden from accelerometers; and the sign of q̇. Directions of one support are alike, and
 so are blades: their t are judged one by one and as their sum over the root of their number.
 
+In the same way two loads are held against each other, E against E: the score of a correlation that the model does not
+have. Where blades turn, what is not known of one load is shared with another, and the score is none; so supports alone
+are asked.
+
 Source: Rao, Proc. Camb. Phil. Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987 (score test); Masri &
 Caughey, J. Appl. Mech. 46, 1979, https://doi.org/10.1115/1.3424568 (restoring forces from motion); Cappé, Moulines &
 Rydén, Inference in Hidden Markov Models, 2005, section 10.1 (scores from smoothing, Fisher's identity).
@@ -24,17 +28,19 @@ Rydén, Inference in Hidden Markov Models, 2005, section 10.1 (scores from smoot
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
-from windsysid._types import Array
+from windsysid._types import Array, Complex
 from windsysid.filters import Info, smooth
 from windsysid.mechanics.model import Coordinate
+from windsysid.results.smoothed_loads import CorrelatedLoads, SmoothedLoads
 from windsysid.results.straightness import Bending, Law
 from windsysid.statespace.acting_loads import acting_loads
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["find_bending"]
+__all__ = ["judge_smoothed_loads"]
 
 TURN_Q, TURN_V = 1.0, 0.1
 """Displacement and velocity, in their rms, about which a force turns round."""
@@ -47,11 +53,16 @@ MAX_SIGMAS, MAX_SIGMAS_ALIKE = 3.7, 3.0
 records t has a deviation of 0.96: of five, the ten and the four that are looked at exceed them in one record of 120."""
 
 
-def find_bending(
+MAX_TOGETHER = 3.2
+"""Standard deviations of chance by which two loads may go together. Where sensors may be off their axes, healthy towers
+show a third of one, as the fit takes the rest for that."""
+
+
+def judge_smoothed_loads(
     model: StateSpace, inputs: Array, readings: Array, info: Info, *, freedoms: Sequence[Coordinate]
-) -> Bending | None:
-    """What shows most that stiffness or damping goes with amplitude; None where that cannot be asked: of times that are
-    unequal, of a record too short or at rest, and where no load is a state.
+) -> SmoothedLoads | None:
+    """What loads show along the motion; None where that cannot be asked: of times that are unequal, of a record too
+    short or at rest, and where no load is a state.
 
     Parameters
     ----------
@@ -65,10 +76,11 @@ def find_bending(
     if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < FEWEST or not asked:
         return None
     state = smooth(model, inputs, np.where(info.gated, np.nan, readings)).mean
-    n, (nx, nz) = len(freedoms), model.blocks.sizes[:2]
-    loads = np.einsum("twz,tz->tw", output, state[:, nx : nx + nz])[:, [names.index(freedoms[j].load) for j in asked]]
+    n, (nx, nz), own = len(freedoms), model.blocks.sizes[:2], [freedoms[j].load for j in asked]
+    loads = np.einsum("twz,tz->tw", output, state[:, nx : nx + nz])[:, [names.index(name) for name in own]]
+    driven = np.fft.rfft(np.diff(loads, axis=0), axis=0)
     found: list[Bending] = []
-    for law, t in _scores(state[:, asked], state[:, [n + j for j in asked]], loads).items():
+    for law, t in _scores(state[:, asked], state[:, [n + j for j in asked]], driven).items():
         groups = [[i] for i in range(len(asked))]
         groups += [[i for i, j in enumerate(asked) if bool(freedoms[j].blade) is blade] for blade in (False, True)]
         for group in groups:
@@ -76,24 +88,35 @@ def find_bending(
                 sigmas = float(t[group].sum()) / math.sqrt(len(group))
                 bound = MAX_SIGMAS if len(group) == 1 else MAX_SIGMAS_ALIKE
                 found.append(Bending(law, tuple(freedoms[asked[i]].name for i in group), sigmas, bound))
-    return max(found, key=lambda one: abs(one.sigmas) / one.bound)
+    pairs = combinations(range(0 if any(one.blade for one in freedoms) else len(asked)), 2)
+    together = [
+        CorrelatedLoads((own[i], own[j]), float(_score(driven[:, i], driven[:, j])), MAX_TOGETHER) for i, j in pairs
+    ]
+    return SmoothedLoads(
+        max(found, key=lambda one: abs(one.sigmas) / one.bound),
+        max(together, key=lambda one: abs(one.sigmas), default=None),
+    )
 
 
-def _scores(q: Array, v: Array, loads: Array) -> dict[Law, Array]:
-    """How many standard deviations t (n,) each law of force is from none, of smoothed displacements, velocities and
-    loads of n degrees of freedom (T, n). Loads that grow with −q̇ as friction does count as positive."""
+def _scores(q: Array, v: Array, driven: Complex) -> dict[Law, Array]:
+    """How many standard deviations t (n,) each law of force is from none, of smoothed displacements and velocities of n
+    degrees of freedom (T, n) and of what drives their loads (F, n). A load that goes with −q̇, as friction does, counts
+    as positive."""
     q, v = _scaled(q), _scaled(v)
-    driven = np.diff(loads, axis=0)
     lines = np.linalg.qr(np.diff(np.hstack([q, v]), axis=0))[0]
     forces: dict[Law, Array] = {"stiffness": np.tanh(q / TURN_Q), "damping": -np.tanh(v / TURN_V)}
     found: dict[Law, Array] = {}
     for law, force in forces.items():
         steps = np.diff(force, axis=0)
         steps -= lines @ (lines.T @ steps)
-        e, d = np.fft.rfft(driven, axis=0), np.fft.rfft(steps, axis=0)
-        chance = np.sqrt(0.5 * np.sum(np.abs(e) ** 2 * np.abs(d) ** 2, axis=0))
-        found[law] = np.sum((e.conj() * d).real, axis=0) / np.maximum(chance, 1e-300)
+        found[law] = _score(driven, np.fft.rfft(steps, axis=0))
     return found
+
+
+def _score(e: Complex, d: Complex) -> Array:
+    """By how many standard deviations of chance two Fourier transforms (F, …) go together (…,)."""
+    chance = np.sqrt(0.5 * np.sum(np.abs(e) ** 2 * np.abs(d) ** 2, axis=0))
+    return np.asarray(np.sum((e.conj() * d).real, axis=0) / np.maximum(chance, 1e-300))
 
 
 def _scaled(values: Array) -> Array:

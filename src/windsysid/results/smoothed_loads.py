@@ -1,0 +1,52 @@
+"""What smoothed loads say against a model (`windsysid.identification.smoothed_loads`).
+
+Where loads push a support in two directions at once, its readings share what a model of independent loads has to
+explain by sensors off their axes; that moves damping.
+"""
+
+from typing import NamedTuple
+
+from windsysid.results.straightness import Bending
+
+__all__ = ["CorrelatedLoads", "SmoothedLoads", "doubt_correlated"]
+
+
+class CorrelatedLoads(NamedTuple):
+    """Two loads that go together.
+
+    Attributes
+    ----------
+    loads
+        Their names.
+    sigmas, bound
+        By how many standard deviations of chance, and how many count.
+    """
+
+    loads: tuple[str, str]
+    sigmas: float
+    bound: float
+
+
+class SmoothedLoads(NamedTuple):
+    """What was looked at.
+
+    Attributes
+    ----------
+    bending
+        What shows most that stiffness or damping goes with amplitude.
+    correlated
+        The two loads that go together most; None where there are no two, or blades.
+    """
+
+    bending: Bending
+    correlated: CorrelatedLoads | None
+
+
+def doubt_correlated(found: CorrelatedLoads | None) -> list[str]:
+    """Why a result is not to be trusted, as far as loads go together; none where they do not."""
+    if found is None or abs(found.sigmas) <= found.bound:
+        return []
+    return [
+        f"{' and '.join(found.loads)} go together ({abs(found.sigmas):.1f} standard deviations): likely loads on both"
+        " at once; choose a section in which the wind comes along one axis"
+    ]
