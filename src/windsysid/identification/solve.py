@@ -9,8 +9,8 @@ Maximum likelihood needs a fixed set of readings. So the mode is found with all 
 out, and the mode is found anew; the set is judged again from all readings, until it stays.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -21,9 +21,10 @@ from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.identification.clocks import Lateness, add_clocks, shifted
 from windsysid.identification.outcome import check_finite, diverged
+from windsysid.identification.outliers import Outliers, find_spikes
 from windsysid.identification.posterior_mode import Mode, find_mode
 from windsysid.identification.recursive import History, Online, advance, finish, join_histories
-from windsysid.identification.samples import Block, Samples, split_evenly
+from windsysid.identification.samples import Samples, split_evenly
 from windsysid.output.progress import expect
 from windsysid.results.load_history import Loads
 from windsysid.results.stretches import Stretch, measure_stretch
@@ -31,21 +32,10 @@ from windsysid.results.whiteness import Whiteness, judge_stretches
 from windsysid.statespace.acting_loads import acting_loads
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["Problem", "Solution", "expect_search", "find_spikes", "solve"]
+__all__ = ["Problem", "Solution", "expect_search", "solve"]
 
 GATE_SIGMAS = 5.0
 """Standard deviations beyond which an innovation is an outlier: one in two million of normal ones."""
-
-MIN_OUTLIER_POWER = 0.02
-"""What outliers must add to a channel's mean squared innovation to be left out: a few that are hardly beyond the gate
-do no harm."""
-
-MAX_OUTLIER_SHARE = 0.05
-"""Share of a channel beyond which they are not outliers: then the model is wrong, and all are kept."""
-
-SPIKE, ALONE = 15.0, 0.75
-"""Medians of a channel by which a spike is off the middle of its neighbours: ten standard deviations of normal ones;
-and the share of that by which these may be, which are half as far off beside a spike."""
 
 MAX_GATED_SEARCHES = 4
 """Searches for the mode until the set of outliers stays."""
@@ -128,7 +118,7 @@ class Solution(NamedTuple):
     inputs: Array
     loads: Loads
     whiteness: Whiteness
-    outliers: "Outliers"
+    outliers: Outliers
     read: NDArray[np.int64]
     samples: int
     mean_inputs: Array
@@ -226,45 +216,6 @@ def _take_in(problem: Problem, samples: Samples, online: Online) -> tuple[Online
     return online, join_histories([*histories, last])
 
 
-@dataclass(frozen=True)
-class Outliers:
-    """Readings that are left out: for each block the places in its readings (T, m), counted row by row."""
-
-    places: tuple[NDArray[np.int64], ...] = ()
-
-    def mask(self, block: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
-        """Which readings (T, m) of a block are outliers."""
-        found = np.zeros(shape, dtype=np.bool_)
-        if block < len(self.places):
-            found.reshape(-1)[self.places[block]] = True
-        return found
-
-    def counts(self, channels: int) -> NDArray[np.int64]:
-        """How many there are of each channel (m,)."""
-        columns = [places % channels for places in self.places]
-        return np.bincount(np.concatenate([[], *columns]).astype(np.int64), minlength=channels)
-
-    def same_as(self, other: "Outliers") -> bool:
-        """Whether the same readings are left out."""
-        return len(self.places) == len(other.places) and all(map(np.array_equal, self.places, other.places))
-
-    def left_out_of(self, samples: Samples) -> Samples:
-        """The samples without them."""
-        return SamplesWithout(samples, self) if self.places else samples
-
-
-@dataclass(frozen=True)
-class SamplesWithout:
-    """Samples whose outliers are missing readings."""
-
-    samples: Samples
-    outliers: Outliers
-
-    def __iter__(self) -> Iterator[Block]:
-        for block, (inputs, readings) in enumerate(self.samples):
-            yield inputs, np.where(self.outliers.mask(block, readings.shape), np.nan, readings)
-
-
 def _search(
     problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float, spikes: Outliers
 ) -> "tuple[Mode, Outliers, _Seen]":
@@ -278,11 +229,11 @@ def _search(
         model, frequencies = problem.build(mode.mean[:n]), problem.frequencies(mode.mean)
         gated = replace(model, blocks=model.blocks._replace(gate=np.array([GATE_SIGMAS])))
         seen = _filter(gated, shifted(problem, samples, clocks), rate, frequencies)
-        found = _outliers(seen)
+        found = seen.gated.that_matter(seen.gated_power, seen.read, seen.stretch.samples)
         if found.same_as(outliers) or (searches > 1 and not mode.settled):  # no set of readings makes it settle
             break
         outliers, kept = found, found.left_out_of(samples)
-    if seen.gated.any():  # what a filter without a gate says
+    if seen.gated.counts(len(seen.read)).any():  # what a filter without a gate says
         seen = _filter(model, shifted(problem, samples, clocks), rate, frequencies, outliers)
     return mode, outliers, seen
 
@@ -317,37 +268,6 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
     return mode
 
 
-def find_spikes(samples: Samples) -> Outliers:
-    """Readings that stand alone, far from both of their neighbours: what a first search leaves out. A search that took
-    them in would end far away, and the next would begin there."""
-    found = []
-    for _, readings in samples:
-        channels = readings.shape[1]
-        alone = [channels * _alone(column) + i for i, column in enumerate(readings.T)]
-        found.append(np.sort(np.concatenate(alone)))
-    return Outliers(tuple(found)) if any(len(at) for at in found) else Outliers()
-
-
-def _alone(readings: Array) -> NDArray[np.int64]:
-    """Which readings of a channel (T,) are spikes."""
-    read = np.flatnonzero(np.isfinite(readings))
-    values = readings[read]
-    off = np.zeros(len(values))
-    off[1:-1] = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
-    beside = np.maximum(np.roll(off, 1), np.roll(off, -1))
-    spikes = (off > SPIKE * np.median(off)) & (beside < ALONE * off) if len(off) else np.zeros(0, dtype=np.bool_)
-    return read[spikes] if np.count_nonzero(spikes) <= MAX_OUTLIER_SHARE * len(values) else read[:0]
-
-
-def _outliers(seen: "_Seen") -> Outliers:
-    """Readings beyond the gate of a filter that takes none of them in, in channels that feel them, and not where they
-    are the rule."""
-    felt = seen.gated_power > MIN_OUTLIER_POWER * seen.read
-    channels = felt & (seen.gated <= MAX_OUTLIER_SHARE * seen.stretch.samples)
-    places = tuple(at[channels[at % len(channels)]] for at in seen.gated_at)
-    return Outliers(places) if any(len(at) for at in places) else Outliers()
-
-
 class _Seen(NamedTuple):
     """What one pass of a filter over all samples gave: sums over all, arrays of the last block."""
 
@@ -358,9 +278,8 @@ class _Seen(NamedTuple):
     stretch: Stretch
     total_inputs: Array
     read: NDArray[np.int64]
-    gated: NDArray[np.int64]
+    gated: Outliers
     gated_power: Array
-    gated_at: tuple[NDArray[np.int64], ...]
 
 
 def _filter(
@@ -370,8 +289,7 @@ def _filter(
     belief, m = EKF.init(model), len(model.readings)
     log_likelihood, total_inputs = 0.0, np.zeros(len(model.inputs))
     stretch: Stretch | None = None
-    read, gated, power = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64), np.zeros(m)
-    gated_at = []
+    read, power, gated = np.zeros(m, dtype=np.int64), np.zeros(m), []
     for block, (inputs, readings) in enumerate(samples):
         left_out = (outliers or Outliers()).mask(block, readings.shape)
         kept = np.where(left_out, np.nan, readings) if outliers else readings
@@ -387,9 +305,8 @@ def _filter(
         log_likelihood += float(info.log_likelihood.sum())
         total_inputs += inputs.sum(axis=0)
         read += np.isfinite(readings).sum(axis=0)
-        gated += info.gated.sum(axis=0)
         power += np.nansum(np.square(np.where(info.gated, info.innovation / info.innovation_std, 0.0)), axis=0)
-        gated_at.append(np.flatnonzero(info.gated))
+        gated.append(np.flatnonzero(info.gated))
         for part in split_evenly(len(inputs)):
             stretch = measure_stretch(
                 info.whitened[part], rate=rate, frequencies=frequencies, gated=info.gated[part], before=stretch
@@ -399,7 +316,7 @@ def _filter(
     names, means, stds = zip(*loads, strict=True)
     acting = Loads(names[0], np.concatenate(means), np.concatenate(stds))
     return _Seen(
-        info, inputs, acting, log_likelihood, stretch, total_inputs, read, gated, power, tuple(gated_at)
+        info, inputs, acting, log_likelihood, stretch, total_inputs, read, Outliers(tuple(gated)), power
     )  # fmt: skip
 
 
