@@ -23,7 +23,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.results.lines import HANN_VARIANCE
 
-__all__ = ["BETTER", "Rival", "find_rival"]
+__all__ = ["Rival", "find_rival"]
 
 BETTER = 1.6
 """Log posterior by which a narrow-band load has to explain a channel better: odds of 5 to 1. Where it does, a mode is
@@ -31,7 +31,11 @@ far off; of 60 healthy towers one has a rival of another answer, and a prior tha
 
 OTHER, ELSEWHERE = math.log(2.5), math.log(1.35)
 """Of the damping, by which another explanation has to be another answer; and of the frequency, beyond which its load
-stands for the mode and its mode for nothing that shows."""
+may stand for the mode and its mode for nothing that shows."""
+
+MUCH_BETTER = 7.0
+"""Log posterior by which it has to be better where it puts the mode elsewhere: of 40 healthy towers some show 3.6, as
+another mode near a prior that is far off suits the prior."""
 
 REACH = 1.55
 """Factor about the mode's frequency, as the file has it and as it was found, between which both are held."""
@@ -70,10 +74,10 @@ class Rival(NamedTuple):
     better: float
     mode: tuple[float, float]
 
-    def has_another_answer_than(self, found: tuple[float, float]) -> bool:
-        """Whether its mode is as fast as the one that was found, and damped otherwise."""
+    def speaks_against(self, found: tuple[float, float]) -> bool:
+        """Whether it is better, and its mode another than the one that was found: damped otherwise, or elsewhere."""
         faster, damped = (abs(math.log(theirs / ours)) for theirs, ours in zip(self.mode, found, strict=True))
-        return faster < ELSEWHERE and damped > OTHER
+        return self.better > MUCH_BETTER if faster > ELSEWHERE else damped > OTHER and self.better > BETTER
 
 
 def find_rival(
