@@ -45,6 +45,9 @@ __all__ = ["judge_smoothed_loads"]
 TURN_Q, TURN_V = 1.0, 0.1
 """Displacement and velocity, in their rms, about which a force turns round."""
 
+CHUNK = 4096
+"""Samples for which all H(ψ) are held at once."""
+
 FEWEST = 500
 """Samples with a reading below which nothing is said."""
 
@@ -71,13 +74,13 @@ def judge_smoothed_loads(
     freedoms
         The n degrees of freedom; one whose load is no state is not asked.
     """
-    names, output = acting_loads(model, inputs)
+    names = acting_loads(model, inputs[:1])[0]
     asked = [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
     if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < FEWEST or not asked:
         return None
     state = smooth(model, inputs, np.where(info.gated, np.nan, readings)).mean
-    n, (nx, nz), own = len(freedoms), model.blocks.sizes[:2], [freedoms[j].load for j in asked]
-    loads = np.einsum("twz,tz->tw", output, state[:, nx : nx + nz])[:, [names.index(name) for name in own]]
+    n, own = len(freedoms), [freedoms[j].load for j in asked]
+    loads = _loads(model, inputs, state)[:, [names.index(name) for name in own]]
     driven = np.fft.rfft(np.diff(loads, axis=0), axis=0)
     found: list[Bending] = []
     for law, t in _scores(state[:, asked], state[:, [n + j for j in asked]], driven).items():
@@ -95,6 +98,15 @@ def judge_smoothed_loads(
     return SmoothedLoads(
         max(found, key=lambda one: abs(one.sigmas) / one.bound),
         max(together, key=lambda one: abs(one.sigmas), default=None),
+    )
+
+
+def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:
+    """The loads that are states (T, n_w), of their states (T, n)."""
+    nx, nz = model.blocks.sizes[:2]
+    parts = [slice(first, first + CHUNK) for first in range(0, len(inputs), CHUNK)]
+    return np.concatenate(
+        [np.einsum("twz,tz->tw", acting_loads(model, inputs[at])[1], state[at, nx : nx + nz]) for at in parts]
     )
 
 
