@@ -51,10 +51,9 @@ CHUNK = 4096
 FEWEST = 500
 """Samples with a reading below which nothing is said."""
 
-MAX_SIGMAS, MAX_SIGMAS_ALIKE = 3.7, 3.0
-"""Standard deviations of chance that count, of one degree of freedom and of those that are alike together. On healthy
-records t has a deviation of 0.96: of five, the ten and the four that are looked at exceed them in one record of 120."""
-
+MAX_SIGMAS, MAX_SIGMAS_ALIKE = 3.8, 3.2
+"""Standard deviations of chance that count, of one degree of freedom and of those that are alike together. Of five, the
+ten and the four that are looked at exceed them in one healthy record of 140."""
 
 MAX_TOGETHER = 3.2
 """Standard deviations of chance by which two loads may go together. Where sensors may be off their axes, healthy towers
