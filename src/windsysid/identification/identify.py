@@ -20,6 +20,7 @@ from windsysid.identification.prepare import (
     screened,
     thin_to_readings,
     usable_sensors,
+    without_stuck,
 )
 from windsysid.identification.prior import Prior
 from windsysid.identification.spectral import identify_by_spectrum
@@ -177,7 +178,7 @@ def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
     """By filters, from where spectra ended if that is said."""
     part, turbine, sensors = asked.part.on_own_times(), asked.turbine, asked.sensors
     found = usable_sensors(part, turbine, sensors)
-    faults = screened(asked.part, turbine, found)
+    part, faults = without_stuck(part, screened(asked.part, turbine, found))
     part, drifted = without_drift(part, turbine, found)
     part, steps, resampled = resample_for_model(part, turbine, asked.rate, sensors or turbine.sensors)
     check_length(part.name, part.duration, part.rate, turbine)
@@ -197,7 +198,7 @@ def _by_spectra(asked: _Asked) -> _Found:
     if asked.rate is not None:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     found = usable_sensors(part, turbine, asked.sensors)
-    faults = screened(asked.part, turbine, found)
+    part, faults = without_stuck(part, screened(asked.part, turbine, found))
     part, drifted = without_drift(part, turbine, found)
     outcome, prior = with_wide_priors(
         lambda prior: identify_by_spectrum(part, turbine, found, prior, asked.parameters, loads=asked.loads),

@@ -10,6 +10,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import Info
 from windsysid.identification.outcome import Outcome
+from windsysid.inspection.channels import VIBRATION, kinds
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import read_besides, screen
 from windsysid.mechanics.sensors import Sensor
@@ -33,6 +34,7 @@ __all__ = [
     "thin_to_readings",
     "usable_sensors",
     "with_noise",
+    "without_stuck",
 ]
 
 
@@ -144,6 +146,27 @@ def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, ref
         offsets={sensor.channel: sensor.bias for sensor in sensors},
         refuse=refuse,
     )  # fmt: skip
+
+
+def without_stuck(record: Record, faults: Sequence[Finding]) -> tuple[Record, list[Finding]]:
+    """The record with readings missing where a channel repeats one value or falls silent, and what is to be said of its
+    faults."""
+    told, held = [], {}
+    for fault in faults:
+        if (
+            fault.kind in ("frozen", "silent")
+            and fault.severity == "warning"
+            and kinds(record).get(fault.channel) in VIBRATION
+        ):
+            stuck = np.zeros(record.samples, dtype=np.bool_)
+            for first, last in fault.spans:
+                stuck |= (record.time >= first) & (record.time <= last)
+            held[fault.channel] = np.where(stuck, np.nan, record[fault.channel]), record.unit(fault.channel)
+            text = fault.text.replace("treat them as missing", "taken as missing")
+            told.append(replace(fault, text=text))
+        else:
+            told.append(fault)
+    return (record.with_channels(held) if held else record), told
 
 
 def resample_for_model(

@@ -16,6 +16,7 @@ from windsysid.inspection.channels import VIBRATION, Kind, kinds
 from windsysid.inspection.continuity import copied_channels, copied_passages, lost_samples, overrun
 from windsysid.inspection.health import SEVERITIES, Finding, channel_faults, clock_faults
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, TIME, Rotor, implausible, rotor_of
+from windsysid.inspection.silence import silent_stretches
 from windsysid.records.record import Record
 from windsysid.signals.inputs import TURNING
 
@@ -27,7 +28,7 @@ __all__ = ["doubted", "examine", "findings_of", "noted", "read_besides", "screen
 _DEAD = ("constant", "frozen")
 _FALSE = frozenset({"copied passage", "copy", "lost samples", "overrun"})
 """Kinds of findings that make estimates or their bands wrong."""
-_JUMPING = frozenset({"clipping", "frozen", "held", "interpolated", "missing", "overrun", "spikes"})
+_JUMPING = frozenset({"clipping", "frozen", "held", "interpolated", "missing", "overrun", "silent", "spikes"})
 """Kinds of findings that jumps of a channel come from."""
 _MAX_VALUE = 1e100
 _OFFSET_SIGMAS = 3.0
@@ -63,6 +64,7 @@ def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], d
     usable = {channel: kind for channel, kind in known.items() if channel not in broken}
     moving = [channel for channel, kind in usable.items() if kind in VIBRATION]
     findings += copied_passages(record, moving)
+    findings += silent_stretches(record, moving)
     jumping = {finding.channel for finding in findings if finding.kind in _JUMPING}
     if not any(finding.kind in ("gaps", "repeated rows") for finding in findings):
         findings += lost_samples(record, [channel for channel in moving if channel not in jumping])

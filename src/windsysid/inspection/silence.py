@@ -1,0 +1,101 @@
+"""Stretches in which a channel falls silent at once while others go on: a loose plug, no power, a logger that fills in.
+
+Vibration fades and comes back; an instrument is gone from one sample to the next. So a stretch counts where a channel's
+power over each of its own periods is far below the usual, for several periods in a row, where it is back within a
+period on either side, and where another channel vibrates meanwhile.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array, Mask
+from windsysid.inspection.health import Finding, count_of, when
+from windsysid.records.record import Record
+
+__all__ = ["silent_stretches"]
+
+QUIET, BACK = 1.0 / 15.0, 0.3
+"""Of a channel's usual rms over a period: below which it is silent, and above which it is beside that."""
+
+FEWEST_PERIODS = 5
+"""Periods in a row that are silent."""
+
+FEWEST_SAMPLES = 16
+"""Of a window, which is a period long otherwise."""
+
+GOING_ON = 0.3
+"""Of another channel's rms, that it has meanwhile."""
+
+NOISE = 5.0
+"""Standard deviations of what a silent channel reads, within which its neighbouring samples are silent, too."""
+
+
+def silent_stretches(record: Record, channels: Sequence[str]) -> list[Finding]:
+    """Where one of these channels, which vibrate, reads nothing but noise for a while."""
+    found = []
+    for channel in channels:
+        others = [other for other in channels if other != channel]
+        runs = [run for run in _silent(record[channel]) if any(_goes_on(record[other], run) for other in others)]
+        if not runs:
+            continue
+        spans = np.array([[record.time[first], record.time[end - 1]] for first, end in runs])
+        count = sum(end - first for first, end in runs)
+        share, longest = 100.0 * count / record.samples, float(np.diff(spans, axis=1).max()) + 1.0 / record.rate
+        text = (
+            f"silent: reads nothing but noise for up to {longest:.3g} s, {count_of(count, 'sample')} ({share:.2g} %),"
+            f" {when(spans)}, while others vibrate: treat them as missing"
+        )
+        found.append(Finding(channel, "silent", "warning", text, count, spans))
+    return found
+
+
+def _silent(x: Array) -> list[tuple[int, int]]:
+    """First and one-past-last sample of each stretch in which a channel falls silent for some periods."""
+    seen = np.isfinite(x)
+    centred = np.where(seen, x - (np.median(x[seen]) if seen.any() else 0.0), 0.0)
+    crossings = np.count_nonzero(np.diff(np.signbit(centred[seen])))
+    width = max(FEWEST_SAMPLES, round(2.0 * float(seen.sum()) / max(int(crossings), 1)))
+    count = len(x) // width
+    if count < 2 * FEWEST_PERIODS:
+        return []
+    windows, known = (array[: count * width].reshape(count, width) for array in (centred, seen))
+    samples = known.sum(axis=1)
+    told = samples >= width // 2
+    if not told.any():
+        return []
+    mean, square = windows.sum(axis=1) / np.maximum(samples, 1), (windows**2).sum(axis=1) / np.maximum(samples, 1)
+    rms = np.sqrt(np.maximum(square - mean**2, 0.0))
+    usual = float(np.median(rms[told]))
+    found = []
+    for first, end in _runs((rms < QUIET * usual) & told):
+        before, after = first - 2, end + 1
+        if end - first < FEWEST_PERIODS or before < 0 or after >= count or min(rms[before], rms[after]) < BACK * usual:
+            continue
+        inside = x[first * width : end * width]
+        if np.nanmax(inside) > np.nanmin(inside):  # what repeats one value is frozen
+            found.append(_widened(x, first * width, end * width))
+    return found
+
+
+def _widened(x: Array, first: int, end: int) -> tuple[int, int]:
+    """The same up to the last sample on either side that is as small."""
+    middle, size = float(np.nanmean(x[first:end])), NOISE * float(np.nanstd(x[first:end]))
+    while first > 0 and abs(x[first - 1] - middle) < size:
+        first -= 1
+    while end < len(x) and abs(x[end] - middle) < size:
+        end += 1
+    return first, end
+
+
+def _goes_on(x: Array, run: tuple[int, int]) -> bool:
+    """Whether a channel vibrates in a stretch as elsewhere."""
+    stretch = x[slice(*run)]
+    inside, usual = stretch[np.isfinite(stretch)], float(np.nanstd(x))
+    return len(inside) > 0 and float(np.std(inside)) > GOING_ON * usual > 0.0
+
+
+def _runs(mask: Mask) -> list[tuple[int, int]]:
+    """First and one-past-last of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

@@ -1,0 +1,75 @@
+"""A channel that falls silent while others go on is found, to the sample; vibration that fades is not."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from windsysid.identification.prepare import without_stuck
+from windsysid.inspection.screening import screen
+from windsysid.inspection.silence import silent_stretches
+from windsysid.records.record import Record
+
+RATE, SAMPLES = 20.0, 6000
+CHANNELS = ("tower_x_acceleration", "tower_y_acceleration")
+
+
+def vibration(seed: int, damping: float = 0.02, frequency: float = 0.5) -> np.ndarray:
+    """Two channels (T, 2) of a mode each, with noise of a hundredth."""
+    rng = np.random.default_rng(seed)
+    pole = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * 2.0 * np.pi * frequency / RATE)
+    drive = rng.standard_normal((SAMPLES + 4000, 2))
+    x = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], drive, axis=0)[4000:]
+    return np.asarray(x / x.std(axis=0) + 0.01 * rng.standard_normal(x.shape))
+
+
+def record(values: np.ndarray) -> Record:
+    return Record(np.arange(len(values)) / RATE, values, CHANNELS, ("m/s^2",) * 2, name="shaken")
+
+
+def with_noise_only(values: np.ndarray, where: slice, columns: slice = slice(0, 1)) -> np.ndarray:
+    values = values.copy()
+    values[where, columns] = 0.01 * np.random.default_rng(3).standard_normal(values[where, columns].shape)
+    return values
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_silent_stretch_is_found_to_the_sample(seed: int):
+    (found,) = silent_stretches(record(with_noise_only(vibration(seed), slice(2000, 2600))), CHANNELS)
+    assert (found.channel, found.kind, found.severity) == (CHANNELS[0], "silent", "warning")
+    np.testing.assert_allclose(found.spans * RATE, [[2000, 2599]], atol=2.0)
+    assert "silent: reads nothing but noise for up to 30 s, 60" in found.text
+
+
+def test_missing_samples_are_no_silence_and_hide_none():
+    values = with_noise_only(vibration(1), slice(2000, 2600))
+    values[[500, 2100, 2101, 4000], 0] = np.nan
+    values[5000:5400, 0] = np.nan
+    (found,) = silent_stretches(record(values), CHANNELS)
+    np.testing.assert_allclose(found.spans * RATE, [[2000, 2599]], atol=2.0)
+
+
+@pytest.mark.parametrize("damping", [0.003, 0.01, 0.05])
+def test_vibration_that_fades_is_not_silent(damping: float):
+    assert not [one for seed in range(20) for one in silent_stretches(record(vibration(seed, damping)), CHANNELS)]
+
+
+def test_a_machine_at_rest_is_not_silent_and_neither_is_a_channel_alone():
+    still = with_noise_only(vibration(2), slice(2000, 2600), slice(0, 2))
+    assert not silent_stretches(record(still), CHANNELS)
+    assert not silent_stretches(record(with_noise_only(vibration(2), slice(2000, 2600))), CHANNELS[:1])
+
+
+def test_silent_and_frozen_readings_are_missing_to_an_identification():
+    values = with_noise_only(vibration(3), slice(2000, 2600))
+    values[4000:4100, 1] = values[4000, 1]
+    made = record(values)
+    faults = screen(made, None, CHANNELS)
+    assert {(fault.channel, fault.kind) for fault in faults} == {(CHANNELS[0], "silent"), (CHANNELS[1], "frozen")}
+    read, told = without_stuck(made, faults)
+    missing = np.isnan(read.values)
+    np.testing.assert_allclose(missing.sum(axis=0), [600, 100], atol=3)
+    assert missing[2000:2600, 0].all()
+    assert missing[4000:4100, 1].all()
+    np.testing.assert_array_equal(read.values[~missing], made.values[~missing])
+    assert all(fault.text.endswith("taken as missing") for fault in told)
+    assert np.isfinite(made.values).all()
