@@ -40,6 +40,13 @@ def test_a_silent_stretch_is_found_to_the_sample(seed: int):
     assert "silent: reads nothing but noise for up to 30 s, 60" in found.text
 
 
+def test_a_channel_need_not_be_a_good_one():
+    values = vibration(7)
+    values[2000:2600, 0] = 0.05 * np.random.default_rng(4).standard_normal(600)
+    (found,) = silent_stretches(record(values), CHANNELS)
+    np.testing.assert_allclose(found.spans * RATE, [[2000, 2599]], atol=8.0)
+
+
 def test_missing_samples_are_no_silence_and_hide_none():
     values = with_noise_only(vibration(1), slice(2000, 2600))
     values[[500, 2100, 2101, 4000], 0] = np.nan

@@ -5,6 +5,7 @@ power over each of its own periods is far below the usual, for several periods i
 period on either side, and where another channel vibrates meanwhile.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,7 +16,7 @@ from windsysid.records.record import Record
 
 __all__ = ["silent_stretches"]
 
-QUIET, BACK = 1.0 / 15.0, 0.3
+QUIET, BACK = 1.0 / 8.0, 0.4
 """Of a channel's usual rms over a period: below which it is silent, and above which it is beside that."""
 
 FEWEST_PERIODS = 5
@@ -54,8 +55,8 @@ def _silent(x: Array) -> list[tuple[int, int]]:
     """First and one-past-last sample of each stretch in which a channel falls silent for some periods."""
     seen = np.isfinite(x)
     centred = np.where(seen, x - (np.median(x[seen]) if seen.any() else 0.0), 0.0)
-    crossings = np.count_nonzero(np.diff(np.signbit(centred[seen])))
-    width = max(FEWEST_SAMPLES, round(2.0 * float(seen.sum()) / max(int(crossings), 1)))
+    size, steps = float(np.linalg.norm(centred)), float(np.linalg.norm(np.diff(centred[seen])))
+    width = max(FEWEST_SAMPLES, round(2.0 * math.pi * size / steps) if steps else len(x))
     count = len(x) // width
     if count < 2 * FEWEST_PERIODS:
         return []
