@@ -2,7 +2,7 @@
 
 Vibration fades and comes back; an instrument is gone from one sample to the next. So a stretch counts where a channel's
 power over each of its own periods is far below the usual, for several periods in a row, where it is back within a
-period on either side, and where another channel vibrates meanwhile.
+few periods on either side, and where another channel vibrates meanwhile.
 """
 
 import math
@@ -18,6 +18,9 @@ __all__ = ["silent_stretches"]
 
 QUIET, BACK = 1.0 / 8.0, 0.4
 """Of a channel's usual rms over a period: below which it is silent, and above which it is beside that."""
+
+REACH = 4
+"""Windows beside a stretch in which vibration has to be back."""
 
 FEWEST_PERIODS = 5
 """Periods in a row that are silent."""
@@ -70,13 +73,19 @@ def _silent(x: Array) -> list[tuple[int, int]]:
     usual = float(np.median(rms[told]))
     found = []
     for first, end in _runs((rms < QUIET * usual) & told):
-        before, after = first - 2, end + 1
-        if end - first < FEWEST_PERIODS or before < 0 or after >= count or min(rms[before], rms[after]) < BACK * usual:
+        before, after = rms[max(first - REACH, 0) : first - 1], rms[end + 1 : end + REACH]
+        if end - first < FEWEST_PERIODS or not (_is_back(before, usual) and _is_back(after, usual)):
             continue
         inside = x[first * width : end * width]
         if np.nanmax(inside) > np.nanmin(inside):  # what repeats one value is frozen
             found.append(_widened(x, first * width, end * width))
     return found
+
+
+def _is_back(rms: Array, usual: float) -> bool:
+    """Whether a channel vibrates as usual in one window or another beside a stretch, the nearest left out: it may be
+    half silent."""
+    return len(rms) > 0 and float(rms.max()) > BACK * usual
 
 
 def _widened(x: Array, first: int, end: int) -> tuple[int, int]:
