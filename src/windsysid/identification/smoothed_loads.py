@@ -90,7 +90,8 @@ def judge_smoothed_loads(
                 sigmas = float(t[group].sum()) / math.sqrt(len(group))
                 bound = MAX_SIGMAS if len(group) == 1 else MAX_SIGMAS_ALIKE
                 found.append(Bending(law, tuple(freedoms[asked[i]].name for i in group), sigmas, bound))
-    pairs = combinations(range(0 if any(one.blade for one in freedoms) else len(asked)), 2)
+    told = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
+    pairs = combinations(range(len(asked) if told else 0), 2)
     together = [
         CorrelatedLoads((own[i], own[j]), float(_score(driven[:, i], driven[:, j])), MAX_TOGETHER) for i, j in pairs
     ]
