@@ -66,6 +66,11 @@ def test_a_machine_at_rest_is_not_silent_and_neither_is_a_channel_alone():
     assert not silent_stretches(record(with_noise_only(vibration(2), slice(2000, 2600))), CHANNELS[:1])
 
 
+def test_a_record_that_begins_or_ends_quietly_is_not_silent():
+    for where in (slice(0, 600), slice(5400, 6000)):
+        assert not silent_stretches(record(with_noise_only(vibration(4), where)), CHANNELS)
+
+
 def test_silent_and_frozen_readings_are_missing_to_an_identification():
     values = with_noise_only(vibration(3), slice(2000, 2600))
     values[4000:4100, 1] = values[4000, 1]

@@ -18,8 +18,8 @@ play, where a slow part of q is hidden from accelerometers; and the sign of q̇.
 so are blades: their t are judged one by one and as their sum over the root of their number.
 
 In the same way two loads are held against each other, E against E: the score of a correlation that the model does not
-have. Where blades turn, what is not known of one load is shared with another, and the score is none; so supports alone
-are asked.
+have. Where blades turn, or one sensor hears two directions, what is not known of one load is shared with another, and
+the score is none; so supports with a sensor for each direction are asked.
 
 Source: Rao, Proc. Camb. Phil. Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987 (score test); Masri &
 Caughey, J. Appl. Mech. 46, 1979, https://doi.org/10.1115/1.3424568 (restoring forces from motion); Cappé, Moulines &
@@ -90,8 +90,8 @@ def judge_smoothed_loads(
                 sigmas = float(t[group].sum()) / math.sqrt(len(group))
                 bound = MAX_SIGMAS if len(group) == 1 else MAX_SIGMAS_ALIKE
                 found.append(Bending(law, tuple(freedoms[asked[i]].name for i in group), sigmas, bound))
-    told = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
-    pairs = combinations(range(len(asked) if told else 0), 2)
+    apart = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
+    pairs = combinations(range(len(asked) if apart else 0), 2)
     together = [
         CorrelatedLoads((own[i], own[j]), float(_score(driven[:, i], driven[:, j])), MAX_TOGETHER) for i, j in pairs
     ]

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid._types import Array, Mask
-from windsysid.inspection.health import Finding, count_of, when
+from windsysid._types import Array
+from windsysid.inspection.health import Finding, count_of, spans_of, when
 from windsysid.records.record import Record
 
 __all__ = ["copied_channels", "copied_passages", "copies_among", "lost_samples", "overrun"]
@@ -86,7 +86,7 @@ def copied_passages(record: Record, channels: Sequence[str]) -> list[Finding]:
     np.add.at(mask, again, 1)
     np.add.at(mask, again + PASSAGE, -1)
     copied = np.cumsum(mask)[:-1] > 0
-    spans = _spans(record.time, copied)
+    spans = spans_of(record.time, copied)
     share, origin = float(copied.mean()), float(record.time[source[np.searchsorted(at, again[0])]])
     text = (
         f"{count_of(int(copied.sum()), 'row')} ({100.0 * share:.2g} %) repeat earlier rows to the last digit,"
@@ -230,8 +230,3 @@ def _size_around(size: Array) -> Array:
 
 def _columns(record: Record, channels: Sequence[str]) -> Array:
     return np.column_stack([record[name] for name in channels]) if channels else np.empty((record.samples, 0))
-
-
-def _spans(time: Array, mask: Mask) -> Array:
-    edges: NDArray[np.int64] = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return np.column_stack([time[edges[::2]], time[edges[1::2] - 1]])

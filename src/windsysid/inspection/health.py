@@ -17,7 +17,10 @@ from windsysid.inspection.channels import VIBRATION, Kind, kinds
 from windsysid.records.record import AS_WRITTEN, Record
 from windsysid.units import unit_text
 
-__all__ = ["SEVERITIES", "Finding", "Severity", "channel_faults", "clock_faults", "sampled_every", "when"]
+__all__ = [
+    "SEVERITIES", "Finding", "Severity", "channel_faults", "clock_faults", "runs_of", "sampled_every",
+    "spans_of", "when",
+]  # fmt: skip
 
 
 Severity = Literal["note", "warning", "unusable"]
@@ -98,7 +101,7 @@ def clock_faults(record: Record) -> list[Finding]:
     if inside.size and np.max(np.abs(inside)) > 0.01:
         worst, spread = float(np.max(np.abs(inside))), float(np.std(inside))
         off = (np.abs(steps / usual - 1.0) > 0.1) & ~gap
-        spans = _spans(record.time[1:], off)
+        spans = spans_of(record.time[1:], off)
         found.append(
             Finding(
                 "", "irregular sampling", "warning" if worst > 0.1 else "note",
@@ -203,7 +206,7 @@ def _missing(record: Record, channel: str, known: Mask) -> list[Finding]:
         every = int(np.median(stride))
         text = f"has a value in every {every}th row only ({record.rate / every:.4g} Hz): a slower logger"
         return [_everywhere(channel, "slower rate", "note", text, count)]
-    spans = _spans(record.time, missing)
+    spans = spans_of(record.time, missing)
     longest = float((spans[:, 1] - spans[:, 0]).max()) + 1.0 / record.rate
     severity: Severity = "unusable" if share > 0.5 else "warning" if share > 0.01 or longest > 1.0 else "note"
     advice = (
@@ -285,7 +288,7 @@ def _local_scale(steps: Array, step: float) -> Array:
 
 
 def _spikes_found(channel: str, x: Array, time: Array, spike: Mask, unit: str) -> Finding:
-    spans = _spans(time, spike)
+    spans = spans_of(time, spike)
     quartile = np.percentile(x, (25.0, 75.0))
     usual = 0.7413 * float(quartile[1] - quartile[0])
     largest = float(np.max(np.abs(x[spike] - np.median(x))))
@@ -306,7 +309,7 @@ def _clipped(x: Array, lsb: float, healthy: Mask) -> Mask:
     for sign, end in ((1.0, high), (-1.0, low)):
         depth = sign * (end - x)
         at_end = healthy & (np.abs(depth) <= (0.5 * lsb if lsb else 1e-9 * (high - low)))
-        count, runs = int(at_end.sum()), len(_runs(at_end))
+        count, runs = int(at_end.sum()), len(runs_of(at_end))
         # A sinusoid leaves 2.4 times as many samples in its last level as in the one before, a normal one fewer.
         beside = max(int(np.sum((depth > (i - 0.5) * level) & (depth <= (i + 0.5) * level))) for i in (1, 2, 3))
         if count >= 10 and runs >= 3 and count > 5 * beside:
@@ -316,7 +319,7 @@ def _clipped(x: Array, lsb: float, healthy: Mask) -> Mask:
 
 def _clipping_found(channel: str, x: Array, time: Array, clipped: Mask, unit: str) -> Finding:
     ends = sorted({float(f"{x[clipped].min():.4g}"), float(f"{x[clipped].max():.4g}")})
-    spans = _spans(time, clipped)
+    spans = spans_of(time, clipped)
     share = float(clipped.mean())
     text = (
         f"{count_of(int(clipped.sum()), 'sample')} ({_percent(share)}) sit at"
@@ -401,7 +404,7 @@ def _repeated_rows(record: Record) -> list[Finding]:
     repeated = np.concatenate([[False], same[:, chosen].all(axis=1)])
     if not repeated.any():
         return []
-    spans = _spans(record.time, repeated)
+    spans = spans_of(record.time, repeated)
     text = (
         f"{count_of(int(repeated.sum()), 'row')} repeat the row before in all {int(chosen.sum())} channels that"
         f" vibrate, {when(spans)}: the logger stalled or wrote twice; treat them as missing"
@@ -413,15 +416,15 @@ def _everywhere(channel: str, kind: str, severity: Severity, text: str, count: i
     return Finding(channel, kind, severity, text, count, np.empty((0, 2)))
 
 
-def _runs(mask: Mask) -> NDArray[np.int64]:
+def runs_of(mask: Mask) -> NDArray[np.int64]:
     """First and one-past-last index of each run of True, (n, 2)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return edges.reshape(-1, 2).astype(np.int64)
 
 
-def _spans(time: Array, mask: Mask) -> Array:
+def spans_of(time: Array, mask: Mask) -> Array:
     """First and last time of each run of True, (n, 2) [s]."""
-    runs = _runs(mask)
+    runs = runs_of(mask)
     return np.column_stack([time[runs[:, 0]], time[runs[:, 1] - 1]])
 
 

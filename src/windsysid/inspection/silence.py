@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from windsysid._types import Array, Mask
-from windsysid.inspection.health import Finding, count_of, when
+from windsysid._types import Array
+from windsysid.inspection.health import Finding, count_of, runs_of, when
 from windsysid.records.record import Record
 
 __all__ = ["silent_stretches"]
@@ -72,8 +72,8 @@ def _silent(x: Array) -> list[tuple[int, int]]:
     rms = np.sqrt(np.maximum(square - mean**2, 0.0))
     usual = float(np.median(rms[told]))
     found = []
-    for first, end in _runs((rms < QUIET * usual) & told):
-        before, after = rms[max(first - REACH, 0) : first - 1], rms[end + 1 : end + REACH]
+    for first, end in runs_of((rms < QUIET * usual) & told).tolist():
+        before, after = rms[max(first - REACH, 0) : max(first - 1, 0)], rms[end + 1 : end + REACH]
         if end - first < FEWEST_PERIODS or not (_is_back(before, usual) and _is_back(after, usual)):
             continue
         inside = x[first * width : end * width]
@@ -103,9 +103,3 @@ def _goes_on(x: Array, run: tuple[int, int]) -> bool:
     stretch = x[slice(*run)]
     inside, usual = stretch[np.isfinite(stretch)], float(np.nanstd(x))
     return len(inside) > 0 and float(np.std(inside)) > GOING_ON * usual > 0.0
-
-
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """First and one-past-last of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

@@ -35,7 +35,7 @@ class SmoothedLoads(NamedTuple):
     bending
         What shows most that stiffness or damping goes with amplitude.
     correlated
-        The two loads that go together most; None where there are no two, or blades.
+        The two loads that go together most; None where there are no two, too few sensors, or blades.
     """
 
     bending: Bending
