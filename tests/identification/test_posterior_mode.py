@@ -1,11 +1,13 @@
-"""The Fisher information of a process whose likelihood is written on paper."""
+"""The Fisher information of a process whose likelihood is written on paper, and where a search begins anew."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import sympy as sp
 
 from windsysid.identification.own_equations import Reading
-from windsysid.identification.posterior_mode import information
+from windsysid.identification.posterior_mode import find_mode, information
 from windsysid.mechanics.equations import Equations
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.gauss_markov import GaussMarkov
@@ -47,3 +49,23 @@ def test_information_and_gradient_are_those_of_a_first_order_autoregression():
     to_sigma = -SAMPLES + y[0] ** 2 / SIGMA**2 + np.sum(e**2) / variance
     to_phi = (SAMPLES - 1) * PHI / rest + np.sum(e * y[:-1]) / variance - np.sum(e**2) * PHI / (variance * rest)
     assert gradient == pytest.approx([to_sigma, to_phi], rel=1e-5, abs=1e-4)
+
+
+def test_a_search_whose_start_has_no_likelihood_begins_at_the_prior():
+    # as a recursion that lost its way among pulses left one
+
+    def build(theta: np.ndarray) -> StateSpace:
+        model, far = autoregression(theta), theta[0] > 5.0
+        noise = model.blocks.load_noise
+        return replace(model, blocks=model.blocks._replace(load_noise=np.nan * noise if far else noise))
+
+    y = np.random.default_rng(4).standard_normal((SAMPLES, 1))
+    mean, cov = np.array([0.0, 0.5]), np.diag([0.25, 0.01])
+    lost, sound = (
+        find_mode(
+            build, [(np.zeros((SAMPLES, 1)), y)],
+            prior_mean=mean, prior_cov=cov, start=np.array([at, 0.5]), start_cov=cov,
+        )
+        for at in (6.0, 0.0)
+    )  # fmt: skip
+    np.testing.assert_array_equal(lost.mean, sound.mean)

@@ -221,7 +221,7 @@ def find_mode(
     Raises
     ------
     WindsysidError
-        If the likelihood cannot be computed at the start, or its slopes anywhere.
+        If the likelihood can be computed neither at the start nor at the prior's mean, or its slopes nowhere.
     """
     information = np.linalg.inv(prior_cov)
 
@@ -233,9 +233,11 @@ def find_mode(
     widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(start_cov) + information))
     settled, before = False, 0.0
     with ThreadPoolExecutor(THREADS) as pool:
-        here = look(build, samples, start.copy(), widths, pool, changes)
-        best = objective(here)
-        if not np.isfinite(best):
+        for begun in (start, prior_mean):  # a recursion may have lost its way
+            here = look(build, samples, begun.copy(), widths, pool, changes)
+            if np.isfinite(best := objective(here)):
+                break
+        else:
             raise _not_finite("the likelihood is not finite at the start")
         for count in range(1, MAX_ITERATIONS + 1):  # noqa: B007 (told to the caller)
             theta = here.theta
