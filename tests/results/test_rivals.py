@@ -55,9 +55,10 @@ def test_too_short_a_record_is_not_asked():
     assert find_rival(readings(1)[:1000], RATE, (F, ZETA), (F, ZETA), within_a_third) is None
 
 
-@pytest.mark.parametrize("seed", [310002, 380007])  # of the second, the prior is where no mode shows
+# of the second, the prior is where no mode shows; of the third, it is where the false answer is
+@pytest.mark.parametrize("seed", [310002, 380007, 400011])
 def test_a_tower_shaken_by_a_narrow_band_beside_its_mode_is_not_trusted(seed: int):
     found = identify(record("narrow band, 0.34 Hz", seed), load_turbine("tower"), prior=DrawnPrior(seed=seed))
     assert found["c_fore_aft"].estimate < 0.3 * load_turbine("tower").values["c_fore_aft"]
     assert not found.diagnosis.trusted
-    assert any("narrow-band load at 0.33" in reason for reason in found.diagnosis.reasons)
+    assert any("narrow-band load at 0.3" in reason for reason in found.diagnosis.reasons)

@@ -22,9 +22,6 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["channel_of", "doubts_beside_modes", "line_beside_modes", "mode_of"]
 
 
-FAR = 1.0
-"""Standard deviations of its prior by which a coefficient is off where another explanation is looked for."""
-
 MIXED, NEIGHBOURS = 0.1, 1.6
 """Share of one degree of freedom's motion in a reading of another, whose mode would look like a narrow-band load; and
 the factor of their frequencies within which it matters."""
@@ -116,23 +113,23 @@ def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[st
 
 
 def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ...]:
-    """Which degree of freedom of a support that stands was found far from its prior, where a narrow-band load and a
-    mode near the prior explain the readings better, as a doubt."""
+    """Beside which degree of freedom of a support that stands a narrow-band load and another mode explain the readings
+    better, as a doubt."""
     file = outcome.turbine
     if not record.is_uniform or any(freedom.blade for freedom in file.model.freedoms):
         return ()
-    off = {q.name: (q, (outcome.theta[i] - q.prior[0]) / q.prior[1]) for i, q in enumerate(outcome.priors)}
+    priors = {q.name: q for q in outcome.priors}
     for name in file.model.coordinates:
-        own = {kind: off.get(f"{kind}_{name}") for kind in ("k", "c")}
-        if all(one is None or abs(one[1]) < FAR for one in own.values()):
+        own = {kind: priors.get(f"{kind}_{name}") for kind in ("k", "c")}
+        if not any(own.values()):
             continue
 
         def known(*normal: float, own: Any = own, name: str = name) -> tuple[float, ...]:
             return tuple(
-                max(float(one[0].physical(one[0].prior[0] + z * one[0].prior[1])) / file.values[f"{kind}_{name}"], 1e-4)
-                if one is not None
+                max(float(q.physical(q.prior[0] + z * q.prior[1])) / file.values[f"{kind}_{name}"], 1e-4)
+                if q is not None
                 else 1.0
-                for (kind, one), z in zip(own.items(), normal, strict=True)
+                for (kind, q), z in zip(own.items(), normal, strict=True)
             )
 
         channel = channel_of(outcome, record, name)

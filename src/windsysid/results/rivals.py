@@ -25,9 +25,10 @@ from windsysid.results.lines import HANN_VARIANCE
 
 __all__ = ["Rival", "find_rival"]
 
-BETTER = 1.6
-"""Log posterior by which a narrow-band load has to explain a channel better: odds of 5 to 1. Where it does, a mode is
-far off; of 60 healthy towers one has a rival of another answer, and a prior that is 2.2 σ off."""
+LIKELY, BETTER = 0.5, 1.6
+"""Log posterior by which a narrow-band load has to explain a channel better: where the mode beside it is damped more,
+so that its peak was taken for the mode, and where it is damped less. Odds of 5 to 3 are enough there, as a mode is far
+off then."""
 
 OTHER, ELSEWHERE = math.log(2.5), math.log(1.35)
 """Of the damping, by which another explanation has to be another answer; and of the frequency, beyond which its load
@@ -75,8 +76,9 @@ class Rival(NamedTuple):
 
     def speaks_against(self, found: tuple[float, float]) -> bool:
         """Whether it is much better, or better and its mode as fast as the one that was found and damped otherwise."""
-        faster, damped = (abs(math.log(theirs / ours)) for theirs, ours in zip(self.mode, found, strict=True))
-        return self.better > MUCH_BETTER or (self.better > BETTER and faster < ELSEWHERE and damped > OTHER)
+        faster, damped = (math.log(theirs / ours) for theirs, ours in zip(self.mode, found, strict=True))
+        other = abs(faster) < ELSEWHERE and abs(damped) > OTHER
+        return self.better > MUCH_BETTER or (other and self.better > (LIKELY if damped > 0.0 else BETTER))
 
 
 def find_rival(
