@@ -14,7 +14,7 @@ from windsysid.records.record import Record
 from windsysid.results.lines import Line, find_line
 from windsysid.results.mode import Mode
 from windsysid.results.passing import find_passing
-from windsysid.results.rivals import find_rival
+from windsysid.results.rivals import find_rivals
 from windsysid.results.stillness import find_still
 from windsysid.signals.rotor import rotor_inputs
 from windsysid.turbine.turbine import Turbine
@@ -136,8 +136,9 @@ def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ..
         if channel is None:
             continue
         found = mode_of(final, name)
-        rival = find_rival(record[channel], record.rate, mode_of(file, name), found, known)
-        if rival is not None and rival.speaks_against(found):
+        rivals = find_rivals(record[channel], record.rate, mode_of(file, name), found, known)
+        rival = next((one for one in rivals if one.speaks_against(found)), None)
+        if rival is not None:
             return (
                 f"{channel} fits better with a narrow-band load at {rival.frequency:.3g} Hz beside a {name} as in the "
                 "file: a machine or waves; leave that load out, or correct the file",

@@ -15,7 +15,7 @@ Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.results.lines import HANN_VARIANCE
 
-__all__ = ["Rival", "find_rival"]
+__all__ = ["Rival", "find_rivals"]
 
 LIKELY, BETTER = 0.5, 1.6
 """Log posterior by which a narrow-band load has to explain a channel better: where the mode beside it is damped more,
@@ -35,7 +35,10 @@ OTHER, ELSEWHERE = math.log(2.5), math.log(1.35)
 may stand for the mode and its mode for nothing that shows."""
 
 MUCH_BETTER = 7.0
-"""Log posterior from which on any other explanation counts: of 40 healthy towers one shows 4.7."""
+"""Log posterior from which on another explanation counts wherever its mode is: of 40 healthy towers one shows 4.7."""
+
+SAME = 0.05
+"""Of the logarithm of frequency, within which such a mode is the one that was found, unless its damping is another."""
 
 REACH = 1.55
 """Factor about the mode's frequency, as the file has it and as it was found, between which both are held."""
@@ -50,25 +53,37 @@ stand for the mode that was found."""
 SLOPE_SPREAD = 6.0
 """Standard deviation of the slope of L."""
 
-WIDTHS = 0.004, 0.03
+WIDTHS = 0.001, 0.004, 0.03
 """Damping ratios of N at which a search begins."""
 
-WIDTH, WIDTH_SPREAD = 0.02, 1.0
-"""The damping ratio of N, and the standard deviation of its logarithm."""
+WIDTH, WIDTH_SPREAD = 0.02, 2.0
+"""The damping ratio of N, and the standard deviation of its logarithm: from a machine, all but a line, to waves."""
 
 NEAR = 0.1
 """Standard deviation of the logarithm of N's frequency over that of the mode that was found: it stands for its peak."""
 
+OVER = 0.0, 2.0, 5.0
+"""Logarithms of N over the channel's median at which a search begins."""
+
 FAINT = -4.0
 """The logarithm of N over the channel's median, where a search begins with the mode that explains it alone."""
+
+LEAST_DAMPING = 1e-5
+"""Damping ratio of the mode below which it counts as that."""
+
+STEP = 1e-6
+"""Of the prior's coordinates, over which their slopes are told."""
+
+PLACES, BASES = 41, (-1.0, -3.0)
+"""How many frequencies of N, and which logarithms of L over the channel's median, a search is chosen from."""
 
 TRIED = 2
 """Starts of each width and level that are searched from."""
 
 
 class Rival(NamedTuple):
-    """A narrow-band load that explains a channel better than the mode that was found: its frequency [Hz], by how much
-    the log posterior is greater, and frequency [Hz] and damping ratio of the mode beside it."""
+    """A narrow-band load that may explain a channel better than the mode that was found: its frequency [Hz], by how
+    much the log posterior is greater, and frequency [Hz] and damping ratio of the mode beside it."""
 
     frequency: float
     better: float
@@ -77,15 +92,18 @@ class Rival(NamedTuple):
     def speaks_against(self, found: tuple[float, float]) -> bool:
         """Whether it is much better, or better and its mode as fast as the one that was found and damped otherwise."""
         faster, damped = (math.log(theirs / ours) for theirs, ours in zip(self.mode, found, strict=True))
-        other = abs(faster) < ELSEWHERE and abs(damped) > OTHER
-        return self.better > MUCH_BETTER or (other and self.better > (LIKELY if damped > 0.0 else BETTER))
+        another = abs(damped) > OTHER
+        if self.better > MUCH_BETTER:
+            return another or abs(faster) > SAME
+        return another and abs(faster) < ELSEWHERE and self.better > (LIKELY if damped > 0.0 else BETTER)
 
 
-def find_rival(
+def find_rivals(
     readings: Array, rate: float, file: tuple[float, float], found: tuple[float, float],
     known: Callable[[float, float], tuple[float, ...]],
-) -> Rival | None:  # fmt: skip
-    """The narrow-band load beside a mode that explains a channel best; None where there is too little to ask.
+) -> list[Rival]:  # fmt: skip
+    """Narrow-band loads beside a mode that explain a channel, as searches end in them, the best first; none where there
+    is too little to ask.
 
     Parameters
     ----------
@@ -102,42 +120,79 @@ def find_rival(
     frequency = np.fft.rfftfreq(len(readings), 1.0 / rate)
     near = (frequency > min(file[0], found[0]) / REACH) & (frequency < max(file[0], found[0]) * REACH)
     if near.sum() < FEWEST_BINS:
-        return None
+        return []
     f, power = frequency[near].astype(np.float64), power[near] / np.median(power[near])
     tilt = np.log(f / np.sqrt(f[0] * f[-1]))
 
-    def cost(unknowns: Array) -> float:
-        stiffness, damping = known(unknowns[0], unknowns[1])
+    # of the mode's prior, the smooth load's level and slope, the narrow one's frequency, width and level
+    mean = np.array([0.0, 0.0, LEVEL, 0.0, math.log(found[0]), math.log(WIDTH), 0.0])
+    spread = np.array([1.0, 1.0, LEVEL_SPREAD, SLOPE_SPREAD, NEAR, WIDTH_SPREAD, np.inf])
+
+    def cost(unknowns: Array) -> tuple[float, Array]:
+        """−Σ log density and −log prior, with their slopes."""
+        (stiffness, damping), slopes = _with_slopes(known, unknowns[:2])
+        response, to_own, to_ratio = _mode(f, file, stiffness, damping)
+        # of the logarithm of the spectrum: the mode's stiffness and damping, the smooth load's level and slope
+        to_known = (0.5 * (to_own - to_ratio) / stiffness, to_ratio / damping)
+        rows = [slopes[0, i] * to_known[0] + slopes[1, i] * to_known[1] for i in range(2)]
         load = np.exp(np.clip(unknowns[2] + unknowns[3] * tilt, -40.0, 40.0))
-        prior = unknowns[0] ** 2 + unknowns[1] ** 2 + (unknowns[3] / SLOPE_SPREAD) ** 2
-        prior += ((unknowns[2] - LEVEL) / LEVEL_SPREAD) ** 2
-        if len(unknowns) > 4:
+        if len(unknowns) == 4:
+            rows += [np.ones_like(tilt), tilt]
+        else:
             at, width, level = np.exp(np.clip(unknowns[4:], -40.0, 40.0))
-            load = load + level * (2.0 * width) ** 2 * _response(f, at, width)
-            prior += (np.log(width / WIDTH) / WIDTH_SPREAD) ** 2 + (np.log(at / found[0]) / NEAR) ** 2
-        own = file[0] * np.sqrt(stiffness)
-        spectrum = load * _response(f, own, max(file[1] * damping / np.sqrt(stiffness), 1e-5))
-        return float(np.sum(np.log(spectrum) + power / spectrum) / HANN_VARIANCE + 0.5 * prior)
+            peak, to_at, to_width = _response(f, at, width)
+            narrow = level * (2.0 * width) ** 2 * peak
+            load = load + narrow
+            share = narrow / load
+            rows += [1.0 - share, tilt * (1.0 - share), share * to_at, share * (2.0 + to_width), share]
+        spectrum, n = load * response, len(unknowns)
+        off = (unknowns - mean[:n]) / spread[:n]
+        value = float(np.sum(np.log(spectrum) + power / spectrum) / HANN_VARIANCE + 0.5 * off @ off)
+        return value, np.array(rows) @ (1.0 - power / spectrum) / HANN_VARIANCE + off / spread[:n]
 
-    def least(starts: list[list[float]]) -> tuple[float, Array]:
-        ends = [minimize(cost, start, method="BFGS", options={"maxiter": 100, "gtol": 1e-2}) for start in starts]
-        best = min(ends, key=lambda end: float(end.fun))
-        return float(best.fun), np.asarray(best.x)
+    def ends(starts: Sequence[Array]) -> list[tuple[float, Array]]:
+        found = [
+            minimize(cost, start, jac=True, method="BFGS", options={"maxiter": 100, "gtol": 1e-2}) for start in starts
+        ]
+        return sorted(((float(end.fun), end.x) for end in found), key=lambda end: end[0])
 
-    alone, mode = least([[k, c, -1.0, 0.0] for k in (0.0, 0.3, -0.3) for c in (0.0, -1.0, -1.8)])
-    places = (np.log(found[0]) + NEAR * np.linspace(-2.0, 2.0, 41)).tolist()
-    starts = [[*mode, float(np.log(found[0])), math.log(WIDTH), FAINT]]
+    modes = [np.array([k, c, LEVEL, 0.0]) for k in (0.0, 0.3, -0.3) for c in (0.0, -1.0, -1.8)]
+    alone, mode = ends(modes)[0]
+    starts = [np.array([*mode, math.log(found[0]), math.log(WIDTH), FAINT])]
+    places, own = NEAR * np.linspace(-2.0, 2.0, PLACES), _mode(f, file, *known(0.0, 0.0))[0]
     for width in WIDTHS:
-        for base in (-1.0, -3.0):
-            at = [[0.0, 0.0, base, 0.0, place, math.log(width), over] for place in places for over in (0.0, 2.0)]
-            starts += sorted(at, key=lambda start: cost(np.array(start)))[:TRIED]
-    both, best = least(starts)
-    stiffness, damping = known(best[0], best[1])
-    root = float(np.sqrt(stiffness))
-    return Rival(float(np.exp(best[4])), alone - both, (file[0] * root, file[1] * damping / root))
+        peaks = (2.0 * width) ** 2 * _response(f, found[0] * np.exp(places[:, None]), width)[0]
+        for base in BASES:
+            spectra = (math.exp(base) + np.exp(np.array(OVER))[:, None, None] * peaks) * own
+            costs = np.sum(np.log(spectra) + power / spectra, axis=2) / HANN_VARIANCE + 0.5 * (places / NEAR) ** 2
+            for over, place in zip(*np.unravel_index(np.argsort(costs, axis=None)[:TRIED], costs.shape), strict=True):
+                peak = (math.log(found[0]) + places[place], math.log(width), OVER[over])
+                starts.append(np.array([0.0, 0.0, base, 0.0, *peak]))
+    rivals = []
+    for both, x in ends(starts):
+        stiffness, damping = known(x[0], x[1])
+        root = math.sqrt(stiffness)
+        rivals.append(Rival(math.exp(x[4]), alone - both, (file[0] * root, file[1] * damping / root)))
+    return rivals
 
 
-def _response(f: Array, own: float, damping: float) -> Array:
-    """|H|² of acceleration at frequencies f."""
+def _mode(f: Array, file: tuple[float, float], stiffness: float, damping: float) -> tuple[Array, Array, Array]:
+    """What `_response` says of the file's mode with stiffness and damping so many times the file's."""
+    root = math.sqrt(stiffness)
+    response, to_own, to_ratio = _response(f, file[0] * root, max(file[1] * damping / root, LEAST_DAMPING))
+    return response, to_own, to_ratio * (file[1] * damping / root > LEAST_DAMPING)
+
+
+def _response(f: Array, own: float | Array, damping: float) -> tuple[Array, Array, Array]:
+    """|H|² of acceleration at frequencies f, and the slopes of its logarithm to those of frequency and damping."""
     ratio = (f / own) ** 2
-    return np.asarray(ratio**2 / ((1.0 - ratio) ** 2 + 4.0 * damping**2 * ratio))
+    wide = 4.0 * damping**2 * ratio
+    rest = (1.0 - ratio) ** 2 + wide
+    to_own = -4.0 + 2.0 * (wide - 2.0 * ratio * (1.0 - ratio)) / rest
+    return np.asarray(ratio**2 / rest), np.asarray(to_own), np.asarray(-2.0 * wide / rest)
+
+
+def _with_slopes(known: Callable[[float, float], tuple[float, ...]], normal: Array) -> tuple[Array, Array]:
+    """Stiffness and damping over the file's (2,), and their slopes to the prior's coordinates (2, 2)."""
+    here = np.array(known(*normal))
+    return here, np.column_stack([(np.array(known(*(normal + step))) - here) / STEP for step in STEP * np.eye(2)])
