@@ -96,6 +96,16 @@ def test_a_run_that_was_interrupted_goes_on_bit_for_bit(
     np.testing.assert_array_equal(np.concatenate([kept.mean, after.mean]), history.mean)
 
 
+def test_filters_that_lost_their_way_are_found_anew_while_all_samples_are_held(record: tuple[Array, Array]):
+    inputs, readings = record
+    early = advance(build, begin(*PRIOR, FIRST, (3, 3)), inputs[:250], readings[:250])[0]
+    assert early.bank is not None
+    lost = early._replace(bank=early.bank._replace(mean=np.full_like(early.bank.mean, np.nan)))
+    sound, mended = (advance(build, begun, inputs[250:320], readings[250:320])[0] for begun in (early, lost))
+    assert sound.samples == mended.samples > early.samples
+    assert np.all(np.abs(mended.theta - sound.theta) < 0.2 * np.sqrt(np.diag(sound.cov)))
+
+
 def test_memory_does_not_grow_with_the_record(whole: tuple[Online, History]):
     online, _ = whole
     assert online.samples >= 8 * FIRST

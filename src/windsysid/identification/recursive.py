@@ -318,9 +318,11 @@ def _take_block(
         part = slice(online.samples - held_from, None)
         bank, found = score(online.bank, held[0][part], held[1][part], online.widths, pool)
         precision = online.precision + found.fisher
-        online = _recentre_bank(
-            build, online, bank, precision, np.asarray(np.linalg.solve(precision, found.gradient), dtype=np.float64)
-        )
+        step = np.asarray(np.linalg.solve(precision, found.gradient), dtype=np.float64)
+        if held_from == 0 and not np.isfinite(step).all():  # a filter of the bank lost its way
+            online = _find_anew(build, online, *held, pool, (online.prior_mean, online.prior_cov))
+        else:
+            online = _recentre_bank(build, online, bank, precision, step)
     online = online._replace(samples=end)
     drop = end - held_from if end >= MEMORY * online.first else 0
     return online._replace(inputs=online.inputs[drop:], readings=online.readings[drop:])
