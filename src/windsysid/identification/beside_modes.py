@@ -22,6 +22,10 @@ from windsysid.turbine.turbine import Turbine
 __all__ = ["channel_of", "doubts_beside_modes", "line_beside_modes", "mode_of"]
 
 
+BY_ITSELF = 0.02
+"""Of the logarithm of frequency, by which a mode may be off a degree of freedom by itself: a tower with a tuned mass
+damper has two modes, and none is the tower's."""
+
 MIXED, NEIGHBOURS = 0.1, 1.6
 """Share of one degree of freedom's motion in a reading of another, whose mode would look like a narrow-band load; and
 the factor of their frequencies within which it matters."""
@@ -35,7 +39,7 @@ def doubts_beside_modes(
     return (
         *_still(outcome, record, speed),
         *(_passed(outcome, record, modes) if filtered else ()),
-        *_rivalled(outcome, record, final),
+        *_rivalled(outcome, record, final, modes),
     )
 
 
@@ -112,16 +116,19 @@ def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[st
     )
 
 
-def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ...]:
-    """Beside which degree of freedom of a support that stands a narrow-band load and another mode explain the readings
-    better, as a doubt."""
+def _rivalled(outcome: Outcome, record: Record, final: Turbine, modes: Sequence[Mode]) -> tuple[str, ...]:
+    """Beside which degree of freedom of a support that stands, being a mode by itself, a narrow-band load and another
+    mode explain the readings better, as a doubt."""
     file = outcome.turbine
     if not record.is_uniform or any(freedom.blade for freedom in file.model.freedoms):
         return ()
     priors = {q.name: q for q in outcome.priors}
     for name in file.model.coordinates:
         own = {kind: priors.get(f"{kind}_{name}") for kind in ("k", "c")}
-        if not any(own.values()):
+        if not (any(own.values()) and final.natural_frequency(name) > 0.0):  # a free one has no mode
+            continue
+        found = mode_of(final, name)
+        if not any(abs(math.log(mode.frequency_hz[0] / found[0])) < BY_ITSELF for mode in modes):
             continue
 
         def known(*normal: float, own: Any = own, name: str = name) -> tuple[float, ...]:
@@ -135,7 +142,6 @@ def _rivalled(outcome: Outcome, record: Record, final: Turbine) -> tuple[str, ..
         channel = channel_of(outcome, record, name)
         if channel is None:
             continue
-        found = mode_of(final, name)
         rivals = find_rivals(record[channel], record.rate, mode_of(file, name), found, known)
         rival = next((one for one in rivals if one.speaks_against(found)), None)
         if rival is not None:
