@@ -221,7 +221,7 @@ def find_mode(
     Raises
     ------
     WindsysidError
-        If the likelihood can be computed neither at the start nor at the prior's mean, or its slopes nowhere.
+        If the likelihood can be computed neither at the start nor at the prior's mean, or slopes are not finite.
     """
     information = np.linalg.inv(prior_cov)
 
