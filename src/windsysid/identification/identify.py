@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from windsysid.identification.conclude import Formulation, conclude, doubts_of_i
 from windsysid.identification.drifting_clocks import without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
-from windsysid.identification.joint import identify_jointly, identify_jointly_from
-from windsysid.identification.line_dependence import doubt_line
+from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from
+from windsysid.identification.line_dependence import Dependence, doubt_line
 from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prepare import (
     check_length,
@@ -23,7 +23,9 @@ from windsysid.identification.prepare import (
     without_stuck,
 )
 from windsysid.identification.prior import Prior
+from windsysid.identification.sine_forces import with_forces
 from windsysid.identification.spectral import identify_by_spectrum
+from windsysid.identification.steady_lines import APART, Sine, find_sine, find_turning, turned, without_sines
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import screen
 from windsysid.kernels.threads import one_thread
@@ -44,6 +46,9 @@ __all__ = ["identify"]
 DISAGREEMENT = 3.0
 """Standard deviations between what filters and spectra say of a coefficient, beyond which neither is trusted."""
 
+
+MOST_SEARCHES = 3
+"""How often a record is asked again, without the steady lines that were found before."""
 
 MOVED = "readings of a clock that drifts were put back, between samples: filters feel that; use --formulation spectral"
 
@@ -126,17 +131,47 @@ def identify(
     doing = f"{formulation} formulation, {part.samples} samples"
     progress(doing, None)
     with hear(progress, doing):
-        found = _WAYS[formulation](asked)
-        if found.formulation != "force-balance":
-            line = doubt_line(
-                found.outcome, found.read, turbine, found.sensors, found.prior, parameters,
-                by_spectra=found.formulation == "spectral",
-            )  # fmt: skip
-            found = found.doubted(*line)
-    return conclude(
+        found, result = _answer(asked, formulation, options)
+        for _ in range(MOST_SEARCHES):
+            sines = _sines(asked, found, result)
+            if not sines:
+                break
+            asked = asked.with_sines(sines, found.outcome)
+            found, result = _answer(asked, formulation, options)
+    return result
+
+
+def _answer(
+    asked: "_Asked", formulation: Formulation | Literal["auto"], options: dict[str, Any]
+) -> "tuple[_Found, Identification]":
+    """What a formulation finds, and that judged."""
+    found = _WAYS[formulation](asked)
+    if found.formulation != "force-balance":
+        dependence = doubt_line(
+            found.outcome, found.read, asked.turbine, found.sensors, found.prior, asked.parameters,
+            by_spectra=found.formulation == "spectral",
+        )  # fmt: skip
+        if dependence is not None:
+            found = found.doubted(dependence.doubt)._replace(dependence=dependence)
+    if found.formulation == "joint":
+        felt = find_turning(found.outcome.final.whitened, found.read, asked.turbine, found.sensors, asked.sines)
+        found = found.doubted(*(one.doubt for one in felt))._replace(felt=tuple(felt))
+    result = conclude(
         note_wide_priors(found.outcome), found.read, found.formulation, faults=found.faults,
-        provenance=trace(record, record_hash(record), turbine, found.sensors, options),
+        provenance=trace(asked.record, record_hash(asked.record), asked.turbine, found.sensors, options),
     )  # fmt: skip
+    return found, result
+
+
+def _sines(asked: "_Asked", found: "_Found", result: Identification) -> list[Sine]:
+    """Steady sines that a result feels, and has not taken into account."""
+    if found.formulation == "force-balance" or not asked.part.is_uniform:
+        return []
+    part, sines = asked.without_sines, list(found.felt)
+    for line in (result.diagnosis.line, found.dependence and (found.dependence.channel, found.dependence.frequency)):
+        sine = find_sine(part, asked.turbine, found.sensors, *line) if line else None
+        sines += [sine] if sine is not None else []
+    return sines
 
 
 class _Asked(NamedTuple):
@@ -150,11 +185,30 @@ class _Asked(NamedTuple):
     parameters: Sequence[str] | None
     rate: float | None
     loads: str
+    sines: tuple[Sine, ...] = ()
+    near: Outcome | None = None
+
+    @property
+    def without_sines(self) -> Record:
+        """The part without the steady lines that were found."""
+        if not self.sines:
+            return self.part
+        return without_sines(self.part, self.turbine, usable_sensors(self.part, self.turbine, self.sensors), self.sines)
+
+    def with_sines(self, sines: Sequence[Sine], found: Outcome) -> "_Asked":
+        """The same with more steady lines that were found, where a search has ended near if they bend it little."""
+        known, apart = [*self.sines], APART / self.part.duration
+        for sine in sines:
+            if not any(sine.same_as(other, apart) for other in known):
+                known.append(sine)
+        bent = any(not sine.order for sine in known[len(self.sines) :])
+        return self._replace(sines=tuple(known), near=None if bent else found)
 
 
 class _Found(NamedTuple):
     """What a formulation found, on which record and with which sensors, the faults of what it read, under which prior,
-    and whether readings of a clock that drifts were put back."""
+    whether readings of a clock that drifts were put back, the
+    frequency that a coefficient depends on, and the steady lines that are left in the innovations."""
 
     formulation: Formulation
     outcome: Outcome
@@ -163,6 +217,8 @@ class _Found(NamedTuple):
     faults: Sequence[Finding]
     prior: Prior = Prior()
     moved: bool = False
+    dependence: Dependence | None = None
+    felt: tuple[Sine, ...] = ()
 
     def saying(self, note: str, *doubts: str) -> "_Found":
         """The same with a note, and what speaks against it."""
@@ -182,18 +238,36 @@ def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
     part, drifted = without_drift(part, turbine, found)
     part, steps, resampled = resample_for_model(part, turbine, asked.rate, sensors or turbine.sensors)
     check_length(part.name, part.duration, part.rate, turbine)
-    prior, uniform = asked.prior or Prior(), part.is_uniform
-    outcome = identify_jointly_from(near, part, turbine, found, prior, asked.parameters) if near and uniform else None
-    if outcome is None:
-        outcome = identify_jointly(part, turbine, found, prior, asked.parameters, loads=asked.loads)
-    outcome = thin_to_readings(outcome, steps)._replace(notes=(*drifted, *resampled, *outcome.notes))
-    read = replace(part, time=part.time[::steps], values=part.values[::steps])
+    prior, uniform, left = asked.prior or Prior(), part.is_uniform, part
+
+    def search(part: Record, near: Outcome | None) -> Outcome:
+        outcome = None
+        if near is not None and uniform:
+            outcome = identify_jointly_from(
+                near, part, turbine, found, prior, asked.parameters, explained=near is not asked.near
+            )
+        return outcome or identify_jointly(part, turbine, found, prior, asked.parameters, loads=asked.loads)
+
+    near, said = asked.near or near, list[str]()
+    if asked.sines:
+        left = without_sines(part, turbine, found, asked.sines)
+        psi = turned(part, turbine, found)
+        if psi is None:
+            part, said = left, [str(sine) for sine in asked.sines]
+        else:
+            near = near or search(left, None)
+            forces = forces_of(asked.sines, near, part, turbine, found, prior, asked.parameters)
+            left = without_sines(part, turbine, found, [force.sine for force in forces])
+            part, said = with_forces(part, forces, psi), [str(force) for force in forces if force.matters]
+    outcome = thin_to_readings(search(part, near), steps)
+    outcome = outcome._replace(notes=(*drifted, *resampled, *said, *outcome.notes))
+    read = replace(left, time=left.time[::steps], values=left.values[::steps])
     joint = _Found("joint", outcome, read, found, faults, prior, moved=bool(drifted))
     return joint.doubted(MOVED) if drifted else joint
 
 
 def _by_spectra(asked: _Asked) -> _Found:
-    part, turbine = asked.part.on_uniform_grid(), asked.turbine
+    part, turbine = asked.without_sines.on_uniform_grid(), asked.turbine
     check_length(part.name, part.duration, part.rate, turbine)
     if asked.rate is not None:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
@@ -204,7 +278,7 @@ def _by_spectra(asked: _Asked) -> _Found:
         lambda prior: identify_by_spectrum(part, turbine, found, prior, asked.parameters, loads=asked.loads),
         asked.prior or Prior(),
     )
-    outcome = outcome._replace(notes=(*drifted, *outcome.notes))
+    outcome = outcome._replace(notes=(*drifted, *map(str, asked.sines), *outcome.notes))
     return _Found("spectral", outcome, part, found, faults, prior, moved=bool(drifted))
 
 

@@ -21,8 +21,10 @@ from windsysid.identification.outcome import Outcome, known_loads
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.identification.recursive import MEMORY, join_histories, spread_over_samples
+from windsysid.identification.sine_forces import SineForce, find_forces
 from windsysid.identification.smoothed_loads import judge_smoothed_loads
 from windsysid.identification.solve import Solution, expect_search, solve
+from windsysid.identification.steady_lines import Sine
 from windsysid.identification.tolerances import doubt_tolerances, learned_tolerances, note_tolerances
 from windsysid.loads.family import candidates
 from windsysid.loads.hypothesis import HYPOTHESES
@@ -33,7 +35,14 @@ from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Tolerance
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["describe_solution", "first_estimate", "identify_jointly", "identify_jointly_from", "load_models"]
+__all__ = [
+    "describe_solution",
+    "first_estimate",
+    "forces_of",
+    "identify_jointly",
+    "identify_jointly_from",
+    "load_models",
+]
 
 
 FIRST_PERIODS = 10.0
@@ -70,14 +79,16 @@ def identify_jointly(
 
 def identify_jointly_from(
     near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
-    chosen: Sequence[str] | None = None,
+    chosen: Sequence[str] | None = None, *, explained: bool = True,
 ) -> Outcome | None:  # fmt: skip
-    """The same from where the spectra of a stationary record end, `near`, without estimates on line.
+    """The same from where another search has ended `near`, without estimates on line: the spectra of a stationary
+    record, or filters that knew less of it.
 
     Nothing has to be found in the first samples then: the search begins where it almost ends, under the load model of
-    the spectra. None where that does not explain the record, or the search does not end: the long way is asked then.
+    the other. None where that does not explain the record, if it has to, or the search does not end: the long way is
+    asked then.
     """
-    if near.hypothesis != load_models(record, turbine, "auto")[0]:
+    if explained and near.hypothesis != load_models(record, turbine, "auto")[0]:
         return None
     problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
     warm(problem)
@@ -91,13 +102,34 @@ def identify_jointly_from(
         solution = solve(problem, samples, None, rate=record.rate, start=start)
     except (WindsysidError, np.linalg.LinAlgError):
         return None
-    if not solution.settled or not is_explained(solution.whiteness):
+    if not solution.settled or (explained and not is_explained(solution.whiteness)):
         return None
     n, elapsed = len(problem.parameters), time.perf_counter() - started
     only = solution.mean[None, :n], np.sqrt(np.diag(solution.cov)[:n])[None]
-    why = f"load model {near.hypothesis}: it explains the record"
+    why = f"load model {near.hypothesis}: {'it explains the record' if explained else 'as before'}"
     found = describe_solution(problem, solution, turbine, why, only, elapsed)
     return found._replace(smoothed_loads=_smoothed_loads(problem, solution), given_priors=near.given_priors)
+
+
+def forces_of(
+    sines: Sequence[Sine], near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    chosen: Sequence[str] | None = None,
+) -> list[SineForce]:  # fmt: skip
+    """How strongly sines push where a search has ended, on whatever record, with whatever priors."""
+    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
+    return find_forces(problem, _at_its_end(near, problem), record, sines)
+
+
+def _at_its_end(near: Outcome, problem: TurbineProblem) -> Array:
+    """Where a search ended, in a problem's unknowns but the clocks (n,)."""
+    mean = problem.wide_prior[0].copy()
+    found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
+    n = len(problem.parameters)
+    mean[:n] = [q.coordinate(found[q.name]) for q in problem.parameters]
+    first = n + len(problem.statistics)
+    mean[n:first] = coordinates_of(problem.statistics, {one.name: one.estimate for one in near.statistics})
+    mean[first:] = [one.estimate / one.spread for one in near.tolerances][: len(mean) - first]
+    return mean
 
 
 def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Array] | None:
@@ -105,13 +137,9 @@ def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Arra
     know by other statistics is as before. None where coefficients are others."""
     if near.joint_cov is None or [*near.model.parameters] != [*problem.parameters]:
         return None
-    mean, cov = problem.wide_prior[0].copy(), problem.wide_prior[1].copy()
+    mean, cov = _at_its_end(near, problem), problem.wide_prior[1].copy()
     n, ours, theirs = len(near.theta), [one.name for one in problem.statistics], [one.name for one in near.statistics]
-    mean[:n] = near.theta
-    values = {one.name: one.estimate for one in near.statistics}
-    mean[n : n + len(ours)] = coordinates_of(problem.statistics, values)
-    first, tolerances = n + len(ours), [one.estimate / one.spread for one in near.tolerances]
-    mean[first:] = tolerances[: len(mean) - first]
+    first = n + len(ours)
     if ours == theirs:
         known = near.joint_cov[: len(mean), : len(mean)]
         return mean, known

@@ -8,6 +8,7 @@ that of a line's mode altogether; that of a mode of a few frequencies' width dep
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from windsysid.results.lines import Line, find_line
 from windsysid.spectral.tonal import without_line
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["doubt_line"]
+__all__ = ["Dependence", "doubt_line"]
 
 REACH = 1.25
 """Factor about a mode's frequency within which a line is looked for."""
@@ -35,17 +36,25 @@ MOVED = 2.5
 """Standard deviations by which a coefficient may move when one frequency is taken out."""
 
 
+class Dependence(NamedTuple):
+    """On which frequency [Hz] of which channel a coefficient depends, and that as a doubt."""
+
+    channel: str
+    frequency: float
+    doubt: str
+
+
 def doubt_line(
     outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
     parameters: Sequence[str] | None, *, by_spectra: bool,
-) -> tuple[str, ...]:  # fmt: skip
-    """That a coefficient depends on one frequency, as a doubt; none where spectra do not apply, nor to bands around the
+) -> Dependence | None:  # fmt: skip
+    """Whether a coefficient depends on one frequency; None where spectra do not apply, and for bands around the
     modes of a real rotor, which have other tests. Arguments as for
     `windsysid.identification.spectral.identify_by_spectrum`, on whose record `outcome` was found, by filters if not
     `by_spectra`."""
     line = _suspect(outcome, record)
     if line is None or line.ratio < SUSPECT:
-        return ()
+        return None
     loads = RotorWind.name if outcome.hypothesis == RotorWind.name else "broadband"
 
     def ask(one: Record) -> Outcome:
@@ -55,14 +64,15 @@ def doubt_line(
         without = ask(_without(record, outcome.channels, line.frequency))
         found = outcome if by_spectra else ask(record)
     except (WindsysidError, np.linalg.LinAlgError):
-        return ()
+        return None
     name, off = compare(without, found)
     if off < MOVED:
-        return ()
-    return (
+        return None
+    return Dependence(
+        line.channel, line.frequency,
         f"without {line.frequency:.3g} Hz {name} would be {off:.1f} standard deviations elsewhere: likely a machine or "
         "waves; choose a section without it",
-    )
+    )  # fmt: skip
 
 
 def _suspect(outcome: Outcome, record: Record) -> Line | None:

@@ -25,7 +25,11 @@ from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Outcome", "check_finite", "compare", "diverged", "known_inputs", "known_loads", "no_innovations"]
+__all__ = ["PART_OF", "Outcome", "check_finite", "compare", "diverged", "known_inputs", "known_loads", "no_innovations"]
+
+
+PART_OF = "part_of_"
+"""What the name of a channel begins with that holds what is known of a load beside what is not."""
 
 
 class Outcome(NamedTuple):
@@ -148,12 +152,13 @@ def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) ->
 
 
 def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMarkov]]:
-    """Measured loads (T, n), zero where there is no channel, and the loads that are therefore states, as far as the
-    record's low-pass lets them through."""
+    """Measured loads and parts of loads (T, n), zero where there is no channel, and the loads that are states, as far
+    as the record's low-pass lets them through: those that are not measured altogether."""
     known = np.zeros((record.samples, len(turbine.model.loads)))
     for column, name in enumerate(turbine.model.loads):
-        if name in record:
-            known[:, column] = np.nan_to_num(record[name])
+        for channel in (name, PART_OF + name):
+            if channel in record:
+                known[:, column] += np.nan_to_num(record[channel])
     low_pass = float(record.attributes.get(LOW_PASS, math.inf))
     return known, [replace(load, low_pass=low_pass) for load in turbine.loads if load.load not in record]
 

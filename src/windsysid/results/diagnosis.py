@@ -94,6 +94,8 @@ class Diagnosis:
         1P, the mean rotor speed [Hz], and the number N of blades; 0 where nothing turns.
     reach
         Frequencies [Hz] between which an unexplained peak matters.
+    line
+        The channel and frequency [Hz] of a line beside a mode that is a reason; None where none is.
     """
 
     reasons: tuple[str, ...]
@@ -103,6 +105,7 @@ class Diagnosis:
     rotor_hz: float
     blades: int
     reach: tuple[float, float]
+    line: tuple[str, float] | None = None
 
     @property
     def trusted(self) -> bool:
@@ -184,15 +187,16 @@ def diagnose(
     """
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = hold_against_priors(parameters, theta, cov)
-    reasons, remarks = list(doubts), []
+    reasons, remarks, seen = list(doubts), [], _found_line(None, line)
     if white and whiteness is None:
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
     if whiteness is not None:
+        seen = _found_line(whiteness, line)
         common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz, blades_move)
         bending, together = smoothed_loads or (None, None)
         loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
         for verdict in (  # the most telling first
-            _judge_steadiness(whiteness), _judge_lines(whiteness, line, rotor_hz),
+            _judge_steadiness(whiteness), _judge_line(seen, rotor_hz),
             *((spectrum, common) if loud else (common,)), _judge_size(whiteness), _judge_lateness(late),
             _Verdict([*doubt_correlated(together), *doubt_bent(bent), *doubt_bending(bending)], []),
             *(() if loud else (spectrum,)), _judge_outliers(whiteness),
@@ -200,7 +204,7 @@ def diagnose(
             reasons += verdict.reasons
             remarks += verdict.remarks
     else:
-        reasons += _judge_lines(None, line, rotor_hz).reasons
+        reasons += _judge_line(seen, rotor_hz).reasons
     reasons += doubt_priors(checks)
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
@@ -208,7 +212,9 @@ def diagnose(
     doubts_of_damping, remarks_of_damping = doubt_damping(parameters, theta, cov, damping)
     reasons += doubts_of_damping
     remarks += remarks_of_damping
-    return Diagnosis(tuple(reasons), tuple(remarks), whiteness, checks, rotor_hz, blades, band_of_interest(frequencies))
+    return Diagnosis(
+        tuple(reasons), tuple(remarks), whiteness, checks, rotor_hz, blades, band_of_interest(frequencies), seen
+    )
 
 
 class _Verdict(NamedTuple):
@@ -295,13 +301,15 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float, blades_move: bool) -> _Verdic
 LIKELY_LOADS = "likely loads of another kind: try another load model or section"
 
 
-def _judge_lines(w: Whiteness | None, line: Line | None, rotor_hz: float) -> _Verdict:
-    found = None
-    if w is not None:
-        worst = max(w.channels, key=lambda c: c.line)
-        found = (worst.name, worst.line_hz) if worst.line > w.line_bound else None
+def _found_line(w: Whiteness | None, line: Line | None) -> tuple[str, float] | None:
+    """The channel and frequency of the line that counts, of those of readings and of innovations."""
     if line is not None and line.ratio > line.bound:
-        found = (line.channel, line.frequency)
+        return line.channel, line.frequency
+    worst = max(w.channels, key=lambda c: c.line) if w is not None else None
+    return (worst.name, worst.line_hz) if w is not None and worst is not None and worst.line > w.line_bound else None
+
+
+def _judge_line(found: tuple[str, float] | None, rotor_hz: float) -> _Verdict:
     if found is None:
         return _Verdict([], [])
     return _Verdict(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 
-__all__ = ["find_lines", "without_harmonics", "without_line"]
+__all__ = ["find_lines", "steadiness", "without_harmonics", "without_line"]
 
 HARMONICS = 30
 """Orders of the rotor that are taken out."""
@@ -90,6 +90,14 @@ def without_line(values: Array, rate: float, frequency: float) -> Array:
         options={"xatol": 1e-3 * rate / samples},
     )
     return np.asarray(values - fitted(float(best.x)))
+
+
+def steadiness(values: Array, rate: float, frequency: float) -> float:
+    """Thomson's F of a steady sine at a frequency [Hz] of values (T,): some 1 without one, of white noise beyond 40 at
+    one frequency in 200 000."""
+    tapers, sums = _tapers(len(values))
+    wave = np.exp(-2j * np.pi * frequency * np.arange(len(values)) / rate)
+    return float(_ratio((tapers * values) @ wave[:, None], sums)[0])
 
 
 def _ratio(spectra: Complex, sums: Array) -> Array:

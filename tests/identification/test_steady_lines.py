@@ -1,0 +1,130 @@
+"""Steady lines are left out of the readings, or taken into account as forces; narrow-band loads are not."""
+
+import math
+
+import numpy as np
+import pytest
+from validation.adversary.machine import Machine
+from validation.adversary.scenarios import record
+
+import windsysid.identification.identify as front
+from validation import towers
+from windsysid.identification.identify import identify
+from windsysid.identification.outcome import PART_OF, known_loads
+from windsysid.identification.prior import Prior
+from windsysid.identification.problem import pose
+from windsysid.identification.sine_forces import SineForce, find_forces, with_forces
+from windsysid.identification.steady_lines import Sine, find_sine, find_turning, turned, without_sines
+from windsysid.records.record import Record
+from windsysid.results.identification import Identification
+from windsysid.study.drawn_prior import DrawnPrior
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+ONE_P = Machine().speed / (2.0 * math.pi)
+
+
+def worst(found: Identification, true: dict[str, float]) -> float:
+    """The largest error, in standard deviations."""
+    errors = [(e.estimate - true[e.name]) / e.std for e in found.estimates if e.name in true]
+    return float(np.max(np.abs(errors)))
+
+
+def test_a_line_beside_a_tower_mode_is_left_out():
+    """The verdict was "no", and stiffness far off."""
+    made, true = towers.simulate("line 5 % from fore-aft", 500001)
+    found = identify(made, "tower", prior=DrawnPrior(seed=500001))
+    assert found.diagnosis.trusted
+    assert worst(found, true) < 3.0
+    assert any(note.startswith("a steady line at 0.34 Hz was left out") for note in found.notes)
+
+
+def test_a_line_beside_a_mode_of_a_support_is_a_force_on_it():
+    found = identify(
+        record("line 5 % from a mode", 502), "verne555", prior=DrawnPrior(seed=502), formulation="joint",
+        loads="broadband",
+    )  # fmt: skip
+    assert found.diagnosis.trusted
+    assert worst(found, Machine().truth) < 3.0
+    assert any("load_x has a steady sine of 4.6" in note and "1.64 Hz" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("kind", ["narrow band, 0.34 Hz", "all but a line, 0.31 Hz"])
+@pytest.mark.parametrize("seed", [700, 704])
+def test_a_narrow_band_is_no_sine(kind: str, seed: int):
+    made, tower = towers.record(kind, seed), load_turbine("tower")
+    channel = "tower_z_acceleration"
+    power = np.abs(np.fft.rfft(np.hanning(made.samples) * made[channel])) ** 2
+    frequency = np.fft.rfftfreq(made.samples, 1.0 / made.rate)
+    near = (frequency > 0.3) & (frequency < 0.35)
+    loudest = float(frequency[near][np.argmax(power[near])])
+    assert find_sine(made, tower, tower.sensors, channel, loudest) is None
+
+
+@pytest.mark.parametrize("seed", [500, 502])
+def test_how_strongly_a_sine_pushes(verne555: Turbine, seed: int):
+    """3 N on either direction of the support."""
+    made, exact = record("3P on the support", seed), verne555.exact()
+    problem = pose(made, exact, exact.sensors, Prior())
+    sine = Sine(3.0 * ONE_P, on_blades=False, order=3)
+    forces = find_forces(problem, problem.wide_prior[0], made, [sine])
+    assert {one.load for one in forces} == {"load_x", "load_y"}
+    for one in forces:
+        assert one.amplitude == pytest.approx(15.0 * math.sqrt(0.04), abs=4.0 * one.std)
+        assert one.std < 0.3
+
+
+def test_a_sine_that_was_seen_on_the_support_may_push_a_blade(verne555: Turbine):
+    made = record("line 3 % from blades", 600)
+    problem = pose(made, verne555, verne555.sensors, Prior())
+    forces = find_forces(problem, problem.wide_prior[0], made, [Sine(4.15 - ONE_P, on_blades=False)])
+    first = max(forces, key=lambda one: one.amplitude)
+    assert first.load == "load_beta_1"
+    assert first.sine.frequency == pytest.approx(4.15)
+    assert first.amplitude == pytest.approx(3.0, abs=4.0 * first.std)
+    assert not any(one.matters for one in forces if one is not first)
+
+
+def test_what_turns_with_the_rotor_is_felt_by_innovations(verne555: Turbine):
+    made = record("1P on the support", 502)
+    found = identify(made, verne555, prior=DrawnPrior(seed=502), formulation="joint", loads="broadband")
+    assert found.diagnosis.trusted
+    assert worst(found, Machine().truth) < 3.0
+    assert any("1P: likely an imbalance of the rotor" in note for note in found.notes)
+    assert find_turning(found.whitened, made, verne555, verne555.sensors) == []
+
+
+def test_a_line_that_nobody_took_away_speaks_against_a_result(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(front, "MOST_SEARCHES", 0)
+    found = identify(
+        record("3P on the support", 502), "verne555", prior=DrawnPrior(seed=502), formulation="joint",
+        loads="broadband",
+    )  # fmt: skip
+    assert found.diagnosis.reasons[0].startswith("a steady line at 3.48 Hz = 3P is left over")
+
+
+def test_parts_of_loads_add_to_what_is_not_known(verne555: Turbine):
+    made = record("reference", 1)
+    sine = Sine(2.0, on_blades=False)
+    force = SineForce(sine, "load_x", "N", 3.0, 4.0, 0.1)
+    pushed = with_forces(made, [force], turned(made, verne555, verne555.sensors))
+    known, states = known_loads(pushed, verne555)
+    assert PART_OF + "load_x" in pushed
+    assert len(states) == len(known_loads(made, verne555)[1])
+    assert np.max(known[:, verne555.model.loads.index("load_x")]) == pytest.approx(5.0, rel=1e-2)
+
+
+def test_gravity_stays_where_sines_are_left_out(verne555: Turbine):
+    """At 1P in the readings of blades the model has a force of its own."""
+    made = record("reference", 2)
+    left = without_sines(made, verne555, verne555.sensors, [Sine(2.0 * ONE_P, on_blades=False, order=2)])
+
+    def at(one: Record, channel: str, order: int) -> float:
+        window = np.hanning(one.samples)
+        return float(
+            abs(2.0 * np.sum(window * one[channel] * np.exp(-1j * order * one["rotor_azimuth"])) / window.sum())
+        )
+
+    assert at(left, "blade_1_lag_acceleration", 1) == pytest.approx(at(made, "blade_1_lag_acceleration", 1), rel=1e-6)
+    assert at(left, "tower_x_acceleration", 2) < 1e-3 * at(made, "tower_x_acceleration", 2)
+    assert at(left, "blade_1_lag_acceleration", 3) < 1e-3 * at(made, "blade_1_lag_acceleration", 3)
