@@ -9,6 +9,7 @@ from validation.adversary.scenarios import record
 
 import windsysid.identification.identify as front
 from validation import towers
+from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.identify import identify
 from windsysid.identification.outcome import PART_OF, known_loads
 from windsysid.identification.prior import Prior
@@ -20,6 +21,8 @@ from windsysid.results.identification import Identification
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
+
+NOTHING = np.empty((0, 0))
 
 ONE_P = Machine().speed / (2.0 * math.pi)
 
@@ -67,7 +70,7 @@ def test_how_strongly_a_sine_pushes(verne555: Turbine, seed: int):
     made, exact = record("3P on the support", seed), verne555.exact()
     problem = pose(made, exact, exact.sensors, Prior())
     sine = Sine(3.0 * ONE_P, on_blades=False, order=3)
-    forces = find_forces(problem, problem.wide_prior[0], made, [sine])
+    forces = find_forces(problem, problem.wide_prior[0], made, [sine], along=NOTHING, at=np.empty(0))
     assert {one.load for one in forces} == {"load_x", "load_y"}
     for one in forces:
         assert one.amplitude == pytest.approx(15.0 * math.sqrt(0.04), abs=4.0 * one.std)
@@ -77,7 +80,8 @@ def test_how_strongly_a_sine_pushes(verne555: Turbine, seed: int):
 def test_a_sine_that_was_seen_on_the_support_may_push_a_blade(verne555: Turbine):
     made = record("line 3 % from blades", 600)
     problem = pose(made, verne555, verne555.sensors, Prior())
-    forces = find_forces(problem, problem.wide_prior[0], made, [Sine(4.15 - ONE_P, on_blades=False)])
+    seen = Sine(4.15 - ONE_P, on_blades=False)
+    forces = find_forces(problem, problem.wide_prior[0], made, [seen], along=NOTHING, at=np.empty(0))
     first = max(forces, key=lambda one: one.amplitude)
     assert first.load == "load_beta_1"
     assert first.sine.frequency == pytest.approx(4.15)
@@ -112,6 +116,15 @@ def test_parts_of_loads_add_to_what_is_not_known(verne555: Turbine):
     assert PART_OF + "load_x" in pushed
     assert len(states) == len(known_loads(made, verne555)[1])
     assert np.max(known[:, verne555.model.loads.index("load_x")]) == pytest.approx(5.0, rel=1e-2)
+
+
+def test_a_part_of_a_load_has_the_unit_of_the_load_and_is_no_matter_of_spectra(verne555: Turbine):
+    made = record("reference", 1)
+    push = 5.0 * np.sin(12.0 * made.time)
+    with pytest.raises(RecordError, match="'part_of_load_x': expected N, got m"):
+        identify(made.with_channels({"part_of_load_x": (push, "m")}), verne555)
+    with pytest.raises(ConfigurationError, match="takes no measured loads"):
+        identify(made.with_channels({"part_of_load_x": (push, "N")}), verne555, formulation="spectral")
 
 
 def test_gravity_stays_where_sines_are_left_out(verne555: Turbine):

@@ -23,7 +23,7 @@ from windsysid.identification.prepare import (
     without_stuck,
 )
 from windsysid.identification.prior import Prior
-from windsysid.identification.sine_forces import with_forces
+from windsysid.identification.sine_forces import told, with_forces
 from windsysid.identification.spectral import identify_by_spectrum
 from windsysid.identification.steady_lines import APART, Sine, find_sine, find_turning, turned, without_sines
 from windsysid.inspection.health import Finding
@@ -73,8 +73,8 @@ def identify(
     ----------
     record
         Channels in SI, with ``rotor_azimuth`` [rad]; ``rotor_speed`` [rad/s] and known loads ``load_x`` … [N, N·m]
-        where measured. A `Record`, a path, a pandas DataFrame or an xarray Dataset with units
-        (`windsysid.records.coercion`).
+        where measured, or ``part_of_load_x`` … where others act beside. A `Record`, a path, a pandas DataFrame or an
+        xarray Dataset with units (`windsysid.records.coercion`).
     turbine
         Masses, geometry, and the references that priors are centred on. A `Turbine`, a packaged name or a TOML file.
     sensors
@@ -207,8 +207,8 @@ class _Asked(NamedTuple):
 
 class _Found(NamedTuple):
     """What a formulation found, on which record and with which sensors, the faults of what it read, under which prior,
-    whether readings of a clock that drifts were put back, the
-    frequency that a coefficient depends on, and the steady lines that are left in the innovations."""
+    whether readings of a clock that drifts were put back, the frequency that a coefficient depends on, and the steady
+    lines that are left in the innovations."""
 
     formulation: Formulation
     outcome: Outcome
@@ -258,7 +258,7 @@ def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
             near = near or search(left, None)
             forces = forces_of(asked.sines, near, part, turbine, found, prior, asked.parameters)
             left = without_sines(part, turbine, found, [force.sine for force in forces])
-            part, said = with_forces(part, forces, psi), [str(force) for force in forces if force.matters]
+            part, said = with_forces(part, forces, psi), told(forces)
     outcome = thin_to_readings(search(part, near), steps)
     outcome = outcome._replace(notes=(*drifted, *resampled, *said, *outcome.notes))
     read = replace(left, time=left.time[::steps], values=left.values[::steps])

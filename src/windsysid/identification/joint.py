@@ -117,7 +117,15 @@ def forces_of(
 ) -> list[SineForce]:  # fmt: skip
     """How strongly sines push where a search has ended, on whatever record, with whatever priors."""
     problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
-    return find_forces(problem, _at_its_end(near, problem), record, sines)
+    mean, first = _at_its_end(near, problem), len(problem.parameters) + len(problem.statistics)
+    count = len(mean) - first
+    along = np.zeros((len(mean), count))
+    along[first:] = np.eye(count)
+    if near.joint_cov is not None and count:
+        n, behind = len(near.theta), len(near.joint_cov) - len(near.tolerances)
+        own = slice(behind, behind + count)
+        along[:n] = near.joint_cov[:n, own] @ np.linalg.inv(near.joint_cov[own, own])
+    return find_forces(problem, mean, record, sines, along=along, at=mean[first:])
 
 
 def _at_its_end(near: Outcome, problem: TurbineProblem) -> Array:

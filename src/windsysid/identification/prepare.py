@@ -9,7 +9,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import Info
-from windsysid.identification.outcome import Outcome
+from windsysid.identification.outcome import PART_OF, Outcome
 from windsysid.inspection.channels import VIBRATION, kinds
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import read_besides, screen
@@ -132,8 +132,11 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
             )
     for name in turbine.model.loads:
         expected = turbine.model.freedom(name).load_unit
-        if name in record and record.unit(name) != expected:
-            raise RecordError(f"channel '{name}': expected {expected}, got {record.unit(name)}: correct its unit")
+        for channel in (name, PART_OF + name):
+            if channel in record and record.unit(channel) != expected:
+                raise RecordError(
+                    f"channel '{channel}': expected {expected}, got {record.unit(channel)}: correct its unit"
+                )
     return found
 
 

@@ -94,8 +94,8 @@ def identify_by_spectrum(
     turbine = seen_by(turbine, sensors, notes)
     inputs = known_inputs(record, turbine, sensors)
     readings = read_bridged(record, [sensor.channel for sensor in sensors], notes)
-    file_loads = known_loads(record, turbine)[1]
-    if len({load.load for load in file_loads}) < len(turbine.model.loads):
+    known, file_loads = known_loads(record, turbine)
+    if known.any() or len({load.load for load in file_loads}) < len(turbine.model.loads):
         raise ConfigurationError(
             "the spectral formulation takes no measured loads: leave load_… out, or use --formulation joint"
         )

@@ -40,9 +40,9 @@ but one had less."""
 ORDERS = 6
 """Harmonics nP of the rotor that are looked for."""
 
-LEAST_TURNING = 20.0
+LEAST_TURNING = 14.0
 """Thomson's F of innovations at nP from which on the rotor pushes: of two channels chance exceeds it in one record of
-600."""
+100, which costs a search."""
 
 APART = 4.0
 """Frequencies of the periodogram within which two sines are not told from each other."""
