@@ -12,7 +12,7 @@ from windsysid.identification.drifting_clocks import without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from
-from windsysid.identification.line_dependence import Dependence, doubt_line
+from windsysid.identification.line_dependence import Dependence, doubt_line, doubt_sine
 from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prepare import (
     check_length,
@@ -25,7 +25,7 @@ from windsysid.identification.prepare import (
 from windsysid.identification.prior import Prior
 from windsysid.identification.sine_forces import told, with_forces
 from windsysid.identification.spectral import identify_by_spectrum
-from windsysid.identification.steady_lines import APART, Sine, find_sine, find_turning, turned, without_sines
+from windsysid.identification.steady_lines import APART, Sine, find_sine, find_turning, one_turn, turned, without_sines
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import screen
 from windsysid.kernels.threads import one_thread
@@ -147,12 +147,14 @@ def _answer(
     """What a formulation finds, and that judged."""
     found = _WAYS[formulation](asked)
     if found.formulation != "force-balance":
-        dependence = doubt_line(
-            found.outcome, found.read, asked.turbine, found.sensors, found.prior, asked.parameters,
-            by_spectra=found.formulation == "spectral",
-        )  # fmt: skip
+        of = found.outcome, found.read, asked.turbine, found.sensors, found.prior, asked.parameters
+        spectral = found.formulation == "spectral"
+        dependence = doubt_line(*of, by_spectra=spectral)
         if dependence is not None:
             found = found.doubted(dependence.doubt)._replace(dependence=dependence)
+        for sine in asked.sines:
+            if not (sine.order or found.outcome.doubts):
+                found = found.doubted(*doubt_sine(sine.frequency, *of, by_spectra=spectral))
     if found.formulation == "joint":
         felt = find_turning(found.outcome.final.whitened, found.read, asked.turbine, found.sensors, asked.sines)
         found = found.doubted(*(one.doubt for one in felt))._replace(felt=tuple(felt))
@@ -171,6 +173,9 @@ def _sines(asked: "_Asked", found: "_Found", result: Identification) -> list[Sin
     for line in (result.diagnosis.line, found.dependence and (found.dependence.channel, found.dependence.frequency)):
         sine = find_sine(part, asked.turbine, found.sensors, *line) if line else None
         sines += [sine] if sine is not None else []
+    if any(one.group == "masses" and one.off for one in found.outcome.tolerances):
+        turn = one_turn(found.read, asked.turbine, found.sensors)
+        sines += [turn] if turn is not None else []  # an imbalance looks like blades of other masses
     return sines
 
 

@@ -24,7 +24,7 @@ from windsysid.results.lines import Line, find_line
 from windsysid.spectral.tonal import without_line
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Dependence", "doubt_line"]
+__all__ = ["Dependence", "doubt_line", "doubt_sine"]
 
 REACH = 1.25
 """Factor about a mode's frequency within which a line is looked for."""
@@ -33,7 +33,10 @@ SUSPECT = 9.0
 """Power over its surroundings from which on a frequency may be a line: one in ten healthy records has it."""
 
 MOVED = 2.5
-"""Standard deviations by which a coefficient may move when one frequency is taken out."""
+"""Standard deviations by which a coefficient may move when one frequency, or those beside a sine, are taken out."""
+
+BESIDE = 3
+"""Frequencies of the periodogram to either side of a sine in which a narrow-band load would have left something."""
 
 
 class Dependence(NamedTuple):
@@ -55,17 +58,10 @@ def doubt_line(
     line = _suspect(outcome, record)
     if line is None or line.ratio < SUSPECT:
         return None
-    loads = RotorWind.name if outcome.hypothesis == RotorWind.name else "broadband"
-
-    def ask(one: Record) -> Outcome:
-        return identify_by_spectrum(one, turbine, sensors, prior, parameters, loads=loads)
-
-    try:
-        without = ask(_without(record, outcome.channels, line.frequency))
-        found = outcome if by_spectra else ask(record)
-    except (WindsysidError, np.linalg.LinAlgError):
-        return None
-    name, off = compare(without, found)
+    name, off = _moved(
+        _without(record, outcome.channels, line.frequency), outcome, record, turbine, sensors, prior, parameters,
+        by_spectra=by_spectra,
+    )  # fmt: skip
     if off < MOVED:
         return None
     return Dependence(
@@ -73,6 +69,41 @@ def doubt_line(
         f"without {line.frequency:.3g} Hz {name} would be {off:.1f} standard deviations elsewhere: likely a machine or "
         "waves; choose a section without it",
     )  # fmt: skip
+
+
+def doubt_sine(
+    frequency: float, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    parameters: Sequence[str] | None, *, by_spectra: bool,
+) -> tuple[str, ...]:  # fmt: skip
+    """That what is left beside a sine at a frequency [Hz], which was taken out of the record, still moves a
+    coefficient, as a doubt: a narrow-band load would. Arguments as for `doubt_line`."""
+    name, off = _moved(
+        _without(record, outcome.channels, frequency, BESIDE), outcome, record, turbine, sensors, prior, parameters,
+        by_spectra=by_spectra,
+    )  # fmt: skip
+    if off < MOVED:
+        return ()
+    return (
+        f"without what is left around {frequency:.3g} Hz {name} would be {off:.1f} standard deviations elsewhere: "
+        "likely a machine or waves; choose a section without it",
+    )
+
+
+def _moved(
+    without: Record, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    parameters: Sequence[str] | None, *, by_spectra: bool,
+) -> tuple[str, float]:  # fmt: skip
+    """Which coefficient moves most, and by how many standard deviations, if a part of the record is left out; none
+    where spectra do not apply."""
+    loads = RotorWind.name if outcome.hypothesis == RotorWind.name else "broadband"
+
+    def ask(one: Record) -> Outcome:
+        return identify_by_spectrum(one, turbine, sensors, prior, parameters, loads=loads)
+
+    try:
+        return compare(ask(without), outcome if by_spectra else ask(record))
+    except (WindsysidError, np.linalg.LinAlgError):
+        return "", 0.0
 
 
 def _suspect(outcome: Outcome, record: Record) -> Line | None:
@@ -101,11 +132,19 @@ def _suspect(outcome: Outcome, record: Record) -> Line | None:
     )  # fmt: skip
 
 
-def _without(record: Record, channels: Sequence[str], frequency: float) -> Record:
-    """The record without a sine in these channels."""
+def _without(record: Record, channels: Sequence[str], frequency: float, beside: int = 0) -> Record:
+    """The record without a sine in these channels, or without so many frequencies to either side, too."""
     values = np.column_stack([record[channel] for channel in channels])
     known = np.nan_to_num(values - np.nanmean(values, axis=0))
-    left = values - (known - without_line(known, record.rate, frequency))
+    left = known
+    if not beside:
+        left = without_line(known, record.rate, frequency)
+    else:
+        near = frequency + np.arange(-beside, beside + 1) * record.rate / record.samples
+        wave = np.exp(2j * np.pi * np.outer(np.arange(record.samples) / record.rate, near))
+        design = np.column_stack([wave.real, wave.imag])
+        left = known - design @ np.linalg.lstsq(design, known, rcond=None)[0]
+    left = values - (known - left)
     return record.with_channels(
         {channel: (column, record.unit(channel)) for channel, column in zip(channels, left.T, strict=True)}
     )

@@ -28,14 +28,21 @@ from windsysid.signals.rotor import rotor_inputs
 from windsysid.spectral.tonal import steadiness
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["APART", "Sine", "find_sine", "find_turning", "phase_of", "turned", "ways_of", "without_sines"]
+__all__ = ["APART", "Sine", "find_sine", "find_turning", "one_turn", "phase_of", "turned", "ways_of", "without_sines"]
 
 LEAST_STEADINESS = 40.0
 """Thomson's F from which on a line may be a sine: chance exceeds it at one frequency in 200 000."""
 
-OWN_SHARE = 0.7
-"""Of a line's power over its surroundings, what F has to be: of 60 sines the least was 0.8, of narrow-band loads all
-but one had less."""
+OWN_SHARE = 1.0
+"""Of a line's power over its surroundings, what F has to be: of 180 sines a tenth had less, of 30 narrow-band loads
+that F took for sines two thirds."""
+
+LOUD = 9.0
+"""Power over its surroundings from which on a line in another channel has to be the same sine."""
+
+HALVES, ALIKE = 2.0, 0.3
+"""By how much amplitude and phase of a sine may differ between the halves of a record, squared, over what chance does;
+and its frequency between channels, in frequencies of the periodogram. Of sines one in fifty differs more."""
 
 ORDERS = 6
 """Harmonics nP of the rotor that are looked for."""
@@ -63,8 +70,14 @@ class Sine(NamedTuple):
     @property
     def doubt(self) -> str:
         """That it is left in innovations, as a doubt."""
-        at = f"{self.frequency:.4g} Hz{f' = {self.order}P' if self.order else ''}"
-        return f"a steady line at {at} is left over: likely a machine or waves; choose a section without it"
+        if self.order:
+            return (
+                f"what turns at {self.order}P is left over: likely loads that turn with the rotor; try another section"
+            )
+        return (
+            f"a steady line at {self.frequency:.4g} Hz is left over: likely a machine or waves; choose a section "
+            "without it"
+        )
 
     def __str__(self) -> str:
         return f"a steady line at {self.frequency:.4g} Hz was left out of the readings: likely a machine"
@@ -77,15 +90,54 @@ def find_sine(
     it is not steady, or at 1P, where gravity is."""
     if not record.is_uniform:
         return None
-    values, step = bridged(record[channel], channel), 1.0 / record.duration
-    values = values - values.mean()
-    window = np.hanning(len(values))
-    frequency = _refined(window * values, record.time - record.time[0], frequency, step)
-    psi = turned(record, turbine, sensors)
+    step, psi = 1.0 / record.duration, turned(record, turbine, sensors)
     rotor_hz = 0.0 if psi is None else _turns(record, psi)
-    if abs(frequency - rotor_hz) < APART * step or not _is_steady(window, values, record.rate, frequency):
+    on_blades = any(sensor.blade for sensor in sensors if sensor.channel == channel)
+    seen = _Seen.of(record, channel, frequency)
+    if seen is None or abs(seen.frequency - rotor_hz) < APART * step:
         return None
-    return Sine(frequency, any(sensor.blade for sensor in sensors if sensor.channel == channel))
+    if seen.steadiness < max(LEAST_STEADINESS, OWN_SHARE * seen.over):
+        return None
+    others = [sensor.channel for sensor in sensors if bool(sensor.blade) is on_blades and sensor.channel != channel]
+    for one in (seen, *(_Seen.of(record, other, seen.frequency) for other in others)):
+        if one is None or (one is not seen and one.over < LOUD):
+            continue
+        if one.halves > HALVES or abs(one.frequency - seen.frequency) > ALIKE * step:
+            return None
+    return Sine(seen.frequency, on_blades)
+
+
+class _Seen(NamedTuple):
+    """A line in a channel: its frequency [Hz], Thomson's F, its power over its surroundings, and the squared difference
+    of its halves over what chance does."""
+
+    frequency: float
+    steadiness: float
+    over: float
+    halves: float
+
+    @classmethod
+    def of(cls, record: Record, channel: str, frequency: float) -> "_Seen | None":
+        """What stands near a frequency [Hz]; None where there are no surroundings."""
+        if not np.isfinite(record[channel]).any():
+            return None
+        values, samples, rate = bridged(record[channel], channel), record.samples, record.rate
+        values, time, window = values - values.mean(), record.time - record.time[0], np.hanning(samples)
+        frequency = _refined(window * values, time, frequency, rate / samples)
+        power, at = np.abs(np.fft.rfft(window * values)) ** 2, round(frequency * samples / rate)
+        if not SURROUNDINGS < at < len(power) - SURROUNDINGS:
+            return None
+        over = float(stand_out_of_a_bend(power[:, None], np.array([at]), SURROUNDINGS)[0, 0])
+        wave, half = values * np.exp(-2j * math.pi * frequency * time), np.hanning(samples // 2)
+        first, last = (np.sum(half * part) / half.sum() for part in (wave[: len(half)], wave[-len(half) :]))
+        chance = 2.0 * power[at] / over * np.sum(half**2) / np.sum(window**2) / half.sum() ** 2
+        return cls(frequency, steadiness(values, rate, frequency), over, float(abs(first - last) ** 2 / chance))
+
+
+def one_turn(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Sine | None:
+    """The sine at 1P on the support; None where no blades turn that are read."""
+    psi = turned(record, turbine, sensors)
+    return None if psi is None else Sine(_turns(record, psi), on_blades=False, order=1)
 
 
 def find_turning(
@@ -98,8 +150,10 @@ def find_turning(
         return []
     rotor_hz = _turns(record, psi)
     turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, ORDERS + 1)]
-    left = []
-    for sine in (*known, *(one for one in turning if APART / record.duration < one.frequency < 0.4 * record.rate)):
+    apart, left = APART / record.duration, []
+    turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
+    turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
+    for sine in (*known, *turning):
         felt = [i for i, sensor in enumerate(sensors) if bool(sensor.blade) is sine.on_blades]
         if max(steadiness(np.nan_to_num(whitened[:, i]), record.rate, sine.frequency) for i in felt) > LEAST_TURNING:
             left.append(sine)
@@ -165,16 +219,6 @@ def _refined(windowed: Array, time: Array, frequency: float, step: float) -> flo
         bounds=(frequency - step, frequency + step), method="bounded", options={"xatol": 1e-3 * step},
     )  # fmt: skip
     return float(found.x)
-
-
-def _is_steady(window: Array, values: Array, rate: float, frequency: float) -> bool:
-    """Whether values (T,) have a sine at a frequency [Hz], and not a narrow band."""
-    power = np.abs(np.fft.rfft(window * values)) ** 2
-    at = round(frequency * len(values) / rate)
-    if not SURROUNDINGS < at < len(power) - SURROUNDINGS:
-        return False
-    over = float(stand_out_of_a_bend(power[:, None], np.array([at]), SURROUNDINGS)[0, 0])
-    return steadiness(values, rate, frequency) > max(LEAST_STEADINESS, OWN_SHARE * over)
 
 
 def _waves(values: Array, window: Array, phases: Sequence[Array]) -> Array:
