@@ -1,6 +1,7 @@
 """Steady lines are left out of the readings, or taken into account as forces; narrow-band loads are not."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from windsysid.identification.outcome import PART_OF, known_loads
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import pose
 from windsysid.identification.sine_forces import SineForce, find_forces, with_forces
-from windsysid.identification.steady_lines import Sine, find_sine, find_turning, turned, without_sines
+from windsysid.identification.steady_lines import Sine, find_sine, find_turning, one_turn, turned, without_sines
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.study.drawn_prior import DrawnPrior
@@ -149,6 +150,15 @@ def test_a_part_of_a_load_has_the_unit_of_the_load_and_is_no_matter_of_spectra(v
         identify(made.with_channels({"part_of_load_x": (push, "m")}), verne555)
     with pytest.raises(ConfigurationError, match="takes no measured loads"):
         identify(made.with_channels({"part_of_load_x": (push, "N")}), verne555, formulation="spectral")
+
+
+def test_a_rotor_that_stands_has_no_turn(verne555: Turbine):
+    made = record("reference", 1)
+    assert one_turn(made, verne555, verne555.sensors) == Sine(pytest.approx(ONE_P), on_blades=False, order=1)  # type: ignore[arg-type]
+    parked = made.with_channels(
+        {"rotor_azimuth": (np.zeros(made.samples), "rad"), "rotor_speed": (np.zeros(made.samples), "rad/s")}
+    )
+    assert one_turn(parked, replace(verne555, rotor_speed=0.0), verne555.sensors) is None
 
 
 def test_gravity_stays_where_sines_are_left_out(verne555: Turbine):

@@ -137,7 +137,8 @@ class _Seen(NamedTuple):
 def one_turn(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Sine | None:
     """The sine at 1P on the support; None where no blades turn that are read."""
     psi = turned(record, turbine, sensors)
-    return None if psi is None else Sine(_turns(record, psi), on_blades=False, order=1)
+    hz = 0.0 if psi is None else _turns(record, psi)
+    return Sine(hz, on_blades=False, order=1) if hz > APART / record.duration else None
 
 
 def find_turning(
