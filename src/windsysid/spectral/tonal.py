@@ -5,6 +5,8 @@ test (Proc. IEEE 1982, https://doi.org/10.1109/PROC.1982.12433): the same freque
 tapers, which vibration under a random load does not have.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -114,6 +116,7 @@ def _largest_near(ratio: Array) -> Array:
     return np.asarray(maximum_filter1d(ratio, 5))
 
 
+@lru_cache(maxsize=4)
 def _tapers(samples: int) -> tuple[NDArray[np.float64], Array]:
     """Slepian tapers (TAPERS, T), long ones interpolated, and their sums."""
     from scipy.signal.windows import dpss
