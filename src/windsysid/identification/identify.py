@@ -169,7 +169,7 @@ def _sines(asked: "_Asked", found: "_Found", result: Identification) -> list[Sin
     """Steady sines that a result feels, and has not taken into account."""
     if found.formulation == "force-balance" or not asked.part.is_uniform:
         return []
-    part, sines = asked.without_sines, list(found.felt)
+    part, sines = asked.quiet, list(found.felt)
     for line in (result.diagnosis.line, found.dependence and (found.dependence.channel, found.dependence.frequency)):
         sine = find_sine(part, asked.turbine, found.sensors, *line) if line else None
         sines += [sine] if sine is not None else []
@@ -194,7 +194,7 @@ class _Asked(NamedTuple):
     near: Outcome | None = None
 
     @property
-    def without_sines(self) -> Record:
+    def quiet(self) -> Record:
         """The part without the steady lines that were found."""
         if not self.sines:
             return self.part
@@ -272,7 +272,7 @@ def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
 
 
 def _by_spectra(asked: _Asked) -> _Found:
-    part, turbine = asked.without_sines.on_uniform_grid(), asked.turbine
+    part, turbine = asked.quiet.on_uniform_grid(), asked.turbine
     check_length(part.name, part.duration, part.rate, turbine)
     if asked.rate is not None:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")

@@ -34,15 +34,14 @@ LEAST_STEADINESS = 40.0
 """Thomson's F from which on a line may be a sine: chance exceeds it at one frequency in 200 000."""
 
 OWN_SHARE = 1.0
-"""Of a line's power over its surroundings, what F has to be: of 180 sines a tenth had less, of 30 narrow-band loads
-that F took for sines two thirds."""
+"""Of a line's power over its surroundings, what F has to be: most sines have more, most narrow-band loads less."""
 
 LOUD = 9.0
 """Power over its surroundings from which on a line in another channel has to be the same sine."""
 
 HALVES, ALIKE = 2.0, 0.3
 """By how much amplitude and phase of a sine may differ between the halves of a record, squared, over what chance does;
-and its frequency between channels, in frequencies of the periodogram. Of sines one in fifty differs more."""
+and its frequency between channels, in frequencies of the periodogram."""
 
 ORDERS = 6
 """Harmonics nP of the rotor that are looked for."""
