@@ -143,6 +143,25 @@ def test_parts_of_loads_add_to_what_is_not_known(verne555: Turbine):
     assert np.max(known[:, verne555.model.loads.index("load_x")]) == pytest.approx(5.0, rel=1e-2)
 
 
+def test_a_force_adds_to_the_part_of_a_load_that_was_measured(verne555: Turbine):
+    """It took its place, and a shaker that was measured was forgotten."""
+    made = record("reference", 1)
+    made = made.with_channels({"part_of_load_x": (np.full(made.samples, 2.0), "N")})
+    force = SineForce(Sine(2.0, on_blades=False), "load_x", "N", 3.0, 0.0, 0.1)
+    pushed = with_forces(made, [force], turned(made, verne555, verne555.sensors))["part_of_load_x"]
+    assert pushed[0] == pytest.approx(5.0)
+    assert pushed.mean() == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_load_that_was_measured_is_not_pushed_beside(verne555: Turbine):
+    made = record("reference", 1)
+    made = made.with_channels({"load_x": (np.zeros(made.samples), "N")})
+    problem = pose(made, verne555, verne555.sensors, Prior())
+    sine = Sine(2.0, on_blades=False)
+    forces = find_forces(problem, problem.wide_prior[0], made, [sine], along=NOTHING, at=np.empty(0))
+    assert "load_x" not in {one.load for one in forces}
+
+
 def test_a_part_of_a_load_has_the_unit_of_the_load_and_is_no_matter_of_spectra(verne555: Turbine):
     made = record("reference", 1)
     push = 5.0 * np.sin(12.0 * made.time)

@@ -145,10 +145,10 @@ def _rivalled(outcome: Outcome, record: Record, final: Turbine, modes: Sequence[
         rivals = find_rivals(record[channel], record.rate, mode_of(file, name), found, known)
         rival = next((one for one in rivals if one.speaks_against(found)), None)
         if rival is not None:
-            hz, ratio = rival.mode
+            mode = f"{name} at {rival.mode[0]:.3g} Hz ({100.0 * rival.mode[1]:.2g} % damped)"
             return (
-                f"a narrow-band load at {rival.frequency:.3g} Hz and a {name} mode at {hz:.3g} Hz with "
-                f"{100.0 * ratio:.2g} % damping fit {channel} better: likely loads of a machine or waves",
+                f"a narrow-band load at {rival.frequency:.3g} Hz beside {mode} fits {channel} better: likely loads of "
+                "a machine; try another section",
             )
     return ()
 

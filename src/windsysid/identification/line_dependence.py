@@ -136,7 +136,6 @@ def _without(record: Record, channels: Sequence[str], frequency: float, beside: 
     """The record without a sine in these channels, or without so many frequencies to either side, too."""
     values = np.column_stack([record[channel] for channel in channels])
     known = np.nan_to_num(values - np.nanmean(values, axis=0))
-    left = known
     if not beside:
         left = without_line(known, record.rate, frequency)
     else:

@@ -93,7 +93,7 @@ def find_forces(
         deviations of their priors.
     """
     model, psi = problem.build(unknowns), turned(record, problem.turbine, problem.sensors)
-    columns, rms = model.inputs, {load.load: load.rms for load in problem.turbine.loads}
+    columns, rms = model.inputs, {one.load: one.rms for one in problem.turbine.loads if one.load not in record}
 
     def innovations(model: StateSpace, inputs: Array) -> Array:
         return np.nan_to_num(EKF.run(model, EKF.init(model), inputs, problem.readings)[1].whitened)
@@ -184,11 +184,11 @@ def told(forces: Sequence[SineForce]) -> list[str]:
 
 
 def with_forces(record: Record, forces: Sequence[SineForce], psi: Array | None) -> Record:
-    """The record with forces as measured parts of its loads; its rotor has the azimuth ψ (T,)."""
-    parts: dict[str, Array] = {}
+    """The record with forces as parts of its loads, beside those that it has; its rotor has the azimuth ψ (T,)."""
     for one in forces:
         cosine, sine = _waves(one.sine, record, psi)
-        push = one.cosine * cosine + one.quadrature * sine
-        parts[one.load] = parts.get(one.load, np.zeros(record.samples)) + push
-    units = {one.load: one.unit for one in forces}
-    return record.with_channels({PART_OF + load: (push, units[load]) for load, push in parts.items()})
+        part = PART_OF + one.load
+        measured = np.nan_to_num(record[part]) if part in record else 0.0
+        push = measured + one.cosine * cosine + one.quadrature * sine
+        record = record.with_channels({part: (push, one.unit)})
+    return record
