@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from validation.adversary.scenarios import SCENARIOS, record
 from windsysid.filters import EKF
 from windsysid.identification.clocks import PASSED
+from windsysid.identification.posterior_mode import find_mode
 from windsysid.identification.prepare import resample_for_model
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
@@ -24,6 +25,7 @@ from windsysid.loads.statistics import coordinates_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes as find_modes
 from windsysid.output.console import render
+from windsysid.results.constancy import CHANCE, Constancy, chances, judge_constancy
 from windsysid.results.diagnosis import (
     CHANNEL_MAX_FACTOR,
     MAX_SIGMAS,
@@ -69,6 +71,8 @@ LIMITS = {
     "cubes, over their bound": 1.0,
     "level over frequency, over its bounds": 1.0,
     "bending with amplitude, over its bound": 1.0,
+    "halves of the record, −lg chance": -math.log10(CHANCE),
+    "scatter of its parts, −lg chance": -math.log10(CHANCE),
 }
 """What is judged."""
 
@@ -84,7 +88,8 @@ def measure(name: str, seed: int) -> list[float]:
     made = record(name, seed)
     fine, steps, _ = resample_for_model(made, turbine, None, turbine.sensors)
     problem = pose(fine, turbine, turbine.sensors, Prior())
-    model = problem.build(_truth(problem, name))
+    truth = _truth(problem, name)
+    model = problem.build(truth)
     info = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1]
     freedoms = problem.turbine.model.freedoms
     asked = judge_smoothed_loads(model, problem.inputs, problem.readings, info, freedoms=freedoms)
@@ -103,6 +108,7 @@ def measure(name: str, seed: int) -> list[float]:
         z, info.mean[::steps, :n], info.mean[::steps, n : 2 * n], channels=model.readings,
         coordinates=turbine.model.coordinates, chance=FALSE_ALARM_CHANCE,
     )  # fmt: skip
+    count = len(problem.parameters)
     return [
         abs(math.log(w.nis)),
         max(abs(math.log(c.nis)) for c in w.channels),
@@ -121,7 +127,18 @@ def measure(name: str, seed: int) -> list[float]:
         math.nan if bent is None else bent.statistic / bent.bound,
         0.0 if w.smooth is None else w.smooth.ratio,
         math.nan if asked is None else abs(asked.bending.sigmas) / asked.bending.bound,
+        *(-math.log10(count * float(chance.min())) for chance in chances(_constancy(problem, truth), count)),
     ]
+
+
+def _constancy(problem: TurbineProblem, truth: NDArray[np.float64]) -> Constancy:
+    """What parts of a record say where a search from the truth ends."""
+    mean, cov = problem.wide_prior
+    mode = find_mode(
+        problem.build, [(problem.inputs, problem.readings)], prior_mean=mean, prior_cov=cov,
+        start=np.concatenate([truth, mean[len(truth) :]]), start_cov=cov,
+    )  # fmt: skip
+    return judge_constancy(mode.look.found.parts, cov, mode.mean - mode.look.theta)
 
 
 def is_condemned(row: NDArray[np.float64]) -> bool:

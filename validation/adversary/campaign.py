@@ -137,7 +137,7 @@ def _share(z: NDArray[np.float64]) -> float:
 
 CAUSES = {
     "likely an instrument": "instrument", "likely loads": "loads", "likely impacts": "loads",
-    "likely a machine or waves": "line", "likely a spring": "machine",
+    "likely a machine or waves": "line", "likely a spring": "machine", "likely a structure": "machine",
 }  # fmt: skip
 """What a reason says of its cause."""
 

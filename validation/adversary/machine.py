@@ -45,6 +45,8 @@ class Machine(NamedTuple):
         Dry friction in the support [N].
     play
         Half the gap in the support's springs [m].
+    loosens, loosens_at
+        By how much the support's springs are softer from a time on, as a share, and when [s].
     speed
         Ω [rad/s].
     """
@@ -61,6 +63,8 @@ class Machine(NamedTuple):
     blade_hardening: float = 0.0
     friction: float = 0.0
     play: float = 0.0
+    loosens: float = 0.0
+    loosens_at: float = 0.0
     speed: float = 2.0 * np.pi * 1.16
     length: float = 2.5
     width: float = 0.2
@@ -71,8 +75,9 @@ class Machine(NamedTuple):
 
     @property
     def truth(self) -> dict[str, float]:
-        """The coefficients by their names in windsysid."""
-        found = {"k_x": self.k_x, "c_x": self.c_x, "k_y": self.k_y, "c_y": self.c_y}
+        """The coefficients by their names in windsysid; of springs that loosen, the mean of before and after."""
+        mean = 1.0 - 0.5 * self.loosens
+        found = {"k_x": mean * self.k_x, "c_x": self.c_x, "k_y": mean * self.k_y, "c_y": self.c_y}
         for i in range(3):
             found |= {f"k_beta_{i + 1}": self.k_beta[i], f"c_beta_{i + 1}": self.c_beta[i]}
         return found
@@ -87,7 +92,7 @@ class Machine(NamedTuple):
                 [self.hub_mass, self.k_x, self.c_x, self.k_y, self.c_y, self.hardening / 0.01**2, self.friction],
                 [self.play, self.speed, self.hinge_offset, self.eccentricity, self.eccentricity_angle, self.gravity],
                 [self.blade_hardening / 0.01**2],
-                m, m * arm, m * (own + arm**2), self.k_beta, self.c_beta,
+                m, m * arm, m * (own + arm**2), self.k_beta, self.c_beta, [self.loosens, self.loosens_at],
             ]
         )  # fmt: skip
 
@@ -104,8 +109,9 @@ def _accelerations(v: Array, psi: float, q: Array, r: Array, w: Array, a: Array)
     """Into a (5,): ẍ, ÿ and β̈ at displacements q, velocities r and loads w (5,)."""
     speed, d, gravity = v[8], v[9], v[12]
     total = v[0]
-    fx = w[0] - _spring(v[1], q[0], v[5], v[7]) - v[2] * r[0]
-    fy = w[1] - _spring(v[3], q[1], v[5], v[7]) - v[4] * r[1]
+    stiffness = 1.0 - v[29] if v[29] > 0.0 and psi > speed * v[30] else 1.0
+    fx = w[0] - _spring(stiffness * v[1], q[0], v[5], v[7]) - v[2] * r[0]
+    fy = w[1] - _spring(stiffness * v[3], q[1], v[5], v[7]) - v[4] * r[1]
     if v[6] > 0.0:
         fx -= v[6] * np.tanh(r[0] / 1e-3)
         fy -= v[6] * np.tanh(r[1] / 1e-3)

@@ -129,6 +129,7 @@ SCENARIOS: dict[str, Scenario] = {
     "support hardens": Scenario("machine", machine=Machine(hardening=0.05)),
     "dry friction": Scenario("machine", machine=Machine(friction=0.5)),
     "play in the support": Scenario("machine", machine=Machine(play=0.001)),
+    "support 15 % softer from midway": Scenario("machine", machine=Machine(loosens=0.15, loosens_at=LEAD_IN + 50.0)),
 }  # fmt: skip
 """By name."""
 

@@ -20,6 +20,7 @@ from windsysid.mechanics.model import Coefficient
 from windsysid.modal.analysis import modes_with_slopes
 from windsysid.records.record import Record
 from windsysid.results.budget import Budget, budget_of
+from windsysid.results.constancy import doubt_constancy
 from windsysid.results.diagnosis import diagnose
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
 from windsysid.results.lines import Line
@@ -127,6 +128,7 @@ def conclude(
         late=_late(outcome, record) if formulation == "joint" else None,
         bent=_bent(outcome) if formulation == "joint" else None,
         smoothed_loads=outcome.smoothed_loads,
+        constancy=outcome.constancy,
         blades_move=any(freedom.blade for freedom in turbine.model.freedoms),
     )
     return Identification(
@@ -169,11 +171,12 @@ def conclude(
 
 def doubts_of_innovations(outcome: Outcome, rate: float) -> tuple[str, ...]:
     """What the innovations of a filter, so many a second, say against its result."""
-    nothing = np.empty(0)
-    return diagnose(
+    nothing, names = np.empty(0), [q.name for q in outcome.model.parameters]
+    found = diagnose(
         outcome.final, readings=outcome.model.readings, rate=rate, frequencies=(), parameters=(), theta=nothing,
         cov=np.diag(nothing), whiteness=outcome.whiteness, bent=_bent(outcome), smoothed_loads=outcome.smoothed_loads,
-    ).reasons  # fmt: skip
+    )  # fmt: skip
+    return (*found.reasons, *doubt_constancy(names, outcome.constancy))
 
 
 def _off_clock(record: Record, speed: float) -> tuple[str, ...]:

@@ -218,6 +218,7 @@ def describe_solution(
         loads=solution.loads,
         joint_cov=solution.cov,
         whiteness=solution.whiteness,
+        constancy=solution.constancy,
         log_likelihood=solution.log_likelihood,
         hypothesis=problem.loads.name,
         tolerances=tolerances,

@@ -13,6 +13,7 @@ from windsysid.filters import Info
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
+from windsysid.results.constancy import Constancy
 from windsysid.results.held import hold
 from windsysid.results.load_history import Loads
 from windsysid.results.smoothed_loads import SmoothedLoads
@@ -66,6 +67,8 @@ class Outcome(NamedTuple):
         in standard deviations of their priors; None where no statistics were learned.
     whiteness
         The innovations against white noise where that was judged already; None where those of `final` are to be judged.
+    constancy
+        What parts of the record say of θ; None where they were not asked.
     log_likelihood
         Of all readings, where `final` does not hold them all.
     hypothesis
@@ -99,6 +102,7 @@ class Outcome(NamedTuple):
     loads: Loads | None = None
     joint_cov: Array | None = None
     whiteness: Whiteness | None = None
+    constancy: Constancy | None = None
     log_likelihood: float | None = None
     hypothesis: str = ""
     tolerances: tuple[Tolerance, ...] = ()

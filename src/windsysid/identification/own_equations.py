@@ -430,4 +430,5 @@ def _diagnose(found: Solution, model: StateSpace, rate: float, doubts: tuple[str
     return diagnose(
         found.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
         theta=found.mean[:n], cov=found.cov[:n, :n], whiteness=found.whiteness, doubts=doubts,
+        constancy=found.constancy,
     )  # fmt: skip

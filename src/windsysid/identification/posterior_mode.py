@@ -25,6 +25,7 @@ from windsysid.filters import EKF, Info
 from windsysid.filters.bank import Bank, bank_of, run_bank
 from windsysid.identification.samples import Samples
 from windsysid.output.progress import passed
+from windsysid.results.constancy import Part, join_parts, sum_of
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
@@ -64,8 +65,8 @@ curvature does not matter, and far wider than rounding."""
 
 THREADS = 2
 
-CHUNK = 1000
-"""Samples between two sums over the bank, which bound its memory."""
+CHUNK = 500
+"""Samples between two sums over the bank, which bound its memory, and of which each is a part of the record."""
 
 
 class Changes(Protocol):
@@ -92,12 +93,15 @@ class Score(NamedTuple):
         Fisher information (n_θ, n_θ).
     mixed
         Negative second derivatives of the log-likelihood to θ and to changes of the readings (n_θ, c).
+    parts
+        What parts of the record say, in the order of time.
     """
 
     log_likelihood: float
     gradient: Array
     fisher: Array
     mixed: Array
+    parts: tuple[Part, ...] = ()
 
     def plus(self, more: "Score") -> "Score":
         """What both say together."""
@@ -106,6 +110,7 @@ class Score(NamedTuple):
             self.gradient + more.gradient,
             self.fisher + more.fisher,
             self.mixed + more.mixed,
+            join_parts((*self.parts, *more.parts)),
         )
 
 
@@ -314,8 +319,8 @@ def score(
 ) -> tuple[Bank, Score]:  # fmt: skip
     """Run a bank of `neighbours` over T samples, and of changes of the readings (T, m, c), and take the differences
     between its filters."""
-    n = len(widths)
-    log_likelihood, gradient, fisher = 0.0, np.zeros(n), np.zeros((n, n))
+    n, across = len(widths), np.outer(widths, widths)
+    log_likelihood, parts = 0.0, list[Part]()
     mixed = np.zeros((n, bank.tangents.shape[1]))
     for first in range(0, len(readings), CHUNK):
         part = slice(first, first + CHUNK)
@@ -325,12 +330,12 @@ def score(
         log_likelihood -= float(log_s[:, 0].sum() + 0.5 * middle @ middle)
         moved_z, moved_s = (array[:, 1:] - array[:, :1] for array in (z, log_s))
         mixed -= (scores.slopes[:, 1:] - scores.slopes[:, :1]).T
-        gradient -= moved_s.sum(axis=0) + middle @ moved_z
-        fisher += 2.0 * (moved_s.T @ moved_s)
+        gradient = -(moved_s.sum(axis=0) + middle @ moved_z)
+        fisher = 2.0 * (moved_s.T @ moved_s)
         moved_z += middle[:, None] * moved_s
         fisher += moved_z.T @ moved_z
+        parts.append(Part(len(readings[part]), gradient / widths, fisher / across))
         passed(len(readings[part]))
     log_likelihood -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
-    return bank, Score(
-        float(log_likelihood), gradient / widths, fisher / np.outer(widths, widths), mixed / widths[:, None]
-    )
+    whole = sum_of(parts, n)
+    return bank, Score(float(log_likelihood), whole.gradient, whole.fisher, mixed / widths[:, None], join_parts(parts))

@@ -26,6 +26,7 @@ from windsysid.identification.posterior_mode import Mode, find_mode
 from windsysid.identification.recursive import History, Online, advance, finish, join_histories
 from windsysid.identification.samples import Samples, split_evenly
 from windsysid.output.progress import expect
+from windsysid.results.constancy import Constancy, judge_constancy
 from windsysid.results.load_history import Loads
 from windsysid.results.stretches import Stretch, measure_stretch
 from windsysid.results.whiteness import Whiteness, judge_stretches
@@ -100,6 +101,8 @@ class Solution(NamedTuple):
         What the filter said at the mode, and what went in, and the loads that were states: of the last block.
     whiteness
         The innovations at the mode against white noise, all of them.
+    constancy
+        What parts of the samples say of the unknowns but the clocks.
     outliers
         The readings that were left out.
     read
@@ -118,6 +121,7 @@ class Solution(NamedTuple):
     inputs: Array
     loads: Loads
     whiteness: Whiteness
+    constancy: Constancy
     outliers: Outliers
     read: NDArray[np.int64]
     samples: int
@@ -196,6 +200,7 @@ def solve(
         whiteness=judge_stretches(
             seen.stretch, names=problem.build(mode.mean).readings, frequencies=problem.frequencies(mode.mean)
         ),
+        constancy=_constancy(problem, mode),
         outliers=outliers,
         read=seen.read,
         samples=seen.stretch.samples,
@@ -266,6 +271,12 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
     else:
         mode = mode._replace(settled=mode.settled and not problem.clocks)
     return mode
+
+
+def _constancy(problem: Problem, mode: Mode) -> Constancy:
+    """What parts of the samples say where a search has ended."""
+    theta = mode.look.theta
+    return judge_constancy(mode.look.found.parts, problem.wide_prior[1], mode.mean[: len(theta)] - theta)
 
 
 class _Seen(NamedTuple):

@@ -30,6 +30,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.filters import Info
+from windsysid.results.constancy import Constancy, doubt_constancy
 from windsysid.results.directions import describe_directions
 from windsysid.results.estimate_checks import Band, CoefficientCheck, doubt_damping, doubt_priors, hold_against_priors
 from windsysid.results.lines import Line
@@ -149,6 +150,7 @@ def diagnose(
     late: Late | None = None,
     bent: Bent | None = None,
     smoothed_loads: SmoothedLoads | None = None,
+    constancy: Constancy | None = None,
     blades_move: bool = False,
 ) -> Diagnosis:
     """Judge a result by its innovations and its priors.
@@ -181,6 +183,8 @@ def diagnose(
     late, bent, smoothed_loads
         How late the blades seem to be, what shows most that a spring or damper is no straight line, and what smoothed
         loads say, where that was looked for.
+    constancy
+        What parts of the record say of the parameters, where they were asked.
     blades_move
         Whether blades are degrees of freedom. Only for them was it measured what a level of the innovations that goes
         with frequency does to estimates; elsewhere it is a remark.
@@ -205,9 +209,9 @@ def diagnose(
             remarks += verdict.remarks
     else:
         reasons += _judge_line(seen, rotor_hz).reasons
-    reasons += doubt_priors(checks)
-    prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
+    reasons += [*doubt_constancy(names, constancy), *doubt_priors(checks)]
+    prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     remarks += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
     doubts_of_damping, remarks_of_damping = doubt_damping(parameters, theta, cov, damping)
     reasons += doubts_of_damping
