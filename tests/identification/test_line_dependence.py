@@ -20,13 +20,14 @@ def identified(name: str, seed: int) -> Identification:
 def test_a_line_that_does_not_stand_out_is_found_and_left_out(monkeypatch: pytest.MonkeyPatch):
     """Stiffness came out five standard deviations too small, and trusted."""
     found = identified("line 5 % from a mode", 8000)
-    assert found.diagnosis.trusted
+    assert not any("1.64 Hz" in reason for reason in found.diagnosis.reasons)
     assert any("steady line at 1.64 Hz was left out" in note for note in found.notes)
     errors = [(e.estimate - Machine().truth[e.name]) / e.std for e in found.estimates]
     assert max(abs(z) for z in errors) < 3.0
     monkeypatch.setattr(front, "MOST_SEARCHES", 0)
-    (reason,) = identified("line 5 % from a mode", 8000).diagnosis.reasons
-    assert reason.startswith("without 1.64 Hz k_x would be")
+    reasons = identified("line 5 % from a mode", 8000).diagnosis.reasons
+    assert any(reason.startswith("without 1.64 Hz k_x would be") for reason in reasons)
+    assert any(reason.startswith("a narrow-band load at 1.64 Hz explains the spectra better") for reason in reasons)
 
 
 def test_a_fainter_line_is_found(monkeypatch: pytest.MonkeyPatch):

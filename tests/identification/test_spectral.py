@@ -167,7 +167,7 @@ def test_varying_speed_is_refused() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"loads": "second-order"}, "expected auto, broadband or rotor-wind"),
+        ({"loads": "second-order"}, "expected auto, broadband, narrow-band or rotor-wind"),
         ({"loads": "rotor-wind"}, "expected a rotor"),
         ({"rate": 2.0}, "leave the rate out"),
     ],

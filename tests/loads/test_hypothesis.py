@@ -218,7 +218,8 @@ def test_what_there_is_to_choose_from(verne555: Turbine):
     tower = load_turbine("tower")
     assert candidates(tower, tower.loads) == ("broadband", "second-order")
     with pytest.raises(
-        ConfigurationError, match="load model: expected auto, broadband, second-order, rotor-wind; got 'gusts'"
+        ConfigurationError,
+        match="load model: expected auto, broadband, second-order, narrow-band, rotor-wind; got 'gusts'",
     ):
         hypothesis("gusts", verne555, verne555.loads)
     with pytest.raises(ConfigurationError, match="load model rotor-wind: expected a rotor with blades of its own"):

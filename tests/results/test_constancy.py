@@ -24,7 +24,7 @@ def judged(parts: list[Part]):
     """At the mode of a posterior with a prior of standard deviation `SPREAD`."""
     fisher, gradient = sum(part.fisher for part in parts), sum(part.gradient for part in parts)
     step = np.linalg.solve(fisher + np.eye(3) / SPREAD**2, gradient)
-    return judge_constancy(parts, SPREAD**2 * np.eye(3), step)
+    return judge_constancy(parts, np.diag(np.full(3, SPREAD**2)), np.asarray(step, dtype=np.float64))
 
 
 def test_halves_of_true_models_differ_by_chance_and_parts_scatter_as_fisher_information_tells():

@@ -149,7 +149,7 @@ def test_a_load_that_a_model_does_not_have_is_not_drawn_in_silence():
         draw_loads([GaussMarkov("load_x", 1.0, 1.0)], ("load_y",), 5, 10.0, np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("name", ["broadband", "second-order", "rotor-wind"])
+@pytest.mark.parametrize("name", ["broadband", "second-order", "narrow-band", "rotor-wind"])
 def test_the_simulator_plays_every_hypothesis(verne555: Turbine, name: str):
     """What it draws has the variances of the hypothesis at every azimuth, averaged over a turn, within four standard
     errors."""
@@ -170,10 +170,8 @@ def test_the_simulator_plays_every_hypothesis(verne555: Turbine, name: str):
 
 
 def test_loads_that_nobody_knows_are_refused(verne555: Turbine):
-    with pytest.raises(
-        ConfigurationError,
-        match=r"loads: expected one of random, wind, wind-feedback, broadband, second-order, rotor-wind.*; got 'gusts'",
-    ):
+    playable = "random, wind, wind-feedback, broadband, second-order, narrow-band, rotor-wind"
+    with pytest.raises(ConfigurationError, match=rf"loads: expected one of {playable}.*; got 'gusts'"):
         simulate_record(verne555, duration=2.0, rate=50.0, loads="gusts")
     with pytest.raises(ConfigurationError, match="load model rotor-wind: expected a rotor with blades of its own"):
         simulate_record("tower", duration=2.0, rate=50.0, loads="rotor-wind")

@@ -97,6 +97,8 @@ SCENARIOS: dict[str, Scenario] = {
     "3P on the support": Scenario("line", plus_line(3.48, 0.02, (0, 1))),
     "1P on the support": Scenario("line", plus_line(1.16, 0.125, (0, 1))),
     "narrow band at the support": Scenario("loads", plus_narrow_band(1.9, 0.03, 0.3, (0, 1))),
+    "band on the support's modes": Scenario("loads", plus_narrow_band(1.8, 0.02, 0.25, (0, 1))),
+    "faint band on the support's modes": Scenario("loads", plus_narrow_band(1.7, 0.01, 0.15, (0, 1))),
     "narrow band at the blades": Scenario("loads", plus_narrow_band(3.6, 0.05, 0.3, (2, 3, 4))),
     "all but a line at the support": Scenario("loads", plus_narrow_band(1.64, 0.001, 0.2, (0, 1))),
     "hump on the support": Scenario("loads", plus_narrow_band(1.2, 0.3, 1.0, (0, 1))),

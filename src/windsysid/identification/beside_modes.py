@@ -1,30 +1,28 @@
-"""What a record has beside the modes that were found, and speaks against them: lines, narrow-band loads, blades that
-pass; and channels in which nothing vibrates."""
+"""What a record has beside the modes that were found, and speaks against them: lines, blades that pass; and channels in
+which nothing vibrates."""
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.identification.outcome import Outcome
+from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.records.record import Record
 from windsysid.results.lines import Line, find_line
 from windsysid.results.mode import Mode
 from windsysid.results.passing import find_passing
-from windsysid.results.rivals import find_rivals
 from windsysid.results.stillness import find_still
 from windsysid.signals.rotor import rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["channel_of", "doubts_beside_modes", "line_beside_modes", "mode_of"]
+__all__ = ["channel_of", "doubts_beside_modes", "line_beside_modes", "mode_of", "ranges_of_narrow_band"]
 
 
-BY_ITSELF = 0.02
-"""Of the logarithm of frequency, by which a mode may be off a degree of freedom by itself: a tower with a tuned mass
-damper has two modes, and none is the tower's."""
+REACHED = 4.0
+"""Half-widths of a narrow-band load, or frequencies of the periodogram, within which it may look like a line."""
 
 MIXED, NEIGHBOURS = 0.1, 1.6
 """Share of one degree of freedom's motion in a reading of another, whose mode would look like a narrow-band load; and
@@ -32,27 +30,40 @@ the factor of their frequencies within which it matters."""
 
 
 def doubts_beside_modes(
-    outcome: Outcome, record: Record, final: Turbine, modes: Sequence[Mode], speed: float, *, filtered: bool
+    outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float, *, filtered: bool
 ) -> tuple[str, ...]:
-    """What speaks against the modes of the turbine as it was found, whose rotor has a mean speed [rad/s]; of filters,
-    more is asked."""
+    """What speaks against the modes of a turbine whose rotor has a mean speed [rad/s]; of filters, more is asked."""
     return (
         *_still(outcome, record, speed),
         *(_passed(outcome, record, modes) if filtered else ()),
-        *_rivalled(outcome, record, final, modes),
     )
 
 
 def line_beside_modes(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float) -> Line | None:
-    """What stands out most of the readings beside a mode; modes are not narrower than the file's: a
-    line that was taken for one is."""
+    """What stands out most of the readings beside a mode, but for a narrow-band load that was found; modes are not
+    narrower than the file's: a line that was taken for one is."""
     if not (modes and record.is_uniform):
         return None
     known = _no_narrower(outcome.turbine, modes)
     readings = np.column_stack([record[channel] for channel in outcome.channels])
+    rotor_hz = abs(speed) / (2.0 * math.pi)
     return find_line(
-        readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=abs(speed) / (2.0 * math.pi)
+        readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=rotor_hz,
+        known=ranges_of_narrow_band(outcome, record, rotor_hz),
     )  # fmt: skip
+
+
+def ranges_of_narrow_band(outcome: Outcome, record: Record, rotor_hz: float) -> list[tuple[float, float]]:
+    """Where a narrow-band load that was found stands out [Hz], as what turns and what does not reads it; none where it
+    is as narrow as a line."""
+    known = {one.name: one.estimate for one in outcome.statistics}
+    if FREQUENCY not in known:
+        return []
+    own, width = known[FREQUENCY], known[FREQUENCY] * known[WIDTH]
+    if 2.0 * width * record.duration < 1.0:
+        return []
+    away = max(REACHED * width, REACHED / record.duration)
+    return [(abs(seen) - away, abs(seen) + away) for seen in (own - rotor_hz, own, own + rotor_hz)]
 
 
 def _no_narrower(file: Turbine, modes: Sequence[Mode]) -> list[tuple[float, float]]:
@@ -114,43 +125,6 @@ def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[st
         f"the blades pass steadily at {found.frequency:.3g} Hz ({model.blades}P), on the mode at {found.natural:.3g} "
         "Hz, and cannot be told from it: take a section at another speed",
     )
-
-
-def _rivalled(outcome: Outcome, record: Record, final: Turbine, modes: Sequence[Mode]) -> tuple[str, ...]:
-    """Beside which degree of freedom of a support that stands, being a mode by itself, a narrow-band load and another
-    mode explain the readings better, as a doubt."""
-    file = outcome.turbine
-    if not record.is_uniform or any(freedom.blade for freedom in file.model.freedoms):
-        return ()
-    priors = {q.name: q for q in outcome.priors}
-    for name in file.model.coordinates:
-        own = {kind: priors.get(f"{kind}_{name}") for kind in ("k", "c")}
-        if not (any(own.values()) and final.natural_frequency(name) > 0.0):  # a free one has no mode
-            continue
-        found = mode_of(final, name)
-        if not any(abs(math.log(mode.frequency_hz[0] / found[0])) < BY_ITSELF for mode in modes):
-            continue
-
-        def known(*normal: float, own: Any = own, name: str = name) -> tuple[float, ...]:
-            return tuple(
-                max(float(q.physical(q.prior[0] + z * q.prior[1])) / file.values[f"{kind}_{name}"], 1e-4)
-                if q is not None
-                else 1.0
-                for (kind, q), z in zip(own.items(), normal, strict=True)
-            )
-
-        channel = channel_of(outcome, record, name)
-        if channel is None:
-            continue
-        rivals = find_rivals(record[channel], record.rate, mode_of(file, name), found, known)
-        rival = next((one for one in rivals if one.speaks_against(found)), None)
-        if rival is not None:
-            mode = f"{name} at {rival.mode[0]:.3g} Hz ({100.0 * rival.mode[1]:.2g} % damped)"
-            return (
-                f"a narrow-band load at {rival.frequency:.3g} Hz beside {mode} fits {channel} better: likely loads of "
-                "a machine; try another section",
-            )
-    return ()
 
 
 def mode_of(turbine: Turbine, name: str) -> tuple[float, float]:

@@ -104,7 +104,7 @@ def conclude(
     beside: tuple[str, ...] = ()
     if formulation != "force-balance":
         line = line_beside_modes(outcome, record, modes, speed)
-        beside = doubts_beside_modes(outcome, record, final, modes, speed, filtered=formulation == "joint")
+        beside = doubts_beside_modes(outcome, record, modes, speed, filtered=formulation == "joint")
     diagnosis = diagnose(
         outcome.final,
         readings=model.readings,

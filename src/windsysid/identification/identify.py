@@ -13,6 +13,7 @@ from windsysid.identification.force_balance import identify_by_force_balance, me
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from
 from windsysid.identification.line_dependence import Dependence, doubt_line, doubt_sine
+from windsysid.identification.narrow_bands import doubts_of_narrow_band, note_narrow_band
 from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prepare import (
     check_length,
@@ -24,11 +25,13 @@ from windsysid.identification.prepare import (
 )
 from windsysid.identification.prior import Prior
 from windsysid.identification.sine_forces import told, with_forces
-from windsysid.identification.spectral import identify_by_spectrum
+from windsysid.identification.spectral import identify_by_spectrum, narrow_band_beside
 from windsysid.identification.steady_lines import APART, Sine, find_sine, find_turning, one_turn, turned, without_sines
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import screen
 from windsysid.kernels.threads import one_thread
+from windsysid.loads.family import Broadband
+from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.progress import Progress, hear, unheard
@@ -165,6 +168,10 @@ def _answer(
     return found, result
 
 
+def _disagreement(name: str, off: float) -> str:
+    return f"filters and spectra disagree on {name} by {off:.1f} standard deviations: loads are not as modelled"
+
+
 def _sines(asked: "_Asked", found: "_Found", result: Identification) -> list[Sine]:
     """Steady sines that a result feels, and has not taken into account."""
     if found.formulation == "force-balance" or not asked.part.is_uniform:
@@ -271,6 +278,28 @@ def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
     return joint.doubted(MOVED) if drifted else joint
 
 
+def _by_filters(asked: _Asked) -> _Found:
+    """By filters, with a narrow-band load on the support where spectra need one."""
+    found = _jointly(asked)
+    of = found.read, asked.turbine, found.sensors
+    beside = narrow_band_beside(found.outcome, *of)
+    if beside is None or not beside.is_needed or asked.loads != "auto":
+        return found.doubted(*doubts_of_narrow_band(beside, asked=asked.loads))
+    alone = doubts_of_narrow_band(beside, asked=Broadband.name)
+    try:
+        near, _ = with_wide_priors(
+            lambda prior: identify_by_spectrum(*of, prior, asked.parameters, loads=NarrowBand.name), found.prior
+        )
+    except (WindsysidError, np.linalg.LinAlgError):
+        return found.doubted(*alone)
+    again = _jointly(asked, near)
+    if again.outcome.hypothesis != NarrowBand.name:
+        return again.doubted(*alone)
+    name, off = compare(again.outcome, near)
+    against = [_disagreement(name, off)] if off > DISAGREEMENT else []
+    return again.saying(note_narrow_band(beside), *doubts_of_narrow_band(beside, asked=asked.loads), *against)
+
+
 def _by_spectra(asked: _Asked) -> _Found:
     part, turbine = asked.quiet.on_uniform_grid(), asked.turbine
     check_length(part.name, part.duration, part.rate, turbine)
@@ -279,10 +308,19 @@ def _by_spectra(asked: _Asked) -> _Found:
     found = usable_sensors(part, turbine, asked.sensors)
     part, faults = without_stuck(part, screened(asked.part, turbine, found))
     part, drifted = without_drift(part, turbine, found)
-    outcome, prior = with_wide_priors(
-        lambda prior: identify_by_spectrum(part, turbine, found, prior, asked.parameters, loads=asked.loads),
-        asked.prior or Prior(),
-    )
+
+    def ask(loads: str) -> tuple[Outcome, Prior]:
+        return with_wide_priors(
+            lambda prior: identify_by_spectrum(part, turbine, found, prior, asked.parameters, loads=loads),
+            asked.prior or Prior(),
+        )
+
+    outcome, prior = ask(asked.loads)
+    beside = narrow_band_beside(outcome, part, turbine, found)
+    if beside is not None and beside.is_needed and asked.loads == "auto":
+        outcome, prior = ask(NarrowBand.name)
+    else:
+        outcome = outcome._replace(doubts=(*outcome.doubts, *doubts_of_narrow_band(beside, asked=asked.loads)))
     outcome = outcome._replace(notes=(*drifted, *map(str, asked.sines), *outcome.notes))
     return _Found("spectral", outcome, part, found, faults, prior, moved=bool(drifted))
 
@@ -316,18 +354,19 @@ def _by_what_fits(asked: _Asked) -> _Found:
     try:
         spectral = _by_spectra(asked)
     except (WindsysidError, np.linalg.LinAlgError) as error:
-        return _jointly(asked).saying(f"joint formulation, as spectra do not apply ({error})")
+        return _by_filters(asked).saying(f"joint formulation, as spectra do not apply ({error})")
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
     if not doubts and spectral.outcome.hypothesis == RotorWind.name:
         return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
     if not doubts and spectral.moved:
         return spectral.saying("spectral formulation: a clock drifts, and filters feel what is read between samples")
-    joint = _jointly(asked._replace(prior=spectral.prior), None if doubts else spectral.outcome)
+    again = asked._replace(prior=spectral.prior)
+    joint = _by_filters(again) if doubts else _jointly(again, spectral.outcome)
     joint = joint._replace(outcome=joint.outcome._replace(given_priors=spectral.outcome.given_priors))
     if doubts:
         return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
     name, off = compare(joint.outcome, spectral.outcome)
-    against = [f"filters and spectra disagree on {name} by {off:.1f} standard deviations: loads are not as modelled"]
+    against = [_disagreement(name, off)]
     if spectral.outcome.turns:
         if off > DISAGREEMENT:
             return joint.saying("joint formulation; spectra were asked, too", *against)
@@ -346,4 +385,4 @@ def _undamped(found: Outcome) -> list[str]:
     return [f"{q.name} is not positive" for q, theta in at if q.name in damping and q.physical(theta) <= 0.0]
 
 
-_WAYS = {"auto": _by_what_fits, "joint": _jointly, "spectral": _by_spectra, "force-balance": _by_force_balance}
+_WAYS = {"auto": _by_what_fits, "joint": _by_filters, "spectral": _by_spectra, "force-balance": _by_force_balance}

@@ -28,6 +28,7 @@ from windsysid.identification.steady_lines import Sine
 from windsysid.identification.tolerances import doubt_tolerances, learned_tolerances, note_tolerances
 from windsysid.loads.family import candidates
 from windsysid.loads.hypothesis import HYPOTHESES
+from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.statistics import coordinates_of, learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -88,7 +89,7 @@ def identify_jointly_from(
     the other. None where that does not explain the record, if it has to, or the search does not end: the long way is
     asked then.
     """
-    if explained and near.hypothesis != load_models(record, turbine, "auto")[0]:
+    if explained and near.hypothesis not in (load_models(record, turbine, "auto")[0], NarrowBand.name):
         return None
     problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
     warm(problem)

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid.errors import WindsysidError
-from windsysid.identification.beside_modes import channel_of, mode_of
+from windsysid.identification.beside_modes import channel_of, mode_of, ranges_of_narrow_band
 from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prior import Prior
 from windsysid.identification.spectral import identify_by_spectrum
+from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -95,7 +96,8 @@ def _moved(
 ) -> tuple[str, float]:  # fmt: skip
     """Which coefficient moves most, and by how many standard deviations, if a part of the record is left out; none
     where spectra do not apply."""
-    loads = RotorWind.name if outcome.hypothesis == RotorWind.name else "broadband"
+    spectral = (RotorWind.name, NarrowBand.name)  # others are for filters only
+    loads = outcome.hypothesis if outcome.hypothesis in spectral else "broadband"
 
     def ask(one: Record) -> Outcome:
         return identify_by_spectrum(one, turbine, sensors, prior, parameters, loads=loads)
@@ -122,13 +124,14 @@ def _suspect(outcome: Outcome, record: Record) -> Line | None:
     read = tuple(dict.fromkeys(channels.values()))
     turned = [i for i, name in enumerate(outcome.model.compiled.inputs) if name == "rotor_speed"]
     speed = float(outcome.rotor[:, turned[0]].mean()) if turned else turbine.rotor_speed
+    rotor_hz = abs(speed) / (2.0 * math.pi)
     return find_line(
         np.column_stack([record[channel] for channel in read]), read, rate=record.rate,
         modes=[
             (mode_of(turbine, name)[0], max(mode_of(one, name)[1] for one in (turbine, outcome.turbine)))
             for name in channels
         ],
-        rotor_hz=abs(speed) / (2.0 * math.pi), reach=REACH,
+        rotor_hz=rotor_hz, reach=REACH, known=ranges_of_narrow_band(outcome, record, rotor_hz),
     )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ from windsysid.filters import EKF, Info
 from windsysid.filters.bank import Bank, bank_of, run_bank
 from windsysid.identification.samples import Samples
 from windsysid.output.progress import passed
-from windsysid.results.constancy import Part, join_parts, sum_of
+from windsysid.results.constancy import Part, join_parts
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
@@ -65,8 +65,8 @@ curvature does not matter, and far wider than rounding."""
 
 THREADS = 2
 
-CHUNK = 500
-"""Samples between two sums over the bank, which bound its memory, and of which each is a part of the record."""
+CHUNK = 1000
+"""Samples between two sums over the bank, which bound its memory: either half is a part of the record."""
 
 
 class Changes(Protocol):
@@ -320,7 +320,7 @@ def score(
     """Run a bank of `neighbours` over T samples, and of changes of the readings (T, m, c), and take the differences
     between its filters."""
     n, across = len(widths), np.outer(widths, widths)
-    log_likelihood, parts = 0.0, list[Part]()
+    log_likelihood, gradient, fisher, parts = 0.0, np.zeros(n), np.zeros((n, n)), list[Part]()
     mixed = np.zeros((n, bank.tangents.shape[1]))
     for first in range(0, len(readings), CHUNK):
         part = slice(first, first + CHUNK)
@@ -330,12 +330,22 @@ def score(
         log_likelihood -= float(log_s[:, 0].sum() + 0.5 * middle @ middle)
         moved_z, moved_s = (array[:, 1:] - array[:, :1] for array in (z, log_s))
         mixed -= (scores.slopes[:, 1:] - scores.slopes[:, :1]).T
-        gradient = -(moved_s.sum(axis=0) + middle @ moved_z)
-        fisher = 2.0 * (moved_s.T @ moved_s)
+        samples = len(readings[part])
+        half = slice(0, samples // 2 * readings.shape[1])
+        whole, first_half = (
+            -(moved_s[rows].sum(axis=0) + middle[rows] @ moved_z[rows]) for rows in (slice(None), half)
+        )
+        seen = 2.0 * (moved_s.T @ moved_s)
+        seen_half = 2.0 * (moved_s[half].T @ moved_s[half])
         moved_z += middle[:, None] * moved_s
-        fisher += moved_z.T @ moved_z
-        parts.append(Part(len(readings[part]), gradient / widths, fisher / across))
+        seen += moved_z.T @ moved_z
+        seen_half += moved_z[half].T @ moved_z[half]
+        gradient += whole
+        fisher += seen
+        parts.append(Part(samples // 2, first_half / widths, seen_half / across))
+        parts.append(Part(samples - samples // 2, (whole - first_half) / widths, (seen - seen_half) / across))
         passed(len(readings[part]))
     log_likelihood -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
-    whole = sum_of(parts, n)
-    return bank, Score(float(log_likelihood), whole.gradient, whole.fisher, mixed / widths[:, None], join_parts(parts))
+    return bank, Score(
+        float(log_likelihood), gradient / widths, fisher / across, mixed / widths[:, None], join_parts(parts)
+    )

@@ -18,6 +18,12 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.held_priors import find_held
+from windsysid.identification.narrow_bands import (
+    NarrowBandFit,
+    doubts_of_narrow_band,
+    fit_narrow_band,
+    note_narrow_band,
+)
 from windsysid.identification.outcome import Outcome, known_inputs, known_loads, no_innovations
 from windsysid.identification.prior import Prior, identifiable
 from windsysid.identification.problem import seen_by
@@ -30,9 +36,11 @@ from windsysid.identification.tolerances import (
     note_tolerances,
     tolerances_of,
 )
-from windsysid.loads.family import hypothesis
+from windsysid.loads.family import Broadband, hypothesis
+from windsysid.loads.hypothesis import HYPOTHESES
+from windsysid.loads.narrow_band import NarrowBand, narrow_band_statistics
 from windsysid.loads.rotor_wind import RotorWind
-from windsysid.loads.statistics import Statistic, learned_statistics
+from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.rotor import MEAN_LAG, as_rotor
 from windsysid.mechanics.sensors import Sensor
@@ -49,7 +57,7 @@ from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.statespace.compose import compose
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["ask", "identify_by_spectrum"]
+__all__ = ["ask", "identify_by_spectrum", "narrow_band_beside"]
 
 STEADY, VARYING = 0.005, 0.02
 """Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
@@ -68,6 +76,12 @@ CLEAR = 50.0
 LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
 """As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
 Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
+
+AGAIN = ((0.2, 1), *WHOLE)
+"""The stages of a search that begins where another one has ended."""
+
+TURNED = 0.05
+"""[rad] by which a nacelle may yaw in a record whose spectra are asked beside filters."""
 
 PASSING = 1.2
 """Factor about a natural frequency within which the load of passing blades bends what spectra find of it."""
@@ -121,8 +135,16 @@ def identify_by_spectrum(
         posed.model.likelihood(posed.start, max(1, len(posed.model.place.base)))
     started += time.perf_counter() - warming
     found = _fitted(poses)
-    name, best = found.name, found.fit
+    name, best, why = found.name, found.fit, found.why
     posed, question = poses[name], questions[name]
+    if loads == NarrowBand.name:
+        beside = fit_narrow_band(question, posed, best, thorough=True)
+        if beside is None:
+            raise WindsysidError("no narrow-band load fits this record: choose broadband")
+        name, posed, best = loads, beside.posed, beside.fit
+        notes.append(note_narrow_band(beside))
+        doubts += doubts_of_narrow_band(beside, asked=loads)
+        why = f" (log evidence over broad loads alone by {beside.gain:.0f})"
     tolerances = _tolerances(question)
     if tolerances:
         best = admit(best, _inexact(question, tolerances))
@@ -140,7 +162,7 @@ def identify_by_spectrum(
 
     where = ", ".join(f"{low:.3g} … {high:.3g} Hz" for low, high in posed.bands)
     notes += [
-        f"loads: {posed.text}, learned from the record with the noise{found.why}; damping is total: structure and "
+        f"loads: {posed.text}, learned from the record with the noise{why}; damping is total: structure and "
         f"aerodynamics",
         f"read at {where}; what repeats in every turn was taken out",
     ]
@@ -149,6 +171,55 @@ def identify_by_spectrum(
         statistics=model.statistics, elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
         held=find_held(log_likelihood, best.unknowns, best.cov, model.parameters),
     )._replace(turns=coupled)  # fmt: skip
+
+
+def narrow_band_beside(
+    near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor],
+    sums: LiftedSums | TurnedSums | None = None,
+) -> NarrowBandFit | None:  # fmt: skip
+    """What spectra say of a narrow-band load beside broad ones where a search has ended `near`, of filters or of
+    spectra; None where they do not apply, or such a load could push nothing, and under wind. Other arguments as for
+    `identify_by_spectrum`.
+
+    Priors are those that were given. One that was made wider since the readings want more damping stays so: no
+    narrow-band load makes a mode look damped more, and it would be held against what the prior does not explain.
+    """
+    if near.hypothesis in (NarrowBand.name, RotorWind.name):
+        return None
+    turbine = seen_by(turbine, sensors, [])
+    known = {
+        q.name: q if float(theta) > q.prior[0] else given
+        for q, given, theta in zip(near.model.parameters, near.priors, near.theta, strict=True)
+    }
+    try:
+        inputs = known_inputs(record, turbine, sensors)
+        readings = read_bridged(record, [sensor.channel for sensor in sensors], [])
+        measured, loads = known_loads(record, turbine)
+        some_known = measured.any() or len({load.load for load in loads}) < len(turbine.model.loads)
+        turned = np.ptp(inputs[:, 2:], axis=0).max(initial=0.0) > TURNED  # a yaw that varies: spectra know one only
+        if some_known or turned or not narrow_band_statistics(turbine, loads):
+            return None
+        question = ask(record, turbine, sensors, Prior(), [*known], inputs, readings, Broadband.name, sums)
+        if turns_couple(question) and belongs_in_bands(question):
+            return None
+        question = question._replace(parameters=tuple(known[q.name] for q in question.parameters))
+        posed = pose_lifted(question, Broadband.name)
+        broad = fit(posed.model, _where_it_ended(near, question, posed), AGAIN, posed.smoothed)
+        return fit_narrow_band(question, posed, broad)
+    except (WindsysidError, np.linalg.LinAlgError):
+        return None
+
+
+def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> Array:
+    """The unknowns of spectra where a search has ended, as far as it knows them (n,)."""
+    found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
+    start, statistics = posed.start.copy(), posed.model.statistics
+    for i, q in enumerate(question.parameters):
+        start[i] = q.coordinate(found[q.name])
+    known = {one.name: one.estimate for one in near.statistics}
+    if all(one.name in known for one in statistics):
+        start[posed.model.mechanical :] = coordinates_of(statistics, known)
+    return start
 
 
 def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome | None:
@@ -216,10 +287,14 @@ def _inexact(question: Question, tolerances: Sequence[Tolerance]) -> Inexact:
 
 def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
     """The load models to try."""
-    if loads not in ("auto", "broadband", "rotor-wind"):
+    if loads not in ("auto", "broadband", NarrowBand.name, "rotor-wind"):
         raise ConfigurationError(
-            f"load model of the spectral formulation: expected auto, broadband or rotor-wind, got '{loads}'"
+            "load model of the spectral formulation: expected auto, broadband, narrow-band or rotor-wind, got "
+            f"'{loads}'"
         )
+    if loads == NarrowBand.name:  # which is looked for from where broad loads end
+        HYPOTHESES[loads].suppose(turbine, turbine.loads)
+        return ("broadband",)
     if loads != "auto":
         return (loads,)
     pushed = [name for name in turbine.model.loads if name in ("load_x", "load_y")]

@@ -25,13 +25,14 @@ from windsysid._version import __version__
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.conclude import conclude
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
+from windsysid.identification.narrow_bands import doubts_of_narrow_band
 from windsysid.identification.outcome import known_inputs
 from windsysid.identification.over_pieces import take_in
 from windsysid.identification.prepare import check_length
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import seen_by
 from windsysid.identification.recursive import another_call, check_call
-from windsysid.identification.spectral import ask, identify_by_spectrum
+from windsysid.identification.spectral import ask, identify_by_spectrum, narrow_band_beside
 from windsysid.identification.spectral_readings import read_bridged
 from windsysid.inspection.health import Finding
 from windsysid.mechanics.sensors import Sensor
@@ -244,6 +245,9 @@ class _Run:
             ),
             self.prior,
         )  # fmt: skip
+        whole = self.first.on_uniform_grid()
+        beside = narrow_band_beside(outcome, whole, self.turbine, self.sensors, sums)
+        outcome = outcome._replace(doubts=(*outcome.doubts, *doubts_of_narrow_band(beside, asked=outcome.hypothesis)))
         seconds = sums.last.duration
         what = f"{self.turns} turns" if self.coupled else f"{seconds:.4g} s"
         blocks = f"taken in piece by piece: {len(sums.energies)} blocks of {what}"

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from windsysid.errors import ConfigurationError
 from windsysid.loads.hypothesis import HYPOTHESES, LoadHypothesis, SupposedLoads, Values, register_loads
+from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.loads.statistics import Statistic, load_groups, moved_loads
 from windsysid.statespace.gauss_markov import GaussMarkov
@@ -12,7 +13,7 @@ from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.process import load_on, second_order
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["candidates", "describe_hypotheses", "hypothesis"]
+__all__ = ["Broadband", "candidates", "describe_hypotheses", "hypothesis"]
 
 
 def hypothesis(name: str, turbine: Turbine, loads: Sequence[GaussMarkov]) -> SupposedLoads:
@@ -85,4 +86,5 @@ class SecondOrder(LoadHypothesis):
         return SupposedLoads(self.name, self.text, turbine, statistics, blocks)
 
 
+register_loads(NarrowBand)
 register_loads(RotorWind)

@@ -129,10 +129,10 @@ def line_bound(tested: int, surroundings: int, chance: float, loss: float = 1.0)
 
 def find_line(
     values: Array, channels: Sequence[str], *, rate: float, modes: Sequence[tuple[float, float]], rotor_hz: float,
-    chance: float = LINE_CHANCE, reach: float = READINGS_REACH,
+    chance: float = LINE_CHANCE, reach: float = READINGS_REACH, known: Sequence[tuple[float, float]] = (),
 ) -> Line | None:  # fmt: skip
     """The line that stands out most of readings (T, m), beside modes of frequencies f [Hz] and damping ratios ζ, within
-    a factor `reach`.
+    a factor `reach`, but for ranges [Hz] in which something is known.
 
     None where there is nothing to be looked at.
     """
@@ -148,6 +148,8 @@ def find_line(
         if damping * natural < NARROWEST * step:
             for seen in (natural - rotor_hz, natural, natural + rotor_hz):  # by what turns, and by what does not
                 near &= np.abs(frequency - abs(seen)) > BESIDE * step
+    for low, high in known:
+        near &= (frequency < low) | (frequency > high)
     near[: SURROUNDINGS + 1] = near[-SURROUNDINGS - 1 :] = False
     whole = np.mean(~np.isfinite(values), axis=0) <= MOST_MISSING
     if not near.any() or not whole.any():

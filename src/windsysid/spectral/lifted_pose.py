@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.loads.hypothesis import HYPOTHESES
+from windsysid.loads.narrow_band import NarrowBand
 from windsysid.spectral.lifted import Complex, Lifted
 from windsysid.spectral.lifted_likelihood import Place
 from windsysid.spectral.lifted_loads import BroadbandLoads, Sources, WindLoads
@@ -41,7 +43,8 @@ def turns_couple(question: Question) -> bool:
 
 
 def pose_lifted(question: Question, loads: str, bands: Sequence[tuple[float, float]] = ()) -> Posed:
-    """The problem under a load model: ``"broadband"``, or for a rotor whose turns couple its motion ``"rotor-wind"``.
+    """The problem under a load model: ``"broadband"``, ``"narrow-band"``, or for a rotor whose turns couple its motion
+    ``"rotor-wind"``.
 
     Where nothing turns, `bands` are found around the modes; or they are given, to look at a part of the record as at
     the whole.
@@ -57,7 +60,7 @@ def pose_lifted(question: Question, loads: str, bands: Sequence[tuple[float, flo
         raise ConfigurationError(
             "load model rotor-wind: expected a rotor that turns with blades that move, got neither: choose broadband"
         )
-    return pose_standing(question, bands)
+    return pose_standing(question, bands, narrow=loads == NarrowBand.name)
 
 
 def harmonics_of(question: Question) -> int:
@@ -146,7 +149,7 @@ def _pose_turning(question: Question, loads: str) -> Posed:
         )
 
     model, bands = model_at(base, None), ((float(base[0]), (K - 0.5) * lifted.rotor_hz),)
-    text = "wind on the turning rotor" if loads == "rotor-wind" else "first-order Gauss–Markov"
+    text = HYPOTHESES[loads].text
     resonance = 2.0 * math.pi * width * blocks / lifted.overlap
     start = damped_start(question.turbine, question.parameters, *model.prior)
     return Posed(model, model_at(fine, window), start, bands, text, resonance)
@@ -164,7 +167,9 @@ def _turning_loads(question: Question, loads: str, base: Array, lifted: Lifted, 
     """The load model at base frequencies."""
     turbine, names = question.turbine, question.compiled.loads
     if loads != "rotor-wind":
-        return BroadbandLoads(question.loads, turbine.model, base[:, None] + lifted.rotor_hz * lifted.harmonics)
+        frequency = base[:, None] + lifted.rotor_hz * lifted.harmonics
+        broad = BroadbandLoads(question.loads, turbine.model, frequency)
+        return question.with_narrow_band(broad, frequency) if loads == NarrowBand.name else broad
     v = turbine.values
     moment = next(load.rms for load in question.loads if load.load.startswith("load_beta"))
     lever = v["blade_inertia_1"] / v["blade_first_moment_1"]

@@ -7,13 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.loads.narrow_band import narrow_band_statistics
 from windsysid.loads.statistics import Statistic, noise_groups
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.spectral.lifted import Lifted, lift
+from windsysid.spectral.lifted_loads import Sources
 from windsysid.spectral.lifted_model import LiftedModel
 from windsysid.spectral.lifted_sums import LiftedSums
+from windsysid.spectral.narrow_sources import NarrowBandBeside
 from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
@@ -95,6 +98,11 @@ class Question(NamedTuple):
         if self.sums is not None:
             return self.sums.last
         return lift(self.readings, self.inputs[:, 0], self.rate, harmonics)
+
+    def with_narrow_band(self, broad: Sources, frequency: Array) -> NarrowBandBeside:
+        """Broad loads at signed frequencies (B, 2K+1) [Hz], and a narrow-band one on the support."""
+        narrow = narrow_band_statistics(self.turbine, self.loads)
+        return NarrowBandBeside(broad, narrow, self.turbine.model, self.compiled.loads, frequency)
 
     def noise(self, frequency: Array, entries: NDArray[np.intp]) -> tuple[tuple[Statistic, ...], Array]:
         """Statistics of the sensors' noise, and its density as given on every entry (n, F, e)."""

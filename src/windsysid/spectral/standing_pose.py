@@ -43,8 +43,9 @@ LEAST_BINS = 12
 """Fewest bins of a band."""
 
 
-def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]) -> Posed:
-    """Matrices that do not turn: bands around the modes, with loads of any smooth spectrum in each."""
+def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]], *, narrow: bool = False) -> Posed:
+    """Matrices that do not turn: bands around the modes, with loads of any smooth spectrum in each, and a narrow-band
+    one on the support where that is asked."""
     sums = question.sums
     lifted, blocks = question.lifted(0), 1.0 if sums is None else sums.blocks
     lines = _on_lines(lifted, question.inputs[:, 1])
@@ -78,7 +79,8 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
     place = Place(base, orders, lifted.rotor_hz, np.arange(m), np.zeros((len(base), m), dtype=np.bool_))
     ends = np.array(bands).ravel()
     given = {name: [_given_amplitude(question.loads, name, f) for f in ends] for name in question.compiled.loads}
-    sources = BandLoads(given, question.compiled.loads, bands, base[:, None])
+    broad = BandLoads(given, question.compiled.loads, bands, base[:, None])
+    sources = question.with_narrow_band(broad, base[:, None]) if narrow else broad
     noise, levels = question.noise(base[:, None], place.entries)
     model = LiftedModel(
         np.ascontiguousarray(data),
@@ -112,7 +114,7 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
         None,
         start,
         bands,
-        "any smooth spectrum in the bands around the modes",
+        "any smooth spectrum in the bands around the modes" + narrow * ", and a narrow-band process on the support",
         2.0 * math.pi * width * blocks / lifted.overlap,
     )
 

@@ -1,0 +1,87 @@
+"""A narrow-band load that passed for a mode: with it, spectra and filters find the mode that was there."""
+
+import pytest
+from validation.adversary.campaign import identify_one
+from validation.adversary.loads import plus_narrow_band
+from validation.adversary.scenarios import SCENARIOS, Scenario
+from validation.towers import KINDS, Kind, _narrow, simulate
+
+from windsysid.errors import ConfigurationError
+from windsysid.identification.identify import identify
+from windsysid.results.identification import Identification
+from windsysid.study.drawn_prior import DrawnPrior
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+NARROW = Kind(loads=_narrow(0.335, 0.003, 0.15, 1))
+
+
+def towers(kind: Kind, seed: int, monkeypatch: pytest.MonkeyPatch, **options: str) -> tuple[Identification, float]:
+    """What is found of a tower, and the worst error in standard deviations."""
+    monkeypatch.setitem(KINDS, "this", kind)
+    made, true = simulate("this", seed)
+    found = identify(made, "tower", prior=DrawnPrior(seed=seed), **options)  # type: ignore[arg-type]
+    return found, max(abs(e.estimate - true[e.name]) / e.std for e in found.estimates)
+
+
+def test_a_narrow_band_that_passed_for_a_mode_is_taken_into_account(monkeypatch: pytest.MonkeyPatch):
+    """Damping came out a third of the tower's."""
+    broad, worst = towers(NARROW, 650000, monkeypatch, loads="broadband", formulation="spectral")
+    assert worst > 8.0
+    assert broad.diagnosis.reasons[0].startswith("a narrow-band load at 0.335 Hz explains the spectra better")
+    found, worst = towers(NARROW, 650000, monkeypatch)
+    assert worst < 3.0
+    assert found.diagnosis.trusted
+    assert any("pushes fore_aft at 0.33" in note for note in found.notes)
+    values = {one.name: one for one in found.statistics}
+    assert values["narrow_band_frequency"].low < 0.335 < values["narrow_band_frequency"].high
+
+
+def test_filters_take_it_into_account(monkeypatch: pytest.MonkeyPatch):
+    found, worst = towers(NARROW, 650000, monkeypatch, formulation="joint")
+    assert worst < 3.0
+    assert found.formulation == "joint"
+    assert any("pushes fore_aft at 0.33" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("damping", [1.0, 0.5, 3.0])
+def test_a_mode_that_is_damped_less_or_more_than_the_file_says_is_none(damping: float, monkeypatch: pytest.MonkeyPatch):
+    found, worst = towers(Kind(damping=damping), 650001, monkeypatch)
+    assert found.diagnosis.trusted
+    assert worst < 3.0
+    assert not any("narrow-band load of" in note for note in found.notes)
+
+
+def test_one_that_the_readings_cannot_tell_from_a_mode_speaks_against_the_result(monkeypatch: pytest.MonkeyPatch):
+    doubts = []
+    for seed in range(650010, 650016):
+        found, worst = towers(Kind(loads=_narrow(0.335, 0.003, 0.1, 1)), seed, monkeypatch, formulation="spectral")
+        if found.diagnosis.trusted:
+            assert worst < 5.0
+        doubts += [one for one in found.diagnosis.reasons if "would explain the spectra, too, and c_fore_aft" in one]
+    assert doubts
+
+
+def test_a_rotor_on_its_support_is_asked_too(monkeypatch: pytest.MonkeyPatch):
+    """Trusted, and eight standard deviations off."""
+    kind = Scenario("loads", plus_narrow_band(1.8, 0.02, 0.25, (0, 1)))
+    monkeypatch.setitem(SCENARIOS, "band on the support", kind)
+    broad = identify_one("band on the support", 9100, "broadband")
+    assert any("narrow-band load at 1.8" in reason for reason in broad["reasons"])
+
+
+@pytest.mark.slow
+def test_a_rotor_with_a_narrow_band_on_its_support_is_trusted_and_right(monkeypatch: pytest.MonkeyPatch):
+    kind = Scenario("loads", plus_narrow_band(1.8, 0.02, 0.25, (0, 1)))
+    monkeypatch.setitem(SCENARIOS, "band on the support", kind)
+    found = identify_one("band on the support", 9100)
+    assert found["trusted"]
+    assert max(map(abs, found["z"])) < 4.0
+
+
+def test_a_support_that_nothing_pushes_has_no_such_load(verne555: Turbine):
+    tower = load_turbine("tower")
+    made, _ = simulate("healthy", 650002)
+    pushed = made.with_channels({f"load_{name}": (made.time * 0.0, "N") for name in ("side_side", "fore_aft")})
+    with pytest.raises(ConfigurationError, match="narrow-band: expected a support with a spring"):
+        identify(pushed, tower, loads="narrow-band", formulation="joint")
