@@ -35,7 +35,7 @@ __all__ = ["NarrowBandFit", "doubts_of_narrow_band", "fit_narrow_band", "note_na
 SURE = 2.5
 """Log evidence by which one of two explanations has to be the better one: odds of 12 to 1."""
 
-MOVED, HARDLY = 3.0, 1.0
+MOVED, HARDLY = 3.0, 1.5
 """Standard deviations by which a coefficient may be elsewhere under an explanation that is nearly as good, and up to
 which it does not matter."""
 
@@ -43,7 +43,7 @@ TRIED, FIRST = 3, ((1.0, 2),)
 """How many starts are searched from; and, of the searches that tell which are worth it, the weight of the likelihood
 and every how many-th bin is used."""
 
-CLOSE = 4.0
+CLOSE = 3.5
 """Log evidence of the best within which they are."""
 
 SAME = 0.5
@@ -124,8 +124,13 @@ def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: b
         return None
     plain = fit(found.model._replace(smear=None), found.unknowns, FIRST, rough=True).log_evidence
     gain = ends[0].log_evidence - plain
-    near = [end for end in ends if end.log_evidence > max(plain, ends[0].log_evidence) - CLOSE]
-    if not thorough and gain < 0.0 and not any(_off(question, found, end)[1] > HARDLY for end in near):
+    near = [
+        end
+        for end in ends
+        if end.log_evidence > max(plain, ends[0].log_evidence) - CLOSE
+        and (thorough or end.log_evidence > plain or _off(question, found, end)[1] > HARDLY)
+    ]
+    if not near:
         return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], "")
     ends = [
         end._replace(log_evidence=end.evidence_at(overlap))

@@ -78,7 +78,7 @@ LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
 Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
 
 AGAIN = ((0.2, 1), *WHOLE)
-"""The stages of a search that begins where another one has ended."""
+"""The stages of a search that begins where another one has ended, which knew loads by other statistics."""
 
 TURNED = 0.05
 """[rad] by which a nacelle may yaw in a record whose spectra are asked beside filters."""
@@ -204,22 +204,24 @@ def narrow_band_beside(
             return None
         question = question._replace(parameters=tuple(known[q.name] for q in question.parameters))
         posed = pose_lifted(question, Broadband.name)
-        broad = fit(posed.model, _where_it_ended(near, question, posed), AGAIN, posed.smoothed)
+        broad = fit(posed.model, *_where_it_ended(near, question, posed), posed.smoothed)
         return fit_narrow_band(question, posed, broad)
     except (WindsysidError, np.linalg.LinAlgError):
         return None
 
 
-def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> Array:
-    """The unknowns of spectra where a search has ended, as far as it knows them (n,)."""
+def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> tuple[Array, Sequence[tuple[float, int]]]:
+    """The unknowns of spectra where a search has ended, as far as it knows them (n,), and the stages of a search from
+    there."""
     found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
     start, statistics = posed.start.copy(), posed.model.statistics
     for i, q in enumerate(question.parameters):
         start[i] = q.coordinate(found[q.name])
     known = {one.name: one.estimate for one in near.statistics}
-    if all(one.name in known for one in statistics):
-        start[posed.model.mechanical :] = coordinates_of(statistics, known)
-    return start
+    if not all(one.name in known for one in statistics):
+        return start, AGAIN
+    start[posed.model.mechanical :] = coordinates_of(statistics, known)
+    return start, WHOLE
 
 
 def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome | None:
