@@ -39,6 +39,9 @@ MOVED, HARDLY = 3.0, 1.5
 """Standard deviations by which a coefficient may be elsewhere under an explanation that is nearly as good, and up to
 which it does not matter."""
 
+NARROWER = 0.5
+"""Of the damping ratio of the mode beside it, below which a load may have passed for the mode."""
+
 TRIED, FIRST = 3, ((1.0, 2),)
 """How many starts are searched from; and, of the searches that tell which are worth it, the weight of the likelihood
 and every how many-th bin is used."""
@@ -140,7 +143,8 @@ def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: b
         return None
     gain = ends[0].log_evidence - found.log_evidence
     best, *others = [*ends, found] if gain > SURE else [found, *ends]
-    rival = next((said for other in others if (said := _elsewhere(question, best, other))), "")
+    narrow = [other for other in others if other is found or gain > SURE or _is_narrow(question, posed, other)]
+    rival = next((said for other in narrow if (said := _elsewhere(question, best, other))), "")
     return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], rival)
 
 
@@ -285,6 +289,22 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
                     there[FREQUENCY], level.name.removeprefix(LEVEL), modes[i], known, float(cost - costs[best]),
                     with_load(alone(i, there, LITTLE)), at,
                 )  # fmt: skip
+
+
+def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
+    """Whether the load is narrower than the mode beside it: one as wide would take a part of any mode's peak."""
+    at = end.model.mechanical + len(posed.model.statistics) - len(posed.model.noise)
+    narrow = narrow_band_statistics(question.turbine, question.loads)
+    values = values_of(narrow, end.unknowns[at - len(narrow) : at])
+    found = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, end.unknowns, strict=False)}
+    turbine = question.turbine.with_values(found)
+    supports = [one.name.removeprefix(LEVEL) for one in narrow[2:]]
+    away = {
+        abs(math.log(turbine.natural_frequency(name) / (2.0 * math.pi * values[FREQUENCY]))): turbine.damping(name)
+        / turbine.critical_damping(name)
+        for name in supports
+    }
+    return values[WIDTH] < NARROWER * away[min(away)]
 
 
 def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
