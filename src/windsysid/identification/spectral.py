@@ -184,7 +184,8 @@ def narrow_band_beside(
     Priors are those that were given. One that was made wider since the readings want more damping stays so: no
     narrow-band load makes a mode look damped more, and it would be held against what the prior does not explain.
     """
-    if near.hypothesis in (NarrowBand.name, RotorWind.name):
+    undamped = any(q.name.startswith("c_") and t <= 0.0 for q, t in zip(near.model.parameters, near.theta, strict=True))
+    if undamped or near.hypothesis in (NarrowBand.name, RotorWind.name):
         return None
     turbine = seen_by(turbine, sensors, [])
     known = {
