@@ -39,6 +39,9 @@ MOVED, HARDLY = 3.0, 1.5
 """Standard deviations by which a coefficient may be elsewhere under an explanation that is nearly as good, and up to
 which it does not matter."""
 
+EXPECTED = 0.25
+"""The same, times the odds of that explanation: the farther away it puts a coefficient, the less likely it may be."""
+
 NARROWER = 0.5
 """Of the damping ratio of the mode beside it, below which a load may have passed for the mode."""
 
@@ -46,7 +49,7 @@ TRIED, FIRST = 3, ((1.0, 2),)
 """How many starts are searched from; and, of the searches that tell which are worth it, the weight of the likelihood
 and every how many-th bin is used."""
 
-CLOSE = 3.5
+CLOSE = 5.0
 """Log evidence of the best within which they are."""
 
 SAME = 0.5
@@ -292,19 +295,18 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
 
 
 def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
-    """Whether the load is narrower than the mode beside it: one as wide would take a part of any mode's peak."""
+    """Whether the load is narrower than a mode beside it: one as wide would take a part of any mode's peak."""
     at = end.model.mechanical + len(posed.model.statistics) - len(posed.model.noise)
     narrow = narrow_band_statistics(question.turbine, question.loads)
     values = values_of(narrow, end.unknowns[at - len(narrow) : at])
     found = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, end.unknowns, strict=False)}
     turbine = question.turbine.with_values(found)
-    supports = [one.name.removeprefix(LEVEL) for one in narrow[2:]]
-    away = {
-        abs(math.log(turbine.natural_frequency(name) / (2.0 * math.pi * values[FREQUENCY]))): turbine.damping(name)
-        / turbine.critical_damping(name)
-        for name in supports
-    }
-    return values[WIDTH] < NARROWER * away[min(away)]
+    beside = [
+        turbine.damping(name) / turbine.critical_damping(name)
+        for name in (one.name.removeprefix(LEVEL) for one in narrow[2:])
+        if abs(math.log(turbine.natural_frequency(name) / (2.0 * math.pi * values[FREQUENCY]))) < ASIDE
+    ]
+    return values[WIDTH] < NARROWER * max(beside, default=0.0)
 
 
 def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
@@ -318,6 +320,6 @@ def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
 def _elsewhere(question: Question, best: Fit, other: Fit) -> str:
     """Which coefficient is elsewhere under another explanation that is nearly as good, in words."""
     name, off = _off(question, best, other)
-    if best.log_evidence - other.log_evidence > SURE or off < MOVED:
+    if off < MOVED or off * math.exp(min(other.log_evidence - best.log_evidence, 0.0)) < EXPECTED:
         return ""
     return f"{name} would be {off:.1f} standard deviations elsewhere"
