@@ -378,8 +378,8 @@ _FILTERS = (
 _LIKELIHOOD = (
     Mutant(
         "Fisher information of a scale", "posterior_mode.py",
-        "fisher += 2.0 * (moved_s.T @ moved_s)",
-        "fisher += moved_s.T @ moved_s",
+        "seen = 2.0 * (moved_s.T @ moved_s)",
+        "seen = moved_s.T @ moved_s",
         "what innovations tell by their size counts half",
     ),
     Mutant(
