@@ -133,8 +133,8 @@ def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: b
     near = [
         end
         for end in ends
-        if end.log_evidence > max(plain, ends[0].log_evidence) - CLOSE
-        and (thorough or end.log_evidence > plain or _off(question, found, end)[1] > HARDLY)
+        if end.log_evidence > ends[0].log_evidence - CLOSE
+        and (thorough or end.log_evidence > plain or _may_matter(question, found, end, end.log_evidence - plain))
     ]
     if not near:
         return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], "")
@@ -315,6 +315,12 @@ def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
     off = np.abs(other.unknowns[:n] - best.unknowns[:n]) / np.sqrt(np.diag(best.cov)[:n])
     i = int(np.argmax(off))
     return question.parameters[i].name, float(off[i])
+
+
+def _may_matter(question: Question, found: Fit, end: Fit, gain: float) -> bool:
+    """Whether a rough end may be another explanation that counts, searched to the end."""
+    off = _off(question, found, end)[1]
+    return off > HARDLY and off * math.exp(min(gain, 0.0)) > 0.5 * EXPECTED
 
 
 def _elsewhere(question: Question, best: Fit, other: Fit) -> str:
