@@ -204,11 +204,27 @@ def narrow_band_beside(
         if turns_couple(question) and belongs_in_bands(question):
             return None
         question = question._replace(parameters=tuple(known[q.name] for q in question.parameters))
+        question = _with_tolerances(question, near)
         posed = pose_lifted(question, Broadband.name)
         broad = fit(posed.model, *_where_it_ended(near, question, posed), posed.smoothed)
         return fit_narrow_band(question, posed, broad)
     except (WindsysidError, np.linalg.LinAlgError):
         return None
+
+
+def _with_tolerances(question: Question, near: Outcome) -> Question:
+    """The question with instruments and masses where a search has put them, clocks left out: an axis that is off shows
+    a mode of one direction in the other."""
+    tolerances = _tolerances(question)
+    if not tolerances or [one.name for one in tolerances] != [one.name for one in near.tolerances]:
+        return question
+    moves = _inexact(question, tolerances).parameters
+    off = np.array([one.estimate / one.spread for one in near.tolerances])[: len(moves)] @ moves
+    values = dict(question.turbine.values)
+    for name, change in zip(question.compiled.parameters, off.tolist(), strict=True):
+        if change:
+            values[name] = values.get(name, 0.0) + change
+    return question._replace(turbine=replace(question.turbine, values=values))
 
 
 def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> tuple[Array, Sequence[tuple[float, int]]]:
