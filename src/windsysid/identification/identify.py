@@ -13,6 +13,7 @@ from windsysid.identification.force_balance import identify_by_force_balance, me
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from
 from windsysid.identification.line_dependence import Dependence, doubt_line, doubt_sine
+from windsysid.identification.narrow_band_beside import narrow_band_beside
 from windsysid.identification.narrow_bands import doubts_of_narrow_band, note_narrow_band
 from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prepare import (
@@ -25,7 +26,7 @@ from windsysid.identification.prepare import (
 )
 from windsysid.identification.prior import Prior
 from windsysid.identification.sine_forces import told, with_forces
-from windsysid.identification.spectral import identify_by_spectrum, narrow_band_beside
+from windsysid.identification.spectral import identify_by_spectrum
 from windsysid.identification.steady_lines import APART, Sine, find_sine, find_turning, one_turn, turned, without_sines
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import screen

@@ -19,7 +19,6 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.held_priors import find_held
 from windsysid.identification.narrow_bands import (
-    NarrowBandFit,
     doubts_of_narrow_band,
     fit_narrow_band,
     note_narrow_band,
@@ -36,11 +35,11 @@ from windsysid.identification.tolerances import (
     note_tolerances,
     tolerances_of,
 )
-from windsysid.loads.family import Broadband, hypothesis
+from windsysid.loads.family import hypothesis
 from windsysid.loads.hypothesis import HYPOTHESES
-from windsysid.loads.narrow_band import NarrowBand, narrow_band_statistics
+from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
-from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
+from windsysid.loads.statistics import Statistic, learned_statistics
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.rotor import MEAN_LAG, as_rotor
 from windsysid.mechanics.sensors import Sensor
@@ -57,7 +56,7 @@ from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.statespace.compose import compose
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["ask", "identify_by_spectrum", "narrow_band_beside"]
+__all__ = ["ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
 
 STEADY, VARYING = 0.005, 0.02
 """Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
@@ -76,12 +75,6 @@ CLEAR = 50.0
 LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
 """As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
 Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
-
-AGAIN = ((0.2, 1), *WHOLE)
-"""The stages of a search that begins where another one has ended, which knew loads by other statistics."""
-
-TURNED = 0.05
-"""[rad] by which a nacelle may yaw in a record whose spectra are asked beside filters."""
 
 PASSING = 1.2
 """Factor about a natural frequency within which the load of passing blades bends what spectra find of it."""
@@ -145,9 +138,9 @@ def identify_by_spectrum(
         notes.append(note_narrow_band(beside))
         doubts += doubts_of_narrow_band(beside, asked=loads)
         why = f" (log evidence over broad loads alone by {beside.gain:.0f})"
-    tolerances = _tolerances(question)
+    tolerances = tolerances_in(question)
     if tolerances:
-        best = admit(best, _inexact(question, tolerances))
+        best = admit(best, inexact_of(question, tolerances))
     model = posed.model
     doubts += _doubts(question, posed, best, name)
     if not coupled:
@@ -173,79 +166,11 @@ def identify_by_spectrum(
     )._replace(turns=coupled)  # fmt: skip
 
 
-def narrow_band_beside(
-    near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor],
-    sums: LiftedSums | TurnedSums | None = None,
-) -> NarrowBandFit | None:  # fmt: skip
-    """What spectra say of a narrow-band load beside broad ones where a search has ended `near`, of filters or of
-    spectra; None where they do not apply, or such a load could push nothing, and under wind. Other arguments as for
-    `identify_by_spectrum`.
-
-    Priors are those that were given. One that was made wider since the readings want more damping stays so: no
-    narrow-band load makes a mode look damped more, and it would be held against what the prior does not explain.
-    """
-    undamped = any(q.name.startswith("c_") and t <= 0.0 for q, t in zip(near.model.parameters, near.theta, strict=True))
-    if undamped or near.hypothesis in (NarrowBand.name, RotorWind.name):
-        return None
-    turbine = seen_by(turbine, sensors, [])
-    known = {
-        q.name: q if float(theta) > q.prior[0] else given
-        for q, given, theta in zip(near.model.parameters, near.priors, near.theta, strict=True)
-    }
-    try:
-        inputs = known_inputs(record, turbine, sensors)
-        readings = read_bridged(record, [sensor.channel for sensor in sensors], [])
-        measured, loads = known_loads(record, turbine)
-        some_known = measured.any() or len({load.load for load in loads}) < len(turbine.model.loads)
-        turned = np.ptp(inputs[:, 2:], axis=0).max(initial=0.0) > TURNED  # a yaw that varies: spectra know one only
-        if some_known or turned or not narrow_band_statistics(turbine, loads):
-            return None
-        question = ask(record, turbine, sensors, Prior(), [*known], inputs, readings, Broadband.name, sums)
-        if turns_couple(question) and belongs_in_bands(question):
-            return None
-        question = question._replace(parameters=tuple(known[q.name] for q in question.parameters))
-        question = _with_tolerances(question, near)
-        posed = pose_lifted(question, Broadband.name)
-        broad = fit(posed.model, *_where_it_ended(near, question, posed), posed.smoothed)
-        return fit_narrow_band(question, posed, broad)
-    except (WindsysidError, np.linalg.LinAlgError):
-        return None
-
-
-def _with_tolerances(question: Question, near: Outcome) -> Question:
-    """The question with instruments and masses where a search has put them, clocks left out: an axis that is off shows
-    a mode of one direction in the other."""
-    tolerances = _tolerances(question)
-    if not tolerances or [one.name for one in tolerances] != [one.name for one in near.tolerances]:
-        return question
-    moves = _inexact(question, tolerances).parameters
-    off = np.array([one.estimate / one.spread for one in near.tolerances])[: len(moves)] @ moves
-    values = dict(question.turbine.values)
-    for name, change in zip(question.compiled.parameters, off.tolist(), strict=True):
-        if change:
-            values[name] = values.get(name, 0.0) + change
-    return question._replace(turbine=replace(question.turbine, values=values))
-
-
-def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> tuple[Array, Sequence[tuple[float, int]]]:
-    """The unknowns of spectra where a search has ended, as far as it knows them (n,), and the stages of a search from
-    there."""
-    found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
-    start, statistics = posed.start.copy(), posed.model.statistics
-    for i, q in enumerate(question.parameters):
-        start[i] = q.coordinate(found[q.name])
-    known = {one.name: one.estimate for one in near.statistics}
-    if not all(one.name in known for one in statistics):
-        return start, AGAIN
-    start[posed.model.mechanical :] = coordinates_of(statistics, known)
-    return start, WHOLE
-
-
 def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome | None:
     """The result of a rotor that is read in bands; None where its modes cannot be told apart."""
     started = time.perf_counter()
-    tolerances = _tolerances(question)
-    found = read_in_bands(question, loads, _inexact(question, tolerances) if tolerances else None)
+    tolerances = tolerances_in(question)
+    found = read_in_bands(question, loads, inexact_of(question, tolerances) if tolerances else None)
     if found is None:
         return None
     return _outcome(
@@ -293,12 +218,12 @@ def _outcome(
     )
 
 
-def _tolerances(question: Question) -> tuple[Tolerance, ...]:
+def tolerances_in(question: Question) -> tuple[Tolerance, ...]:
     """What is known of instruments and masses within tolerances only."""
     return tolerances_of(question.turbine, question.sensors, [q.name for q in question.parameters])
 
 
-def _inexact(question: Question, tolerances: Sequence[Tolerance]) -> Inexact:
+def inexact_of(question: Question, tolerances: Sequence[Tolerance]) -> Inexact:
     """The same in numbers."""
     names = [q.name for q in question.parameters]
     return in_numbers(tolerances, question.compiled.parameters, question.turbine, question.sensors, names)

@@ -25,6 +25,7 @@ from windsysid._version import __version__
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.conclude import conclude
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
+from windsysid.identification.narrow_band_beside import narrow_band_beside
 from windsysid.identification.narrow_bands import doubts_of_narrow_band
 from windsysid.identification.outcome import known_inputs
 from windsysid.identification.over_pieces import take_in
@@ -32,7 +33,7 @@ from windsysid.identification.prepare import check_length
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import seen_by
 from windsysid.identification.recursive import another_call, check_call
-from windsysid.identification.spectral import ask, identify_by_spectrum, narrow_band_beside
+from windsysid.identification.spectral import ask, identify_by_spectrum
 from windsysid.identification.spectral_readings import read_bridged
 from windsysid.inspection.health import Finding
 from windsysid.mechanics.sensors import Sensor
