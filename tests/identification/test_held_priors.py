@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from windsysid.identification.held_priors import find_held
+from windsysid.identification.held_priors import find_held, one_by_one
 from windsysid.identification.identify import identify
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter
@@ -52,5 +52,5 @@ def test_a_prior_holds_what_the_likelihood_wants_elsewhere(likeliest: float, hel
 
     grid = np.linspace(0.2, 3.0, 5000)
     mode = grid[np.argmax([log_likelihood(np.array([x])) - 0.5 * ((x - 1.0) / 0.1) ** 2 for x in grid])]
-    found = find_held(log_likelihood, np.array([mode]), np.array([[0.01]]), [c])
+    found = find_held(one_by_one(log_likelihood), np.array([mode]), np.array([[0.01]]), [c])
     assert found == tuple("c_x" for _ in held)

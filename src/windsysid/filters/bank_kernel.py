@@ -2,9 +2,9 @@
 vectors.
 
 One sample goes through `load_ends`, `step_mechanics`, `transpose_derivatives`, `step_tangents`, `predict_covariance`,
-`expect_readings`, `expect_changes` and `assimilate_sample`, in that order; `windsysid.filters.bank` says which
-equations they hold. Every array has the lane as its last axis. Arrays of a model are read entry by entry where most of
-them are zero: the patterns in `Lanes` list the entries that are not.
+`expect_readings`, `expect_changes` and `assimilate_sample`, in that order, the last three where it has readings;
+`windsysid.filters.bank` says which equations they hold. Every array has the lane as its last axis. Arrays of a model
+are read entry by entry where most of them are zero: the patterns in `Lanes` list the entries that are not.
 """
 
 import math
@@ -79,12 +79,23 @@ def _run(
             predict_covariance(lanes, ws, s)
         started = True
         before = after
+        if not any_reading(readings[k]):
+            continue
         expect_readings(reading_jacobian, lanes, ws, mean, after)
         expect_changes(ws, tangents, readings[k], changes[k])
         assimilate_sample(lanes, ws, mean, tangents, readings[k], k, group, whitened, variance, slopes)
     for i in range(n):
         for j in range(n):
             store(cov, i * n + j, load(ws.P, i * wide + j))
+
+
+@uncounted
+def any_reading(reading: Any) -> bool:
+    """Whether a sample has readings: between those that steps of the equations share, most have none."""
+    count = 0
+    for c in range(reading.shape[0]):
+        count += not np.isnan(reading[c])
+    return count > 0
 
 
 @uncounted

@@ -10,15 +10,16 @@ again.
 
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.filters import EKF
 from windsysid.identification.clocks import shifted
 from windsysid.identification.outcome import Outcome
+from windsysid.identification.posterior_mode import THREADS, log_likelihoods
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem
 from windsysid.identification.recursive import Online
@@ -28,7 +29,7 @@ from windsysid.results.estimate_checks import CONFLICT_SIGMAS, conflict_text
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["find_held", "note_wide_priors", "solve_with_wide_priors", "with_wide_priors"]
+__all__ = ["find_held", "note_wide_priors", "one_by_one", "solve_with_wide_priors", "with_wide_priors"]
 
 PULLED = 0.3
 """Standard deviations of the prior from which on an estimate may be held by it."""
@@ -62,24 +63,27 @@ def _widened(q: Parameter, names: Sequence[str]) -> Parameter:
 
 
 def find_held(
-    log_likelihood: Callable[[Array], float], unknowns: Array, cov: Array, parameters: Sequence[Parameter]
-) -> tuple[str, ...]:
+    log_likelihoods: Callable[[Sequence[Array]], Sequence[float] | Array], unknowns: Array, cov: Array,
+    parameters: Sequence[Parameter],
+) -> tuple[str, ...]:  # fmt: skip
     """Damping coefficients that are held by their priors.
 
     Parameters
     ----------
-    log_likelihood
-        Of all readings at unknowns (n,), without the prior; LinAlgError where it cannot be computed.
+    log_likelihoods
+        Of all readings at each of several unknowns (n,), without the prior; not finite where one cannot be computed.
     unknowns, cov
         The mode of the posterior and its covariance (n,), (n, n); `parameters` come first.
     """
-    here = log_likelihood(unknowns)
-    return tuple(
-        q.name
-        for j, q in enumerate(parameters)
-        if _may_be_held(q, float(unknowns[j]))
-        and max(_beyond(log_likelihood, unknowns, cov, j, q), default=here) > here + GAIN
-    )
+    asked = [(j, q) for j, q in enumerate(parameters) if _may_be_held(q, float(unknowns[j]))]
+    if not asked:
+        return ()
+    points = [unknowns, *(point for j, q in asked for point in _beyond(unknowns, cov, j, q))]
+    here, *beyond = log_likelihoods(points)
+    values = np.reshape(beyond, (len(asked), len(FACTORS)))
+    known = np.logical_and.accumulate(np.isfinite(values), axis=1)
+    rises = np.max(values, axis=1, initial=here, where=known) > here + GAIN
+    return tuple(q.name for (_, q), rise in zip(asked, rises, strict=True) if rise)
 
 
 def _may_be_held(q: Parameter, theta: float) -> bool:
@@ -87,20 +91,27 @@ def _may_be_held(q: Parameter, theta: float) -> bool:
     return q.name.startswith("c_") and not q.logarithmic and theta > 0.0 and abs(theta - mean) > PULLED * std
 
 
-def _beyond(log_likelihood: Callable[[Array], float], unknowns: Array, cov: Array, j: int, q: Parameter) -> list[float]:
-    """The log likelihood farther away from the prior than the estimate is."""
+def _beyond(unknowns: Array, cov: Array, j: int, q: Parameter) -> list[Array]:
+    """Unknowns farther away from the prior than the estimate is."""
     theta, away = float(unknowns[j]), math.copysign(1.0, float(unknowns[j]) - q.prior[0])
     follow = cov[:, j] / cov[j, j]
-    found = []
-    for factor in FACTORS:
-        try:
-            value = log_likelihood(unknowns + follow * theta * (factor**away - 1.0))
-        except np.linalg.LinAlgError:
-            break
-        if not np.isfinite(value):
-            break
-        found.append(value)
-    return found
+    return [unknowns + follow * theta * (factor**away - 1.0) for factor in FACTORS]
+
+
+def one_by_one(log_likelihood: Callable[[Array], float]) -> Callable[[Sequence[Array]], list[float]]:
+    """Log likelihoods at several unknowns for `find_held`, from one that raises LinAlgError where it cannot be
+    computed."""
+
+    def at_each(points: Sequence[Array]) -> list[float]:
+        found = []
+        for point in points:
+            try:
+                found.append(log_likelihood(point))
+            except np.linalg.LinAlgError:
+                found.append(math.nan)
+        return found
+
+    return at_each
 
 
 def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tuple[Outcome, Prior]:
@@ -126,7 +137,9 @@ def solve_with_wide_priors(
         n = len(solution.mean) - len(problem.clocks)
         mean, cov = solution.mean[:n], solution.cov[:n, :n]
         heard = shifted(problem, solution.outliers.left_out_of(samples), solution.mean[n:])
-        held = find_held(partial(_log_likelihood, problem, heard), mean, cov, problem.parameters)
+        with ThreadPoolExecutor(THREADS) as pool:
+            of_readings = partial(log_likelihoods, problem.build, heard, pool=pool)
+            held = find_held(of_readings, mean, cov, problem.parameters)
         if not (held and solution.settled):
             break
         model, block = problem.model, problem.model.parameter_block
@@ -137,15 +150,6 @@ def solve_with_wide_priors(
         problem = problem._replace(model=replace(model, parameters=parameters, cov=prior))
         solution = solve(problem, samples, None, rate=rate, start=(mean, cov))
     return problem, solution._replace(history=first.history)
-
-
-def _log_likelihood(problem: TurbineProblem, samples: Samples, unknowns: Array) -> float:
-    model = problem.build(unknowns)
-    belief, found = EKF.init(model), 0.0
-    for inputs, readings in samples:
-        belief, info = EKF.run(model, belief, inputs, readings)
-        found += float(info.log_likelihood.sum())
-    return found
 
 
 def note_wide_priors(found: Outcome) -> Outcome:

@@ -13,7 +13,7 @@ Svensson, ch. 16.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, Protocol
 
@@ -36,6 +36,7 @@ __all__ = [
     "Score",
     "find_mode",
     "information",
+    "log_likelihoods",
     "look",
     "neighbours",
     "posterior_mode",
@@ -207,6 +208,7 @@ def find_mode(
     start: Array,
     start_cov: Array,
     changes: Changes | None = None,
+    tolerance: float = MODE_TOLERANCE,
 ) -> Mode:
     """Find the mode of the posterior of θ.
 
@@ -222,6 +224,8 @@ def find_mode(
         Where to start, and the covariance whose inverse scales the first differences.
     changes
         Changes of the readings whose mixed derivatives the looks tell too.
+    tolerance
+        Newton's decrement below which a step is the last.
 
     Raises
     ------
@@ -253,7 +257,7 @@ def find_mode(
                 raise _not_finite("the slopes of the likelihood are not finite")
             distance = float(step @ curvature @ step)
             step *= min(1.0, MAX_STEP_SIGMAS / float(np.max(np.abs(step) * np.sqrt(np.diag(information)))))
-            if distance < MODE_TOLERANCE or distance**2 < LEFT * before:  # so short a step is taken unseen
+            if distance < tolerance or distance**2 < LEFT * before:  # so short a step is taken unseen
                 theta, settled = theta + step, True
                 break
             widths = INCREMENT / np.sqrt(np.diag(curvature))
@@ -306,6 +310,20 @@ def information(
     with ThreadPoolExecutor(THREADS) as pool:
         found = look(build, [(inputs, readings)], theta, widths, pool).found
     return found.gradient, found.fisher
+
+
+def log_likelihoods(
+    build: Callable[[Array], StateSpace], samples: Samples, points: Sequence[Array], pool: ThreadPoolExecutor
+) -> Array:
+    """Of the readings at several θ (K,), by filters side by side; not finite where a filter loses its way."""
+    bank, found = bank_of([build(theta) for theta in points]), np.zeros(len(points))
+    for inputs, readings in samples:
+        for first in range(0, len(readings), CHUNK):
+            part = slice(first, first + CHUNK)
+            bank, scores = run_bank(bank, inputs[part], readings[part], pool)
+            found -= (scores.log_std + 0.5 * np.square(scores.whitened)).sum(axis=(0, 1))
+        found -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
+    return found
 
 
 def neighbours(theta: Array, widths: Array) -> list[Array]:

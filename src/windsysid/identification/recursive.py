@@ -31,7 +31,6 @@ from windsysid.errors import ConfigurationError
 from windsysid.filters.bank import Bank, bank_of
 from windsysid.identification.posterior_mode import (
     INCREMENT,
-    MODE_TOLERANCE,
     THREADS,
     find_mode,
     look,
@@ -61,6 +60,9 @@ DOUBLINGS = 1, 2, 4, 8
 
 MEMORY = DOUBLINGS[-1]
 """How many times the first samples are held."""
+
+ON_LINE_TOLERANCE = 0.5
+"""Newton's decrement below which a step of a search on line is the last: blocks move θ as far, and filters follow."""
 
 BLOCKS_PER_RECORD = 20
 """A block is one of so many equal parts of what has been seen."""
@@ -336,10 +338,10 @@ def _find_anew(
     mode = find_mode(
         build, [(inputs, readings)],
         prior_mean=online.prior_mean, prior_cov=online.prior_cov,
-        start=start[0], start_cov=start[1],
+        start=start[0], start_cov=start[1], tolerance=ON_LINE_TOLERANCE,
     )  # fmt: skip
     seen = mode.look
-    if not mode.decrement < MODE_TOLERANCE:  # too long a step to follow along the slopes
+    if not mode.decrement < ON_LINE_TOLERANCE:  # too long a step to follow along the slopes
         widths = INCREMENT * np.sqrt(1.0 / np.diag(np.linalg.inv(mode.cov)))
         seen = look(build, [(inputs, readings)], mode.mean, widths, pool)
     information = np.linalg.inv(online.prior_cov)

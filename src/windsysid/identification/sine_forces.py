@@ -13,13 +13,16 @@ innovations count as far as they repeat in every turn.
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.filters import EKF
+from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.outcome import PART_OF
+from windsysid.identification.posterior_mode import THREADS
 from windsysid.identification.problem import TurbineProblem
 from windsysid.identification.steady_lines import APART, Sine, phase_of, turned, ways_of
 from windsysid.records.record import Record
@@ -117,13 +120,20 @@ def find_forces(
             known.append(best)
     found = _amplitudes(free, now.ravel(), np.empty((now.size, 0)), np.empty(0))
     if turning and psi is not None:
-        slopes = [
-            now - innovations(problem.build(unknowns + STEP * direction), problem.inputs) for direction in along.T
-        ]
+        slopes = [now - one for one in _innovations(problem, [unknowns + STEP * direction for direction in along.T])]
         repeats = _turns_again(psi)
         again = [one._replace(changes=_again(repeats, one.changes.T, now.shape)) for one in turning]
         found += _amplitudes(again, (repeats @ now).ravel(), _again(repeats, slopes, now.shape) / STEP, at)
     return found
+
+
+def _innovations(problem: TurbineProblem, points: Sequence[Array]) -> list[Array]:
+    """Of filters side by side at several unknowns (T, m), zero where a reading is missing."""
+    if not points:
+        return []
+    with ThreadPoolExecutor(THREADS) as pool:
+        scores = run_bank(bank_of([problem.build(one) for one in points]), problem.inputs, problem.readings, pool)[1]
+    return [np.nan_to_num(one) for one in np.moveaxis(scores.whitened, -1, 0)]
 
 
 def _turns_again(psi: Array) -> Array:

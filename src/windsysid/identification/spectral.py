@@ -17,7 +17,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
-from windsysid.identification.held_priors import find_held
+from windsysid.identification.held_priors import find_held, one_by_one
 from windsysid.identification.narrow_bands import (
     doubts_of_narrow_band,
     fit_narrow_band,
@@ -162,7 +162,7 @@ def identify_by_spectrum(
     return _outcome(
         question, best.unknowns, best.cov, lag, tolerances, log_likelihood=best.log_likelihood,
         statistics=model.statistics, elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
-        held=find_held(log_likelihood, best.unknowns, best.cov, model.parameters),
+        held=find_held(one_by_one(log_likelihood), best.unknowns, best.cov, model.parameters),
     )._replace(turns=coupled)  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, WindsysidError
-from windsysid.identification.held_priors import find_held
+from windsysid.identification.held_priors import find_held, one_by_one
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.band_checks import doubts_of_bands
 from windsysid.spectral.band_pose import PosedBands, centre_bands, search_bands
@@ -81,7 +81,7 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
         posed.model.statistics,
         tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(settled=settled)))),
         _notes(posed, found.unknowns, cov, len(question.parameters)),
-        find_held(lambda u: -wide.model.likelihood(u)[0], found.unknowns, cov, question.parameters),
+        find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
     )
 
 

@@ -16,6 +16,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -158,10 +159,14 @@ def learned_statistics(statistics: Sequence[Statistic], eta: Array, cov: Array) 
 
 def to_logarithms(statistics: Sequence[Statistic]) -> Array:
     """The matrix that turns η into logarithms of factors: ln rms = Σ η_level + η_τ / 2, the others as they are."""
-    names = [s.name for s in statistics]
+    return _to_logarithms(tuple(s.name for s in statistics), tuple(s.like for s in statistics)).copy()
+
+
+@lru_cache(maxsize=64)
+def _to_logarithms(names: tuple[str, ...], ties: tuple[str, ...]) -> Array:
     matrix: Array = np.eye(len(names))
-    for like in {s.like for s in statistics} - {""}:
-        tied = [i for i, s in enumerate(statistics) if s.like == like]
+    for like in {*ties} - {""}:
+        tied = [i for i, other in enumerate(ties) if other == like]
         factor = _tied(len(tied))
         matrix[np.ix_(tied, tied)] = factor / np.diag(factor)
     for row, name in enumerate(names):
