@@ -33,6 +33,9 @@ __all__ = ["narrow_band_beside"]
 AGAIN = ((0.2, 1), *WHOLE)
 """The stages of a search that begins where another one has ended, which knew loads by other statistics."""
 
+FAR = 0.5
+"""Share of a gain or of a mass by which a search may have moved it, where spectra are asked beside."""
+
 TURNED = 0.05
 """[rad] by which a nacelle may yaw in a record whose spectra are asked beside filters."""
 
@@ -42,14 +45,15 @@ def narrow_band_beside(
     sums: LiftedSums | TurnedSums | None = None,
 ) -> NarrowBandFit | None:  # fmt: skip
     """What spectra say of a narrow-band load beside broad ones where a search has ended `near`, of filters or of
-    spectra; None where they do not apply, or such a load could push nothing, and under wind. Other arguments as for
-    `identify_by_spectrum`.
+    spectra; None where they do not apply, or such a load could push nothing, under wind, and where damping, a gain or a
+    mass is nothing like what it should be. Other arguments as for `identify_by_spectrum`.
 
     Priors are those that were given. One that was made wider since the readings want more damping stays so: no
     narrow-band load makes a mode look damped more, and it would be held against what the prior does not explain.
     """
     undamped = any(q.name.startswith("c_") and t <= 0.0 for q, t in zip(near.model.parameters, near.theta, strict=True))
-    if undamped or near.hypothesis in (NarrowBand.name, RotorWind.name):
+    far = any(one.group in ("gain", "masses") and abs(one.estimate) > FAR for one in near.tolerances)
+    if undamped or far or near.hypothesis in (NarrowBand.name, RotorWind.name):
         return None
     turbine = seen_by(turbine, sensors, [])
     known = {

@@ -1,0 +1,66 @@
+"""The question of a narrow-band load, asked with instruments and masses where a search has put them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from validation.adversary.scenarios import SCENARIOS, record
+
+import windsysid.identification.narrow_band_beside as beside
+from windsysid.identification.joint import identify_jointly
+from windsysid.identification.outcome import Outcome
+from windsysid.identification.prior import Prior
+from windsysid.identification.tolerances import ALL
+from windsysid.records.record import Record
+from windsysid.spectral.question import Question
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+
+@pytest.fixture(scope="module")
+def rotor() -> Turbine:
+    """With the tolerances that a file has by default."""
+    return load_turbine("verne555")
+
+
+@pytest.fixture(scope="module")
+def turned() -> Record:
+    """A minute of a rotor whose support has an accelerometer five degrees off its axis."""
+    whole = record("5 degrees off", 7100)
+    return whole.section(0.0, 60.0)
+
+
+@pytest.fixture(scope="module")
+def found(turned: Record, rotor: Turbine) -> Outcome:
+    return identify_jointly(turned, rotor, rotor.sensors, Prior(), loads="broadband")
+
+
+def asked_of(found: Outcome, made: Record, turbine: Turbine, monkeypatch: pytest.MonkeyPatch) -> list[Question]:
+    """The questions that were asked beside what was found."""
+    questions = list[Question]()
+    monkeypatch.setattr(beside, "fit_narrow_band", lambda question, posed, broad: questions.append(question))
+    beside.narrow_band_beside(found, made, turbine, turbine.sensors)
+    return questions
+
+
+def test_an_axis_is_where_the_search_has_put_it(
+    found: Outcome, turned: Record, rotor: Turbine, monkeypatch: pytest.MonkeyPatch
+):
+    """The clock stays out: it turns phases between loggers, and no spectrum of one knows it."""
+    (question,) = asked_of(found, turned, rotor, monkeypatch)
+    angle = next(one for one in found.tolerances if one.name == "alignment of tower_x_acceleration")
+    assert abs(np.degrees(angle.estimate) - SCENARIOS["5 degrees off"].instruments.angle[0]) < 2.0
+    moved = {name: value for name, value in question.turbine.values.items() if name not in rotor.values}
+    assert sum(abs(value - angle.estimate) < 1e-12 for value in moved.values()) == 1
+    heavier = sum(one.estimate for one in found.tolerances if one.group == "masses" and one.of in ("hub", ALL))
+    hub = rotor.values["hub_mass_x"] * (1.0 + heavier)
+    assert question.turbine.values["hub_mass_x"] == pytest.approx(hub, rel=1e-9)
+
+
+def test_nothing_is_asked_beside_masses_that_cannot_be(
+    found: Outcome, turned: Record, rotor: Turbine, monkeypatch: pytest.MonkeyPatch
+):
+    """A sensor that is mounted the wrong way round drives the search to negative masses: it ended in a traceback."""
+    impossible = [replace(one, estimate=-60.0 * one.spread) for one in found.tolerances]
+    wrong = found._replace(tolerances=tuple(impossible))
+    assert asked_of(wrong, turned, rotor, monkeypatch) == []
