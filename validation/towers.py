@@ -204,8 +204,8 @@ def record(name: str, seed: int) -> Record:
 
 
 def simulate(name: str, seed: int) -> tuple[Record, dict[str, float]]:
-    """A record of a kind, and its tower's stiffness and damping: of dampers that are stronger the faster they move, the
-    one that takes as much power out of this motion, c (1 + drag E|q̇|³/E q̇²)."""
+    """A record of a kind, and its tower's stiffness and damping: where drag or dry friction F act beside the damper,
+    the linear one that takes as much power out of this motion, c (1 + drag E|q̇|³/E q̇²) + F E|q̇|/E q̇²."""
     kind, rng = KINDS[name], np.random.default_rng(seed)
     tower = kind.tower
     v, count = tower.values, int((DURATION + LEAD_IN) * STEPS) + 1
@@ -226,9 +226,9 @@ def simulate(name: str, seed: int) -> tuple[Record, dict[str, float]]:
     q, a = np.zeros((count, 2)), np.zeros((count, 2))
     _move(numbers, np.ascontiguousarray(loads), kind.drift, 1.0 / STEPS, q, a)
     rate = np.abs(np.gradient(q[int(LEAD_IN * STEPS) : -1], 1.0 / STEPS, axis=0))
-    stronger = 1.0 + numbers[5] * np.mean(rate**3, axis=0) / np.mean(rate**2, axis=0)
-    dampers = {f"c_{d}": v[f"c_{d}"] * float(more) for d, more in zip(DIRECTIONS, stronger, strict=True)}
-    true = {**v, **dampers}
+    power = numbers[2] * numbers[5] * np.mean(rate**3, axis=0) + numbers[4] * np.mean(rate, axis=0)
+    more = power / np.mean(rate**2, axis=0)
+    true = dict(v) | {f"c_{d}": v[f"c_{d}"] + float(c) for d, c in zip(DIRECTIONS, more, strict=True)}
     at = slice(int(LEAD_IN * STEPS), count - 1, STEPS // RATE)
     exact = a[at] - v["gravity"] * v["tilt"] * q[at]
     y = kind.reads(exact + rng.standard_normal(exact.shape) * [sensor.noise for sensor in tower.sensors], rng)

@@ -316,25 +316,18 @@ def _found_line(w: Whiteness | None, line: Line | None) -> tuple[str, float] | N
 def _judge_line(found: tuple[str, float] | None, rotor_hz: float) -> _Verdict:
     if found is None:
         return _Verdict([], [])
-    return _Verdict(
-        [
-            f"{found[0]} has a line at {_name_frequency(found[1], rotor_hz)}, beside a natural frequency: likely a"
-            " machine or waves; choose a section without it"
-        ],
-        [],
-    )
+    at = _name_frequency(found[1], rotor_hz)
+    likely = "likely a machine or waves; choose a section without it"
+    return _Verdict([f"{found[0]} has a line at {at}, beside a natural frequency: {likely}"], [])
 
 
 def _judge_lateness(late: Late | None) -> _Verdict:
     if late is None or late.sigmas <= MAX_SIGMAS:
         return _Verdict([], [])
-    return _Verdict(
-        [
-            f"blades seem {'later' if late.lag > 0 else 'earlier'} than the tower ({late.sigmas:.1f} standard"
-            " deviations): likely an instrument (a late logger, a wrong azimuth); align the clocks"
-        ],
-        [],
+    seem = (
+        f"blades seem {'later' if late.lag > 0 else 'earlier'} than the tower ({late.sigmas:.1f} standard deviations)"
     )
+    return _Verdict([f"{seem}: likely an instrument (a late logger, a wrong azimuth); align the clocks"], [])
 
 
 def _judge_steadiness(w: Whiteness) -> _Verdict:

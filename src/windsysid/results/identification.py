@@ -225,7 +225,7 @@ class Identification(Findings, Answer):
             (s.name, f"{s.estimate:.4g}", f"{s.low:.4g} … {s.high:.4g}", unit_text(s.unit), f"{s.given:.4g}")
             for s in self.statistics
         ]
-        headings = ("statistic", "estimate", "±2σ band", "unit", "in the file")
+        headings = ("statistic", "estimate", "±2σ band", "unit", "prior")
         return Table(headings, rows, "Loads and noise, learned from the record", words=(0, 3))
 
     def tolerances_table(self) -> Table:

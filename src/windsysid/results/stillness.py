@@ -19,8 +19,7 @@ __all__ = ["CHANCE", "find_still"]
 
 CHANCE, CHANCE_OF_FEW = 1e-3, 0.1
 """Share of channels of noise in which something seems to vibrate, and the same of records that are short or end just
-above the highest mode, whose resonances stand out little from a power law: so told, none of 150 of 15 s of the scale
-model was called still, nor of 120 with 11 readings a second."""
+above the highest mode, whose resonances stand out little from a power law."""
 
 FEW = 200
 """Frequencies below which a record is short."""
