@@ -25,7 +25,7 @@ from windsysid.loads.statistics import coordinates_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes as find_modes
 from windsysid.output.console import render
-from windsysid.results.constancy import CHANCE, Constancy, chances, judge_constancy
+from windsysid.results.constancy import CHANCE, CHANCE_OF_SCATTER, Constancy, chances, judge_constancy
 from windsysid.results.diagnosis import (
     CHANNEL_MAX_FACTOR,
     MAX_SIGMAS,
@@ -72,7 +72,7 @@ LIMITS = {
     "level over frequency, over its bounds": 1.0,
     "bending with amplitude, over its bound": 1.0,
     "halves of the record, −lg chance": -math.log10(CHANCE),
-    "scatter of its parts, −lg chance": -math.log10(CHANCE),
+    "scatter of its parts, −lg chance": -math.log10(CHANCE_OF_SCATTER),
 }
 """What is judged."""
 

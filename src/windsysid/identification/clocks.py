@@ -12,7 +12,7 @@ and ∂² log L / ∂κ ∂θ from how far the filters of a look go with the cha
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -22,6 +22,7 @@ from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.identification.posterior_mode import Look, Score
 from windsysid.identification.samples import Block, Samples
+from windsysid.records.record import Record
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "advance",
     "clock_information",
     "derivative",
+    "put_on_time",
     "shifted",
 ]
 
@@ -146,6 +148,17 @@ def shifted(problem: Clocked, samples: Samples, clocks: Array) -> Shifted:
     middle = problem.prior[0]
     edge = BAND * 2.0 * math.pi * max(problem.frequencies(middle), default=0.0)
     return Shifted(samples, late, problem.build(middle).blocks.step, edge)
+
+
+def put_on_time(record: Record, late: Mapping[str, float], highest: float) -> Record:
+    """The record with channels put back that came so many seconds late, as far as they are slower than modes up to the
+    highest natural frequency [rad/s] need."""
+    moved = {
+        name: (advance(record.time, record[name], seconds, BAND * highest), record.unit(name))
+        for name, seconds in late.items()
+        if seconds
+    }
+    return record.with_channels(moved) if moved else record
 
 
 def advance(time: Array, values: Array, seconds: float, edge: float) -> Array:

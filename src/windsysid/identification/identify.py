@@ -13,7 +13,7 @@ from windsysid.identification.force_balance import identify_by_force_balance, me
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from
 from windsysid.identification.line_dependence import Dependence, doubt_line, doubt_sine
-from windsysid.identification.narrow_band_beside import narrow_band_beside
+from windsysid.identification.narrow_band_beside import heard_on_time, narrow_band_beside
 from windsysid.identification.narrow_bands import doubts_of_narrow_band, note_narrow_band
 from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prepare import (
@@ -287,9 +287,11 @@ def _by_filters(asked: _Asked) -> _Found:
     if beside is None or not beside.is_needed or asked.loads != "auto":
         return found.doubted(*doubts_of_narrow_band(beside, asked=asked.loads))
     alone = doubts_of_narrow_band(beside, asked=Broadband.name)
+    on_time = heard_on_time(found.read, found.outcome, asked.turbine, found.sensors)
     try:
         near, _ = with_wide_priors(
-            lambda prior: identify_by_spectrum(*of, prior, asked.parameters, loads=NarrowBand.name), found.prior
+            lambda prior: identify_by_spectrum(on_time, *of[1:], prior, asked.parameters, loads=NarrowBand.name),
+            found.prior,
         )
     except (WindsysidError, np.linalg.LinAlgError):
         return found.doubted(*alone)

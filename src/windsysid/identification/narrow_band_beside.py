@@ -7,12 +7,14 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
+from windsysid.identification.clocks import put_on_time
 from windsysid.identification.narrow_bands import NarrowBandFit, fit_narrow_band
 from windsysid.identification.outcome import Outcome, known_inputs, known_loads
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import seen_by
 from windsysid.identification.spectral import ask, inexact_of, tolerances_in
 from windsysid.identification.spectral_readings import read_bridged
+from windsysid.identification.tolerances import seconds_late
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand, narrow_band_statistics
 from windsysid.loads.rotor_wind import RotorWind
@@ -27,7 +29,7 @@ from windsysid.spectral.question import Posed, Question
 from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["narrow_band_beside"]
+__all__ = ["heard_on_time", "narrow_band_beside"]
 
 
 AGAIN = ((0.2, 1), *WHOLE)
@@ -61,6 +63,7 @@ def narrow_band_beside(
         for q, given, theta in zip(near.model.parameters, near.priors, near.theta, strict=True)
     }
     try:
+        record = heard_on_time(record, near, turbine, sensors)
         inputs = known_inputs(record, turbine, sensors)
         readings = read_bridged(record, [sensor.channel for sensor in sensors], [])
         measured, loads = known_loads(record, turbine)
@@ -80,9 +83,18 @@ def narrow_band_beside(
         return None
 
 
+def heard_on_time(record: Record, near: Outcome, turbine: Turbine, sensors: Sequence[Sensor]) -> Record:
+    """A record with what loggers are late, as a search has found, taken back: blades that are 2 ms late look to spectra
+    like loads of another kind."""
+    tau = np.array([one.estimate / one.spread for one in near.tolerances])
+    late = seconds_late(near.tolerances, tau, sensors).tolist()
+    highest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    return put_on_time(record, dict(zip([sensor.channel for sensor in sensors], late, strict=True)), highest)
+
+
 def _with_tolerances(question: Question, near: Outcome) -> Question:
-    """The question with instruments and masses where a search has put them, clocks left out: an axis that is off shows
-    a mode of one direction in the other."""
+    """The question with instruments and masses where a search has put them: an axis that is off shows a mode of one
+    direction in the other."""
     tolerances = tolerances_in(question)
     if not tolerances or [one.name for one in tolerances] != [one.name for one in near.tolerances]:
         return question

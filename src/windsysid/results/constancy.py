@@ -22,7 +22,17 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["CHANCE", "Constancy", "Part", "chances", "doubt_constancy", "join_parts", "judge_constancy", "sum_of"]
+__all__ = [
+    "CHANCE",
+    "CHANCE_OF_SCATTER",
+    "Constancy",
+    "Part",
+    "chances",
+    "doubt_constancy",
+    "join_parts",
+    "judge_constancy",
+    "sum_of",
+]
 
 PARTS, FEWEST_PARTS = 10, 4
 """Parts whose scatter is asked, and fewer than which say nothing of it."""
@@ -33,8 +43,9 @@ HELD = 64
 INFORMED = 0.1
 """Share of an unknown's prior variance that the record has to take away, for its parts to say something of it."""
 
-CHANCE = 1e-3
-"""Share of true records that either question may condemn."""
+CHANCE, CHANCE_OF_SCATTER = 1e-3, 4e-5
+"""Share of true records that halves and scatter may condemn, were what parts say normal: its tails are longer, and the
+scatter of ten parts condemns one healthy record in 500 then (`python -m validation.adversary.calibrate`)."""
 
 
 class Part(NamedTuple):
@@ -153,15 +164,15 @@ def doubt_constancy(names: Sequence[str], found: Constancy | None) -> list[str]:
     have these names."""
     if found is None or not names:
         return []
-    doubts, most = [], CHANCE / len(names)
+    doubts = []
     halves, scattered = chances(found, len(names))
     i, j = int(np.argmin(halves)), int(np.argmin(scattered))
-    if halves[i] < most:
+    if halves[i] < CHANCE / len(names):
         doubts.append(
             f"the halves of the record disagree on {names[i]} by {abs(found.apart[i]):.1f} standard deviations: likely"
             " a structure or loads that changed; identify each half"
         )
-    if scattered[j] < most:
+    if scattered[j] < CHANCE_OF_SCATTER / len(names):
         doubts.append(
             f"parts of the record scatter on {names[j]} {np.sqrt(found.scatter[j]):.2g} times as much as its band"
             " holds: likely loads of another kind; try another section"

@@ -26,7 +26,7 @@ from windsysid._types import Array
 
 __all__ = ["LINE_CHANCE", "Line", "find_line", "line_bound", "stand_out", "stand_out_of_a_bend"]
 
-LINE_CHANCE = 5e-3
+LINE_CHANCE = 2e-3
 """Share of records without a line in which one is seen by chance."""
 
 LINE_REACH = 1.15
