@@ -42,11 +42,17 @@ def test_loads_have_the_level_and_the_memory_that_they_are_given():
     assert np.std(line) == pytest.approx(2.0, rel=0.3)
 
 
+@pytest.mark.parametrize("kind", ["blades 2 ms late", "5 degrees off"])
+def test_an_instrument_that_is_off_by_what_its_tolerance_explains_is_trusted(kind: str):
+    """Filters and spectra are compared with instruments where they have found them: as their files say, both were wrong,
+    and each in its own way."""
+    found = identify_one(kind, 84000)
+    assert found["trusted"], found["reasons"]
+    assert max(map(abs, found["z"])) < 3.0
+
+
 @pytest.mark.slow
-def test_a_late_logger_within_what_its_clock_explains_is_trusted_and_a_support_that_hardens_is_not():
-    late = identify_one("blades 2 ms late", 4000, "broadband")
-    assert late["trusted"], late["reasons"]
-    assert max(map(abs, late["z"])) < 3.0
+def test_a_support_that_hardens_is_not_trusted():
     hard = identify_one("support hardens", 4001, "broadband")
     assert not hard["trusted"]
     assert any("cubes" in reason for reason in hard["reasons"])

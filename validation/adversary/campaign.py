@@ -42,7 +42,7 @@ def identify_one(name: str, seed: int, loads: str = "auto", folder: Path | None 
         found = ws.identify(
             record(name, seed), "verne555", prior=DrawnPrior(seed=seed),
             formulation=kind.formulation,  # type: ignore[arg-type]
-            loads=loads if kind.formulation == "joint" else "auto",
+            loads=loads if kind.formulation == "auto" else "auto",
         )  # fmt: skip
     except WindsysidError as error:
         return run | {"refused": str(error)}

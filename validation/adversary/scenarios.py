@@ -51,7 +51,7 @@ class Scenario(NamedTuple):
     machine: Machine = Machine()
     duration: float = 100.0
     rate: float = 50.0
-    formulation: str = "joint"
+    formulation: str = "auto"
 
 
 def _mixing(pairs: dict[tuple[int, int], float]) -> NDArray[np.float64]:
@@ -115,7 +115,7 @@ SCENARIOS: dict[str, Scenario] = {
     "blades 2 ms late": Scenario("instrument", instruments=Instruments(late=0.002)),
     "clock drifts 50 ppm": Scenario("instrument", instruments=Instruments(drift=5e-5)),
     "the same, 600 s at 50 Hz": Scenario(
-        "instrument", instruments=Instruments(drift=5e-5), duration=600.0, rate=50.0, formulation="auto"
+        "instrument", instruments=Instruments(drift=5e-5), duration=600.0, rate=50.0
     ),
     "tolerances drawn": Scenario("instrument", instruments=Instruments(drawn=(0.01, 2.0, 0.001))),
     "6 bits": Scenario("instrument", instruments=Instruments(bits=6)),

@@ -13,7 +13,7 @@ from windsysid.identification.force_balance import identify_by_force_balance, me
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from
 from windsysid.identification.line_dependence import Dependence, doubt_line, doubt_sine
-from windsysid.identification.narrow_band_beside import heard_on_time, narrow_band_beside
+from windsysid.identification.narrow_band_beside import heard_on_time, narrow_band_beside, told_before
 from windsysid.identification.narrow_bands import doubts_of_narrow_band, note_narrow_band
 from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prepare import (
@@ -295,6 +295,7 @@ def _by_filters(asked: _Asked) -> _Found:
         )
     except (WindsysidError, np.linalg.LinAlgError):
         return found.doubted(*alone)
+    near = told_before(near, found.outcome)
     again = _jointly(asked, near)
     if again.outcome.hypothesis != NarrowBand.name:
         return again.doubted(*alone)

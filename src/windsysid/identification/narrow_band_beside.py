@@ -29,7 +29,7 @@ from windsysid.spectral.question import Posed, Question
 from windsysid.spectral.turned_sums import TurnedSums
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["heard_on_time", "narrow_band_beside"]
+__all__ = ["heard_on_time", "narrow_band_beside", "told_before"]
 
 
 AGAIN = ((0.2, 1), *WHOLE)
@@ -90,6 +90,13 @@ def heard_on_time(record: Record, near: Outcome, turbine: Turbine, sensors: Sequ
     late = seconds_late(near.tolerances, tau, sensors).tolist()
     highest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
     return put_on_time(record, dict(zip([sensor.channel for sensor in sensors], late, strict=True)), highest)
+
+
+def told_before(near: Outcome, found: Outcome) -> Outcome:
+    """What spectra found of a record that was put on time, its loggers as late as that took back and they say."""
+    late = {one.name: one.estimate for one in found.tolerances if one.group == "clock"}
+    tolerances = [replace(one, estimate=one.estimate + late.get(one.name, 0.0)) for one in near.tolerances]
+    return near._replace(tolerances=tuple(tolerances))
 
 
 def _with_tolerances(question: Question, near: Outcome) -> Question:

@@ -117,22 +117,24 @@ class Outcome(NamedTuple):
         known = {q.name: q for q in self.given_priors}
         return tuple(known.get(q.name, q) for q in self.model.parameters)
 
-    def given(self, *groups: Group) -> tuple[Array, Array]:
+    def given(self, *groups: Group, as_in: "Outcome | None" = None) -> tuple[Array, Array]:
         """θ (n_θ,), and the covariance of all unknowns, given that what these groups of tolerances hold is as the file
-        says."""
+        says, or as another result has found it."""
         cov = self.cov if self.joint_cov is None else self.joint_cov
         first = len(cov) - len(self.tolerances)
         mean = np.zeros(len(cov))
         mean[: len(self.theta)] = self.theta
-        mean[first:] = [one.estimate / one.spread for one in self.tolerances]
+        known = {one.name: one.estimate for one in as_in.tolerances} if as_in is not None else {}
+        mean[first:] = [(one.estimate - known.get(one.name, 0.0)) / one.spread for one in self.tolerances]
         found, left = hold(mean, cov, [first + at for at, one in enumerate(self.tolerances) if one.group in groups])
         return found[: len(self.theta)], left
 
 
 def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
     """The parameter on which two results differ most, in the larger of their standard deviations, with instruments and
-    masses as their files say: both share them, and wide bands would hide what loads do."""
-    (theta, cov), (others, other_cov) = (found.given("gain", "alignment", "clock", "masses") for found in (one, other))
+    masses as the first has found them: both share them, and wide bands would hide what loads do."""
+    shared: tuple[Group, ...] = ("gain", "alignment", "clock", "masses")
+    (theta, cov), (others, other_cov) = (found.given(*shared, as_in=one) for found in (one, other))
     names = [q.name for q in other.model.parameters]
     off = {}
     for i, q in enumerate(one.model.parameters):
