@@ -44,8 +44,8 @@ def test_loads_have_the_level_and_the_memory_that_they_are_given():
 
 @pytest.mark.parametrize("kind", ["blades 2 ms late", "5 degrees off"])
 def test_an_instrument_that_is_off_by_what_its_tolerance_explains_is_trusted(kind: str):
-    """Filters and spectra are compared with instruments where they have found them: as their files say, both were wrong,
-    and each in its own way."""
+    """Filters and spectra are compared with instruments where they have found them: as their files say, both were wrong
+    in ways of their own."""
     found = identify_one(kind, 84000)
     assert found["trusted"], found["reasons"]
     assert max(map(abs, found["z"])) < 3.0
