@@ -313,16 +313,17 @@ def _by_spectra(asked: _Asked) -> _Found:
     part, faults = without_stuck(part, screened(asked.part, turbine, found))
     part, drifted = without_drift(part, turbine, found)
 
-    def ask(loads: str) -> tuple[Outcome, Prior]:
+    def ask(heard: Record, loads: str) -> tuple[Outcome, Prior]:
         return with_wide_priors(
-            lambda prior: identify_by_spectrum(part, turbine, found, prior, asked.parameters, loads=loads),
+            lambda prior: identify_by_spectrum(heard, turbine, found, prior, asked.parameters, loads=loads),
             asked.prior or Prior(),
         )
 
-    outcome, prior = ask(asked.loads)
+    outcome, prior = ask(part, asked.loads)
     beside = narrow_band_beside(outcome, part, turbine, found)
     if beside is not None and beside.is_needed and asked.loads == "auto":
-        outcome, prior = ask(NarrowBand.name)
+        again, prior = ask(heard_on_time(part, outcome, turbine, found), NarrowBand.name)
+        outcome = told_before(again, outcome)
     else:
         outcome = outcome._replace(doubts=(*outcome.doubts, *doubts_of_narrow_band(beside, asked=asked.loads)))
     outcome = outcome._replace(notes=(*drifted, *map(str, asked.sines), *outcome.notes))

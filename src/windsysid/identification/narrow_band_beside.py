@@ -93,7 +93,8 @@ def heard_on_time(record: Record, near: Outcome, turbine: Turbine, sensors: Sequ
 
 
 def told_before(near: Outcome, found: Outcome) -> Outcome:
-    """What spectra found of a record that was put on time, its loggers as late as that took back and they say."""
+    """What spectra say of a record that was put on time as `found` has it, told of the record as it was: loggers are
+    late by what was taken back, and by what spectra find beside."""
     late = {one.name: one.estimate for one in found.tolerances if one.group == "clock"}
     tolerances = [replace(one, estimate=one.estimate + late.get(one.name, 0.0)) for one in near.tolerances]
     return near._replace(tolerances=tuple(tolerances))
