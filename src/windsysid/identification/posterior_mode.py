@@ -322,8 +322,13 @@ def log_likelihoods(
             part = slice(first, first + CHUNK)
             bank, scores = run_bank(bank, inputs[part], readings[part], pool)
             found -= (scores.log_std + 0.5 * np.square(scores.whitened)).sum(axis=(0, 1))
-        found -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
+        found -= _of_the_count(readings)
     return found
+
+
+def _of_the_count(readings: Array) -> float:
+    """What the number of normal readings takes of a log-likelihood, whatever they are."""
+    return 0.5 * math.log(2.0 * math.pi) * float(np.isfinite(readings).sum())
 
 
 def neighbours(theta: Array, widths: Array) -> list[Array]:
@@ -363,7 +368,7 @@ def score(
         parts.append(Part(samples // 2, first_half / widths, seen_half / across))
         parts.append(Part(samples - samples // 2, (whole - first_half) / widths, (seen - seen_half) / across))
         passed(len(readings[part]))
-    log_likelihood -= 0.5 * math.log(2.0 * math.pi) * np.isfinite(readings).sum()
+    log_likelihood -= _of_the_count(readings)
     return bank, Score(
         float(log_likelihood), gradient / widths, fisher / across, mixed / widths[:, None], join_parts(parts)
     )
