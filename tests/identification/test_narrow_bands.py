@@ -62,12 +62,6 @@ def test_one_that_the_readings_cannot_tell_from_a_mode_speaks_against_the_result
     assert doubts
 
 
-def test_a_band_that_is_all_but_a_line_is_found_though_the_prior_of_damping_is_too_low(monkeypatch: pytest.MonkeyPatch):
-    """The prior was drawn at a fifth of the damping, and no search began at a mode that is damped more: 30 σ off."""
-    found, _ = towers(Kind(loads=_narrow(0.31, 0.001, 0.4, 1)), 740011, monkeypatch)
-    assert any("a narrow-band load at 0.31 Hz" in reason for reason in found.diagnosis.reasons)
-
-
 def test_a_rotor_on_its_support_is_asked_too(monkeypatch: pytest.MonkeyPatch):
     """Trusted, and eight standard deviations off."""
     kind = Scenario("loads", plus_narrow_band(1.8, 0.02, 0.25, (0, 1)))

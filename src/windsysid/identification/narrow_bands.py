@@ -26,7 +26,7 @@ from windsysid.loads.narrow_band import FREQUENCY, LEVEL, WIDTH, NarrowBand, nar
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
 from windsysid.spectral.lifted_fit import WHOLE, Fit, fit
 from windsysid.spectral.lifted_model import LiftedModel
-from windsysid.spectral.lifted_pose import pose_lifted, turns_couple
+from windsysid.spectral.lifted_pose import pose_lifted
 from windsysid.spectral.narrow_sources import narrow_density
 from windsysid.spectral.question import Posed, Question
 
@@ -45,9 +45,9 @@ EXPECTED = 0.25
 NARROWER = 0.5
 """Of the damping ratio of the mode beside it, below which a load may have passed for the mode."""
 
-TRIED, TRIED_OF_ROTORS, FIRST = 5, 3, ((1.0, 2),)
-"""How many starts are searched from, where a search costs a hundredth of a second and where it costs a tenth; and, of
-the searches that tell which are worth it, the weight of the likelihood and every how many-th bin is used."""
+TRIED, FIRST = 3, ((1.0, 2),)
+"""How many starts are searched from; and, of the searches that tell which are worth it, the weight of the likelihood
+and every how many-th bin is used."""
 
 CLOSE = 5.0
 """Log evidence of the best within which they are."""
@@ -196,20 +196,15 @@ def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: b
 
 
 def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
-    """Where to begin: beside the modes as they were found, and damped as the prior has them, or, of towers, more, as a
-    prior that is too low hides what is beside a mode."""
+    """Where to begin: beside the modes as they were found, and damped as the prior has them."""
+    damped = found.unknowns.copy()
     supports = {f"c_{one.name}" for one in question.turbine.model.freedoms if not one.blade}
     of_support = [i for i, q in enumerate(question.parameters) if q.name in supports]
-    coupled, (mean, std) = turns_couple(question), model.prior
-    modes = [found.unknowns]
-    for sigmas in (0.0,) if coupled else (0.0, 1.0):
-        damped = found.unknowns.copy()
-        damped[of_support] = mean[of_support] + sigmas * std[of_support]
-        modes.append(damped)
-    tried = [one for known in modes for one in _places(question, model, known)]
+    damped[of_support] = model.prior[0][of_support]
+    tried = [one for known in (damped, found.unknowns) for one in _places(question, model, known)]
     chosen = list[_Place]()
     for one in sorted(tried, key=lambda one: -one.gain):
-        if len(chosen) < (TRIED_OF_ROTORS if coupled else TRIED) and not any(one.is_like(other) for other in chosen):
+        if len(chosen) < TRIED and not any(one.is_like(other) for other in chosen):
             chosen.append(one)
     swapped = [_swapped(question, one) for one in chosen if abs(math.log(one.frequency / one.mode)) > APART]
     return [*(one.start for one in chosen), *swapped[:1]]
