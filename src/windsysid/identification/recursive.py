@@ -61,7 +61,7 @@ DOUBLINGS = 1, 2, 4, 8
 MEMORY = DOUBLINGS[-1]
 """How many times the first samples are held."""
 
-ON_LINE_TOLERANCE = 0.5
+ON_LINE_TOLERANCE = 0.2
 """Newton's decrement below which a step of a search on line is the last: blocks move θ as far, and filters follow."""
 
 BLOCKS_PER_RECORD = 20
