@@ -47,7 +47,7 @@ def asked_of(found: Outcome, made: Record, turbine: Turbine, monkeypatch: pytest
 def test_an_axis_is_where_the_search_has_put_it(
     found: Outcome, turned: Record, rotor: Turbine, monkeypatch: pytest.MonkeyPatch
 ):
-    """The clock stays out: it turns phases between loggers, and no spectrum of one knows it."""
+    """And so are masses. A late clock is no number of the model: readings are put on time instead."""
     (question,) = asked_of(found, turned, rotor, monkeypatch)
     angle = next(one for one in found.tolerances if one.name == "alignment of tower_x_acceleration")
     assert abs(np.degrees(angle.estimate) - SCENARIOS["5 degrees off"].instruments.angle[0]) < 2.0

@@ -44,8 +44,8 @@ INFORMED = 0.1
 """Share of an unknown's prior variance that the record has to take away, for its parts to say something of it."""
 
 CHANCE, CHANCE_OF_SCATTER = 1e-3, 4e-5
-"""Share of true records that halves and scatter may condemn, were what parts say normal: its tails are longer, and the
-scatter of ten parts condemns one healthy record in 500 then (`python -m validation.adversary.calibrate`)."""
+"""Share of true records that halves and scatter may condemn, were what parts say normal. Its tails are longer: the
+second is where one healthy record in 500 lies (`python -m validation.adversary.calibrate`)."""
 
 
 class Part(NamedTuple):
