@@ -46,10 +46,8 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["identify"]
 
-
 DISAGREEMENT = 3.0
 """Standard deviations between what filters and spectra say of a coefficient, beyond which neither is trusted."""
-
 
 MOST_SEARCHES = 3
 """How often a record is asked again, without the steady lines that were found before."""
@@ -220,8 +218,8 @@ class _Asked(NamedTuple):
 
 class _Found(NamedTuple):
     """What a formulation found, on which record and with which sensors, the faults of what it read, under which prior,
-    whether readings of a clock that drifts were put back, the frequency that a coefficient depends on, and the steady
-    lines that are left in the innovations."""
+    whether readings of a clock that drifts were put back, the frequency that a coefficient depends on, the steady lines
+    that are left in the innovations, and what a narrow-band load says against it."""
 
     formulation: Formulation
     outcome: Outcome
@@ -232,6 +230,7 @@ class _Found(NamedTuple):
     moved: bool = False
     dependence: Dependence | None = None
     felt: tuple[Sine, ...] = ()
+    narrow: tuple[str, ...] = ()
 
     def saying(self, note: str, *doubts: str) -> "_Found":
         """The same with a note, and what speaks against it."""
@@ -241,6 +240,10 @@ class _Found(NamedTuple):
     def doubted(self, *doubts: str) -> "_Found":
         """The same with what speaks against it."""
         return self._replace(outcome=self.outcome._replace(doubts=(*self.outcome.doubts, *doubts)))
+
+    def beside(self, *narrow: str) -> "_Found":
+        """The same with what a narrow-band load says against it."""
+        return self.doubted(*narrow)._replace(narrow=narrow)
 
 
 def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
@@ -285,7 +288,7 @@ def _by_filters(asked: _Asked) -> _Found:
     of = found.read, asked.turbine, found.sensors
     beside = narrow_band_beside(found.outcome, *of)
     if beside is None or not beside.is_needed or asked.loads != "auto":
-        return found.doubted(*doubts_of_narrow_band(beside, asked=asked.loads))
+        return found.beside(*doubts_of_narrow_band(beside, asked=asked.loads))
     alone = doubts_of_narrow_band(beside, asked=Broadband.name)
     on_time = heard_on_time(found.read, found.outcome, asked.turbine, found.sensors)
     try:
@@ -294,11 +297,11 @@ def _by_filters(asked: _Asked) -> _Found:
             found.prior,
         )
     except (WindsysidError, np.linalg.LinAlgError):
-        return found.doubted(*alone)
+        return found.beside(*alone)
     near = told_before(near, found.outcome)
     again = _jointly(asked, near)
     if again.outcome.hypothesis != NarrowBand.name:
-        return again.doubted(*alone)
+        return again.beside(*alone)
     name, off = compare(again.outcome, near)
     against = [_disagreement(name, off)] if off > DISAGREEMENT else []
     return again.saying(note_narrow_band(beside), *doubts_of_narrow_band(beside, asked=asked.loads), *against)
@@ -320,14 +323,14 @@ def _by_spectra(asked: _Asked) -> _Found:
         )
 
     outcome, prior = ask(part, asked.loads)
-    beside = narrow_band_beside(outcome, part, turbine, found)
+    beside, narrow = narrow_band_beside(outcome, part, turbine, found), tuple[str, ...]()
     if beside is not None and beside.is_needed and asked.loads == "auto":
         again, prior = ask(heard_on_time(part, outcome, turbine, found), NarrowBand.name)
         outcome = told_before(again, outcome)
     else:
-        outcome = outcome._replace(doubts=(*outcome.doubts, *doubts_of_narrow_band(beside, asked=asked.loads)))
+        narrow = doubts_of_narrow_band(beside, asked=asked.loads)
     outcome = outcome._replace(notes=(*drifted, *map(str, asked.sines), *outcome.notes))
-    return _Found("spectral", outcome, part, found, faults, prior, moved=bool(drifted))
+    return _Found("spectral", outcome, part, found, faults, prior, moved=bool(drifted)).beside(*narrow)
 
 
 def _by_force_balance(asked: _Asked) -> _Found:
@@ -369,6 +372,9 @@ def _by_what_fits(asked: _Asked) -> _Found:
     joint = _by_filters(again) if doubts else _jointly(again, spectral.outcome)
     joint = joint._replace(outcome=joint.outcome._replace(given_priors=spectral.outcome.given_priors))
     if doubts:
+        explained = joint.narrow or joint.outcome.hypothesis == NarrowBand.name
+        if not explained and compare(joint.outcome, spectral.outcome)[1] < DISAGREEMENT:
+            joint = joint.beside(*spectral.narrow)  # filters have ended where spectra did
         return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
     name, off = compare(joint.outcome, spectral.outcome)
     against = [_disagreement(name, off)]
