@@ -196,18 +196,20 @@ def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: b
 
 
 def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
-    """Where to begin: beside the modes as they were found, and damped as the prior has them."""
-    damped = found.unknowns.copy()
+    """Where to begin: beside the modes as they were found, damped as the prior has them, and damped more than that."""
+    damped, more = found.unknowns.copy(), found.unknowns.copy()
     supports = {f"c_{one.name}" for one in question.turbine.model.freedoms if not one.blade}
     of_support = [i for i, q in enumerate(question.parameters) if q.name in supports]
     damped[of_support] = model.prior[0][of_support]
+    more[of_support] = damped[of_support] + model.prior[1][of_support]
     tried = [one for known in (damped, found.unknowns) for one in _places(question, model, known)]
     chosen = list[_Place]()
     for one in sorted(tried, key=lambda one: -one.gain):
         if len(chosen) < TRIED and not any(one.is_like(other) for other in chosen):
             chosen.append(one)
     swapped = [_swapped(question, one) for one in chosen if abs(math.log(one.frequency / one.mode)) > APART]
-    return [*(one.start for one in chosen), *swapped[:1]]
+    last = max(_places(question, model, more), key=lambda one: one.gain)
+    return [*(one.start for one in chosen), *swapped[:1], last.start]
 
 
 def _swapped(question: Question, place: "_Place") -> Array:
