@@ -80,6 +80,26 @@ def test_how_strongly_a_sine_pushes(verne555: Turbine, seed: int):
         assert one.std < 0.3
 
 
+def test_what_turns_and_its_image_on_the_blades_are_one_force(verne555: Turbine):
+    """3P on the support is 4P on the blades: two forces took each other's part, and masses came out 18 % too large."""
+    made, exact = record("3P on the support", 500), verne555.exact()
+    problem = pose(made, exact, exact.sensors, Prior())
+    sines = [Sine(4.0 * ONE_P - 1e-3, on_blades=True), Sine(3.0 * ONE_P, on_blades=False, order=3)]
+    forces = find_forces(problem, problem.wide_prior[0], made, sines, along=NOTHING, at=np.empty(0))
+    assert [(one.sine.order, one.load) for one in forces] == [(3, "load_x"), (3, "load_y")]
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "said"), [("3P on the support", 110004, "3P"), ("line amid the modes", 110004, "2.6 Hz")]
+)
+def test_lines_are_heard_before_filters_search(kind: str, seed: int, said: str):
+    """Filters took minutes over the first, and said no; the second was told a narrow-band load, and no."""
+    found = identify(record(kind, seed), "verne555", prior=DrawnPrior(seed=seed))
+    assert found.diagnosis.trusted
+    assert worst(found, Machine().truth) < 3.0
+    assert any("a steady sine of" in note and said in note for note in found.notes)
+
+
 def test_a_sine_that_was_seen_on_the_support_may_push_a_blade(verne555: Turbine):
     made = record("line 3 % from blades", 600)
     problem = pose(made, verne555, verne555.sensors, Prior())

@@ -11,7 +11,12 @@ from windsysid.identification.conclude import Formulation, conclude, doubts_of_i
 from windsysid.identification.drifting_clocks import without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
-from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from
+from windsysid.identification.joint import (
+    forces_of,
+    identify_jointly,
+    identify_jointly_from,
+    innovations_of,
+)
 from windsysid.identification.line_dependence import Dependence, doubt_line, doubt_sine
 from windsysid.identification.narrow_band_beside import heard_on_time, narrow_band_beside, told_before
 from windsysid.identification.narrow_bands import doubts_of_narrow_band, note_narrow_band
@@ -133,6 +138,8 @@ def identify(
     doing = f"{formulation} formulation, {part.samples} samples"
     progress(doing, None)
     with hear(progress, doing):
+        if formulation == "auto":
+            asked = _heard_by_spectra(asked, options)
         found, result = _answer(asked, formulation, options)
         for _ in range(MOST_SEARCHES):
             sines = _sines(asked, found, result)
@@ -160,11 +167,29 @@ def _answer(
     if found.formulation == "joint":
         felt = find_turning(found.outcome.final.whitened, found.read, asked.turbine, found.sensors, asked.sines)
         found = found.doubted(*(one.doubt for one in felt))._replace(felt=tuple(felt))
-    result = conclude(
+    return found, _judged(asked, found, options)
+
+
+def _judged(asked: "_Asked", found: "_Found", options: dict[str, Any]) -> Identification:
+    return conclude(
         note_wide_priors(found.outcome), found.read, found.formulation, faults=found.faults,
         provenance=trace(asked.record, record_hash(asked.record), asked.turbine, found.sensors, options),
     )  # fmt: skip
-    return found, result
+
+
+def _heard_by_spectra(asked: "_Asked", options: dict[str, Any]) -> "_Asked":
+    """The same with what spectra say, and with the steady lines that show then, in the readings and in the innovations
+    of one filter: filters take long over lines that they do not know of. What turns at 1P may be masses, and waits."""
+    try:
+        found = _by_spectra(asked)
+        if found.outcome.hypothesis == Broadband.name:
+            of = found.read, asked.turbine, found.sensors
+            left = innovations_of(found.outcome, *of, found.prior, asked.parameters)
+            found = found._replace(felt=tuple(one for one in find_turning(left, *of) if one.order > 1))
+        sines = _sines(asked, found, _judged(asked, found, options))
+    except (WindsysidError, np.linalg.LinAlgError):
+        return asked
+    return asked.with_sines(sines, found.outcome) if sines else asked._replace(spectra=found)
 
 
 def _disagreement(name: str, off: float) -> str:
@@ -198,6 +223,7 @@ class _Asked(NamedTuple):
     loads: str
     sines: tuple[Sine, ...] = ()
     near: Outcome | None = None
+    spectra: "_Found | None" = None
 
     @property
     def quiet(self) -> Record:
@@ -213,7 +239,7 @@ class _Asked(NamedTuple):
             if not any(sine.same_as(other, apart) for other in known):
                 known.append(sine)
         bent = any(not sine.order for sine in known[len(self.sines) :])
-        return self._replace(sines=tuple(known), near=None if bent else found)
+        return self._replace(sines=tuple(known), near=None if bent else found, spectra=None)
 
 
 class _Found(NamedTuple):
@@ -360,7 +386,7 @@ def _by_what_fits(asked: _Asked) -> _Found:
     hardly do.
     """
     try:
-        spectral = _by_spectra(asked)
+        spectral = asked.spectra or _by_spectra(asked)
     except (WindsysidError, np.linalg.LinAlgError) as error:
         return _by_filters(asked).saying(f"joint formulation, as spectra do not apply ({error})")
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))

@@ -14,6 +14,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
+from windsysid.filters import EKF
 from windsysid.identification.clocks import shifted
 from windsysid.identification.held_priors import solve_with_wide_priors
 from windsysid.identification.load_choice import Question, choose, is_explained, warm
@@ -42,6 +43,7 @@ __all__ = [
     "forces_of",
     "identify_jointly",
     "identify_jointly_from",
+    "innovations_of",
     "load_models",
 ]
 
@@ -127,6 +129,16 @@ def forces_of(
         own = slice(behind, behind + count)
         along[:n] = near.joint_cov[:n, own] @ np.linalg.inv(near.joint_cov[own, own])
     return find_forces(problem, mean, record, sines, along=along, at=mean[first:])
+
+
+def innovations_of(
+    near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    chosen: Sequence[str] | None = None,
+) -> Array:  # fmt: skip
+    """Whitened innovations (T, m) of a filter where a search has ended, of spectra perhaps; NaN without a reading."""
+    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
+    model = problem.build(_at_its_end(near, problem))
+    return EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1].whitened
 
 
 def _at_its_end(near: Outcome, problem: TurbineProblem) -> Array:

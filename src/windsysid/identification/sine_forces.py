@@ -112,12 +112,12 @@ def find_forces(
                 changes.append((now - innovations(model, inputs)).ravel() / rms[load])
         return _Pushing(sine, loads, np.reshape(changes, (-1, now.size)).T)
 
-    now, free, turning = innovations(model, problem.inputs), list[_Pushing](), list[_Pushing]()
-    for sine in sines:
+    now, pushing = innovations(model, problem.inputs), list[_Pushing]()
+    for sine in sorted(sines, key=lambda one: not one.order):  # what turns is seen on the other side of the hub, too
         best = max((push(way) for way in ways_of(sine, record, psi)), key=lambda one: one.explains(now.ravel()))
-        known = turning if sine.order else free
-        if not any(best.sine.same_as(other.sine, APART / record.duration) for other in known):
-            known.append(best)
+        if not any(best.sine.same_as(other.sine, APART / record.duration) for other in pushing):
+            pushing.append(best)
+    free, turning = ([one for one in pushing if bool(one.sine.order) is turns] for turns in (False, True))
     found = _amplitudes(free, now.ravel(), np.empty((now.size, 0)), np.empty(0))
     if turning and psi is not None:
         slopes = [now - one for one in _innovations(problem, [unknowns + STEP * direction for direction in along.T])]

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from windsysid._types import Array
+from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -33,15 +33,20 @@ __all__ = ["APART", "Sine", "find_sine", "find_turning", "one_turn", "phase_of",
 LEAST_STEADINESS = 40.0
 """Thomson's F from which on a line may be a sine: chance exceeds it at one frequency in 200 000."""
 
-OWN_SHARE = 1.0
-"""Of a line's power over its surroundings, what F has to be: most sines have more, most narrow-band loads less."""
+OWN_SHARE = 0.5
+"""Of a line's power over its surroundings, what F has to be: nearly all sines have more, most narrow-band loads less.
+"""
 
 LOUD = 9.0
 """Power over its surroundings from which on a line in another channel has to be the same sine."""
 
-HALVES, ALIKE = 2.0, 0.3
-"""By how much amplitude and phase of a sine may differ between the halves of a record, squared, over what chance does;
-and its frequency between channels, in frequencies of the periodogram."""
+PARTS, SCATTER = 4, 8.4
+"""In how many parts of a record, which overlap by half, a sine has to have one amplitude and phase; and by how much
+they may scatter, squared, over what chance does: one in 100 of chance does more."""
+
+ALIKE, FAINT = 0.3, 25.0
+"""By how much the frequency of a sine may differ between channels, in frequencies of the periodogram; and the power
+over its surroundings below which chance moves it more, with the root of that power."""
 
 ORDERS = 6
 """Harmonics nP of the rotor that are looked for."""
@@ -101,19 +106,20 @@ def find_sine(
     for one in (seen, *(_Seen.of(record, other, seen.frequency) for other in others)):
         if one is None or (one is not seen and one.over < LOUD):
             continue
-        if one.halves > HALVES or abs(one.frequency - seen.frequency) > ALIKE * step:
+        apart = ALIKE * step * math.sqrt(max(1.0, FAINT / one.over))
+        if one.scatter > SCATTER or abs(one.frequency - seen.frequency) > apart:
             return None
     return Sine(seen.frequency, on_blades)
 
 
 class _Seen(NamedTuple):
-    """A line in a channel: its frequency [Hz], Thomson's F, its power over its surroundings, and the squared difference
-    of its halves over what chance does."""
+    """A line in a channel: its frequency [Hz], Thomson's F, its power over its surroundings, and the squared scatter of
+    its amplitude and phase in parts of the record over what chance does."""
 
     frequency: float
     steadiness: float
     over: float
-    halves: float
+    scatter: float
 
     @classmethod
     def of(cls, record: Record, channel: str, frequency: float) -> "_Seen | None":
@@ -127,10 +133,22 @@ class _Seen(NamedTuple):
         if not SURROUNDINGS < at < len(power) - SURROUNDINGS:
             return None
         over = float(stand_out_of_a_bend(power[:, None], np.array([at]), SURROUNDINGS)[0, 0])
-        wave, half = values * np.exp(-2j * math.pi * frequency * time), np.hanning(samples // 2)
-        first, last = (np.sum(half * part) / half.sum() for part in (wave[: len(half)], wave[-len(half) :]))
-        chance = 2.0 * power[at] / over * np.sum(half**2) / np.sum(window**2) / half.sum() ** 2
-        return cls(frequency, steadiness(values, rate, frequency), over, float(abs(first - last) ** 2 / chance))
+        level = power[at] / over / np.sum(window**2)
+        scatter = _scatter(values * np.exp(-2j * math.pi * frequency * time), level)
+        return cls(frequency, steadiness(values, rate, frequency), over, scatter)
+
+
+def _scatter(wave: Complex, level: float) -> float:
+    """By how much the means of parts of a wave (T,) scatter, squared, over what white noise of a level per sample
+    does."""
+    samples = len(wave)
+    length = 2 * samples // (PARTS + 1)
+    windows = np.zeros((PARTS, samples))
+    for window, first in zip(windows, np.linspace(0, samples - length, PARTS).astype(int), strict=True):
+        window[first : first + length] = np.hanning(length) / np.hanning(length).sum()
+    means, weight = windows @ wave, np.linalg.inv(level * windows @ windows.T)
+    off = means - np.sum(weight @ means) / np.sum(weight)
+    return float((off.conj() @ weight @ off).real)
 
 
 def one_turn(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Sine | None:
