@@ -9,6 +9,7 @@ to an estimate (`windsysid.identification.solve`). A record in pieces goes the s
 import math
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from windsysid.identification.clocks import shifted
 from windsysid.identification.held_priors import solve_with_wide_priors
 from windsysid.identification.load_choice import Question, choose, is_explained, warm
 from windsysid.identification.outcome import Outcome, known_loads
+from windsysid.identification.posterior_mode import THREADS, log_likelihoods
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import TurbineProblem, pose
 from windsysid.identification.recursive import MEMORY, join_histories, spread_over_samples
@@ -50,6 +52,9 @@ __all__ = [
 
 FIRST_PERIODS = 10.0
 """Periods of the slowest degree of freedom before the first estimate on line."""
+
+QUIETER = 1.0, 0.7, 0.5, 0.35
+"""Of the noise where a search has ended, what another one may begin with."""
 
 CHOICE = 4.0
 """For progress only: how often the choice of a load model goes through the samples that it looks at."""
@@ -102,7 +107,7 @@ def identify_jointly_from(
     samples = [(problem.inputs, problem.readings)]
     expect_search(record.samples)
     try:
-        solution = solve(problem, samples, None, rate=record.rate, start=start)
+        solution = solve(problem, samples, None, rate=record.rate, start=_with_likeliest_noise(problem, *start))
     except (WindsysidError, np.linalg.LinAlgError):
         return None
     if not solution.settled or (explained and not is_explained(solution.whiteness)):
@@ -168,6 +173,18 @@ def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Arra
     kept = [*range(n), *range(first, len(mean))]
     cov[np.ix_(kept, kept)] = near.joint_cov[np.ix_(same, same)]
     return mean, cov
+
+
+def _with_likeliest_noise(problem: TurbineProblem, mean: Array, cov: Array) -> tuple[Array, Array]:
+    """A start of a search with the likeliest of some levels of noise: spectra take leakage for noise, too."""
+    n = len(problem.parameters)
+    noise = [n + i for i, one in enumerate(problem.statistics) if one.name.startswith("noise_")]
+    starts = [mean.copy() for _ in QUIETER]
+    for start, share in zip(starts, QUIETER, strict=True):
+        start[noise] += math.log(share)
+    with ThreadPoolExecutor(THREADS) as pool:
+        found = log_likelihoods(problem.build, [(problem.inputs, problem.readings)], starts, pool)
+    return starts[int(np.argmax(np.nan_to_num(found, nan=-np.inf)))], cov
 
 
 def _smoothed_loads(problem: TurbineProblem, solution: Solution) -> SmoothedLoads | None:

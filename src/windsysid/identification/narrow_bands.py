@@ -52,6 +52,9 @@ and every how many-th bin is used."""
 CLOSE = 5.0
 """Log evidence of the best within which they are."""
 
+ENOUGH = 0.1
+"""Squared length of the last step in standard deviations of a search that tells evidence."""
+
 SAME = 0.5
 """Standard deviations of the coefficients within which two searches have ended in one place."""
 
@@ -186,7 +189,9 @@ def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: b
     for start in starts:
         with suppress(np.linalg.LinAlgError):  # no spectrum there
             found.append(
-                fit(posed.model, start, FIRST, rough=True) if rough else fit(posed.model, start, WHOLE, posed.smoothed)
+                fit(posed.model, start, FIRST, rough=True)
+                if rough
+                else fit(posed.model, start, WHOLE, posed.smoothed, enough=ENOUGH)
             )
     ends = list[Fit]()
     for end in sorted(found, key=lambda end: -end.log_evidence):

@@ -7,7 +7,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.spectral.lifted_model import Inexact, LiftedModel
-from windsysid.spectral.scoring import Mode, covariance, find_mode, reach_mode
+from windsysid.spectral.scoring import SETTLED, Mode, covariance, find_mode, reach_mode
 
 __all__ = ["COARSE", "WHOLE", "Fit", "admit", "fit"]
 
@@ -50,13 +50,14 @@ class Fit(NamedTuple):
 
 def fit(
     model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = (*COARSE, *WHOLE),
-    smoothed: LiftedModel | None = None, *, rough: bool = False,
+    smoothed: LiftedModel | None = None, *, rough: bool = False, enough: float = SETTLED,
 ) -> Fit:  # fmt: skip
     """The mode of the posterior from a start (n,).
 
     What the taper's window adds to the spectra is the difference of those of `smoothed` and of `model`. It hardly
     changes with the unknowns, so it is taken where the stages before the last one end, and once more at the mode that
-    is found with it; and so is how alike neighbouring bins are. A `rough` search is for comparing models.
+    is found with it; and so is how alike neighbouring bins are. A `rough` search is for comparing models; another one
+    ends with a step whose squared length in standard deviations is `enough`.
 
     Raises
     ------
@@ -74,7 +75,7 @@ def fit(
             full = smoothed.spectrum(mode.unknowns).spectrum
             smear = full - plain.spectrum(mode.unknowns).spectrum
             model = plain._replace(smear=smear, overlap=model.likeness(full))
-            mode = find_mode(_evaluator(model), mode.unknowns, mean, spread, stages[-1:], rough=not last)
+            mode = find_mode(_evaluator(model), mode.unknowns, mean, spread, stages[-1:], rough=not last, enough=enough)
     return _described(model, mode)
 
 
