@@ -2,22 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
 from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.identification.asked import Asked, Found
 from windsysid.identification.conclude import Formulation, conclude, doubts_of_innovations
 from windsysid.identification.drifting_clocks import without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
-from windsysid.identification.joint import (
-    forces_of,
-    identify_jointly,
-    identify_jointly_from,
-    innovations_of,
-)
-from windsysid.identification.line_dependence import Dependence, doubt_line, doubt_sine
+from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from, innovations_of
+from windsysid.identification.line_dependence import doubt_line, doubt_sine
 from windsysid.identification.narrow_band_beside import heard_on_time, narrow_band_beside, told_before
 from windsysid.identification.narrow_bands import doubts_of_narrow_band, note_narrow_band
 from windsysid.identification.outcome import Outcome, compare
@@ -32,8 +28,7 @@ from windsysid.identification.prepare import (
 from windsysid.identification.prior import Prior
 from windsysid.identification.sine_forces import told, with_forces
 from windsysid.identification.spectral import identify_by_spectrum
-from windsysid.identification.steady_lines import APART, Sine, find_sine, find_turning, one_turn, turned, without_sines
-from windsysid.inspection.health import Finding
+from windsysid.identification.steady_lines import Sine, find_sine, find_turning, one_turn, turned, without_sines
 from windsysid.inspection.screening import screen
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.family import Broadband
@@ -47,7 +42,6 @@ from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash, trace
 from windsysid.signals.inputs import TURNING
 from windsysid.turbine.coercion import TurbineLike, as_turbine
-from windsysid.turbine.turbine import Turbine
 
 __all__ = ["identify"]
 
@@ -134,7 +128,7 @@ def identify(
     if formulation not in _WAYS:
         raise ConfigurationError(f"formulation: expected {', '.join(_WAYS)}; got '{formulation}'")
     part = record.section(*section) if section else record
-    asked = _Asked(record, part, turbine, sensors, prior, parameters, rate, loads)
+    asked = Asked(record, part, turbine, sensors, prior, parameters, rate, loads)
     doing = f"{formulation} formulation, {part.samples} samples"
     progress(doing, None)
     with hear(progress, doing):
@@ -151,8 +145,8 @@ def identify(
 
 
 def _answer(
-    asked: "_Asked", formulation: Formulation | Literal["auto"], options: dict[str, Any]
-) -> "tuple[_Found, Identification]":
+    asked: Asked, formulation: Formulation | Literal["auto"], options: dict[str, Any]
+) -> tuple[Found, Identification]:
     """What a formulation finds, and that judged."""
     found = _WAYS[formulation](asked)
     if found.formulation != "force-balance":
@@ -170,33 +164,35 @@ def _answer(
     return found, _judged(asked, found, options)
 
 
-def _judged(asked: "_Asked", found: "_Found", options: dict[str, Any]) -> Identification:
+def _judged(asked: Asked, found: Found, options: dict[str, Any]) -> Identification:
     return conclude(
         note_wide_priors(found.outcome), found.read, found.formulation, faults=found.faults,
         provenance=trace(asked.record, record_hash(asked.record), asked.turbine, found.sensors, options),
     )  # fmt: skip
 
 
-def _heard_by_spectra(asked: "_Asked", options: dict[str, Any]) -> "_Asked":
+def _heard_by_spectra(asked: Asked, options: dict[str, Any]) -> Asked:
     """The same with what spectra say, and with the steady lines that show then, in the readings and in the innovations
     of one filter: filters take long over lines that they do not know of. What turns at 1P may be masses, and waits."""
     try:
         found = _by_spectra(asked)
-        if found.outcome.hypothesis == Broadband.name:
+        if found.outcome.turns and found.outcome.hypothesis == Broadband.name:
             of = found.read, asked.turbine, found.sensors
             left = innovations_of(found.outcome, *of, found.prior, asked.parameters)
             found = found._replace(felt=tuple(one for one in find_turning(left, *of) if one.order > 1))
         sines = _sines(asked, found, _judged(asked, found, options))
     except (WindsysidError, np.linalg.LinAlgError):
         return asked
-    return asked.with_sines(sines, found.outcome) if sines else asked._replace(spectra=found)
+    if not sines:
+        return asked._replace(spectra=found)
+    return asked.with_sines(sines, found.outcome)._replace(near=None)  # filters have not looked there yet
 
 
 def _disagreement(name: str, off: float) -> str:
     return f"filters and spectra disagree on {name} by {off:.1f} standard deviations: loads are not as modelled"
 
 
-def _sines(asked: "_Asked", found: "_Found", result: Identification) -> list[Sine]:
+def _sines(asked: Asked, found: Found, result: Identification) -> list[Sine]:
     """Steady sines that a result feels, and has not taken into account."""
     if found.formulation == "force-balance" or not asked.part.is_uniform:
         return []
@@ -210,69 +206,7 @@ def _sines(asked: "_Asked", found: "_Found", result: Identification) -> list[Sin
     return sines
 
 
-class _Asked(NamedTuple):
-    """What a caller of `identify` wants to know."""
-
-    record: Record
-    part: Record
-    turbine: Turbine
-    sensors: Sequence[Sensor] | None
-    prior: Prior | None
-    parameters: Sequence[str] | None
-    rate: float | None
-    loads: str
-    sines: tuple[Sine, ...] = ()
-    near: Outcome | None = None
-    spectra: "_Found | None" = None
-
-    @property
-    def quiet(self) -> Record:
-        """The part without the steady lines that were found."""
-        if not self.sines:
-            return self.part
-        return without_sines(self.part, self.turbine, usable_sensors(self.part, self.turbine, self.sensors), self.sines)
-
-    def with_sines(self, sines: Sequence[Sine], found: Outcome) -> "_Asked":
-        """The same with more steady lines that were found, where a search has ended near if they bend it little."""
-        known, apart = [*self.sines], APART / self.part.duration
-        for sine in sines:
-            if not any(sine.same_as(other, apart) for other in known):
-                known.append(sine)
-        bent = any(not sine.order for sine in known[len(self.sines) :])
-        return self._replace(sines=tuple(known), near=None if bent else found, spectra=None)
-
-
-class _Found(NamedTuple):
-    """What a formulation found, on which record and with which sensors, the faults of what it read, under which prior,
-    whether readings of a clock that drifts were put back, the frequency that a coefficient depends on, the steady lines
-    that are left in the innovations, and what a narrow-band load says against it."""
-
-    formulation: Formulation
-    outcome: Outcome
-    read: Record
-    sensors: tuple[Sensor, ...]
-    faults: Sequence[Finding]
-    prior: Prior = Prior()
-    moved: bool = False
-    dependence: Dependence | None = None
-    felt: tuple[Sine, ...] = ()
-    narrow: tuple[str, ...] = ()
-
-    def saying(self, note: str, *doubts: str) -> "_Found":
-        """The same with a note, and what speaks against it."""
-        found = self.doubted(*doubts)
-        return found._replace(outcome=found.outcome._replace(notes=(*found.outcome.notes, note)))
-
-    def doubted(self, *doubts: str) -> "_Found":
-        """The same with what speaks against it."""
-        return self._replace(outcome=self.outcome._replace(doubts=(*self.outcome.doubts, *doubts)))
-
-    def beside(self, *narrow: str) -> "_Found":
-        """The same with what a narrow-band load says against it."""
-        return self.doubted(*narrow)._replace(narrow=narrow)
-
-
-def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
+def _jointly(asked: Asked, near: Outcome | None = None) -> Found:
     """By filters, from where spectra ended if that is said."""
     part, turbine, sensors = asked.part.on_own_times(), asked.turbine, asked.sensors
     found = usable_sensors(part, turbine, sensors)
@@ -304,11 +238,11 @@ def _jointly(asked: _Asked, near: Outcome | None = None) -> _Found:
     outcome = thin_to_readings(search(part, near), steps)
     outcome = outcome._replace(notes=(*drifted, *resampled, *said, *outcome.notes))
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
-    joint = _Found("joint", outcome, read, found, faults, prior, moved=bool(drifted))
+    joint = Found("joint", outcome, read, found, faults, prior, moved=bool(drifted))
     return joint.doubted(MOVED) if drifted else joint
 
 
-def _by_filters(asked: _Asked) -> _Found:
+def _by_filters(asked: Asked) -> Found:
     """By filters, with a narrow-band load on the support where spectra need one."""
     found = _jointly(asked)
     of = found.read, asked.turbine, found.sensors
@@ -333,7 +267,7 @@ def _by_filters(asked: _Asked) -> _Found:
     return again.saying(note_narrow_band(beside), *doubts_of_narrow_band(beside, asked=asked.loads), *against)
 
 
-def _by_spectra(asked: _Asked) -> _Found:
+def _by_spectra(asked: Asked) -> Found:
     part, turbine = asked.quiet.on_uniform_grid(), asked.turbine
     check_length(part.name, part.duration, part.rate, turbine)
     if asked.rate is not None:
@@ -356,10 +290,10 @@ def _by_spectra(asked: _Asked) -> _Found:
     else:
         narrow = doubts_of_narrow_band(beside, asked=asked.loads)
     outcome = outcome._replace(notes=(*drifted, *map(str, asked.sines), *outcome.notes))
-    return _Found("spectral", outcome, part, found, faults, prior, moved=bool(drifted)).beside(*narrow)
+    return Found("spectral", outcome, part, found, faults, prior, moved=bool(drifted)).beside(*narrow)
 
 
-def _by_force_balance(asked: _Asked) -> _Found:
+def _by_force_balance(asked: Asked) -> Found:
     part, turbine = asked.part.on_uniform_grid(), asked.turbine
     check_length(part.name, part.duration, part.rate, turbine)
     if asked.sensors is not None:
@@ -376,10 +310,10 @@ def _by_force_balance(asked: _Asked) -> _Found:
     measured = measured_channels(part, turbine)
     faults = screen(asked.part, turbine, measured, others=(*TURNING, *turbine.model.loads))
     outcome = identify_by_force_balance(whole, part, turbine, asked.prior or Prior(spread=1.0))
-    return _Found("force-balance", outcome, part, (), faults)
+    return Found("force-balance", outcome, part, (), faults)
 
 
-def _by_what_fits(asked: _Asked) -> _Found:
+def _by_what_fits(asked: Asked) -> Found:
     """By spectra under wind and where nothing turns, jointly otherwise; the other way is asked, too, but under wind.
 
     Springs that harden, friction, play and loads of another kind show in innovations; in the size of a spectrum they
