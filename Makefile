@@ -52,7 +52,7 @@ RUNS ?= 40
 
 validation: $(VENV)/.installed
 	$(BIN)/python -m validation.adversary.calibrate
-	$(BIN)/python -m validation.adversary --runs $(RUNS) --loads broadband
+	$(BIN)/python -m validation.adversary --runs $(RUNS)
 
 FIELD := results/field
 

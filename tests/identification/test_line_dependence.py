@@ -41,3 +41,10 @@ def test_a_fainter_line_is_found(monkeypatch: pytest.MonkeyPatch):
 def test_a_loud_frequency_that_says_little_by_itself_is_no_line(seed: int):
     """One of chance, 9 times as loud as its surroundings."""
     assert identified("reference", seed).diagnosis.trusted
+
+
+def test_a_line_that_chance_may_show_and_nothing_depends_on_is_no_reason():
+    """It is 1.12 times its bound, in one blade; the record has none."""
+    found = identify(record("one blade 2 % more", 120004), "verne555", prior=DrawnPrior(seed=120004))
+    assert found.diagnosis.trusted
+    assert found.diagnosis.line is None

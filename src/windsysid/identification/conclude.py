@@ -1,7 +1,7 @@
 """From what a formulation found to an `Identification` in physical units."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -53,9 +53,10 @@ def conclude(
     wind_speed: float | None = None,
     provenance: Provenance | None = None,
     faults: Sequence[Finding] = (),
+    harmless: Callable[[Line], bool] = lambda line: False,
 ) -> Identification:
     """Put what a formulation found on `record` into physical units, with bands, modes and errors, and judge it, with
-    the faults of its channels.
+    the faults of its channels; a line of the readings that is `harmless` is no reason.
 
     Where `record` is the end of a longer one, `section` [s], `samples` and the mean `wind_speed` [m/s] are the whole's,
     and `history_time` [s] says when the estimates of the history were made.
@@ -104,6 +105,7 @@ def conclude(
     beside: tuple[str, ...] = ()
     if formulation != "force-balance":
         line = line_beside_modes(outcome, record, modes, speed)
+        line = None if line is not None and line.ratio > line.bound and harmless(line) else line
         beside = doubts_beside_modes(outcome, record, modes, speed, filtered=formulation == "joint")
     diagnosis = diagnose(
         outcome.final,

@@ -13,7 +13,7 @@ from windsysid.identification.drifting_clocks import without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from, innovations_of
-from windsysid.identification.line_dependence import doubt_line, doubt_sine
+from windsysid.identification.line_dependence import doubt_line, doubt_sine, is_harmless
 from windsysid.identification.narrow_band_beside import heard_on_time, narrow_band_beside, told_before
 from windsysid.identification.narrow_bands import doubts_of_narrow_band, note_narrow_band
 from windsysid.identification.outcome import Outcome, compare
@@ -165,9 +165,11 @@ def _answer(
 
 
 def _judged(asked: Asked, found: Found, options: dict[str, Any]) -> Identification:
+    of = found.outcome, found.read, asked.turbine, found.sensors, found.prior, asked.parameters
     return conclude(
         note_wide_priors(found.outcome), found.read, found.formulation, faults=found.faults,
         provenance=trace(asked.record, record_hash(asked.record), asked.turbine, found.sensors, options),
+        harmless=lambda line: is_harmless(line, *of, by_spectra=found.formulation == "spectral"),
     )  # fmt: skip
 
 

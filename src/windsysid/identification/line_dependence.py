@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.identification.beside_modes import channel_of, mode_of, ranges_of_narrow_band
 from windsysid.identification.outcome import Outcome, compare
@@ -21,11 +22,11 @@ from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
-from windsysid.results.lines import Line, find_line
+from windsysid.results.lines import SURROUNDINGS, Line, find_line, stand_out_of_a_bend
 from windsysid.spectral.tonal import without_line
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Dependence", "doubt_line", "doubt_sine"]
+__all__ = ["Dependence", "doubt_line", "doubt_sine", "is_harmless"]
 
 REACH = 1.25
 """Factor about a mode's frequency within which a line is looked for."""
@@ -33,11 +34,15 @@ REACH = 1.25
 SUSPECT = 9.0
 """Power over its surroundings from which on a frequency may be a line: one in ten healthy records has it."""
 
+MARGINAL = 1.25
+"""Over its bound, what a line may stand out by chance after all, and is no reason if nothing depends on it."""
+
 MOVED = 2.5
 """Standard deviations by which a coefficient may move when one frequency, or those beside a sine, are taken out."""
 
-BESIDE = 3
-"""Frequencies of the periodogram to either side of a sine in which a narrow-band load would have left something."""
+BESIDE, AWAY = 3, 8
+"""Frequencies of the periodogram to either side of a sine in which a narrow-band load would have left something, and
+from which on their surroundings tell what would be there without one."""
 
 
 class Dependence(NamedTuple):
@@ -70,6 +75,21 @@ def doubt_line(
         f"without {line.frequency:.3g} Hz {name} would be {off:.1f} standard deviations elsewhere: likely a machine or "
         "waves; choose a section without it",
     )  # fmt: skip
+
+
+def is_harmless(
+    line: Line, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    parameters: Sequence[str] | None, *, by_spectra: bool,
+) -> bool:  # fmt: skip
+    """Whether a line hardly stands out more than chance may, and nothing depends on it. Arguments as for
+    `doubt_line`."""
+    if line.ratio > MARGINAL * line.bound:
+        return False
+    name, off = _moved(
+        _without(record, outcome.channels, line.frequency), outcome, record, turbine, sensors, prior, parameters,
+        by_spectra=by_spectra,
+    )  # fmt: skip
+    return bool(name) and off < MOVED
 
 
 def doubt_sine(
@@ -136,7 +156,8 @@ def _suspect(outcome: Outcome, record: Record) -> Line | None:
 
 
 def _without(record: Record, channels: Sequence[str], frequency: float, beside: int = 0) -> Record:
-    """The record without a sine in these channels, or without so many frequencies to either side, too."""
+    """The record without a sine in these channels, or with as much at so many frequencies to either side as their
+    surroundings have."""
     values = np.column_stack([record[channel] for channel in channels])
     known = np.nan_to_num(values - np.nanmean(values, axis=0))
     if not beside:
@@ -145,8 +166,20 @@ def _without(record: Record, channels: Sequence[str], frequency: float, beside: 
         near = frequency + np.arange(-beside, beside + 1) * record.rate / record.samples
         wave = np.exp(2j * np.pi * np.outer(np.arange(record.samples) / record.rate, near))
         design = np.column_stack([wave.real, wave.imag])
-        left = known - design @ np.linalg.lstsq(design, known, rcond=None)[0]
+        there = design @ np.linalg.lstsq(design, known, rcond=None)[0]
+        over = _standing_out(known, frequency * record.samples / record.rate, beside)
+        left = known - there * (1.0 - np.maximum(over, 1.0) ** -0.5)
     left = values - (known - left)
     return record.with_channels(
         {channel: (column, record.unit(channel)) for channel, column in zip(channels, left.T, strict=True)}
     )
+
+
+def _standing_out(values: Array, line: float, beside: int) -> Array:
+    """Mean power of values (T, m) at a frequency of their periodogram, and at so many to either side, over that of
+    their surroundings (m,); infinite where there are none."""
+    power = np.abs(np.fft.rfft(np.hanning(len(values))[:, None] * values, axis=0)) ** 2
+    at = round(line) + np.arange(-beside, beside + 1)
+    if at[0] <= SURROUNDINGS or at[-1] >= len(power) - SURROUNDINGS:
+        return np.full(values.shape[1], np.inf)
+    return np.asarray(stand_out_of_a_bend(power, at, SURROUNDINGS, AWAY).mean(axis=0))

@@ -100,9 +100,10 @@ def stand_out(power: Array, at: NDArray[np.int64], surroundings: int) -> Array:
     return np.asarray(power[at] / np.maximum(level, 1e-300))
 
 
-def stand_out_of_a_bend(power: Array, at: NDArray[np.int64], surroundings: int) -> Array:
-    """Power (F, m) at some frequencies (K,) over the level that a parabola in 1/S has there (K, m)."""
-    away = np.arange(WIDTH + 1, surroundings + 1)
+def stand_out_of_a_bend(power: Array, at: NDArray[np.int64], surroundings: int, width: int = WIDTH) -> Array:
+    """Power (F, m) at some frequencies (K,) over the level that a parabola in 1/S has there (K, m), told by so many to
+    either side but for those within a width."""
+    away = np.arange(width + 1, surroundings + 1)
     off = np.concatenate([-away[::-1], away])
     x = np.vander(off / surroundings, 3, increasing=True)
     around = np.moveaxis(power[at[:, None] + off], 2, 1)
