@@ -54,7 +54,7 @@ FIRST_PERIODS = 10.0
 """Periods of the slowest degree of freedom before the first estimate on line."""
 
 QUIETER = 1.0, 0.7, 0.5, 0.35
-"""Of the noise where a search has ended, what another one may begin with."""
+"""Shares of the noise where a search has ended, with which another one may begin."""
 
 CHOICE = 4.0
 """For progress only: how often the choice of a load model goes through the samples that it looks at."""

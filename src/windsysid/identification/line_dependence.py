@@ -35,14 +35,14 @@ SUSPECT = 9.0
 """Power over its surroundings from which on a frequency may be a line: one in ten healthy records has it."""
 
 MARGINAL = 1.25
-"""Over its bound, what a line may stand out by chance after all, and is no reason if nothing depends on it."""
+"""Times its bound within which a line may be chance: it is no reason if nothing depends on it."""
 
 MOVED = 2.5
 """Standard deviations by which a coefficient may move when one frequency, or those beside a sine, are taken out."""
 
 BESIDE, AWAY = 3, 8
 """Frequencies of the periodogram to either side of a sine in which a narrow-band load would have left something, and
-from which on their surroundings tell what would be there without one."""
+beyond which their surroundings tell what would be there without one."""
 
 
 class Dependence(NamedTuple):
