@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from windsysid.identification.conclude import Formulation
+from windsysid.identification.drifting_clocks import Drift
 from windsysid.identification.line_dependence import Dependence
 from windsysid.identification.outcome import Outcome
 from windsysid.identification.prepare import usable_sensors
@@ -32,6 +33,8 @@ class Asked(NamedTuple):
         Where filters that knew less have ended.
     spectra
         What spectra have said of the same.
+    drifts
+        Drifts of clocks that were found before.
     """
 
     record: Record
@@ -45,6 +48,7 @@ class Asked(NamedTuple):
     sines: tuple[Sine, ...] = ()
     near: Outcome | None = None
     spectra: "Found | None" = None
+    drifts: tuple[Drift, ...] = ()
 
     @property
     def quiet(self) -> Record:
@@ -74,8 +78,8 @@ class Found(NamedTuple):
         The record that it read, with which sensors, and the faults of their channels.
     prior
         As it was in the end.
-    moved
-        Whether readings of a clock that drifts were put back.
+    drifts
+        Drifts of clocks whose readings were put back.
     dependence
         The frequency that a coefficient depends on.
     felt
@@ -90,7 +94,7 @@ class Found(NamedTuple):
     sensors: tuple[Sensor, ...]
     faults: Sequence[Finding]
     prior: Prior = Prior()
-    moved: bool = False
+    drifts: tuple[Drift, ...] = ()
     dependence: Dependence | None = None
     felt: tuple[Sine, ...] = ()
     narrow: tuple[str, ...] = ()

@@ -6,6 +6,9 @@ turning blades feel gravity. In the reading y = Re a e^{iψ} of a logger that is
 tower's logger, the phase of a falls by Ωκ. It is taken window by window; where a straight line through the κ of all
 windows is beyond chance, readings are put back to when they were taken, as if the clocks had agreed at the first
 sample: how late a logger was then is the unknown's.
+
+Gravity tells a drift in minutes. What vibrates tells it sooner, from where spectra have ended: the halves of the record
+have a clock each, one step of scoring away, and the second is later than the first by half of what drifts.
 """
 
 import math
@@ -20,9 +23,10 @@ from windsysid.errors import RecordError
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor
 from windsysid.records.record import Record
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
+from windsysid.spectral.lifted_model import LiftedModel
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Drift", "find_drift", "without_drift"]
+__all__ = ["Drift", "drift_of_halves", "find_drift", "together", "without_drift"]
 
 TURNS, FEWEST, MOST = 5.0, 6, 40
 """Turns of a window at least; windows of a record at least and at most."""
@@ -42,40 +46,100 @@ clock can have."""
 
 
 class Drift(NamedTuple):
-    """By how much more a logger is late in every second [s/s], and the standard deviation of that."""
+    """A clock that drifts.
 
+    Attributes
+    ----------
+    logger
+        Whose it is.
+    rate, std
+        By how much more it is late in every second [s/s], and the standard deviation of that.
+    by
+        What shows it.
+    """
+
+    logger: str
     rate: float
     std: float
+    by: str = "gravity in its readings"
+
+    def __str__(self) -> str:
+        ppm, std, pace = 1e6 * abs(self.rate), 1e6 * self.std, "slowly" if self.rate < 0.0 else "fast"
+        return (
+            f"the clock of the logger {self.logger} runs {ppm:.3g} ± {std:.2g} ppm too {pace}, by {self.by}: its "
+            "readings were put back"
+        )
+
+    def matters(self, turbine: Turbine, duration: float) -> bool:
+        """Whether it is beyond chance and no clock's fault, and moves vibration of such a record [s] noticeably."""
+        fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
+        least = LEAST / (fastest * duration) if fastest > 0.0 else math.inf
+        return max(CLEAR * self.std, least) < abs(self.rate) < GREATEST
 
 
-def without_drift(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> tuple[Record, tuple[str, ...]]:
-    """The record with the readings of drifting loggers on the tower's clock, and a note for each of those."""
-    fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
-    if not (record.is_uniform and "rotor_azimuth" in record and fastest > 0.0):
+def without_drift(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], known: Sequence[Drift] = ()
+) -> tuple[Record, tuple[Drift, ...]]:
+    """The record with the readings of drifting loggers on the tower's clock, and those drifts: the known ones, or what
+    gravity shows where none are."""
+    if not record.is_uniform:
         return record, ()
-    notes, least = [], LEAST / (fastest * record.duration)
-    for logger in dict.fromkeys(sensor.sampled_by for sensor in sensors if sensor.blade):
-        channels = [sensor.channel for sensor in sensors if sensor.sampled_by == logger and sensor.blade]
-        found = None if logger == TOWER_LOGGER else find_drift(record, channels, abs(turbine.rotor_speed))
-        if found is None or not max(CLEAR * found.std, least) < abs(found.rate) < GREATEST:
-            continue
-        of_logger = [sensor.channel for sensor in sensors if sensor.sampled_by == logger]
-        late = found.rate * (record.time - record.time[0])
+    drifts = tuple(known) or _by_gravity(record, turbine, sensors)
+    for drift in drifts:
+        of_logger = [sensor.channel for sensor in sensors if sensor.sampled_by == drift.logger]
+        late = drift.rate * (record.time - record.time[0])
         record = record.with_channels(
             {one: (_moved(record.time, record[one], late), record.unit(one)) for one in of_logger}
         )
-        ppm, std = 1e6 * found.rate, 1e6 * found.std
-        pace = "slowly" if ppm < 0.0 else "fast"
-        notes.append(
-            f"the clock of the logger {logger} runs {abs(ppm):.3g} ± {std:.2g} ppm too {pace}, by gravity in its "
-            "readings: they were put back"
-        )
-    return record, tuple(notes)
+    return record, drifts
 
 
-def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> Drift | None:
-    """The drift of the clock of channels on turning blades against the azimuth; None where gravity hardly shows in
-    them, or the record is too short."""
+def together(drifts: Sequence[Drift], more: Sequence[Drift]) -> tuple[Drift, ...]:
+    """What is left to be put back, added to what was."""
+    before = {one.logger: one for one in drifts}
+    for one in more:
+        if one.logger in before:
+            one = one._replace(rate=before[one.logger].rate + one.rate)
+        before[one.logger] = one
+    return tuple(before.values())
+
+
+def drift_of_halves(
+    halves: Sequence[LiftedModel], unknowns: Array, loggers: Sequence[str], apart: float
+) -> list[Drift]:
+    """The drifts of loggers whose clocks are unknowns of spectra, from the halves of a record whose middles are so many
+    seconds apart, at the unknowns that the whole record has."""
+    if not loggers:
+        return []
+    said, drifts = [half.likelihood(unknowns) for half in halves], []
+    first = halves[0].mechanical - len(loggers)
+    for at, logger in enumerate(loggers, first):
+        spread = float(np.abs(halves[0].inexact.late[at - halves[0].mechanical]).max())
+        information = [float(one.information[at, at]) for one in said]
+        if min(information) <= 0.0:
+            continue
+        early, late = (-one.gradient[at] / known for one, known in zip(said, information, strict=True))
+        std = spread * math.sqrt(sum(1.0 / known for known in information)) / apart
+        drifts.append(Drift(logger, float(spread * (late - early) / apart), std, "vibration in the record's halves"))
+    return drifts
+
+
+def _by_gravity(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> tuple[Drift, ...]:
+    """The drifts that gravity shows."""
+    if "rotor_azimuth" not in record:
+        return ()
+    drifts = []
+    for logger in dict.fromkeys(sensor.sampled_by for sensor in sensors if sensor.blade):
+        channels = [sensor.channel for sensor in sensors if sensor.sampled_by == logger and sensor.blade]
+        found = None if logger == TOWER_LOGGER else find_drift(record, channels, abs(turbine.rotor_speed))
+        if found is not None:
+            drifts.append(Drift(logger, *found))
+    return tuple(one for one in drifts if one.matters(turbine, record.duration))
+
+
+def find_drift(record: Record, channels: Sequence[str], usual_speed: float) -> tuple[float, float] | None:
+    """The drift of the clock of channels on turning blades against the azimuth [s/s], and its standard deviation; None
+    where gravity hardly shows in them, or the record is too short."""
     try:
         psi, speed, _ = rotor_inputs(record, usual_speed).T
     except RecordError:
@@ -114,14 +178,14 @@ def _amplitude(values: Array, wave: Array) -> complex:
     return complex(cosine, sine)
 
 
-def _line(time: Array, late: Array, weights: Array) -> Drift:
+def _line(time: Array, late: Array, weights: Array) -> tuple[float, float]:
     """The slope of a straight line through all, and what its scatter says of it."""
     root = np.sqrt(weights / weights.mean())
     design = np.column_stack([np.ones(len(time)), time - time.mean()]) * root[:, None]
     fit = np.linalg.lstsq(design, late * root, rcond=None)[0]
     left = late * root - design @ fit
     variance = float(left @ left) / max(1, len(time) - 2) * float(np.linalg.inv(design.T @ design)[1, 1])
-    return Drift(float(fit[1]), math.sqrt(variance))
+    return float(fit[1]), math.sqrt(variance)
 
 
 def _moved(time: Array, values: Array, late: Array) -> Array:

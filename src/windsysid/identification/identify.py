@@ -9,7 +9,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.asked import Asked, Found
 from windsysid.identification.conclude import Formulation, conclude, doubts_of_innovations
-from windsysid.identification.drifting_clocks import without_drift
+from windsysid.identification.drifting_clocks import together, without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from, innovations_of
@@ -213,7 +213,7 @@ def _jointly(asked: Asked, near: Outcome | None = None) -> Found:
     part, turbine, sensors = asked.part.on_own_times(), asked.turbine, asked.sensors
     found = usable_sensors(part, turbine, sensors)
     part, faults = without_stuck(part, screened(asked.part, turbine, found))
-    part, drifted = without_drift(part, turbine, found)
+    part, drifts = without_drift(part, turbine, found, asked.drifts)
     part, steps, resampled = resample_for_model(part, turbine, asked.rate, sensors or turbine.sensors)
     check_length(part.name, part.duration, part.rate, turbine)
     prior, uniform, left = asked.prior or Prior(), part.is_uniform, part
@@ -238,10 +238,10 @@ def _jointly(asked: Asked, near: Outcome | None = None) -> Found:
             left = without_sines(part, turbine, found, [force.sine for force in forces])
             part, said = with_forces(part, forces, psi), told(forces)
     outcome = thin_to_readings(search(part, near), steps)
-    outcome = outcome._replace(notes=(*drifted, *resampled, *said, *outcome.notes))
+    outcome = outcome._replace(notes=(*map(str, drifts), *resampled, *said, *outcome.notes))
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
-    joint = Found("joint", outcome, read, found, faults, prior, moved=bool(drifted))
-    return joint.doubted(MOVED) if drifted else joint
+    joint = Found("joint", outcome, read, found, faults, prior, drifts)
+    return joint.doubted(MOVED) if drifts else joint
 
 
 def _by_filters(asked: Asked) -> Found:
@@ -276,7 +276,7 @@ def _by_spectra(asked: Asked) -> Found:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     found = usable_sensors(part, turbine, asked.sensors)
     part, faults = without_stuck(part, screened(asked.part, turbine, found))
-    part, drifted = without_drift(part, turbine, found)
+    part, drifts = without_drift(part, turbine, found, asked.drifts)
 
     def ask(heard: Record, loads: str) -> tuple[Outcome, Prior]:
         return with_wide_priors(
@@ -285,14 +285,16 @@ def _by_spectra(asked: Asked) -> Found:
         )
 
     outcome, prior = ask(part, asked.loads)
+    if outcome.drifts and not asked.drifts:
+        return _by_spectra(asked._replace(drifts=together(drifts, outcome.drifts)))
     beside, narrow = narrow_band_beside(outcome, part, turbine, found), tuple[str, ...]()
     if beside is not None and beside.is_needed and asked.loads == "auto":
         again, prior = ask(heard_on_time(part, outcome, turbine, found), NarrowBand.name)
         outcome = told_before(again, outcome)
     else:
         narrow = doubts_of_narrow_band(beside, asked=asked.loads)
-    outcome = outcome._replace(notes=(*drifted, *map(str, asked.sines), *outcome.notes))
-    return Found("spectral", outcome, part, found, faults, prior, moved=bool(drifted)).beside(*narrow)
+    outcome = outcome._replace(notes=(*map(str, drifts), *map(str, asked.sines), *outcome.notes))
+    return Found("spectral", outcome, part, found, faults, prior, drifts).beside(*narrow)
 
 
 def _by_force_balance(asked: Asked) -> Found:
@@ -328,9 +330,9 @@ def _by_what_fits(asked: Asked) -> Found:
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
     if not doubts and spectral.outcome.hypothesis == RotorWind.name:
         return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
-    if not doubts and spectral.moved:
+    if not doubts and spectral.drifts:
         return spectral.saying("spectral formulation: a clock drifts, and filters feel what is read between samples")
-    again = asked._replace(prior=spectral.prior)
+    again = asked._replace(prior=spectral.prior, drifts=spectral.drifts)
     joint = _by_filters(again) if doubts else _jointly(again, spectral.outcome)
     joint = joint._replace(outcome=joint.outcome._replace(given_priors=spectral.outcome.given_priors))
     if doubts:

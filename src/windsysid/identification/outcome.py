@@ -10,6 +10,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.filters import Info
+from windsysid.identification.drifting_clocks import Drift
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
@@ -84,6 +85,8 @@ class Outcome(NamedTuple):
         Damping coefficients that their priors hold where the readings do not want them.
     given_priors
         The identified parameters with their priors as they were given, where some were made wider; else none.
+    drifts
+        Clocks that drift by what the halves of the record say, and matter.
     """
 
     turbine: Turbine
@@ -110,6 +113,7 @@ class Outcome(NamedTuple):
     turns: bool = True
     held: tuple[str, ...] = ()
     given_priors: tuple[Parameter, ...] = ()
+    drifts: tuple[Drift, ...] = ()
 
     @property
     def priors(self) -> tuple[Parameter, ...]:
