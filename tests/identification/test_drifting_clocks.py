@@ -81,6 +81,15 @@ def test_in_100_s_vibration_tells_a_drift():
     assert found.diagnosis.trusted
 
 
+def test_a_drift_is_put_back_until_none_is_left(monkeypatch: pytest.MonkeyPatch):
+    """The first look at 150 ppm saw 106 ± 6: what drifts bends what the halves are held against."""
+    monkeypatch.setitem(SCENARIOS, "drifting", Scenario("instrument", instruments=Instruments(drift=-1.5e-4)))
+    found = identify(record("drifting", 110301), TURBINE, formulation="spectral", prior=DrawnPrior(seed=110301))
+    (note,) = (note for note in found.notes if "ppm" in note)
+    ppm, std = (float(number) for number in re.findall(r"runs (\S+) ± (\S+) ppm too slowly", note)[0])
+    assert abs(ppm - 150.0) < 3.0 * std
+
+
 @pytest.mark.parametrize("kind", ["reference", "support 15 % softer from midway"])
 def test_halves_on_one_clock_show_no_drift(kind: str):
     found = identify(record(kind, 11), TURBINE, formulation="spectral", prior=DrawnPrior(seed=11))

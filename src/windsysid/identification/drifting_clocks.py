@@ -8,7 +8,8 @@ windows is beyond chance, readings are put back to when they were taken, as if t
 sample: how late a logger was then is the unknown's.
 
 Gravity tells a drift in minutes. What vibrates tells it sooner, from where spectra have ended: the halves of the record
-have a clock each, one step of scoring away, and the second is later than the first by half of what drifts.
+have a clock each, and the second is later than the first by half of what drifts. A record that drifts bends what
+spectra find, and with it that difference, so that they are asked again until nothing is left.
 """
 
 import math
@@ -26,7 +27,7 @@ from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.spectral.lifted_model import LiftedModel
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Drift", "drift_of_halves", "find_drift", "together", "without_drift"]
+__all__ = ["Drift", "drift_of_halves", "find_drift", "left_over", "together", "without_drift"]
 
 TURNS, FEWEST, MOST = 5.0, 6, 40
 """Turns of a window at least; windows of a record at least and at most."""
@@ -40,9 +41,13 @@ STEADY = 10.0
 FINER = 8
 """Values between which a shifted one is interpolated, to each that was read."""
 
-LEAST, GREATEST = 0.1, 3e-4
+LEAST, GREATEST = 0.07, 3e-4
 """Angle [rad] of the fastest motion of a degree of freedom by which a drift over the record matters, and [s/s] that a
 clock can have."""
+
+
+STEPS, SMALL = 3, 1.0
+"""Of scoring to the clock of a half at most; and in standard deviations, the last one."""
 
 
 class Drift(NamedTuple):
@@ -94,6 +99,15 @@ def without_drift(
     return record, drifts
 
 
+def left_over(drifts: Sequence[Drift], known: Sequence[Drift], turbine: Turbine, duration: float) -> tuple[Drift, ...]:
+    """Drifts that matter in a record of so many seconds, and of loggers that were put back what is beyond its standard
+    deviation."""
+    before = {one.logger for one in known}
+    return tuple(
+        one for one in drifts if (abs(one.rate) > one.std if one.logger in before else one.matters(turbine, duration))
+    )
+
+
 def together(drifts: Sequence[Drift], more: Sequence[Drift]) -> tuple[Drift, ...]:
     """What is left to be put back, added to what was."""
     before = {one.logger: one for one in drifts}
@@ -111,17 +125,27 @@ def drift_of_halves(
     seconds apart, at the unknowns that the whole record has."""
     if not loggers:
         return []
-    said, drifts = [half.likelihood(unknowns) for half in halves], []
-    first = halves[0].mechanical - len(loggers)
-    for at, logger in enumerate(loggers, first):
-        spread = float(np.abs(halves[0].inexact.late[at - halves[0].mechanical]).max())
-        information = [float(one.information[at, at]) for one in said]
-        if min(information) <= 0.0:
-            continue
-        early, late = (-one.gradient[at] / known for one, known in zip(said, information, strict=True))
-        std = spread * math.sqrt(sum(1.0 / known for known in information)) / apart
-        drifts.append(Drift(logger, float(spread * (late - early) / apart), std, "vibration in the record's halves"))
-    return drifts
+    (early, early_std), (late, late_std) = (_clocks(half, unknowns, len(loggers)) for half in halves)
+    rates, stds = (late - early) / apart, np.hypot(early_std, late_std) / apart
+    told = zip(loggers, rates.tolist(), stds.tolist(), strict=True)
+    return [Drift(logger, rate, std, "vibration in the record's halves") for logger, rate, std in told]
+
+
+def _clocks(half: LiftedModel, unknowns: Array, count: int) -> tuple[Array, Array]:
+    """By how much the last of the mechanical unknowns, clocks, are late (count,) [s], and the standard deviations of
+    that with all others known; of a clock that nothing shows, infinite ones."""
+    at, unknowns = slice(half.mechanical - count, half.mechanical), unknowns.copy()
+    for _ in range(STEPS):
+        said = half.likelihood(unknowns)
+        information = np.diag(said.information)[at]
+        shown = information > 0.0
+        step = np.divide(said.gradient[at], information, out=np.zeros(count), where=shown)
+        unknowns[at] -= step
+        if (step**2 * information <= SMALL**2).all():
+            break
+    spread = np.abs(half.inexact.late[-count:]).max(axis=1)
+    std = np.divide(spread, np.sqrt(np.abs(information)), out=np.full(count, math.inf), where=shown)
+    return spread * unknowns[at], std
 
 
 def _by_gravity(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> tuple[Drift, ...]:

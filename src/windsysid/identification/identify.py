@@ -9,7 +9,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.asked import Asked, Found
 from windsysid.identification.conclude import Formulation, conclude, doubts_of_innovations
-from windsysid.identification.drifting_clocks import together, without_drift
+from windsysid.identification.drifting_clocks import Drift, left_over, together, without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from, innovations_of
@@ -50,6 +50,9 @@ DISAGREEMENT = 3.0
 
 MOST_SEARCHES = 3
 """How often a record is asked again, without the steady lines that were found before."""
+
+MOST_DRIFTS = 4
+"""How often spectra are asked again, with readings of a clock that drifts put back by what was left."""
 
 MOVED = "readings of a clock that drifts were put back, between samples: filters feel that; use --formulation spectral"
 
@@ -276,7 +279,6 @@ def _by_spectra(asked: Asked) -> Found:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     found = usable_sensors(part, turbine, asked.sensors)
     part, faults = without_stuck(part, screened(asked.part, turbine, found))
-    part, drifts = without_drift(part, turbine, found, asked.drifts)
 
     def ask(heard: Record, loads: str) -> tuple[Outcome, Prior]:
         return with_wide_priors(
@@ -284,9 +286,13 @@ def _by_spectra(asked: Asked) -> Found:
             asked.prior or Prior(),
         )
 
-    outcome, prior = ask(part, asked.loads)
-    if outcome.drifts and not asked.drifts:
-        return _by_spectra(asked._replace(drifts=together(drifts, outcome.drifts)))
+    drifting, drifts, left = part, asked.drifts, tuple[Drift, ...]()
+    for _ in range(MOST_DRIFTS):
+        part, drifts = without_drift(drifting, turbine, found, together(drifts, left))
+        outcome, prior = ask(part, asked.loads)
+        left = left_over(outcome.drifts, drifts, turbine, part.duration)
+        if not left:
+            break
     beside, narrow = narrow_band_beside(outcome, part, turbine, found), tuple[str, ...]()
     if beside is not None and beside.is_needed and asked.loads == "auto":
         again, prior = ask(heard_on_time(part, outcome, turbine, found), NarrowBand.name)

@@ -86,7 +86,7 @@ class Outcome(NamedTuple):
     given_priors
         The identified parameters with their priors as they were given, where some were made wider; else none.
     drifts
-        Clocks that drift by what the halves of the record say, and matter.
+        How clocks drift by what the halves of the record say, much or little.
     """
 
     turbine: Turbine

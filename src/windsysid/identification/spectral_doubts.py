@@ -50,13 +50,12 @@ def halves_of(question: Question, posed: Posed, found: Fit, loads: str) -> list[
 def drifts_of(
     question: Question, halves: Sequence[Posed], unknowns: Array, tolerances: Sequence[Tolerance]
 ) -> tuple[Drift, ...]:
-    """Clocks that drift by what the halves say."""
+    """How clocks drift by what the halves say."""
     if not halves:
         return ()
-    duration = len(question.readings) / question.rate
+    apart = 0.5 * len(question.readings) / question.rate
     loggers = [one.of for one in tolerances if one.group == "clock"]
-    found = drift_of_halves([half.model for half in halves], unknowns, loggers, 0.5 * duration)
-    return tuple(one for one in found if one.matters(question.turbine, duration))
+    return tuple(drift_of_halves([half.model for half in halves], unknowns, loggers, apart))
 
 
 def doubts_of_spectra(question: Question, posed: Posed, found: Fit, loads: str, halves: Sequence[Posed]) -> list[str]:
