@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from validation.adversary.scenarios import record
 from validation.tolerances import Errors, record_of
 
 import windsysid as ws
@@ -194,3 +195,13 @@ def test_short_record_is_refused_for_its_length_and_for_no_rate(tower_record: Re
 def test_short_record_is_refused(tower_record: Record) -> None:
     with pytest.raises(RecordError, match="choose a longer record"):
         ws.identify(replace(tower_record).section(0.0, 40.0), "tower", formulation="spectral")
+
+
+def test_five_readings_for_each_period_of_the_fastest_mode_are_enough() -> None:
+    """Spectra were refused below ten and a half, which filters need and spectra do not."""
+    turbine = load_turbine("verne555")
+    found = ws.identify(record("20 Hz", 110406), turbine, formulation="spectral", prior=DrawnPrior(seed=110406))
+    assert found.diagnosis.trusted
+    assert all(abs(e.estimate - turbine.values[e.name]) < 3.0 * e.std for e in found.estimates)
+    with pytest.raises(RecordError, match=r"at least 19.*samples per second"):
+        ws.identify(record("11 Hz", 1), turbine, formulation="spectral")

@@ -18,6 +18,7 @@ from windsysid.identification.narrow_band_beside import heard_on_time, narrow_ba
 from windsysid.identification.narrow_bands import doubts_of_narrow_band, note_narrow_band
 from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prepare import (
+    MAX_READING_OF_SPECTRA,
     check_length,
     resample_for_model,
     screened,
@@ -274,7 +275,7 @@ def _by_filters(asked: Asked) -> Found:
 
 def _by_spectra(asked: Asked) -> Found:
     part, turbine = asked.quiet.on_uniform_grid(), asked.turbine
-    check_length(part.name, part.duration, part.rate, turbine)
+    check_length(part.name, part.duration, part.rate, turbine, MAX_READING_OF_SPECTRA)
     if asked.rate is not None:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     found = usable_sensors(part, turbine, asked.sensors)

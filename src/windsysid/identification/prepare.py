@@ -55,6 +55,9 @@ MAX_READING = 2.5
 MAX_UNREFINED_STEP = 0.6
 """The same where the equations cannot take shorter steps than readings."""
 
+MAX_READING_OF_SPECTRA = 1.3
+"""The same of spectra, which take no steps: what is faster than half the rate hardly reaches down to the modes."""
+
 
 def add_noise(record: Record, channels: Sequence[str], percent: float, seed: int) -> tuple[Record, dict[str, float]]:
     """White noise of `percent` of each channel's standard deviation added to it; returns the noise rms per channel too.
@@ -289,8 +292,11 @@ def thin_to_readings(outcome: Outcome, steps: int) -> Outcome:
     )
 
 
-def check_length(name: str, duration: float, rate: float, turbine: Turbine) -> None:
-    """Refuse a record that is too short [s], or read too slowly [Hz], for the turbine's modes."""
+def check_length(
+    name: str, duration: float, rate: float, turbine: Turbine, longest: float = MAX_UNREFINED_STEP
+) -> None:
+    """Refuse a record that is too short [s], or read too slowly [Hz], for the turbine's modes; `longest` as for
+    `check_readings`."""
     for coordinate in turbine.model.coordinates:
         if turbine.natural_frequency(coordinate) == 0.0:
             raise ConfigurationError(
@@ -307,7 +313,7 @@ def check_length(name: str, duration: float, rate: float, turbine: Turbine) -> N
             f"{name}: expected at least one period of the turbine's slowest mode ({period:.3g} s), got "
             f"{duration:.3g} s: choose a longer record, or correct its stiffness"
         )
-    check_readings(name, rate, turbine, MAX_UNREFINED_STEP)
+    check_readings(name, rate, turbine, longest)
 
 
 def check_readings(name: str, rate: float, turbine: Turbine, longest: float = MAX_READING) -> None:

@@ -29,7 +29,7 @@ from windsysid.identification.narrow_band_beside import narrow_band_beside
 from windsysid.identification.narrow_bands import doubts_of_narrow_band
 from windsysid.identification.outcome import known_inputs
 from windsysid.identification.over_pieces import take_in
-from windsysid.identification.prepare import check_length
+from windsysid.identification.prepare import MAX_READING_OF_SPECTRA, check_length
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import seen_by
 from windsysid.identification.recursive import another_call, check_call
@@ -105,7 +105,7 @@ class _Run:
         self.seen = seen_by(turbine, sensors, self.notes)
         part = first.on_uniform_grid()
         self.rate = part.rate
-        check_length(part.name, part.duration, part.rate, turbine)
+        check_length(part.name, part.duration, part.rate, turbine, MAX_READING_OF_SPECTRA)
         inputs, readings = self._columns(part)
         question = ask(part, self.seen, sensors, prior, chosen, inputs, readings, "broadband")
         coupled = turns_couple(question)
