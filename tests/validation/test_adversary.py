@@ -6,7 +6,7 @@ import pytest
 from validation.adversary.campaign import identify_one
 from validation.adversary.loads import gauss_markov, narrow_band
 from validation.adversary.machine import Machine, accelerations
-from validation.adversary.scenarios import record
+from validation.adversary.scenarios import record, scenario
 
 import windsysid.identification.identify as front
 from windsysid.identification.identify import identify
@@ -40,6 +40,12 @@ def test_loads_have_the_level_and_the_memory_that_they_are_given():
     power = np.abs(np.fft.rfft(line)) ** 2
     assert np.argmax(power) / 200.0 == pytest.approx(3.0, rel=0.05)
     assert np.std(line) == pytest.approx(2.0, rel=0.3)
+
+
+def test_what_is_drawn_is_the_same_for_a_seed_and_another_for_another():
+    one, again, other = (scenario("all of it drawn", seed).machine for seed in (3, 3, 4))
+    assert one == again != other
+    assert np.array_equal(record("all of it drawn", 3).values, record("all of it drawn", 3).values)
 
 
 @pytest.mark.parametrize("kind", ["blades 2 ms late", "5 degrees off"])

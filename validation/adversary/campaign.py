@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import windsysid as ws
-from validation.adversary.scenarios import HEALTHY, SCENARIOS, record
+from validation.adversary.scenarios import HEALTHY, SCENARIOS, record, scenario
 from windsysid.errors import WindsysidError
 from windsysid.output.console import render
 from windsysid.study.drawn_prior import DrawnPrior
@@ -36,7 +36,7 @@ Run = dict[str, Any]
 
 def identify_one(name: str, seed: int, loads: str = "auto", folder: Path | None = None) -> Run:
     """Identify one record of a scenario, the loads taken for `loads`; with `folder`, its innovations are kept there."""
-    kind, begun = SCENARIOS[name], time.process_time()
+    kind, begun = scenario(name, seed), time.process_time()
     run: Run = {"scenario": name, "seed": seed}
     try:
         found = ws.identify(

@@ -66,11 +66,12 @@ def common(mixing: Array) -> Loads:
     return draw
 
 
-def plus_line(frequency: float, share: float, where: Sequence[int]) -> Loads:
-    """The reference and a sine of steady amplitude: `share` of the power of the loads that it adds to."""
+def plus_line(frequency: float, share: float, where: Sequence[int], loads: Loads | None = None) -> Loads:
+    """Loads, the reference by default, and a sine of steady amplitude: `share` of the power of the reference where it
+    adds to them."""
 
     def draw(rng: np.random.Generator, n: int) -> Array:
-        found = independent()(rng, n)
+        found = (loads or independent())(rng, n)
         for j in where:
             phase = 2.0 * np.pi * frequency * np.arange(n) / RATE + rng.uniform(0.0, 2.0 * np.pi)
             found[:, j] += RMS * np.sqrt(2.0 * share) * np.sin(phase)

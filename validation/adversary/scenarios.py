@@ -1,5 +1,7 @@
 """Records as they are: ordinary ones, and ones with something that windsysid's model does not hold."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +23,7 @@ from validation.adversary.loads import (
 from validation.adversary.machine import RATE, Machine, move
 from windsysid.records.record import Record
 
-__all__ = ["HEALTHY", "LEAD_IN", "SCENARIOS", "Scenario", "record"]
+__all__ = ["HEALTHY", "LEAD_IN", "SCENARIOS", "Scenario", "record", "scenario"]
 
 LEAD_IN = 20
 """Seconds before a record starts: ten of the memory of the slowest mode."""
@@ -43,6 +45,8 @@ class Scenario(NamedTuple):
         [s], [Hz].
     formulation
         How windsysid is asked.
+    drawn
+        What draws all of this anew for each record; None where all records have the same.
     """
 
     wrong: str
@@ -52,6 +56,7 @@ class Scenario(NamedTuple):
     duration: float = 100.0
     rate: float = 50.0
     formulation: str = "auto"
+    drawn: "Callable[[np.random.Generator], Scenario] | None" = None
 
 
 def _mixing(pairs: dict[tuple[int, int], float]) -> NDArray[np.float64]:
@@ -74,6 +79,37 @@ def _step(share: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 _SPEED = Machine().speed
+
+
+def _anything(rng: np.random.Generator, *, disturbed: bool = False) -> Scenario:
+    """A machine, loads, instruments, a length and a rate of which nothing is as in another record; `disturbed` by a
+    line on two degrees of freedom and by a clock that drifts."""
+
+    def around(count: int, spread: float) -> NDArray[np.float64]:
+        return np.exp(spread * rng.uniform(-1.0, 1.0, count))
+
+    k, c, usual = around(5, 0.2), around(5, 0.3), Machine()
+    machine = Machine(
+        hub_mass=usual.hub_mass * (1.0 + 0.014 * rng.standard_normal()),
+        blade_mass=tuple(np.array(usual.blade_mass) * (1.0 + 0.014 * rng.standard_normal(3))),
+        k_x=usual.k_x * k[0], k_y=usual.k_y * k[1], c_x=usual.c_x * c[0], c_y=usual.c_y * c[1],
+        k_beta=tuple(np.array(usual.k_beta) * k[2] * around(3, 0.03)),
+        c_beta=tuple(np.array(usual.c_beta) * c[2] * around(3, 0.1)),
+        speed=usual.speed * rng.uniform(0.7, 1.1),
+    )  # fmt: skip
+    loads = independent(tuple(around(5, 0.6)), tuple(around(5, 0.6)))
+    drift = 0.0
+    if disturbed:
+        two = rng.choice(5, 2, replace=False).tolist()
+        loads = plus_line(rng.uniform(0.5, 6.0), rng.uniform(0.02, 0.15), two, loads)
+        drift = rng.choice([-1.0, 1.0]) * rng.uniform(2e-5, 8e-5)
+    instruments = Instruments(
+        drawn=(0.01, 2.0, 0.001), noise=tuple(around(5, 0.1)), bits=rng.choice([0, 10]), drift=drift
+    )
+    duration, rate = float(rng.choice([40, 60, 100, 150, 300])), float(rng.choice([20, 25, 40, 50, 80]))
+    wrong = "instrument" if disturbed else HEALTHY
+    return Scenario(wrong, loads, instruments, machine, duration, rate)
+
 
 SCENARIOS: dict[str, Scenario] = {
     "reference": Scenario(HEALTHY),
@@ -132,13 +168,21 @@ SCENARIOS: dict[str, Scenario] = {
     "dry friction": Scenario("machine", machine=Machine(friction=0.5)),
     "play in the support": Scenario("machine", machine=Machine(play=0.001)),
     "support 15 % softer from midway": Scenario("machine", machine=Machine(loosens=0.15, loosens_at=LEAD_IN + 50.0)),
+    "all of it drawn": Scenario(HEALTHY, drawn=_anything),
+    "the same, a line and a drifting clock": Scenario("instrument", drawn=partial(_anything, disturbed=True)),
 }  # fmt: skip
 """By name."""
 
 
+def scenario(name: str, seed: int) -> Scenario:
+    """What one record of a scenario is made of."""
+    kind = SCENARIOS[name]
+    return kind if kind.drawn is None else kind.drawn(np.random.default_rng([seed, 1]))
+
+
 def record(name: str, seed: int) -> Record:
     """One record of a scenario, as a user has it: accelerations, the rotor's azimuth and speed."""
-    kind = SCENARIOS[name]
+    kind = scenario(name, seed)
     rng = np.random.default_rng([seed, sum(map(ord, name))])
     seconds = LEAD_IN + kind.duration + 0.1
     motion = move(kind.machine, kind.loads(rng, 2 * round(seconds * RATE) + 1))
