@@ -300,11 +300,11 @@ def test_no_parameters_are_refused(verne555, record):
 
 
 def test_a_sampling_rate_that_is_too_low_is_refused(verne555, record):
-    # Two and a half readings for each period of 4.02 Hz; without steps between readings, a step of 0.6 rad.
+    # Two and a half readings for each period of 4.02 Hz; spectra take five.
     slow = Record(record.time[::10], record.values[::10], record.channels, record.units, name="slow")
     with pytest.raises(RecordError, match=r"slow: expected at least 10\.1 samples per second .* got 10"):
         identify(slow, verne555)
-    with pytest.raises(RecordError, match=r"slow: expected at least 42\.1 samples per second .* got 10"):
+    with pytest.raises(RecordError, match=r"slow: expected at least 19\.4 samples per second .* got 10"):
         identify(slow, verne555, formulation="spectral")
 
 

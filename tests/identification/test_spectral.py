@@ -203,5 +203,3 @@ def test_five_readings_for_each_period_of_the_fastest_mode_are_enough() -> None:
     found = ws.identify(record("20 Hz", 110406), turbine, formulation="spectral", prior=DrawnPrior(seed=110406))
     assert found.diagnosis.trusted
     assert all(abs(e.estimate - turbine.values[e.name]) < 3.0 * e.std for e in found.estimates)
-    with pytest.raises(RecordError, match=r"at least 19.*samples per second"):
-        ws.identify(record("11 Hz", 1), turbine, formulation="spectral")
