@@ -8,7 +8,7 @@ from validation.adversary.instruments import Instruments
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
 from windsysid.identification import drifting_clocks
-from windsysid.identification.drifting_clocks import Drift, find_drift, together, without_drift
+from windsysid.identification.drifting_clocks import Drift, find_drift, is_none, together, without_drift
 from windsysid.identification.identify import identify
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -102,3 +102,11 @@ def test_what_is_left_adds_to_what_was_put_back():
     assert rotor.rate == pytest.approx(5e-5)
     assert rotor[2:] == (5e-7, "vibration")
     assert mast == before[1]
+
+
+def test_what_does_not_go_away_when_it_is_put_back_is_no_drift():
+    """A steady line of 9 % of the load looked like 148 ppm, and like -285 ppm once that was put back."""
+    seen = (Drift("rotor", 1.5e-4, 1e-6),)
+    assert is_none((Drift("rotor", -2.9e-4, 3e-6),), seen)
+    assert not is_none((Drift("rotor", 4e-5, 1e-6),), seen)
+    assert not is_none((Drift("rotor", 3e-6, 1e-6),), (Drift("rotor", 4e-6, 1e-6),))

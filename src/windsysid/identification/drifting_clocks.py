@@ -27,7 +27,7 @@ from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.spectral.lifted_model import LiftedModel
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Drift", "drift_of_halves", "find_drift", "left_over", "together", "without_drift"]
+__all__ = ["Drift", "drift_of_halves", "find_drift", "is_none", "left_over", "together", "without_drift"]
 
 TURNS, FEWEST, MOST = 5.0, 6, 40
 """Turns of a window at least; windows of a record at least and at most."""
@@ -106,6 +106,13 @@ def left_over(drifts: Sequence[Drift], known: Sequence[Drift], turbine: Turbine,
     return tuple(
         one for one in drifts if (abs(one.rate) > one.std if one.logger in before else one.matters(turbine, duration))
     )
+
+
+def is_none(left: Sequence[Drift], before: Sequence[Drift]) -> bool:
+    """Whether more than half of a drift is left, beyond chance, where it was put back: something else looked like
+    one."""
+    was = {one.logger: abs(one.rate) for one in before}
+    return any(abs(one.rate) > max(CLEAR * one.std, 0.5 * was.get(one.logger, math.inf)) for one in left)
 
 
 def together(drifts: Sequence[Drift], more: Sequence[Drift]) -> tuple[Drift, ...]:

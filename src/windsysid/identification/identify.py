@@ -9,7 +9,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.asked import Asked, Found
 from windsysid.identification.conclude import Formulation, conclude, doubts_of_innovations
-from windsysid.identification.drifting_clocks import Drift, left_over, together, without_drift
+from windsysid.identification.drifting_clocks import Drift, is_none, left_over, together, without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from, innovations_of
@@ -287,13 +287,22 @@ def _by_spectra(asked: Asked) -> Found:
             asked.prior or Prior(),
         )
 
-    drifting, drifts, left = part, asked.drifts, tuple[Drift, ...]()
+    def on_time(drifts: Sequence[Drift]) -> tuple[Record, tuple[Drift, ...], Outcome, Prior]:
+        moved, drifts = without_drift(part, turbine, found, drifts)
+        return moved, drifts, *ask(moved, asked.loads)
+
+    _, drifts, outcome, _ = best = on_time(asked.drifts)
+    left = left_over(outcome.drifts, drifts, turbine, part.duration)
     for _ in range(MOST_DRIFTS):
-        part, drifts = without_drift(drifting, turbine, found, together(drifts, left))
-        outcome, prior = ask(part, asked.loads)
-        left = left_over(outcome.drifts, drifts, turbine, part.duration)
         if not left:
             break
+        further, before = on_time(together(drifts, left)), left
+        _, drifts, outcome, _ = further
+        left = left_over(outcome.drifts, drifts, turbine, part.duration)
+        if is_none(left, before):
+            break
+        best = further
+    part, drifts, outcome, prior = best
     beside, narrow = narrow_band_beside(outcome, part, turbine, found), tuple[str, ...]()
     if beside is not None and beside.is_needed and asked.loads == "auto":
         again, prior = ask(heard_on_time(part, outcome, turbine, found), NarrowBand.name)
@@ -340,6 +349,8 @@ def _by_what_fits(asked: Asked) -> Found:
     if not doubts and spectral.drifts:
         return spectral.saying("spectral formulation: a clock drifts, and filters feel what is read between samples")
     again = asked._replace(prior=spectral.prior, drifts=spectral.drifts)
+    if spectral.drifts and asked.loads == "auto":
+        again = again._replace(loads=Broadband.name)  # others would explain what filters feel of that
     joint = _by_filters(again) if doubts else _jointly(again, spectral.outcome)
     joint = joint._replace(outcome=joint.outcome._replace(given_priors=spectral.outcome.given_priors))
     if doubts:
