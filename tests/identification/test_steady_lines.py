@@ -104,7 +104,11 @@ def test_what_turns_and_its_image_on_the_blades_are_one_force(verne555: Turbine)
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed", "said"), [("3P on the support", 110004, "3P"), ("line amid the modes", 110004, "2.6 Hz")]
+    ("kind", "seed", "said"),
+    [
+        ("3P on the support", 110004, "3P"),
+        pytest.param("line amid the modes", 110004, "2.6 Hz", marks=pytest.mark.slow),
+    ],
 )
 def test_lines_are_heard_before_filters_search(kind: str, seed: int, said: str):
     """Filters took minutes over the first, and said no; the second was told a narrow-band load, and no."""

@@ -45,10 +45,9 @@ def test_loads_have_the_level_and_the_memory_that_they_are_given():
 def test_what_is_drawn_is_the_same_for_a_seed_and_another_for_another():
     one, again, other = (scenario("all of it drawn", seed).machine for seed in (3, 3, 4))
     assert one == again != other
-    assert np.array_equal(record("all of it drawn", 3).values, record("all of it drawn", 3).values)
 
 
-@pytest.mark.parametrize("kind", ["blades 2 ms late", "5 degrees off"])
+@pytest.mark.parametrize("kind", ["blades 2 ms late", pytest.param("5 degrees off", marks=pytest.mark.slow)])
 def test_an_instrument_that_is_off_by_what_its_tolerance_explains_is_trusted(kind: str):
     """Filters and spectra are compared with instruments where they have found them: as their files say, both were wrong
     in ways of their own."""
