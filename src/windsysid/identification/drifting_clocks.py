@@ -1,4 +1,4 @@
-"""Loggers on blades whose clock runs faster or slower than that of the tower's.
+"""Loggers whose clock runs faster or slower than that of the tower's.
 
 Two crystals differ by tens of parts in a million: 30 ms in ten minutes, a tenth of a period of a blade. A clock that is
 late has an unknown (`windsysid.identification.clocks`); its drift is seen before anything is identified, as sensors of
@@ -44,7 +44,6 @@ FINER = 8
 LEAST, GREATEST = 0.07, 3e-4
 """Angle [rad] of the fastest motion of a degree of freedom by which a drift over the record matters, and [s/s] that a
 clock can have."""
-
 
 STEPS, SMALL = 3, 1.0
 """Of scoring to the clock of a half at most; and in standard deviations, the last one."""
