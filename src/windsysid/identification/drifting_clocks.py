@@ -27,7 +27,7 @@ from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.spectral.lifted_model import LiftedModel
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Drift", "drift_of_halves", "find_drift", "is_none", "left_over", "together", "without_drift"]
+__all__ = ["Drift", "drift_of_halves", "find_drift", "left_over", "persists", "together", "without_drift"]
 
 TURNS, FEWEST, MOST = 5.0, 6, 40
 """Turns of a window at least; windows of a record at least and at most."""
@@ -46,7 +46,7 @@ LEAST, GREATEST = 0.07, 3e-4
 clock can have."""
 
 STEPS, SMALL = 3, 1.0
-"""Of scoring to the clock of a half at most; and in standard deviations, the last one."""
+"""Most steps of scoring to the clock of a half; one of so many standard deviations or fewer is the last."""
 
 
 class Drift(NamedTuple):
@@ -75,7 +75,7 @@ class Drift(NamedTuple):
         )
 
     def matters(self, turbine: Turbine, duration: float) -> bool:
-        """Whether it is beyond chance and no clock's fault, and moves vibration of such a record [s] noticeably."""
+        """Whether it is beyond chance, no faster than clocks drift, and moves what vibrates in such a record [s]."""
         fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
         least = LEAST / (fastest * duration) if fastest > 0.0 else math.inf
         return max(CLEAR * self.std, least) < abs(self.rate) < GREATEST
@@ -107,7 +107,7 @@ def left_over(drifts: Sequence[Drift], known: Sequence[Drift], turbine: Turbine,
     )
 
 
-def is_none(left: Sequence[Drift], before: Sequence[Drift]) -> bool:
+def persists(left: Sequence[Drift], before: Sequence[Drift]) -> bool:
     """Whether more than half of a drift is left, beyond chance, where it was put back: something else looked like
     one."""
     was = {one.logger: abs(one.rate) for one in before}

@@ -9,7 +9,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.asked import Asked, Found
 from windsysid.identification.conclude import Formulation, conclude, doubts_of_innovations
-from windsysid.identification.drifting_clocks import Drift, is_none, left_over, together, without_drift
+from windsysid.identification.drifting_clocks import Drift, left_over, persists, together, without_drift
 from windsysid.identification.force_balance import identify_by_force_balance, measured_channels
 from windsysid.identification.held_priors import note_wide_priors, with_wide_priors
 from windsysid.identification.joint import forces_of, identify_jointly, identify_jointly_from, innovations_of
@@ -299,7 +299,7 @@ def _by_spectra(asked: Asked) -> Found:
         further, before = on_time(together(drifts, left)), left
         _, drifts, outcome, _ = further
         left = left_over(outcome.drifts, drifts, turbine, part.duration)
-        if is_none(left, before):
+        if persists(left, before):
             break
         best = further
     part, drifts, outcome, prior = best
