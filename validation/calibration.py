@@ -28,7 +28,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.output.console import render
 from windsysid.records.record import Record
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import draw_loads
+from windsysid.simulation.random_loads import draw_loads, draw_within_steps
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
@@ -101,11 +101,13 @@ def measured(turbine: Turbine, rotor: Array, seed: int, offset: float = 0.0) -> 
     """
     rng = np.random.default_rng(seed)
     model = compile_model(turbine.model, turbine.sensors)
-    loads = draw_loads(turbine.loads, model.loads, len(rotor), RATE, rng)
+    asked = turbine.loads, model.loads, len(rotor), RATE
+    loads, within = draw_loads(*asked, rng), draw_within_steps(*asked, rng.spawn(1)[0])
     start = np.zeros(len(model.states))
     start[:2] = offset / math.sqrt(2.0)
     p = np.array([turbine.values[name] for name in model.parameters])
-    readings = integrate(model, p, np.hstack([rotor, loads]), rate=RATE, start=start, substeps=2).readings
+    response = integrate(model, p, np.hstack([rotor, loads]), rate=RATE, start=start, substeps=2, within=within)
+    readings = response.readings
     readings = readings + rng.standard_normal(readings.shape) * [sensor.noise for sensor in turbine.sensors]
     return Record(
         time=np.arange(len(rotor)) / RATE,

@@ -297,8 +297,8 @@ _FILTERS = (
     ),
     Mutant(
         "drifting bias in the smoother", "smoother.py",
-        "rows[rest + i, n + nz + nx + j] = math.sqrt(blocks.walk[s, i])",
-        "rows[rest + i, n + nz + nx + j] = 0.0",
+        "rows[rest + i, n + nz + rough + nx + j] = math.sqrt(blocks.walk[s, i])",
+        "rows[rest + i, n + nz + rough + nx + j] = 0.0",
         "a bias that drifts is smoothed as one that stays",
     ),
     Mutant(
@@ -315,8 +315,8 @@ _FILTERS = (
     ),
     Mutant(
         "walk in the unscented filter", "ukf.py",
-        "rows[rest + i, n + nz + nx + j] = math.sqrt(blocks.walk[s, i])",
-        "rows[rest + i, n + nz + nx + j] = blocks.walk[s, i]",
+        "rows[rest + i, n + nz + rough + nx + j] = math.sqrt(blocks.walk[s, i])",
+        "rows[rest + i, n + nz + rough + nx + j] = blocks.walk[s, i]",
         "a variance stands where a root belongs",
     ),
     Mutant(
@@ -333,8 +333,8 @@ _FILTERS = (
     ),
     Mutant(
         "sides of the load noise", "ukf.py",
-        "eta[i] = out * direction[i] if j >= n else 0.0",
-        "eta[i] = SPREAD * direction[i] if j >= n else 0.0",
+        "eta[i] = out * direction[i] if n <= j < n + nz else 0.0",
+        "eta[i] = SPREAD * direction[i] if n <= j < n + nz else 0.0",
         "both sigma points of a load noise are on one side",
     ),
     Mutant(

@@ -415,7 +415,7 @@ def test_a_seed_repeats_a_record(run, tmp_path):
 
 def test_added_noise_is_told_to_the_filter_and_repeats(run, record, tmp_path):
     summaries = []
-    for number, options in enumerate([("--add-noise", "20", "--seed", "1")] * 2 + [()]):
+    for number, options in enumerate([("--add-noise", "40", "--seed", "1")] * 2 + [()]):
         command = ("identify", record, "--turbine", "verne555", "--output", tmp_path / str(number), "--no-report")
         assert run(*command, "--formulation", "joint", "--loads", "broadband", *options).code == 0
         summaries.append(json.loads((tmp_path / str(number) / "summary.json").read_text())["modes"])

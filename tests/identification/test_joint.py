@@ -271,9 +271,9 @@ def test_time_that_is_counted_wrongly_shows_between_azimuth_and_speed(verne555, 
 
 
 def test_readings_in_another_unit_than_they_say_are_one_clear_error(verne555, driven, monkeypatch):
-    degrees = {name: (np.degrees(driven[name]), "rad/s^2") for name in driven.channels if name.startswith("blade")}
+    thousandths = {name: (1e3 * driven[name], "rad/s^2") for name in driven.channels if name.startswith("blade")}
     with pytest.raises(WindsysidError, match="check units"):
-        identify(driven.with_channels(degrees), verne555, loads="broadband")
+        identify(driven.with_channels(thousandths), verne555, loads="broadband")
 
     def singular(*_):
         raise np.linalg.LinAlgError("Singular matrix")

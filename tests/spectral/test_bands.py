@@ -1,5 +1,6 @@
 """A real machine's rotor in bands around its modes: what it is made of, and that it finds the truth."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise, product
@@ -16,7 +17,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.spectral.band_model import BandModel
-from windsysid.spectral.band_places import Place
+from windsysid.spectral.band_places import Place, find_places
 from windsysid.spectral.band_pose import PosedBands, belongs_in_bands, pose_bands, search_bands
 from windsysid.spectral.band_rows import bins_between, combine, turned_spectra
 from windsysid.spectral.band_search import FAINT, best_of, trace
@@ -366,3 +367,16 @@ def test_blocks_that_are_louder_by_turns_count_less() -> None:
         found.append(sums.gusts)
     assert found[0] == pytest.approx(1.0, abs=0.02)
     assert found[1] == pytest.approx(1.36, abs=0.03)  # energies 1 and 4: mean 2.5, spread 1.5
+
+
+def test_a_mode_that_no_spring_of_its_group_shows_leaves_the_rotor_to_be_read_whole():
+    """Blades' modes among those of the support change their names with every factor: it ended in an error of NumPy."""
+    asked = question(record())
+    values = {q.name: q.centre for q in asked.parameters}
+    spectra, combined = turned_spectra(asked.readings, asked.inputs[:, 0], asked.rate, 1), combine(asked.sensors, 3)
+
+    def frequencies(of: Mapping[str, float]) -> dict[str, float]:
+        return {"lag backward": 0.9, "tower side-side": 0.3} if dict(of) == values else {"lag backward": 0.9}
+
+    ratios = {"lag backward": 0.01, "tower side-side": 0.01}
+    assert find_places(frequencies, ratios, asked.parameters, spectra, combined, 3) is None

@@ -10,6 +10,11 @@ from validation.adversary.scenarios import record, scenario
 
 import windsysid.identification.identify as front
 from windsysid.identification.identify import identify
+from windsysid.identification.posterior_mode import information
+from windsysid.identification.prepare import resample_for_model
+from windsysid.identification.prior import Prior
+from windsysid.identification.problem import pose
+from windsysid.loads.statistics import coordinates_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.simulation.integrate import integrate
 from windsysid.study.drawn_prior import DrawnPrior
@@ -40,6 +45,24 @@ def test_loads_have_the_level_and_the_memory_that_they_are_given():
     power = np.abs(np.fft.rfft(line)) ** 2
     assert np.argmax(power) / 200.0 == pytest.approx(3.0, rel=0.05)
     assert np.std(line) == pytest.approx(2.0, rel=0.3)
+
+
+def test_statistics_of_loads_in_continuous_time_are_not_off():
+    """Scores at the truth, ten minutes each: with loads along straight lines between samples the memory was off by 3.4
+    and the blades' noise by 4.4 standard deviations of three records together."""
+    turbine, off = load_turbine("verne555"), []
+    for seed in range(300_000, 300_003):
+        fine, _, _ = resample_for_model(record("600 s at 50 Hz", seed), turbine, None, turbine.sensors)
+        problem = pose(fine, turbine, turbine.sensors, Prior())
+        theta = [q.coordinate(turbine.values[q.name]) for q in problem.parameters]
+        eta = coordinates_of(problem.statistics, {one.name: one.given for one in problem.statistics})
+        truth = np.concatenate([theta, eta])
+        gradient, fisher = information(
+            problem.build, problem.inputs, problem.readings, truth, np.full(len(truth), 1e-4)
+        )
+        cov = np.linalg.inv(fisher)
+        off.append((cov @ gradient / np.sqrt(np.diag(cov)))[len(theta) :])
+    assert np.abs(np.sum(off, axis=0) / np.sqrt(len(off))).max() < 3.0
 
 
 def test_what_is_drawn_is_the_same_for_a_seed_and_another_for_another():

@@ -19,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import windsysid as ws
-from validation.adversary.scenarios import HEALTHY, SCENARIOS, record, scenario
+from validation.adversary.instruments import NOISE
+from validation.adversary.loads import RMS
+from validation.adversary.scenarios import HEALTHY, SCENARIOS, Scenario, record, scenario
 from windsysid.errors import WindsysidError
 from windsysid.output.console import render
 from windsysid.study.drawn_prior import DrawnPrior
 
-__all__ = ["FOLDER", "GROUPS", "identify_one", "kept_as", "main", "summarise"]
+__all__ = ["FOLDER", "GROUPS", "identify_one", "kept_as", "main", "of_statistics", "summarise"]
 
 GROUPS = {"k_tower": ("k_x", "k_y"), "k_blade": "k_beta", "c_tower": ("c_x", "c_y"), "c_blade": "c_beta"}
 """Coefficients that are alike, by the beginnings of their names."""
@@ -135,6 +137,26 @@ def _share(z: NDArray[np.float64]) -> float:
     return float(np.mean(np.abs(z) < 2.0)) if z.size else float("nan")
 
 
+STATISTICS = {"load_rms": RMS, "load_time_constant": 1.0, "noise_tower": NOISE[0], "noise_blade": NOISE[-1]}
+"""What loads and noise of the reference are made with, by the beginnings of their statistics' names."""
+
+
+def of_statistics(runs: list[Run]) -> dict[str, float]:
+    """How often ±2σ holds statistics of loads and noise, in records that have those of the reference."""
+    usual = Scenario(HEALTHY)
+    like = [
+        run["statistics"]
+        for run in runs
+        if "statistics" in run
+        and SCENARIOS[run["scenario"]]._replace(duration=usual.duration, rate=usual.rate) == usual
+    ]
+    held = {
+        beginning: [low < truth < high for s in like for n, (_, low, high) in s.items() if n.startswith(beginning)]
+        for beginning, truth in STATISTICS.items()
+    }
+    return {beginning: float(np.mean(each)) for beginning, each in held.items() if each}
+
+
 CAUSES = {
     "likely an instrument": "instrument", "likely loads": "loads", "likely impacts": "loads",
     "likely a machine or waves": "line", "likely a spring": "machine", "likely a structure": "machine",
@@ -188,6 +210,9 @@ def main() -> None:
         held = ["" if np.isnan(p) else f"{100 * p:.0f}" for p in percent]
         table.add_row(label, str(len(mine)), wrong, *held, f"{s['worst of trusted']:.1f}" if s["trust"] else "", said)
     print(render(table))
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in of_statistics(runs).items())
+    if shares:
+        print(f"of records with loads and noise of the reference, ±2σ holds {shares}")
     faulty = [run for run in runs if SCENARIOS[run["scenario"]].wrong != HEALTHY and _named(run) not in ("", "refused")]
     right = sum(_named(run) == SCENARIOS[run["scenario"]].wrong for run in faulty)
     print(f"the cause named first is the true one in {right} of {len(faulty)} faulty records that were condemned")

@@ -5,7 +5,7 @@ only, so they are run in groups of `LANES`, the lane being the last axis of ever
 one operation of the processor's vector unit. The bank computes what `windsysid.filters.ekf` computes for models without
 parameters in the state, in the order
 
-    predict   m⁻ = f(m),   P⁻ = F P Fᵀ + Γ Q Γᵀ
+    predict   m⁻ = f(m),   P⁻ = F P Fᵀ + Γ Q Γᵀ + V Vᵀ
     update    reading by reading:  v = P h,  s = h v + r,  m ← m + v ν/s,  P ← P − v vᵀ/s
 
 where P is changed once for all readings of a sample: v = P⁻ h − Σ u (u h) over the readings before, u = v/√s, and P =

@@ -22,7 +22,9 @@ __all__ = ["run_kernel"]
 
 _i1, _i2 = types.int64[::1], types.int64[:, ::1]
 _f1, _f2, _f3, _f4 = (types.Array(types.float64, d, "C") for d in (1, 2, 3, 4))
-_LANES_TYPE = types.NamedTuple([_i1, _f1, _i1, _f2, _f4, _f4, _f4, _f2, _i1, _f2, _i2, _i2, _i2, _i2, _i1, _i1], Lanes)
+_LANES_TYPE = types.NamedTuple(
+    [_i1, _f1, _i1, _f2, _f4, _f4, _f4, _f4, _f2, _i1, _f2, _i2, _i2, _i2, _i2, _i2, _i1, _i1], Lanes
+)
 _LINES = {
     "every": _i1,
     "u": _f1,
@@ -175,7 +177,7 @@ def step_mechanics(rates_jacobian: Any, lanes: Any, ws: Any, mean: Any, before: 
 
 @uncounted
 def transpose_derivatives(lanes: Any, ws: Any, s: int) -> None:
-    """The mechanical rows of F into ``ws.top`` and Γ into ``ws.gain``, both transposed."""
+    """The mechanical rows of F into ``ws.top``, Γ into ``ws.gain`` and V into ``ws.within``, all transposed."""
     nx, nz, _, _, nw = lanes.sizes
     span, tall, phi = ws.S.shape[1], ws.top.shape[1], lanes.phi[s]
     for i in range(nx):
@@ -191,6 +193,14 @@ def transpose_derivatives(lanes: Any, ws: Any, s: int) -> None:
             a, b, d = (nx + j) * tall + i, j * tall + i, i * span + nx + c
             store(ws.top, a, load(ws.top, a) + load(ws.total_S, d) * first)
             store(ws.gain, b, load(ws.gain, b) + load(ws.total_S, d + nw) * last)
+    rough, within = lanes.within.shape[2], lanes.within[s]
+    clear(ws.within, rough, tall)
+    for e in range(lanes.within_at.shape[0]):
+        j, c = lanes.within_at[e, 0], lanes.within_at[e, 1]
+        factor = load(within, j * rough + c)
+        for i in range(nx):
+            pushed = load(ws.top, (nx + j) * tall + i) + load(ws.gain, j * tall + i)
+            store(ws.within, c * tall + i, load(ws.within, c * tall + i) + pushed * factor)
     for e in range(lanes.phi_at.shape[0]):
         c, j = lanes.phi_at[e, 0], lanes.phi_at[e, 1]
         factor = load(phi, c * nz + j)
@@ -221,7 +231,7 @@ def step_tangents(lanes: Any, ws: Any, tangents: Any, s: int) -> None:
 
 @uncounted
 def predict_covariance(lanes: Any, ws: Any, s: int) -> None:
-    """P ← F P Fᵀ + Γ Q Γᵀ in ``ws.P``: the upper triangle is computed, and mirrored."""
+    """P ← F P Fᵀ + Γ Q Γᵀ + V Vᵀ in ``ws.P``: the upper triangle is computed, and mirrored."""
     nx, nz, nb, _, _ = lanes.sizes
     n, moving = ws.P.shape[0], nx + nz
     wide, tall, broad = ws.P.shape[1], ws.top.shape[1], ws.pushed.shape[1]
@@ -234,6 +244,7 @@ def predict_covariance(lanes: Any, ws: Any, s: int) -> None:
         add_rows(ws.gain, i, tall, ws.every, 0, nz, Q, pushed, i, 0, broad)
         add_rows(moved, i * wide, 1, ws.every, 0, moving, ws.top, corner, i, i - i % 4, tall)
         add_rows(pushed, i * broad, 1, ws.every, 0, nz, ws.gain, corner, i, i - i % 4, tall)
+        add_rows(ws.within, i, tall, ws.every, 0, lanes.within.shape[2], ws.within, corner, i, i - i % 4, tall)
     for e in range(lanes.phi_at.shape[0]):
         i, j = nx + lanes.phi_at[e, 0], nx + lanes.phi_at[e, 1]
         factor = load(phi, (i - nx) * nz + j - nx)

@@ -20,8 +20,8 @@ __all__ = ["Lanes", "Scratch", "lanes_of", "patterns_of", "scratch_of"]
 class Lanes(NamedTuple):
     """One group of filters as arrays, the lane last: see `windsysid.statespace.workspace.Blocks` for what they are.
 
-    `phi_at`, `A_at`, `G_at` and `H_at` list the entries (row, column) that can differ from zero, row by row; `A_rows`
-    says where each row of A begins in its list, `A_columns` is its second column.
+    `phi_at`, `within_at`, `A_at`, `G_at` and `H_at` list the entries (row, column) that can differ from zero, row by
+    row; `A_rows` says where each row of A begins in its list, `A_columns` is its second column.
     """
 
     sizes: Any
@@ -30,11 +30,13 @@ class Lanes(NamedTuple):
     p: Any
     phi: Any
     Q: Any
+    within: Any
     output: Any
     walk: Any
     bias_of: Any
     noise: Any
     phi_at: Any
+    within_at: Any
     A_at: Any
     G_at: Any
     H_at: Any
@@ -63,9 +65,9 @@ class Scratch(NamedTuple):
     P
         Covariance (n, n).
     moved, pushed, corner
-        F P (n_x + n_z, n), Γ Q (n_x, n_z) and the mechanical block of F P Fᵀ + Γ Q Γᵀ (n_x, n_x).
-    top, gain
-        The mechanical rows of F, and Γ, both transposed (n_x + n_z, n_x), (n_z, n_x).
+        F P (n_x + n_z, n), Γ Q (n_x, n_z) and the mechanical block of F P Fᵀ + Γ Q Γᵀ + V Vᵀ (n_x, n_x).
+    top, gain, within
+        The mechanical rows of F, Γ and V, all transposed (n_x + n_z, n_x), (n_z, n_x), (r, n_x).
     y, H, C, E
         Expected readings and their derivatives to the whole state, to x and to w.
     v, minus, residual
@@ -97,6 +99,7 @@ class Scratch(NamedTuple):
     pushed: Any
     top: Any
     gain: Any
+    within: Any
     corner: Any
     y: Any
     H: Any
@@ -122,7 +125,7 @@ def scratch_of(lanes: Lanes, n: int, changes: int) -> Scratch:
         "A": (nx, nx), "G": (nx, nw), "no_rates": (nx, 0), "no_readings": (m, 0),
         "S": (nx, span), "slope_S": (nx, span), "total_S": (nx, span),
         "P": (n, wide), "moved": (moving, wide), "pushed": (nx, broad), "corner": (nx, tall), "top": (moving, tall),
-        "gain": (nz, tall),
+        "gain": (nz, tall), "within": (lanes.within.shape[2], tall),
         "H": (m, n), "C": (m, nx), "E": (m, nw), "v": (m, wide), "minus": (m, wide),
         "stepped": (1, tall), "late": (changes, m),
     }  # fmt: skip
@@ -152,19 +155,20 @@ def lanes_of(group: Sequence[StateSpace], patterns: tuple[NDArray[np.int64], ...
     noise = np.pad(noise, [(0, 0), (0, 0), (0, -nz % 4), (0, 0)])
     return Lanes(
         np.array([nx, nz, nb, nu, nw], dtype=np.int64), blocks[0].step, blocks[0].azimuth,
-        last("p"), last("load_transition"), noise, last("load_output"),
+        last("p"), last("load_transition"), noise, last("load_within"), last("load_output"),
         blocks[0].walk, blocks[0].bias_of, last("noise"), *patterns,
     )  # fmt: skip
 
 
 def patterns_of(model: StateSpace, models: Sequence[StateSpace]) -> tuple[NDArray[np.int64], ...]:
-    """Entries that can differ from zero: of Φ, of ∂ẋ/∂x and ∂ẋ/∂w (which kernels write or never touch), of H."""
+    """Entries that can differ from zero: of Φ, of R, of ∂ẋ/∂x and ∂ẋ/∂w (which kernels write or never touch), of H."""
     nx, _, _, _, nu, nw = model.blocks.sizes
     untouched = 1e300
     A, B, G = np.full((nx, nx), untouched), np.zeros((nx, 0)), np.full((nx, nw), untouched)
     model.compiled.rates_jacobian(np.zeros(nx), np.zeros(nu), model.blocks.p, np.zeros(nw), np.empty(nx), A, B, G)
     phi = np.any([m.blocks.load_transition != 0.0 for m in models], axis=(0, 1))
+    within = np.any([m.blocks.load_within != 0.0 for m in models], axis=(0, 1))
     output = np.any([m.blocks.load_output != 0.0 for m in models], axis=(0, 1))
-    at = [np.ascontiguousarray(np.argwhere(mask)) for mask in (phi, untouched != A, untouched != G, output)]
-    rows = np.searchsorted(at[1][:, 0], np.arange(nx + 1)).astype(np.int64)
-    return *at, rows, np.ascontiguousarray(at[1][:, 1])
+    at = [np.ascontiguousarray(np.argwhere(mask)) for mask in (phi, within, untouched != A, untouched != G, output)]
+    rows = np.searchsorted(at[2][:, 0], np.arange(nx + 1)).astype(np.int64)
+    return *at, rows, np.ascontiguousarray(at[2][:, 1])

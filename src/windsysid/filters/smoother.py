@@ -178,9 +178,9 @@ def _unscented(
 def _linearised_transition(
     rates_jacobian: Any, blocks: Any, ws: Any, points: Any, mean: Any, rows: Any, before: Any, after: Any
 ) -> None:
-    """What `spread_transition` does, with exact Jacobians: [F S | Γ √Q | √walk] into the first n of `rows`."""
+    """What `spread_transition` does, with exact Jacobians: [F S | Γ √Q | V | √walk] into the first n of `rows`."""
     nx, nz, nb, nt, _, _ = blocks.sizes
-    n, rest = nx + nz + nb + nt, nx + nz
+    n, rest, rough = nx + nz + nb + nt, nx + nz, blocks.load_within.shape[2]
     s = interval(blocks, after)
     phi = blocks.load_transition[s]
     for c in range(rows.size // LANES):
@@ -202,9 +202,12 @@ def _linearised_transition(
                 rows[i, n + j] += ws.gain[i, k] * points.load_roots[s * nz + j, k]
         for i in range(nz):
             rows[nx + i, n + j] = points.load_roots[s * nz + j, i]
+    for j in range(rough):
+        for i in range(nx):
+            rows[i, n + nz + j] = ws.within[i, j]
     for j in range(points.walking.size):
         i = points.walking[j]
-        rows[rest + i, n + nz + nx + j] = math.sqrt(blocks.walk[s, i])
+        rows[rest + i, n + nz + rough + nx + j] = math.sqrt(blocks.walk[s, i])
 
 
 @uncounted

@@ -12,7 +12,7 @@ gives the points the fourth moment of a Gaussian along each direction; it does n
 cubature filter, so that adding a state leaves the others' points where they are; and β = α² makes the covariance a
 plain sum of squares.
 
-predict: the load noise η reaches the motion inside the step, and not linearly, so points are drawn in (state, η);
+predict: the load noise η reaches the motion inside the step, and not linearly, so points are drawn in (state, η, ξ);
 biases and parameters, which stay or walk, and load states, which are linear, are moved exactly. The root of the sum is
 found by QR. update: points are drawn anew. The d_j are a linear reading of the n unit normals behind S, and Σ g_j g_jᵀ
 / c² is noise beside the sensors': with both the linear update is the unscented one. Decorrelated, the readings are
@@ -105,9 +105,10 @@ SIGMA_POINTS = scratch_type(SigmaPoints)
 def sigma_points(blocks: Blocks) -> SigmaPoints:
     """Allocate `SigmaPoints` for a model."""
     nx, nz, nb, nt, _, _ = (int(size) for size in blocks.sizes)
+    rough = blocks.load_within.shape[2]
     n, m, size = nx + nz + nb + nt, len(blocks.noise), max(nx, len(blocks.noise))
     walking = np.flatnonzero(blocks.walk[0] > 0.0)
-    width = n + nz + nx + len(walking)
+    width = n + nz + rough + nx + len(walking)
     return SigmaPoints(
         root=padded(n, n), load_roots=padded(len(blocks.step) * nz, nz), width=width, walking=walking,
         state=padded(1, n)[0], eta=padded(1, nz)[0], loads=np.zeros(nz),
@@ -186,7 +187,7 @@ def spread_transition(
     The first n columns belong to the state's own directions, those after them to the noise.
     """
     nx, nz, nb, nt, _, _ = blocks.sizes
-    n, rest = nx + nz + nb + nt, nx + nz
+    n, rest, rough = nx + nz + nb + nt, nx + nz, blocks.load_within.shape[2]
     s = interval(blocks, after)
     phi = blocks.load_transition[s]
     state, eta, root = points.state, points.eta, points.root
@@ -203,14 +204,15 @@ def spread_transition(
             points.curved_x[i, j] = 0.0
     for i in range(nz):
         points.loads[i] = ws.z[i]
-    for j in range(n + nz):
-        direction = root[j] if j < n else points.load_roots[s * nz + j - n]
+    for j in range(n + nz + rough):
+        direction = root[j] if j < n else points.load_roots[s * nz + min(j - n, nz - 1)]
         for side in range(2):
             out = SPREAD if side == 0 else -SPREAD
             for i in range(n):
                 state[i] = mean[i] + out * direction[i] if j < n else mean[i]
             for i in range(nz):
-                eta[i] = out * direction[i] if j >= n else 0.0
+                eta[i] = out * direction[i] if n <= j < n + nz else 0.0
+                ws.middle[i] = out * ws.R[s * nz + i, j - n - nz] if j >= n + nz else 0.0
             move(rates, blocks, ws, state, eta, before, after)
             if side == 0:
                 for i in range(nx):
@@ -230,19 +232,21 @@ def spread_transition(
                 rows[nx + i, j] = moved
             for i in range(rest, n):
                 rows[i, j] = direction[i]
-        else:
+        elif j < n + nz:
             for i in range(nz):
                 rows[nx + i, j] = direction[i]
+    for i in range(nz):
+        ws.middle[i] = 0.0
     factorise(points.curved_x, points.root_x)
     for i in range(nx):
         mean[i] = points.first[i] + points.bend[i]
         for j in range(i + 1):
-            rows[i, n + nz + j] = points.root_x[j, i]
+            rows[i, n + nz + rough + j] = points.root_x[j, i]
     for i in range(nz):
         mean[nx + i] = points.loads[i]
     for j in range(points.walking.size):
         i = points.walking[j]
-        rows[rest + i, n + nz + nx + j] = math.sqrt(blocks.walk[s, i])
+        rows[rest + i, n + nz + rough + nx + j] = math.sqrt(blocks.walk[s, i])
 
 
 @uncounted

@@ -326,7 +326,7 @@ def _take(
         if problem is None or last is None:
             begun, rate = float(part.time[0]), part.rate
             loads, notes = loads_behind_low_pass(loads, part)
-            settings = {**prior, "rate": rate, "loads": loads}
+            settings = {**prior, "rate": rate, "loads": loads, "continuous": True}
             joint = compose(model, values=known, parameters=parameters, **settings)
             known |= {q.name: q.centre for q in parameters}
             plain = compose(model, values=known, **settings)

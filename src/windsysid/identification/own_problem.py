@@ -1,5 +1,6 @@
 """The problem that a record poses to one's own equations: inputs, readings, prior, model at given unknowns."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -127,14 +128,17 @@ def state_only_model(
     if len(at) == n:
         return replace(plain, blocks=plain.blocks._replace(p=p))
     factor = np.exp(2.0 * at[n:])
-    load_noise, cov = plain.blocks.load_noise.copy(), plain.cov.copy()
+    load_noise, within, cov = plain.blocks.load_noise.copy(), plain.blocks.load_within.copy(), plain.cov.copy()
     first = 0
     for load, power in zip(loads, factor[m:], strict=True):
         own = slice(first, first := first + len(load.states))
         load_noise[:, own, own] *= power
+        within[:, own] *= math.sqrt(power)
         own = slice(own.start + len(plain.compiled.states), own.stop + len(plain.compiled.states))
         cov[own, own] *= power
-    blocks = plain.blocks._replace(p=p, noise=plain.blocks.noise * factor[:m], load_noise=load_noise)
+    blocks = plain.blocks._replace(
+        p=p, noise=plain.blocks.noise * factor[:m], load_noise=load_noise, load_within=within
+    )
     return replace(plain, blocks=blocks, cov=cov)
 
 

@@ -137,7 +137,7 @@ class TurbineProblem(NamedTuple):
     def _levels(self, values: Mapping[str, float]) -> tuple[LoadBlocks, list[float]]:
         """The loads and the standard deviation of each reading's noise at the statistics."""
         compiled = _compiled(self.turbine.model, self.sensors)
-        loads = discretise_loads(self.loads.blocks(values), compiled, self.model.blocks.step)
+        loads = discretise_loads(self.loads.blocks(values), compiled, self.model.blocks.step, continuous=True)
         sensors = moved_sensors([s for s in self.statistics if s.name.startswith("noise_")], values, self.sensors)
         return loads, [sensor.noise for sensor in sensors]
 
@@ -224,6 +224,7 @@ def _joint_model(
         values=turbine.values,
         parameters=parameters,
         loads=loads,
+        continuous=True,
         sensors=sensors,
     )
     n = len(turbine.model.coordinates)

@@ -29,6 +29,8 @@ __all__ = [
     "Part",
     "chances",
     "doubt_constancy",
+    "doubt_halves",
+    "doubt_scatter",
     "join_parts",
     "judge_constancy",
     "sum_of",
@@ -162,19 +164,32 @@ def chances(found: Constancy, n: int) -> tuple[Array, Array]:
 def doubt_constancy(names: Sequence[str], found: Constancy | None) -> list[str]:
     """Why a result is not to be trusted, as far as parts of its record do not say the same of the first unknowns, which
     have these names."""
+    return [*doubt_halves(names, found), *doubt_scatter(names, found)]
+
+
+def doubt_halves(names: Sequence[str], found: Constancy | None) -> list[str]:
+    """The same of the record's halves."""
     if found is None or not names:
         return []
-    doubts = []
-    halves, scattered = chances(found, len(names))
-    i, j = int(np.argmin(halves)), int(np.argmin(scattered))
-    if halves[i] < CHANCE / len(names):
-        doubts.append(
-            f"the halves of the record disagree on {names[i]} by {abs(found.apart[i]):.1f} standard deviations: likely"
-            " a structure or loads that changed; identify each half"
-        )
-    if scattered[j] < CHANCE_OF_SCATTER / len(names):
-        doubts.append(
-            f"parts of the record scatter on {names[j]} {np.sqrt(found.scatter[j]):.2g} times as much as its band"
-            " holds: likely loads of another kind; try another section"
-        )
-    return doubts
+    halves = chances(found, len(names))[0]
+    i = int(np.argmin(halves))
+    if halves[i] >= CHANCE / len(names):
+        return []
+    return [
+        f"the halves of the record disagree on {names[i]} by {abs(found.apart[i]):.1f} standard deviations: likely a "
+        "structure or loads that changed; identify each half"
+    ]
+
+
+def doubt_scatter(names: Sequence[str], found: Constancy | None) -> list[str]:
+    """The same of the scatter of its parts."""
+    if found is None or not names:
+        return []
+    scattered = chances(found, len(names))[1]
+    j = int(np.argmin(scattered))
+    if scattered[j] >= CHANCE_OF_SCATTER / len(names):
+        return []
+    return [
+        f"parts of the record scatter on {names[j]} {np.sqrt(found.scatter[j]):.2g} times as much as its band holds: "
+        "likely loads of another kind; try another section"
+    ]

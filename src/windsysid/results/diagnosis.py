@@ -30,7 +30,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.filters import Info
-from windsysid.results.constancy import Constancy, doubt_constancy
+from windsysid.results.constancy import Constancy, doubt_halves, doubt_scatter
 from windsysid.results.directions import describe_directions
 from windsysid.results.estimate_checks import Band, CoefficientCheck, doubt_damping, doubt_priors, hold_against_priors
 from windsysid.results.lines import Line
@@ -191,7 +191,9 @@ def diagnose(
     """
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = hold_against_priors(parameters, theta, cov)
+    names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
     reasons, remarks, seen = list(doubts), [], _found_line(None, line)
+    changed = doubt_halves(names, constancy)
     if white and whiteness is None:
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
     if whiteness is not None:
@@ -200,7 +202,7 @@ def diagnose(
         bending, together = smoothed_loads or (None, None)
         loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
         for verdict in (  # the most telling first
-            _judge_steadiness(whiteness), _judge_line(seen, rotor_hz),
+            _judge_steadiness(whiteness), _judge_line(seen, rotor_hz), _Verdict(changed, []),
             *((spectrum, common) if loud else (common,)), _judge_size(whiteness), _judge_lateness(late),
             _Verdict([*doubt_correlated(together), *doubt_bent(bent), *doubt_bending(bending)], []),
             *(() if loud else (spectrum,)), _judge_outliers(whiteness),
@@ -209,8 +211,7 @@ def diagnose(
             remarks += verdict.remarks
     else:
         reasons += _judge_line(seen, rotor_hz).reasons
-    names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
-    reasons += [*doubt_constancy(names, constancy), *doubt_priors(checks)]
+    reasons += [*(changed if whiteness is None else ()), *doubt_scatter(names, constancy), *doubt_priors(checks)]
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
     remarks += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
     doubts_of_damping, remarks_of_damping = doubt_damping(parameters, theta, cov, damping)

@@ -24,8 +24,9 @@ class Response(NamedTuple):
 
 
 def integrate(
-    model: CompiledModel, p: ArrayLike, inputs: ArrayLike, *, rate: float, start: ArrayLike, substeps: int = 2
-) -> Response:
+    model: CompiledModel, p: ArrayLike, inputs: ArrayLike, *, rate: float, start: ArrayLike, substeps: int = 2,
+    within: ArrayLike | None = None,
+) -> Response:  # fmt: skip
     """Integrate ẋ = f(x, u, p, w) from `start` along sampled inputs with the classical fourth-order Runge–Kutta method.
 
     Parameters
@@ -40,6 +41,8 @@ def integrate(
         State at the first sample (n_x,).
     substeps
         Integration steps between two samples.
+    within
+        What loads are beside a straight line over the step that leads to each sample (T, n_w); nothing by default.
 
     Raises
     ------
@@ -55,11 +58,14 @@ def integrate(
             f"expected p ({len(model.parameters)},), inputs (T, {columns}), start ({n},); "
             f"got {p.shape}, {inputs.shape}, {start.shape}"
         )
+    beside = np.empty((0, 0)) if within is None else np.ascontiguousarray(within, dtype=np.float64)
+    if within is not None and beside.shape != (len(inputs), len(model.loads)):
+        raise ValueError(f"expected within ({len(inputs)}, {len(model.loads)}); got {beside.shape}")
     response = Response(*(np.empty((len(inputs), size)) for size in (n, n, model.readings)))
     no_damping, no_loads = np.empty((0, 0, 0)), np.empty((0, 0))
     integrator()(
-        model.rates, model.reading, p, inputs, no_damping, len(model.inputs), start, 1.0 / rate, substeps, *response,
-        no_loads
+        model.rates, model.reading, p, inputs, beside, no_damping, len(model.inputs), start, 1.0 / rate, substeps,
+        *response, no_loads
     )  # fmt: skip
     if not np.isfinite(response.states).all():
         when = int(np.argmin(np.isfinite(response.states).all(axis=1))) / rate
@@ -79,23 +85,23 @@ def constant_speed_inputs(rotor_speed: float, duration: float, rate: float) -> A
 @lru_cache(maxsize=1)
 def integrator() -> Any:
     """The compiled loop, one for all models: with damping C (T, n, n), loads fall by C times the velocities and are
-    written; without, C is empty."""
+    written; without, C is empty, as is what loads are beside a straight line (T, n_w) where they are nothing."""
     model, vector, matrix = types.FunctionType(VALUE), types.float64[::1], types.float64[:, ::1]
     integer, real = types.int64, types.float64
     return compiled(
         _integrate,
         types.void(
-            model, model, vector, matrix, types.float64[:, :, ::1], integer, vector, real, integer,
+            model, model, vector, matrix, matrix, types.float64[:, :, ::1], integer, vector, real, integer,
             matrix, matrix, matrix, matrix,
         ),
     )  # fmt: skip
 
 
 def _integrate(
-    rates: Any, reading: Any, p: Any, inputs: Any, damping: Any, nu: int, start: Any, step: float, substeps: int,
-    states: Any, state_rates: Any, readings: Any, loads: Any,
+    rates: Any, reading: Any, p: Any, inputs: Any, within: Any, damping: Any, nu: int, start: Any, step: float,
+    substeps: int, states: Any, state_rates: Any, readings: Any, loads: Any,
 ) -> None:  # fmt: skip
-    n, columns, damped = start.size, inputs.shape[1], damping.shape[1]
+    n, columns, rough, damped = start.size, inputs.shape[1], within.shape[1], damping.shape[1]
     x, at, total, slope = start.copy(), np.empty(n), np.empty(n), np.empty(n)
     now = np.empty(columns)
     h = step / substeps
@@ -110,6 +116,8 @@ def _integrate(
                     fraction = (part + inside) / substeps
                     for i in range(columns):
                         now[i] = inputs[k - 1, i] + fraction * (inputs[k, i] - inputs[k - 1, i])
+                    for i in range(rough):
+                        now[nu + i] += within[k, i]
                     for i in range(damped):
                         for j in range(damped):
                             before, after = damping[k - 1, i, j], damping[k, i, j]

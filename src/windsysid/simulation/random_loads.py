@@ -7,8 +7,9 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.statespace.load_model import LoadModel
+from windsysid.statespace.within_step import within_step
 
-__all__ = ["draw_loads"]
+__all__ = ["draw_loads", "draw_within_steps"]
 
 
 def draw_loads(
@@ -39,13 +40,31 @@ def draw_loads(
     ConfigurationError
         If a block drives a load that is not wanted.
     """
+    return _driven(blocks, [_states(block, samples, rate, rng) for block in blocks], names, samples, azimuth)
+
+
+def draw_within_steps(
+    blocks: Sequence[LoadModel], names: Sequence[str], samples: int, rate: float, rng: np.random.Generator,
+    azimuth: Array | None = None,
+) -> Array:  # fmt: skip
+    """Draw what the same loads are beside a straight line over the step that leads to each sample (T, n_w); arguments
+    as for `draw_loads`."""
+    roots = [within_step(block, 1.0 / rate) for block in blocks]
+    states = [rng.standard_normal((samples, root.shape[1])) @ root.T for root in roots]
+    middle = None if azimuth is None else azimuth - 0.5 * np.diff(azimuth, prepend=azimuth[:1])
+    return _driven(blocks, states, names, samples, middle)
+
+
+def _driven(
+    blocks: Sequence[LoadModel], states: Sequence[Array], names: Sequence[str], samples: int, azimuth: Array | None
+) -> Array:
+    """What the states (T, n) of each block drive (T, n_w)."""
     drawn = np.zeros((samples, len(names)))
-    for block in blocks:
-        states = _states(block, samples, rate, rng)
+    for block, own in zip(blocks, states, strict=True):
         for name, rows in block.outputs.items():
             if name not in names:
                 raise ConfigurationError(f"load '{name}': expected one of {', '.join(names) or 'no loads'}")
-            drawn[:, list(names).index(name)] += _value(states, rows, azimuth, name)
+            drawn[:, list(names).index(name)] += _value(own, rows, azimuth, name)
     return drawn
 
 

@@ -1,7 +1,7 @@
 """Simulation: the reference response of a model and what its sensors read, by RK4 between samples.
 
-The simulator calls the kernels that the filters call (`windsysid.mechanics.compile`). Inputs and loads run linearly
-between samples.
+The simulator calls the kernels that the filters call (`windsysid.mechanics.compile`). Inputs run linearly between
+samples; random loads move the machine as they do in continuous time (`windsysid.statespace.within_step`).
 """
 
 import os
@@ -15,7 +15,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.signals.inputs import TURNING, steady_inputs
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
-from windsysid.simulation.random_loads import draw_loads
+from windsysid.simulation.random_loads import draw_loads, draw_within_steps
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 
 __all__ = ["simulate_record"]
@@ -87,8 +87,12 @@ def simulate_record(
     p = np.array([turbine.values[name] for name in model.parameters])
     start, substeps = np.zeros(len(model.states)), max(1, int(np.ceil(20.0 * fastest / rate)))
     if supposed is not None:
-        drawn = draw_loads(supposed.given(), model.loads, len(rotor), rate, rng, rotor[:, 0])
-        response = integrate(model, p, np.hstack([inputs, drawn]), rate=rate, start=start, substeps=substeps)
+        asked, (apart,) = (supposed.given(), model.loads, len(rotor), rate), rng.spawn(1)
+        drawn = draw_loads(*asked, rng, rotor[:, 0])
+        within = draw_within_steps(*asked, apart, rotor[:, 0])
+        response = integrate(
+            model, p, np.hstack([inputs, drawn]), rate=rate, start=start, substeps=substeps, within=within
+        )
     else:
         from windsysid.simulation.wind import packaged_wind, wind_loads
         from windsysid.simulation.wind.feedback import integrate_with_feedback

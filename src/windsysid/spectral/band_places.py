@@ -117,6 +117,8 @@ def find_places(
     for group in _groups(frequencies, values, parameters, named, there):
         scales = np.linspace(-REACH * group.spread, REACH * group.spread, SUPPOSED)
         curves = _curves(frequencies, values, group, scales, spectra.rotor_hz)
+        if len(curves) < len(group.modes):
+            return None
         fine = np.arange(scales[0], scales[-1] + SCANNED, SCANNED)
         score = -0.5 * (fine / group.spread) ** 2
         for name in group.modes:
@@ -188,13 +190,15 @@ def _curves(
     frequencies: Callable[[Mapping[str, float]], dict[str, float]], values: Mapping[str, float], group: _Group,
     scales: Array, rotor_hz: float,
 ) -> dict[str, Array]:  # fmt: skip
-    """ln of where each of the group's modes is read, for logarithms of the factor (S,)."""
+    """ln of where each of the group's modes is read, for logarithms of the factor (S,), if any factor has it."""
     each = [
         frequencies({**values, **{q.name: group.middle * math.exp(s) for q in group.members}}) for s in scales.tolist()
     ]
     curves = {}
     for name in group.modes:
         known = [i for i, f in enumerate(each) if name in f]
+        if not known:
+            continue
         base = np.log([_base(name, each[i][name], rotor_hz) for i in known])
         curves[name] = np.maximum.accumulate(np.interp(scales, scales[known], base))
     return curves

@@ -18,6 +18,7 @@ from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.mechanics.model import Model
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.within_step import within_step
 from windsysid.statespace.workspace import Blocks
 
 __all__ = ["LoadBlocks", "StateSpace", "compose", "discretise_loads", "parameters_given"]
@@ -71,6 +72,7 @@ def compose(
     values: Mapping[str, float],
     parameters: Sequence[Parameter] = (),
     loads: Sequence[LoadModel] = (),
+    continuous: bool = False,
     sensors: Sequence[Any] = (),
     mean: ArrayLike | None = None,
     cov: ArrayLike | None = None,
@@ -94,6 +96,9 @@ def compose(
     loads
         Models of the loads that are states; those on one degree of freedom add up. Loads without one are zero or known
         inputs.
+    continuous
+        Whether such loads go on between samples as their processes do, as those on a machine; by default they run
+        along straight lines, as known loads and those of a simulation at samples do.
     sensors
         Sensors of the readings, with ``channel``, ``noise``, ``bias`` and ``drift`` where there is a bias.
     mean, cov
@@ -130,7 +135,7 @@ def compose(
     drift = dict(walk or {})
     _check_walk(drift, [parameter.name for parameter in parameters])
     load_states, load_cov, load_output = _join_loads(loads, compiled)
-    discrete = [[load.discretise(float(step)) for load in loads] for step in steps]
+    given = _discretise(loads, steps, len(load_states), continuous=continuous)
 
     biased = [sensor for sensor in sensors if sensor.bias > 0.0]
     bias_of = np.array([biased.index(s) if s in biased else -1 for s in sensors], dtype=np.int64)
@@ -143,9 +148,10 @@ def compose(
         chosen=np.array([compiled.parameters.index(q.name) for q in parameters], dtype=np.int64),
         reference=np.array([q.reference for q in parameters], dtype=np.float64),
         logarithmic=np.array([q.logarithmic for q in parameters], dtype=np.int64),
-        load_transition=_diagonal([[transition for transition, _ in blocks] for blocks in discrete], nz),
-        load_noise=_diagonal([[noise for _, noise in blocks] for blocks in discrete], nz),
+        load_transition=given[0],
+        load_noise=given[1],
         load_output=load_output,
+        load_within=given[2],
         walk=np.outer(
             steps,
             np.square(
@@ -192,20 +198,34 @@ class LoadBlocks(NamedTuple):
         H₀, C₁, S₁ … (1 + 2K, n_w, n_z).
     transition, noise
         Φ and Q (S, n_z, n_z).
+    within
+        R (S, n_z, r).
     """
 
     cov: Array
     output: Array
     transition: Array
     noise: Array
+    within: Array
 
 
-def discretise_loads(loads: Sequence[LoadModel], compiled: CompiledModel, steps: Array) -> LoadBlocks:
-    """Put load models together for a model, over sampling intervals (S,) [s]."""
+def discretise_loads(
+    loads: Sequence[LoadModel], compiled: CompiledModel, steps: Array, *, continuous: bool = False
+) -> LoadBlocks:
+    """Put load models together for a model, over sampling intervals (S,) [s]; `continuous` as for `compose`."""
     names, cov, output = _join_loads(loads, compiled)
-    discrete = [[load.discretise(float(step)) for load in loads] for step in steps]
-    transition, noise = ([[pair[i] for pair in parts] for parts in discrete] for i in (0, 1))
-    return LoadBlocks(cov, output, _diagonal(transition, len(names)), _diagonal(noise, len(names)))
+    return LoadBlocks(cov, output, *_discretise(loads, steps, len(names), continuous=continuous))
+
+
+def _discretise(loads: Sequence[LoadModel], steps: Array, size: int, *, continuous: bool) -> tuple[Array, Array, Array]:
+    """Φ, Q (S, n_z, n_z) and R (S, n_z, r) of all loads together."""
+    each = [[load.discretise(float(step)) for load in loads] for step in steps]
+    within = [[within_step(load, float(step)) for load in loads] for step in steps] if continuous else [[]] * len(steps)
+    return (
+        _diagonal([[transition for transition, _ in parts] for parts in each], size),
+        _diagonal([[noise for _, noise in parts] for parts in each], size),
+        _diagonal(within, size),
+    )
 
 
 def parameters_given(
@@ -245,6 +265,7 @@ def parameters_given(
             load_transition=loads.transition,
             load_noise=loads.noise,
             load_output=loads.output,
+            load_within=loads.within,
             walk=np.ascontiguousarray(blocks.walk[:, :nb]),
             noise=np.square(np.asarray(noise, dtype=np.float64)),
         ),
@@ -291,14 +312,13 @@ def _join_loads(loads: Sequence[LoadModel], compiled: CompiledModel) -> tuple[li
 
 
 def _diagonal(blocks: Sequence[Sequence[Array]], size: int) -> Array:
-    """Block-diagonal matrices (S, size, size), one for each list of square blocks."""
-    whole = np.zeros((len(blocks), size, size))
+    """Block-diagonal matrices (S, size, columns), one for each list of blocks."""
+    whole = np.zeros((len(blocks), size, max(sum(part.shape[1] for part in parts) for parts in blocks)))
     for matrix, parts in zip(whole, blocks, strict=True):
-        first = 0
+        row = column = 0
         for part in parts:
-            last = first + len(part)
-            matrix[first:last, first:last] = part
-            first = last
+            matrix[row : row + len(part), column : column + part.shape[1]] = part
+            row, column = row + len(part), column + part.shape[1]
     return whole
 
 

@@ -1,12 +1,14 @@
 """One step of a composed model, in compiled code: every filter moves its beliefs with these functions and no others.
 
 The state is [x | z | b | θ]: mechanical states, load states, sensor biases, parameters in filter coordinates.
-Between two samples inputs and loads run linearly, so that with w = w_known + H(ψ) z and z₁ = Φ z₀ + η
+Between two samples known inputs and loads run linearly, so that with w = w_known + H(ψ) z, z₁ = Φ z₀ + η and unit
+normals ξ
 
-    x₁ = RK4(x₀; u₀, u₁, w₀, w₁, p(θ)),     y = h(x, u, p(θ), w) + b + noise.
+    x₁ = RK4(x₀; u₀, u₁, w₀ + H₀ R ξ, w₁ + H₁ R ξ, p(θ)),     y = h(x, u, p(θ), w) + b + noise.
 
 x goes through RK4 together with its sensitivities to x₀, w₀, w₁ and p; z is discretised exactly; b and θ stay (or
-walk). The load noise η reaches x₁ through w₁, and Q carries that correlation.
+walk). The load noise η reaches x₁ through w₁, and Q carries that correlation. R ξ is what load states do within the
+step beside a straight line (`windsysid.statespace.within_step`).
 """
 
 from typing import Any
@@ -58,13 +60,14 @@ def set_load_outputs(blocks: Any, ws: Any, before: Any, after: Any) -> None:
 
 @pasted
 def set_load_ends(blocks: Any, ws: Any, state: Any, before: Any, after: Any) -> None:
-    """Loads at either end of a step, known ones and those of the load states: of `state`, and ``ws.z`` at the end."""
+    """Loads at either end of a step, known ones and those of the load states: of `state`, and ``ws.z`` at the end, both
+    beside ``ws.middle``."""
     nx, nz, _, _, nu, nw = blocks.sizes
     for i in range(nw):
         first, last = before[nu + i], after[nu + i]
         for j in range(nz):
-            first += ws.H0[i, j] * state[nx + j]
-            last += ws.H1[i, j] * ws.z[j]
+            first += ws.H0[i, j] * (state[nx + j] + ws.middle[j])
+            last += ws.H1[i, j] * (ws.z[j] + ws.middle[j])
         ws.w0[i] = first
         ws.w1[i] = last
 
@@ -83,7 +86,8 @@ def set_stage_inputs(blocks: Any, ws: Any, before: Any, after: Any, at: float) -
 def move(rates: Any, blocks: Any, ws: Any, state: Any, eta: Any, before: Any, after: Any) -> None:
     """The mechanical states one step on from `state` with the load noise `eta` (n_z,), by values alone, in ``ws.x``.
 
-    Load states are left in ``ws.z``. It is what `linearise_transition` computes, without sensitivities.
+    Load states are left in ``ws.z``; ``ws.middle`` is what they are beside a straight line. It is what
+    `linearise_transition` computes, without sensitivities.
     """
     nx, nz, _, _, _, _ = blocks.sizes
     s = interval(blocks, after)
@@ -114,7 +118,7 @@ def move(rates: Any, blocks: Any, ws: Any, state: Any, eta: Any, before: Any, af
 @uncounted
 def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, before: Any, after: Any) -> None:
     """Move `mean` by one step, in place, with its parameters in ``ws.p``, and leave in ``ws.F`` the rows of F for x and
-    z, in ``ws.gain`` Γ.
+    z, in ``ws.gain`` Γ, and in ``ws.within`` how ξ reaches x.
 
     F is the derivative of the state after the step to the state before, Γ that to the load noise η.
     """
@@ -163,6 +167,10 @@ def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, b
     F, gain, direct, width, columns = ws.F, ws.gain, ws.pushed, ws.F.shape[1], S.shape[1]
     multiply(ws.nothing, ws.S_w1, 0, nx, 0, nw, ws.H1, gain)
     multiply(ws.nothing, ws.S_w0, 0, nx, 0, nw, ws.H0, direct)
+    if blocks.load_within.shape[2] > 0:
+        R = ws.R[s * nz : (s + 1) * nz]
+        multiply(ws.nothing, gain, 0, nx, 0, nz, R, ws.within)
+        multiply(ws.within, direct, 0, nx, 0, nz, R, ws.within)
     multiply(direct, gain, 0, nx, 0, nz, ws.phi[s * nz : (s + 1) * nz], direct)
     for i in range(nx):
         write(F, i * width, total_S, i * columns, nx)
@@ -177,7 +185,8 @@ def linearise_transition(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, b
 
 @uncounted
 def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: Any, before: Any, after: Any) -> None:
-    """Mean and covariance (n, n⁺) one step on, in place: P ← F P Fᵀ + Γ Q Γᵀ with F = ∂(x, z, b, θ)₁/∂(x, z, b, θ)₀."""
+    """Mean and covariance (n, n⁺) one step on, in place: P ← F P Fᵀ + Γ Q Γᵀ + V Vᵀ with F = ∂(x, z, b, θ)₁/∂(x, z, b,
+    θ)₀ and V = ∂x₁/∂ξ."""
     nx, nz, nb, nt, _, _ = blocks.sizes
     n, moving = nx + nz + nb + nt, nx + nz
     linearise_transition(rates_jacobian, blocks, ws, mean, before, after)
@@ -204,6 +213,12 @@ def predict_moments(rates_jacobian: Any, blocks: Any, ws: Any, mean: Any, cov: A
     multiply(ws.nothing, F, 0, nx, 0, n, moved_T, crossed)
     multiply(ws.nothing, F, nx, moving, nx, moving, moved_T, crossed)
     multiply(crossed, pushed, 0, moving, 0, nz, gain_T, crossed)
+    rough = blocks.load_within.shape[2]
+    if rough > 0:
+        for i in range(nx):
+            for j in range(rough):
+                ws.within_T[j, i] = ws.within[i, j]
+        multiply(crossed, ws.within, 0, nx, 0, rough, ws.within_T, crossed)
     width = cov.shape[1]
     for i in range(moving):
         write(cov, i * width, crossed, i * crossed.shape[1], moving)

@@ -37,6 +37,9 @@ class Blocks(NamedTuple):
         Φ and the covariance of η for each interval (S, n_z, n_z).
     load_output
         H₀, C₁, S₁, C₂ … of H(ψ) = H₀ + Σ_k (C_k cos kψ + S_k sin kψ), (1 + 2K, n_w, n_z).
+    load_within
+        R for each interval (S, n_z, r): what load states do within a step beside a straight line, as r unit normals
+        that hold over the step (`windsysid.statespace.within_step`); r = 0 where they run along it.
     walk
         Variance per step of each bias and parameter, for each interval (S, n_b + n_θ).
     bias_of
@@ -57,6 +60,7 @@ class Blocks(NamedTuple):
     load_transition: Any
     load_noise: Any
     load_output: Any
+    load_within: Any
     walk: Any
     bias_of: Any
     noise: Any
@@ -68,7 +72,7 @@ Matrix = Annotated[NDArray[np.float64], 2]
 Indices = NDArray[np.int64]
 """Kinds of scratch arrays: (k,), (k, l), and (k,) of whole numbers."""
 _i1, _f1, _f2, _f3 = types.int64[::1], types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
-BLOCKS = types.NamedTuple([_i1, _f1, _i1, _f1, _i1, _f1, _i1, _f3, _f3, _f3, _f2, _i1, _f1, _f1], Blocks)
+BLOCKS = types.NamedTuple([_i1, _f1, _i1, _f1, _i1, _f1, _i1, _f3, _f3, _f3, _f3, _f2, _i1, _f1, _f1], Blocks)
 """Numba's type of `Blocks`, for explicit signatures."""
 _NUMBA = {int: types.int64, Indices: _i1, Vector: _f1, Matrix: _f2}
 
@@ -95,12 +99,17 @@ class Workspace(NamedTuple):
         columns⁺); `S_w0`, `S_w1` and `S_p` are `total_S` seen from those columns on.
     H0, H1
         H(ψ) at either end of the step (n_w, n_z⁺).
-    load_output, phi, Q
-        `load_output`, `load_transition` and `load_noise` of `Blocks`, one matrix below the other (·, n_z⁺).
+    middle
+        What load states are beside a straight line over the whole step (n_z,); zero but for points drawn there.
+    load_output, phi, Q, R
+        `load_output`, `load_transition`, `load_noise` and `load_within` of `Blocks`, one matrix below the other (·,
+        n_z⁺), (·, r⁺).
     F
         The rows of F that belong to x and z (n_x + n_z, n⁺); the others are the identity's.
     gain, gain_T
         Γ (n_x + n_z, n_z⁺) and Γᵀ.
+    within, within_T
+        How R reaches the motion (n_x + n_z, r⁺), and the same transposed.
     moved, moved_T, pushed, crossed
         F P and its transpose, Γ Q, and F P Fᵀ + Γ Q Γᵀ of x and z (n_x + n_z, (n_x + n_z)⁺).
     H
@@ -126,6 +135,7 @@ class Workspace(NamedTuple):
     load_output: Matrix
     H0: Matrix
     H1: Matrix
+    middle: Vector
     z: Vector
     x: Vector
     rate: Vector
@@ -142,8 +152,11 @@ class Workspace(NamedTuple):
     F: Matrix
     phi: Matrix
     Q: Matrix
+    R: Matrix
     gain: Matrix
     gain_T: Matrix
+    within: Matrix
+    within_T: Matrix
     moved: Matrix
     moved_T: Matrix
     pushed: Matrix
@@ -187,22 +200,25 @@ def workspace(blocks: Blocks) -> Workspace:
     """Allocate a `Workspace` for a model."""
     nx, nz, nb, nt, nu, nw = (int(size) for size in blocks.sizes)
     n, m, moving, columns = nx + nz + nb + nt, len(blocks.noise), nx + nz, nx + 2 * nw + nt
+    rough = blocks.load_within.shape[2]
     slope, J, total_S, H = padded(1, n)[0], padded(nx + 1, columns), padded(nx + 1, columns), padded(m + 1, n)
     slope[:n] = 1.0
     gain, gain_T = padded(moving, nz), padded(nz, moving)
     gain[nx:, :nz] = gain_T[:, nx:moving] = np.eye(nz)
-    phi, Q, load_output = (
-        _padded(blocks_of) for blocks_of in (blocks.load_transition, blocks.load_noise, blocks.load_output)
+    phi, Q, R, load_output = (
+        _padded(blocks_of)
+        for blocks_of in (blocks.load_transition, blocks.load_noise, blocks.load_within, blocks.load_output)
     )
     return Workspace(
         mean=padded(1, n)[0], about=padded(1, n)[0], cov=padded(n, n), p=blocks.p.copy(), slope=slope, u=np.zeros(nu),
         w0=np.zeros(nw), w1=np.zeros(nw), w=np.zeros(nw),
-        load_output=load_output, H0=padded(nw, nz), H1=padded(nw, nz), z=np.zeros(nz), x=np.zeros(nx),
-        rate=np.zeros(nx), total=np.zeros(nx),
+        load_output=load_output, H0=padded(nw, nz), H1=padded(nw, nz), middle=np.zeros(nz), z=np.zeros(nz),
+        x=np.zeros(nx), rate=np.zeros(nx), total=np.zeros(nx),
         J=J, J_p=shifted(J, nx + 2 * nw), G=padded(nx, nw), S=padded(nx, columns), slope_S=padded(nx, columns),
         total_S=total_S,
         S_w0=shifted(total_S, nx), S_w1=shifted(total_S, nx + nw), S_p=shifted(total_S, nx + 2 * nw),
-        F=padded(moving, n), phi=phi, Q=Q, gain=gain, gain_T=gain_T,
+        F=padded(moving, n), phi=phi, Q=Q, R=R, gain=gain, gain_T=gain_T,
+        within=padded(moving, rough), within_T=padded(rough, moving),
         moved=padded(moving, n), moved_T=padded(n, moving), pushed=padded(moving, nz), crossed=padded(moving, moving),
         y=np.zeros(m), H=H, H_p=shifted(H, nx + nz + nb), E=np.zeros((m, nw)), seen=padded(m, nz), spread=padded(m, n),
         K=padded(1, n), pulled=padded(1, n),

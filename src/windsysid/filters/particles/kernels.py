@@ -77,7 +77,8 @@ def _advance(
     for i in range(nb + nt):
         if blocks.walk[0, i] > 0.0:
             walking += 1
-    draws = nz + walking
+    rough = blocks.load_within.shape[2]
+    draws = nz + rough + walking
     random = np.empty((4 * ((draws + 3) // 4), CHUNK))
     load_roots = np.zeros((blocks.step.size, nz, nz))
     for s in range(blocks.step.size):
@@ -98,7 +99,8 @@ def _advance(
                         fill_normals(key, number + k, MOVE, begin, random)
                     if rest > 0:
                         set_load_outputs(blocks, ws, before, after)
-                        root = load_roots[interval(blocks, after)]
+                        s = interval(blocks, after)
+                        root, within = load_roots[s], blocks.load_within[s]
                         for i in range(size):
                             for j in range(n):
                                 state[j] = particles[j, begin + i]
@@ -107,12 +109,16 @@ def _advance(
                                 for below in range(j + 1):
                                     total += root[below, j] * random[below, i]
                                 eta[j] = total
+                                total = 0.0
+                                for c in range(rough):
+                                    total += within[j, c] * random[nz + c, i]
+                                ws.middle[j] = total
                             move(rates, blocks, ws, state, eta, before, after)
                             for j in range(nx):
                                 particles[j, begin + i] = ws.x[j]
                             for j in range(nz):
                                 particles[nx + j, begin + i] = ws.z[j]
-                    draw = nz
+                    draw = nz + rough
                     for j in range(nb + nt):
                         variance = blocks.walk[interval(blocks, after), j]
                         if blocks.walk[0, j] > 0.0:

@@ -67,7 +67,8 @@ def integrate_with_feedback(
     response = Response(*(np.empty((len(inputs), size)) for size in (2 * n, 2 * n, model.readings)))
     loads = np.empty((len(inputs), n))
     integrator()(
-        model.rates, model.reading, p, inputs, damping, nu, start, 1.0 / rate, substeps, *response, loads
+        model.rates, model.reading, p, inputs, np.empty((0, 0)), damping, nu, start, 1.0 / rate, substeps, *response,
+        loads
     )  # fmt: skip
     if not np.isfinite(response.states).all():
         when = int(np.argmin(np.isfinite(response.states).all(axis=1))) / rate
