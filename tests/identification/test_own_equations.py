@@ -17,7 +17,7 @@ from windsysid import ConfigurationError, Equations, Fit, GaussMarkov, Parameter
 from windsysid.mechanics.compile import compile_model
 from windsysid.signals import resample
 from windsysid.simulation.integrate import integrate
-from windsysid.simulation.random_loads import draw_loads
+from windsysid.simulation.random_loads import draw_loads, draw_within_steps
 from windsysid.statespace.process import load_on, second_order
 
 RATE = 100.0
@@ -37,15 +37,18 @@ def sensors(factor: float = 1.0) -> tuple[Reading, ...]:
     return tuple(Reading(name, expressions[name], factor * noise) for name, noise in NOISE.items())
 
 
-def shaken(samples: int = 1500, seed: int = 0, force: np.ndarray | None = None) -> Record:
-    """A spring from rest under a force that runs linearly between samples, with two noisy sensors."""
+def shaken(
+    samples: int = 1500, seed: int = 0, force: np.ndarray | None = None, within: np.ndarray | None = None
+) -> Record:
+    """A spring from rest under a force, with two noisy sensors; between samples the force is `within` (T, 1) beside a
+    straight line."""
     rng = np.random.default_rng(seed)
     if force is None:
         force = scipy.signal.lfilter([1.0], [1.0, -0.95], rng.standard_normal(samples))
     model = compile_model(SPRING, sensors())
     p = [TRUTH[name] for name in model.parameters]
-    exact = integrate(model, p, force[:, None], rate=RATE, start=np.zeros(2), substeps=4).readings
-    noisy = exact + rng.standard_normal(exact.shape) * list(NOISE.values())
+    exact = integrate(model, p, force[:, None], rate=RATE, start=np.zeros(2), substeps=4, within=within)
+    noisy = exact.readings + rng.standard_normal(exact.readings.shape) * list(NOISE.values())
     units = ("N", "m", "m/s^2")
     return Record(np.arange(samples) / RATE, np.column_stack([force, noisy]), ("force", *NOISE), units, name="shaken")
 
@@ -105,7 +108,8 @@ def test_noise_is_learned_whatever_was_guessed(record: Record, factor: float):
 def test_the_level_of_a_load_that_nobody_measured_is_learned():
     load = GaussMarkov("force", 3.0, 0.5)
     drawn = draw_loads([load], ("force",), 6000, RATE, np.random.default_rng(5))
-    record = shaken(6000, 5, drawn[:, 0]).select(list(NOISE))
+    within = draw_within_steps([load], ("force",), 6000, RATE, np.random.default_rng(8))
+    record = shaken(6000, 5, drawn[:, 0], within).select(list(NOISE))
     found = fitted(record, loads=[GaussMarkov("force", 3.0 / 5.0, 0.5)])
     rms = found.statistics[-1]
     assert rms.name == "rms_force"

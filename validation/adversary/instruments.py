@@ -44,6 +44,8 @@ class Instruments(NamedTuple):
         From when to when it reads nothing but noise [s].
     drawn
         Standard deviations of what is drawn for each record: gain, angle [deg], lateness [s].
+    offset
+        What is added to each channel, in its unit (5,).
     """
 
     gain: tuple[float, ...] = (1.0,) * 5
@@ -58,6 +60,7 @@ class Instruments(NamedTuple):
     lost: tuple[float, float] = (0.0, 0.0)
     dead: tuple[float, float] = (0.0, 0.0)
     drawn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: tuple[float, ...] = (0.0,) * 5
 
     def read(self, motion: Array, lead: int, duration: float, rate: float, rng: np.random.Generator) -> Array:
         """Readings (T, 5) at so many a second of accelerations (n, 5) at `RATE`, from their row `lead` on."""
@@ -73,6 +76,7 @@ class Instruments(NamedTuple):
         hurt = slice(*(round(rate * t) for t in self.dead))
         readings[hurt, 2] = 0.0
         readings += NOISE * np.array(self.noise) * self._noise(len(time), rng)
+        readings += np.array(self.offset)
         rms = np.sqrt(np.mean(readings**2, axis=0))
         if self.bits:
             step = 8.0 * rms / 2**self.bits

@@ -154,6 +154,7 @@ SCENARIOS: dict[str, Scenario] = {
         "instrument", instruments=Instruments(drift=5e-5), duration=600.0, rate=50.0
     ),
     "tolerances drawn": Scenario("instrument", instruments=Instruments(drawn=(0.01, 2.0, 0.001))),
+    "offsets of 5 mg": Scenario("instrument", instruments=Instruments(offset=(0.05, -0.03, 0.05, -0.1, 0.1))),
     "6 bits": Scenario("instrument", instruments=Instruments(bits=6)),
     "noise correlated 0.9": Scenario("instrument", instruments=Instruments(colour=0.9)),
     "noise with tails": Scenario("instrument", instruments=Instruments(tails=3.0)),

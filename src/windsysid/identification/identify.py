@@ -16,6 +16,7 @@ from windsysid.identification.joint import forces_of, identify_jointly, identify
 from windsysid.identification.line_dependence import doubt_line, doubt_sine, is_harmless
 from windsysid.identification.narrow_band_beside import heard_on_time, narrow_band_beside, told_before
 from windsysid.identification.narrow_bands import doubts_of_narrow_band, note_narrow_band
+from windsysid.identification.offsets import with_offsets
 from windsysid.identification.outcome import Outcome, compare
 from windsysid.identification.prepare import (
     MAX_READING_OF_SPECTRA,
@@ -217,6 +218,7 @@ def _jointly(asked: Asked, near: Outcome | None = None) -> Found:
     part, turbine, sensors = asked.part.on_own_times(), asked.turbine, asked.sensors
     found = usable_sensors(part, turbine, sensors)
     part, faults = without_stuck(part, screened(asked.part, turbine, found))
+    found, offsets = with_offsets(part, turbine, found)
     part, drifts = without_drift(part, turbine, found, asked.drifts)
     part, steps, resampled = resample_for_model(part, turbine, asked.rate, sensors or turbine.sensors)
     check_length(part.name, part.duration, part.rate, turbine)
@@ -242,7 +244,7 @@ def _jointly(asked: Asked, near: Outcome | None = None) -> Found:
             left = without_sines(part, turbine, found, [force.sine for force in forces])
             part, said = with_forces(part, forces, psi), told(forces)
     outcome = thin_to_readings(search(part, near), steps)
-    outcome = outcome._replace(notes=(*map(str, drifts), *resampled, *said, *outcome.notes))
+    outcome = outcome._replace(notes=(*map(str, drifts), *offsets, *resampled, *said, *outcome.notes))
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
     joint = Found("joint", outcome, read, found, faults, prior, drifts)
     return joint.doubted(MOVED) if drifts else joint
@@ -280,6 +282,7 @@ def _by_spectra(asked: Asked) -> Found:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     found = usable_sensors(part, turbine, asked.sensors)
     part, faults = without_stuck(part, screened(asked.part, turbine, found))
+    found, _ = with_offsets(part, turbine, found)
 
     def ask(heard: Record, loads: str) -> tuple[Outcome, Prior]:
         return with_wide_priors(

@@ -27,6 +27,7 @@ from windsysid.identification.conclude import conclude
 from windsysid.identification.held_priors import note_wide_priors, solve_with_wide_priors
 from windsysid.identification.joint import describe_solution, first_estimate, load_models
 from windsysid.identification.load_choice import Question, choose
+from windsysid.identification.offsets import with_offsets
 from windsysid.identification.outcome import Outcome
 from windsysid.identification.over_pieces import take_in
 from windsysid.identification.prepare import check_length, thin_to_readings
@@ -179,6 +180,7 @@ class _Run:
         self.stopped: dict[str, Any] = {"samples": 0, "taken": "", "chosen": None}
         if checkpoint is not None and checkpoint.exists():
             self.stopped = check_call(checkpoint, self.call)
+        sensors, self.offsets = with_offsets(first.on_uniform_grid(), turbine, sensors)
         self.windows = Windows(first.on_uniform_grid(), turbine, sensors, rate)
         check_length(first.name, math.inf, self.windows.rate, turbine)
         self.turbine, self.sensors, self.prior, self.chosen = turbine, sensors, prior, chosen
@@ -299,7 +301,7 @@ class _Run:
         thin = thin_to_readings(outcome, steps)._replace(
             history_mean=outcome.history_mean,
             history_std=outcome.history_std,
-            notes=(*self.windows.notes, *outcome.notes, pieces),
+            notes=(*self.windows.notes, *self.offsets, *outcome.notes, pieces),
         )
         count = -(-solution.samples // steps)
         kept = min(last, 2)

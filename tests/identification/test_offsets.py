@@ -1,0 +1,62 @@
+"""Accelerometers that are off by a constant which nobody has told."""
+
+import numpy as np
+import pytest
+from validation.adversary.scenarios import SCENARIOS, record
+
+from windsysid.identification.identify import identify
+from windsysid.identification.offsets import with_offsets
+from windsysid.records.record import Record
+from windsysid.simulation.record import simulate_record
+from windsysid.study.drawn_prior import DrawnPrior
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+OFFSETS = (0.05, -0.03, 0.05, -0.1, 0.1)
+
+
+def off(made: Record, turbine: Turbine, offsets: tuple[float, ...] = OFFSETS) -> Record:
+    """The record with a constant beside each channel of the turbine's sensors."""
+    channels = [sensor.channel for sensor in turbine.sensors]
+    return made.with_channels(
+        {name: (made[name] + value, made.unit(name)) for name, value in zip(channels, offsets, strict=True)}
+    )
+
+
+def test_sensors_that_are_off_are_found_and_the_result_is_right(verne555: Turbine):
+    """A few thousandths of gravity: it was condemned for late blades, after half a minute."""
+    found = identify(record("offsets of 5 mg", 200_001), verne555, prior=DrawnPrior(seed=200_001))
+    truth = SCENARIOS["offsets of 5 mg"].machine.truth
+    assert found.diagnosis.trusted, found.diagnosis.reasons
+    assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.0
+    assert any("tower_y_acceleration by -0.03" in note and "found beside" in note for note in found.notes)
+
+
+def test_an_offset_is_as_large_as_the_readings_are_off(verne555: Turbine):
+    made = simulate_record(verne555, duration=60.0, rate=50.0, seed=3)
+    sensors, said = with_offsets(off(made, verne555), verne555, verne555.sensors)
+    assert len(said) == 1
+    assert [sensor.bias for sensor in sensors] == pytest.approx(np.abs(OFFSETS), abs=0.012)
+    holed = off(made, verne555)
+    holed.values[500:700, holed.channels.index(verne555.sensors[0].channel)] = np.nan
+    assert with_offsets(holed, verne555, verne555.sensors)[0][0].bias == pytest.approx(0.05, abs=0.01)
+
+
+@pytest.mark.parametrize("name", ["verne555", "nrel5mw", "tower"])
+def test_sensors_that_read_right_keep_what_they_have(name: str):
+    """Gravity, which goes with the rotor, and the pull outwards of what turns are no offset."""
+    turbine = load_turbine(name)
+    for seed in range(4):
+        made = simulate_record(turbine, duration=60.0, rate=25.0, seed=seed)
+        sensors, said = with_offsets(made, turbine, turbine.sensors)
+        assert sensors == turbine.sensors
+        assert not said
+
+
+def test_a_vibration_that_is_cut_off_is_no_offset(verne555: Turbine):
+    time = np.arange(1500) / 50.0
+    decay = 2.0 * np.exp(-0.3 * time) * np.cos(2.0 * np.pi * 1.7 * time + 0.4)
+    quiet = simulate_record(verne555, duration=30.0, rate=50.0, seed=3)
+    name = "tower_x_acceleration"
+    made = quiet.with_channels({name: (decay, quiet.unit(name))})
+    assert with_offsets(made, verne555, verne555.sensors)[1] == ()
