@@ -29,7 +29,7 @@ def tower() -> Turbine:
 
 @pytest.fixture(scope="module")
 def whole(tower: Turbine) -> Record:
-    return simulate_record(tower, duration=1500.0, rate=5.0, seed=3)
+    return simulate_record(tower, duration=1500.0, rate=5.0, seed=5)
 
 
 def pieces(record: Record, seconds: float = LENGTH) -> list[Record]:

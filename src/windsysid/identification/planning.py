@@ -372,8 +372,7 @@ def _time_scales(turbine: Turbine) -> tuple[float, float, float]:
     """Slowest and fastest natural frequency [rad/s] and the slowest decay ζω [1/s] of the free degrees of freedom."""
     frequencies = {name: turbine.natural_frequency(name) for name in turbine.model.coordinates}
     moving = [w for w in frequencies.values() if w > 0.0] or [turbine.rotor_speed]
-    decays = [turbine.damping(name) / (2.0 * turbine.inertia(name)) for name in frequencies]
-    return min(moving), max(moving), min([d for d in decays if d > 0.0], default=1e-3 * min(moving))
+    return min(moving), max(moving), turbine.slowest_decay
 
 
 def _accuracy(draft: Plan, growths: Array, relaxations: float) -> float:

@@ -27,7 +27,11 @@ SHARE = 0.7
 """Of the memory of a machine: what a simulation may take."""
 
 LEAD_IN = 60.0
-"""Seconds simulated before a record starts, so that it starts in stationary vibration."""
+"""Seconds simulated, at least, before a record starts."""
+
+RELAXATIONS, MOST_LEAD_IN = 6.0, 1800.0
+"""Memories 1/ζω of the slowest mode until a machine that began at rest under its weight vibrates stationarily, and the
+longest time [s] that is simulated for that."""
 
 
 def simulate_record(
@@ -73,7 +77,10 @@ def simulate_record(
     if not (np.isfinite(duration) and duration > 0.0):
         raise ConfigurationError(f"duration: expected a positive time in seconds, got {duration:g}")
     columns = 4 * len(turbine.model.states) + 3 * (3 + len(turbine.loads) + len(turbine.sensors))
-    needed, there = 8e-9 * columns * rate * (LEAD_IN + duration), memory()
+    before = LEAD_IN  # the air damps, and what it does before is costly
+    if supposed is not None:
+        before = max(LEAD_IN, min(RELAXATIONS / turbine.slowest_decay, MOST_LEAD_IN))
+    needed, there = 8e-9 * columns * rate * (before + duration), memory()
     if needed > SHARE * there:
         raise ConfigurationError(
             f"{duration:g} s at {rate:g} Hz need about {needed:.3g} GB of memory, and this machine has {there:.3g} GB: "
@@ -81,9 +88,9 @@ def simulate_record(
         )
     rng = np.random.default_rng(seed)
     model = compile_model(turbine.model, turbine.sensors)
-    lead = round(LEAD_IN * rate)
-    rotor = constant_speed_inputs(turbine.rotor_speed, LEAD_IN + duration, rate)
-    inputs = steady_inputs(model.inputs, turbine.rotor_speed, LEAD_IN + duration, rate)
+    lead = round(before * rate)
+    rotor = constant_speed_inputs(turbine.rotor_speed, before + duration, rate)
+    inputs = steady_inputs(model.inputs, turbine.rotor_speed, before + duration, rate)
     p = np.array([turbine.values[name] for name in model.parameters])
     start, substeps = np.zeros(len(model.states)), max(1, int(np.ceil(20.0 * fastest / rate)))
     if supposed is not None:

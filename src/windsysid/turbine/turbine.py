@@ -110,6 +110,13 @@ class Turbine:
         return min((w for w in frequencies if w > 0.0), default=1.0)
 
     @property
+    def slowest_decay(self) -> float:
+        """The least ζω [1/s] of a degree of freedom by itself, of those that are damped; a thousandth of the slowest
+        frequency where none is."""
+        decays = (self.damping(name) / (2.0 * self.inertia(name)) for name in self.model.coordinates)
+        return min((d for d in decays if d > 0.0), default=1e-3 * self.slowest_frequency)
+
+    @property
     def least_duration(self) -> tuple[float, str]:
         """The shortest record [s] that is worth judging, and why: one revolution, or, parked, periods of the slowest
         mode."""
