@@ -116,6 +116,23 @@ def _line(frequency: float, share: float, which: int) -> Loads:
     return add
 
 
+def _waves(frequency: float, level: float, which: int) -> Loads:
+    """Waves of a young sea beside the loads, Hasselmann's (JONSWAP) spectrum with a peak factor of 7 about a frequency
+    [Hz], their standard deviation in the loads'."""
+
+    def add(loads: Array, rng: np.random.Generator) -> Array:
+        f = np.fft.rfftfreq(len(loads), 1.0 / STEPS)[1:] / frequency
+        peak = 7.0 ** np.exp(-0.5 * np.square((f - 1.0) / np.where(f > 1.0, 0.09, 0.07)))
+        size = np.sqrt(f**-5 * np.exp(-1.25 * f**-4.0) * peak)
+        drawn = size * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f)))
+        x = np.fft.irfft(np.concatenate([[0.0], drawn]), len(loads))
+        loads = loads.copy()
+        loads[:, which] += level * loads[:, which].std() * x / x.std()
+        return loads
+
+    return add
+
+
 def _swelling(factor: float, period: float) -> Loads:
     """Loads that grow and fall by a factor."""
 
@@ -161,6 +178,7 @@ KINDS: dict[str, Kind] = {
     "faint band, 0.335 Hz": Kind(loads=_narrow(0.335, 0.003, 0.1, 1)),
     "faint and wide, 0.335 Hz": Kind(loads=_narrow(0.335, 0.015, 0.1, 1)),
     "all but a line, 0.31 Hz": Kind(loads=_narrow(0.31, 0.001, 0.4, 1)),
+    "waves, 0.31 Hz": Kind(loads=_waves(0.31, 0.15, 1)),
     "line 5 % from fore-aft": Kind(loads=_line(0.34, 0.04, 1)),
     "loads swell 3 x in 100 s": Kind(loads=_swelling(3.0, 100.0)),
     "loads correlated 0.7": Kind(loads=_correlated),

@@ -120,6 +120,7 @@ SCENARIOS: dict[str, Scenario] = {
     "30 s": Scenario(HEALTHY, duration=30.0),
     "600 s at 50 Hz": Scenario(HEALTHY, duration=600.0, rate=50.0),
     "11 Hz": Scenario(HEALTHY, rate=11.0),
+    "rotor at 18 rpm": Scenario(HEALTHY, machine=Machine(speed=2.0 * np.pi * 0.3)),
     "20 Hz": Scenario(HEALTHY, rate=20.0),
     "200 Hz": Scenario(HEALTHY, duration=30.0, rate=200.0),
     "12 bits": Scenario(HEALTHY, instruments=Instruments(bits=12)),

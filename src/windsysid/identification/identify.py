@@ -43,6 +43,7 @@ from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash, trace
 from windsysid.signals.inputs import TURNING
+from windsysid.spectral.band_pose import is_lightly_damped
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 
 __all__ = ["identify"]
@@ -348,6 +349,9 @@ def _by_what_fits(asked: Asked) -> Found:
         return _by_filters(asked).saying(f"joint formulation, as spectra do not apply ({error})")
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
     if not doubts and spectral.outcome.hypothesis == RotorWind.name:
+        broad = _by_broad_loads(asked) if spectral.outcome.in_bands else None
+        if broad is not None:
+            return broad.saying("joint formulation: broad loads explain the record, and spectra in bands suppose wind")
         return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
     if not doubts and spectral.drifts:
         return spectral.saying("spectral formulation: a clock drifts, and filters feel what is read between samples")
@@ -372,6 +376,19 @@ def _by_what_fits(asked: Asked) -> Found:
         return spectral.saying(f"{why}; filters were asked, too", *against)
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
     return spectral.saying(f"{why}; filters agree within {off:.1f} standard deviations", *innovations)
+
+
+def _by_broad_loads(asked: Asked) -> Found | None:
+    """By filters under broad loads, where these explain the record of a rotor whose modes are well damped, which bands
+    take for one in wind; None where they do not, or other loads are asked for. A real machine's modes are lightly
+    damped, and it has more than its model: it stays with bands."""
+    if asked.loads not in ("auto", Broadband.name) or is_lightly_damped(asked.turbine):
+        return None
+    try:
+        joint = _jointly(asked._replace(loads=Broadband.name))
+    except (WindsysidError, np.linalg.LinAlgError):
+        return None
+    return None if joint.outcome.doubts or doubts_of_innovations(joint.outcome, joint.read.rate) else joint
 
 
 def _undamped(found: Outcome) -> list[str]:

@@ -81,6 +81,8 @@ class Outcome(NamedTuple):
         What smoothed loads say; None where they were not asked.
     turns
         Whether the rotor's turns couple what moves, as far as the formulation has asked.
+    in_bands
+        Whether spectra were read in bands around the modes, which supposes wind on a turning rotor.
     held
         Damping coefficients that their priors hold where the readings do not want them.
     given_priors
@@ -111,6 +113,7 @@ class Outcome(NamedTuple):
     tolerances: tuple[Tolerance, ...] = ()
     smoothed_loads: SmoothedLoads | None = None
     turns: bool = True
+    in_bands: bool = False
     held: tuple[str, ...] = ()
     given_priors: tuple[Parameter, ...] = ()
     drifts: tuple[Drift, ...] = ()

@@ -163,7 +163,7 @@ def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str
         question, found.unknowns, found.cov, 1, tolerances, log_likelihood=found.log_likelihood,
         statistics=found.statistics, elapsed=time.perf_counter() - started, notes=(*notes, *found.notes),
         doubts=(*doubts, *found.doubts), hypothesis=RotorWind.name, held=found.held,
-    )  # fmt: skip
+    )._replace(in_bands=True)  # fmt: skip
 
 
 def _outcome(

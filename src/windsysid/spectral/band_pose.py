@@ -39,8 +39,17 @@ from windsysid.spectral.lifted_mechanics import coupled, matrix_harmonics
 from windsysid.spectral.lifted_model import LiftedModel, finer_bins, taper_window
 from windsysid.spectral.lifted_pose import MOST_HARMONICS
 from windsysid.spectral.question import Question
+from windsysid.turbine.turbine import Turbine
 
-__all__ = ["PosedBands", "belongs_in_bands", "centre_bands", "highest_in_bands", "pose_bands", "search_bands"]
+__all__ = [
+    "PosedBands",
+    "belongs_in_bands",
+    "centre_bands",
+    "highest_in_bands",
+    "is_lightly_damped",
+    "pose_bands",
+    "search_bands",
+]
 
 BLADES_REACH, SUPPORT_REACH = 0.10, 0.14
 """Half-width of a mode's band, relative."""
@@ -104,8 +113,13 @@ def belongs_in_bands(question: Question) -> bool:
         return False
     natural = {name: turbine.natural_frequency(name) for name in model.coordinates}
     many = math.ceil(max(natural.values()) / (2.0 * math.pi * rotor_hz)) + 2 > MOST_HARMONICS
-    ratios = [turbine.values[f"c_{name}"] / (2.0 * turbine.inertia(name) * w) for name, w in natural.items()]
-    return many or min(ratios) < LIGHT or any(sensor.blade and sensor.drift > 0.0 for sensor in question.sensors)
+    drifts = any(sensor.blade and sensor.drift > 0.0 for sensor in question.sensors)
+    return many or drifts or is_lightly_damped(turbine)
+
+
+def is_lightly_damped(turbine: Turbine) -> bool:
+    """Whether a mode is damped as little as those of a real machine."""
+    return any(turbine.damping(name) < LIGHT * turbine.critical_damping(name) for name in turbine.model.coordinates)
 
 
 def highest_in_bands(question: Question) -> float:
