@@ -1,5 +1,6 @@
 """Identify: record + turbine + sensors → `Identification`, the front door of the house."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Literal
@@ -56,6 +57,10 @@ MOST_SEARCHES = 3
 
 MOST_DRIFTS = 4
 """How often spectra are asked again, with readings of a clock that drifts put back by what was left."""
+
+BEGINNING = 60.0
+"""Periods of the slowest mode at a record's beginning in which filters look for loads that they cannot explain: where
+there are, a search of all of it takes minutes."""
 
 MOVED = "readings of a clock that drifts were put back, between samples: filters feel that; use --formulation spectral"
 
@@ -384,11 +389,17 @@ def _by_broad_loads(asked: Asked) -> Found | None:
     damped, and it has more than its model: it stays with bands."""
     if asked.loads not in ("auto", Broadband.name) or is_lightly_damped(asked.turbine):
         return None
-    try:
-        joint = _jointly(asked._replace(loads=Broadband.name))
-    except (WindsysidError, np.linalg.LinAlgError):
-        return None
-    return None if joint.outcome.doubts or doubts_of_innovations(joint.outcome, joint.read.rate) else joint
+    part, joint = asked.part, None
+    begun = float(part.time[0])
+    beginning = begun + BEGINNING * 2.0 * math.pi / asked.turbine.slowest_frequency
+    for end in sorted({min(beginning, float(part.time[-1])), float(part.time[-1])}):
+        try:
+            joint = _jointly(asked._replace(part=part.section(begun, end), loads=Broadband.name))
+        except (WindsysidError, np.linalg.LinAlgError):
+            return None
+        if joint.outcome.doubts or doubts_of_innovations(joint.outcome, joint.read.rate):
+            return None
+    return joint
 
 
 def _undamped(found: Outcome) -> list[str]:
