@@ -81,7 +81,7 @@ def test_nearly_all_sines_are_told_from_narrow_bands(kind: str, at: float, least
     assert least <= found <= most
 
 
-@pytest.mark.parametrize("seed", [500, 502])
+@pytest.mark.parametrize("seed", [pytest.param(500, marks=pytest.mark.slow), 502])
 def test_how_strongly_a_sine_pushes(verne555: Turbine, seed: int):
     """3 N on either direction of the support."""
     made, exact = record("3P on the support", seed), verne555.exact()
