@@ -1,6 +1,6 @@
 """Offsets of accelerometers that their list does not know of.
 
-Most accelerometers are off by a few thousandths of gravity, and a structure that vibrates has no mean acceleration. A
+An accelerometer is easily off by some thousandths of gravity, and a structure that vibrates has no mean acceleration. A
 filter that knows of no offset takes it for a load that never changes, and damping and clocks pay for it. So the mean of
 the readings, weighted so that a vibration does not count, is held against the reading of the machine at rest: where
 they differ by more than chance, the sensor gets an offset to be found. Spectra leave constants out anyway.
@@ -84,7 +84,7 @@ def _mean(readings: Array, psi: Array) -> float:
         terms += [f(n * psi) for n in (1, 2) for f in (np.cos, np.sin)]
     design = np.column_stack(terms)
     normal = design.T @ (weight[:, None] * design)
-    rows = np.linalg.solve(normal, (weight[:, None] * design).T)[0]
+    rows = np.linalg.pinv(normal)[0] @ (weight[:, None] * design).T  # of few readings not every term is told
     return float(rows @ known)
 
 

@@ -3,9 +3,9 @@
 The noise that drives a first-order load, dz = −z/τ dt + dβ, never rests. Given the load at both ends of a step of
 length h, what it does beside the straight line is a Brownian bridge of the noise's density L: its integral over the
 step has the covariance L h³/12, and that integral is what moves a mass. A constant of the covariance L h/12 over the
-step does the same to velocities, and nearly the same to positions (h⁵/48 instead of h⁵/45). Left out, loads of 50
-samples a second are weaker than they are at a mode of 4 Hz by a hundredth of their power, and a search that sees this
-takes it for a longer memory: in ten minutes rms and time constant came out 1.14 and 1.29 times too large.
+step does the same to velocities, and nearly the same to positions (h⁵/48 instead of h⁵/45). Left out, loads lack a
+hundredth of their power at a mode whose period is twenty steps, and a search that sees this takes it for a longer
+memory: of ten minutes rms and time constant came out 1.14 and 1.29 times too large (docs/decisions.md).
 
 A load that forgets within few steps leaves the straight line another way, towards zero, and samples of it hold more
 power at low frequencies than it has. At ω, straight lines between samples lack (ω²τ² − 1)/(ω²τ² + 1) of what the bridge
@@ -41,6 +41,7 @@ def within_step(load: LoadModel, step: float) -> Array:
     Noise that no output sees directly is left out.
     """
     size = np.sqrt(np.diag(load.cov))
+    size[size == 0.0] = 1.0  # a state that nothing drives
     density = load.discretise(INSTANT * step)[1] / (INSTANT * step) / np.outer(size, size)
     largest = float(np.diag(density).max(initial=0.0))
     if np.abs(density - np.diag(np.diag(density))).max(initial=0.0) < NOTHING * largest:
