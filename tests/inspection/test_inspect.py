@@ -142,7 +142,9 @@ def test_gaps_are_found_with_what_they_lost(healthy):
 def test_irregular_steps_are_a_warning_and_rounded_stamps_are_not(healthy):
     rng = np.random.default_rng(2)
     jittered = replace(healthy, time=healthy.time + rng.uniform(-0.006, 0.006, 12000))
-    assert only_alarm(jittered, "irregular sampling", "").count > 1000
+    found = only_alarm(jittered, "irregular sampling", "")
+    assert found.count > 1000
+    assert "smoother on a regular grid" in found.text
     assert alarms(inspect_record(replace(healthy, time=np.round(healthy.time, 3)))) == []
 
 
@@ -198,6 +200,14 @@ def test_a_slipped_encoder_is_found_where_it_slipped(healthy):
     psi[6000:] = np.mod(psi[6000:] + 0.8, 2.0 * np.pi)
     found = only_alarm(changed(healthy, "rotor_azimuth", psi), "azimuth jumps", "rotor_azimuth")
     np.testing.assert_allclose(found.spans, healthy.time[[[5999, 6000]]])
+
+
+def test_an_azimuth_that_scatters_is_told_by_how_much(healthy):
+    noise = np.radians(2.0) * np.random.default_rng(5).standard_normal(12000)
+    psi = np.mod(healthy["rotor_azimuth"] + noise, 2.0 * np.pi)
+    assert (
+        "scatters by 2°" in only_alarm(changed(healthy, "rotor_azimuth", psi), "azimuth scatter", "rotor_azimuth").text
+    )
 
 
 def test_peaks_are_named_after_harmonics_and_modes(healthy, verne555):

@@ -10,6 +10,7 @@ from windsysid.errors import RecordError
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.signals import band_pass, integrate, rotor_inputs
+from windsysid.signals.rotor import steadied
 
 DECAY = Path(__file__).parents[3] / "shared" / "data" / "openfast" / "a2_rot12_decay_min.outb"
 needs_decay = pytest.mark.skipif(not DECAY.is_file(), reason="the OpenFAST records are not beside this checkout")
@@ -217,6 +218,26 @@ def test_the_azimuth_decides_where_the_usual_speed_is_wrong(factor):
     np.testing.assert_allclose(psi, 1.2 * R_TIME, atol=1e-9)
     np.testing.assert_allclose(speed, 1.2, rtol=1e-9)
     np.testing.assert_allclose(acceleration, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+@pytest.mark.parametrize(("scatter", "left"), [(0.05, 0.01), (0.005, 0.0016)])
+def test_azimuths_that_scatter_are_smoothed(recorded, scatter, left):
+    # A parabola through W azimuths leaves σ √(9 / 4 W) of their scatter in the middle.
+    noise = scatter * np.random.default_rng(3).standard_normal(len(R_TIME))
+    noise[2000:2100] = np.nan
+    noisy = rotor_record(AZIMUTH + noise, SPEED if recorded else None)
+    psi = rotor_inputs(noisy, 1.2)[:, 0]
+    assert np.std(np.mod(psi - AZIMUTH + np.pi, 2 * np.pi)[np.isfinite(noise)]) < left
+    np.testing.assert_array_equal(np.isnan(steadied(noisy)["rotor_azimuth"]), np.isnan(noise))
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.001])
+def test_a_rotor_that_turns_unevenly_keeps_its_azimuth(scatter):
+    # 20 mrad at 2 Hz are far more than azimuths may scatter, and are motion.
+    noise = scatter * np.random.default_rng(4).standard_normal(len(R_TIME))
+    uneven = rotor_record(AZIMUTH + 0.02 * np.sin(4 * np.pi * R_TIME) + noise, SPEED)
+    assert steadied(uneven) is uneven
 
 
 def test_gaps_longer_than_half_a_turn_are_bridged_by_the_speed():

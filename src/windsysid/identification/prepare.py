@@ -17,6 +17,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.load_history import Loads
 from windsysid.signals import resample
+from windsysid.signals.rotor import steadied
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
@@ -258,7 +259,7 @@ def _between_readings(readings: Record, record: Record, read: Sequence[str], rat
     values = np.full((len(time), len(record.channels)), np.nan)
     values[::steps] = readings.values
     if others:
-        fine = resample(record.select(others), steps * rate, start=float(time[0]), end=float(time[-1]))
+        fine = resample(steadied(record).select(others), steps * rate, start=float(time[0]), end=float(time[-1]))
         values[:, [record.channels.index(name) for name in others]] = fine.values
     return replace(readings, time=time, values=values)
 

@@ -101,17 +101,15 @@ def clock_faults(record: Record) -> list[Finding]:
     if inside.size and np.max(np.abs(inside)) > 0.01:
         worst, spread = float(np.max(np.abs(inside))), float(np.std(inside))
         off = (np.abs(steps / usual - 1.0) > 0.1) & ~gap
-        spans = spans_of(record.time[1:], off)
+        on_grid = off.any() and record.has_grid
         found.append(
             Finding(
                 "", "irregular sampling", "warning" if worst > 0.1 else "note",
                 f"steps of {usual:.4g} s vary by {_percent(spread)} rms, {_percent(worst)} at most"
-                + (
-                    f", {count_of(int(off.sum()), 'step')} more than 10 % off: resample to a uniform rate first"
-                    if off.any()
-                    else ""
-                ),
-                int(off.sum()), spans,
+                + (f", {count_of(int(off.sum()), 'step')} more than 10 % off: " if off.any() else "")
+                + ("readings are smoother on a regular grid, and are taken so" if on_grid else "")
+                + ("resample to a uniform rate first" if off.any() and not on_grid else ""),
+                int(off.sum()), spans_of(record.time[1:], off),
             )
         )  # fmt: skip
     return found + _repeated_rows(record)

@@ -8,6 +8,7 @@ from windsysid._types import Array
 from windsysid.inspection.channels import Kind
 from windsysid.inspection.health import Finding, Severity, when
 from windsysid.records.record import Record
+from windsysid.signals.rotor import steadied
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
@@ -235,12 +236,12 @@ def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Finding]:
                 "rotor_azimuth", f"runs backwards ({own:.3g} rad/s): count it in the sense of rotation", "warning"
             )
         ]
+    found = _azimuth_scatter(record)
     if not with_speed:
-        return []
+        return found
     speed = record["rotor_speed"][ok]
     filled = np.interp(time, time[np.isfinite(speed)], speed[np.isfinite(speed)])
     mean = float(np.median(filled))
-    found = []
     if abs(mean) > 0.05 and abs(own / mean - 1.0) > 0.02:
         ratio = mean / own if own else np.inf
         mistake = next((f": {text}?" for factor, text in _RATIOS if abs(abs(ratio) / factor - 1.0) < 0.02), "")
@@ -261,6 +262,18 @@ def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Finding]:
         )
         found.append(Finding("rotor_azimuth", "azimuth jumps", "warning", text, int(lasting.size), spans))
     return found
+
+
+def _azimuth_scatter(record: Record) -> list[Finding]:
+    """That azimuths scatter about a smooth rotation, more than gravity on the blades lets pass."""
+    record = record.on_own_times()
+    smooth = steadied(record)
+    if smooth is record:
+        return []
+    off = np.mod(record["rotor_azimuth"] - smooth["rotor_azimuth"] + np.pi, _TURN) - np.pi
+    off = off[np.isfinite(off)]
+    text = f"scatters by {np.degrees(np.std(off)):.2g}° about a smooth rotation: it is smoothed"
+    return [Finding("rotor_azimuth", "azimuth scatter", "warning", text, int(off.size), np.empty((0, 2)))]
 
 
 def _around(values: Array, reach: int = 6) -> Array:

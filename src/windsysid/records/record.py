@@ -24,6 +24,7 @@ from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows,
 from windsysid.records.labelled import Labelled, of_dataset, of_frame
 from windsysid.records.moments import tidy
 from windsysid.records.quantities import implied_unit, missing_units
+from windsysid.records.stamps import grid_behind
 from windsysid.units import UNITS, canonical, si_unit, to_si
 
 if TYPE_CHECKING:
@@ -135,6 +136,15 @@ class Record:
         grid = self.time[0] + step * np.arange(self.samples)
         return bool(np.max(np.abs(self.time - grid)) <= UNIFORM * step)
 
+    @cached_property
+    def has_grid(self) -> bool:
+        """Whether `on_uniform_grid` finds a grid that every sample belongs to."""
+        try:
+            self.on_uniform_grid()
+        except RecordError:
+            return False
+        return True
+
     def __contains__(self, channel: object) -> bool:
         return channel in self.channels
 
@@ -225,7 +235,8 @@ class Record:
         """The record on a uniform time grid at its own rate; rows that were not recorded become NaN.
 
         The grid starts at the first sample. Nothing is interpolated: each sample keeps its values and moves
-        to the grid point it belongs to, at most a tenth of a step away.
+        to the grid point it belongs to, at most a tenth of a step away; farther, where time stamps scatter but readings
+        show that they were taken on a grid (`windsysid.records.stamps`).
 
         Raises
         ------
@@ -241,12 +252,16 @@ class Record:
         index = np.rint(elapsed / step)
         off = np.abs(elapsed - step * index) / step
         off[1:][np.diff(index) == 0.0] = 0.5  # two samples on one grid point: one of them is half a step off
+        begin = float(self.time[0])
         if np.any(off > _OFF_GRID):
-            k = int(np.argmax(off > _OFF_GRID))
-            raise RecordError(
-                f"irregular sampling: sample {k} at {self.time[k]:.9g} s is {100 * off[k]:.0f} % of a step off"
-                f" {1 / step:.6g} Hz, expected at most {100 * _OFF_GRID:.0f} %; resample the record first"
-            )
+            behind = grid_behind(self.time, self._smooth(), step)
+            if behind is None:
+                k = int(np.argmax(off > _OFF_GRID))
+                raise RecordError(
+                    f"irregular sampling: sample {k} at {self.time[k]:.9g} s is {100 * off[k]:.0f} % of a step off"
+                    f" {1 / step:.6g} Hz, expected at most {100 * _OFF_GRID:.0f} %; resample the record first"
+                )
+            begin, step, index = behind
         rows = int(index[-1]) + 1
         if rows > 10 * self.samples + 1_000_000:
             raise RecordError(
@@ -255,7 +270,13 @@ class Record:
             )
         values = np.full((rows, len(self.channels)), np.nan)
         values[index.astype(np.int64)] = self.values
-        return replace(self, time=self.time[0] + step * np.arange(rows), values=values)
+        return replace(self, time=np.asarray(begin + step * np.arange(rows), dtype=np.float64), values=values)
+
+    def _smooth(self) -> Array:
+        """The values with angles as their cosine and sine, which do not jump (T, ≥ m)."""
+        angles = [unit == "rad" for unit in self.units]
+        turning = self.values[:, angles]
+        return np.hstack([self.values[:, np.logical_not(angles)], np.cos(turning), np.sin(turning)])
 
     def on_own_times(self) -> Record:
         """The record for filters: on a uniform grid where its times allow that, else each sample at its own time.

@@ -1,0 +1,99 @@
+"""Time stamps that scatter: whether readings were taken at their stamps, or on a regular grid that stamps blur.
+
+An instrument's converter ticks regularly, and a computer that is busy stamps what it reads late or early. Both kinds of
+record look alike in their times; they differ in how well each reading continues its neighbours.
+"""
+
+import math
+
+import numpy as np
+
+from windsysid._types import Array
+
+__all__ = ["grid_behind"]
+
+ENOUGH = 8.0
+"""Log likelihood by which readings have to be smoother on the grid than at their stamps."""
+
+NEAR = 0.02
+"""Share by which the step of a grid may be off at first."""
+
+FIRST = 256
+"""Samples at the beginning from which the step of a grid is taken first."""
+
+FINER = 4
+"""Steps that are tried for each one that times tell apart."""
+
+_ROUNDING = 1e-18
+
+_STENCIL = np.array([-2, -1, 1, 2])
+
+
+def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, Array] | None:
+    """The regular grid on which readings were taken though their time stamps scatter about it.
+
+    Parameters
+    ----------
+    time : ndarray (T,)
+        Time stamps [s].
+    values : ndarray (T, m)
+        NaN = missing; angles unwrapped.
+    step : float
+        Of the grid [s], nearly.
+
+    Returns
+    -------
+    tuple of float, float and ndarray (T,), or None
+        The grid's beginning [s] and step [s], and the place of each sample on it; None where two samples fall on one
+        place, or where readings are not clearly smoother there than at their stamps.
+    """
+    begin, step = _rhythm(time, step)
+    for _ in range(2):
+        index = np.rint((time - begin) / step)
+        step, begin = map(float, np.polyfit(index, time, 1))
+    if np.any(np.diff(index) < 1.0) or np.any(np.abs(time - begin - step * index) > 0.5 * step):
+        return None
+    said = _log_ratio(_roughness(time, values), _roughness(begin + step * index, values))
+    if said.sum() < ENOUGH or said.min() < -ENOUGH:
+        return None
+    return begin + step * float(index[0]), step, index - index[0]
+
+
+def _rhythm(time: Array, step: float) -> tuple[float, float]:
+    """Beginning and step [s] of the grid that times keep to best, near a step: where the sum of their phases is longest
+    (Rayleigh's periodogram), over ever longer parts from the beginning on."""
+    reach, samples = NEAR, FIRST
+    while True:
+        elapsed = time[:samples] - time[0]
+        steps = step * (1.0 + np.linspace(-reach, reach, 2 * math.ceil(FINER * reach * samples) + 1))
+        sums = [np.sum(np.exp(2j * np.pi / one * elapsed)) for one in steps]
+        best = int(np.argmax(np.abs(sums)))
+        step = float(steps[best])
+        if samples >= len(time):
+            return float(time[0] + step * np.angle(sums[best]) / (2.0 * np.pi)), step
+        reach, samples = 1.0 / samples, 4 * samples
+
+
+def _log_ratio(at_stamps: Array, on_grid: Array) -> Array:
+    """How much likelier the grid is than the stamps, by each channel (m,): the logarithm of a ratio of likelihoods."""
+    samples = np.sum(np.isfinite(on_grid), axis=0) / (1 + _STENCIL.size)  # neighbours share their readings
+    power = [np.nansum(np.square(one), axis=0) / np.maximum(samples, 1.0) + _ROUNDING for one in (at_stamps, on_grid)]
+    return np.asarray(0.5 * samples * np.log(power[0] / power[1]))
+
+
+def _roughness(time: Array, values: Array) -> Array:
+    """How far each reading lies from the cubic through its four neighbours (T − 4, m): in standard deviations that
+    unit noise gives it, and as a share of the channel's largest reading."""
+    inner = np.arange(2, len(time) - 2)
+    largest = np.nanmax(np.abs(values), axis=0, initial=0.0)
+    values = values / np.where(largest > 0.0, largest, 1.0)
+    nodes = time[inner[:, None] + _STENCIL] - time[inner, None]
+    weights = np.ones_like(nodes)  # Lagrange's, at 0
+    for i in range(_STENCIL.size):
+        for j in range(_STENCIL.size):
+            if i != j:
+                weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
+    off = values[inner].copy()
+    for i, place in enumerate(_STENCIL.tolist()):
+        off -= weights[:, i, None] * values[inner + place]
+    return np.asarray(off / np.sqrt(1.0 + np.sum(np.square(weights), axis=1))[:, None])

@@ -1,0 +1,79 @@
+"""Time stamps that scatter, and readings that were taken at uneven times: the motion is known at any time."""
+
+import numpy as np
+import pytest
+
+from windsysid.errors import RecordError
+from windsysid.records.record import Record
+
+RATE = 50.0
+FREQUENCIES = (0.7, 1.9, 4.1)
+
+
+def motion(time, rng):
+    phases = rng.uniform(0, 2 * np.pi, (2, len(FREQUENCIES)))
+    return np.sum(np.sin(2 * np.pi * np.multiply.outer(time, FREQUENCIES)[:, None] + phases), axis=2)
+
+
+def record(taken, stamped, seed, *, noise=0.05, azimuth=False):
+    rng = np.random.default_rng(seed)
+    values = motion(taken, rng)
+    values += noise * rng.standard_normal(values.shape)
+    made = Record(stamped, values, ("tower_x_acceleration", "tower_y_acceleration"), ("m/s^2", "m/s^2"))
+    return made.with_channels({"rotor_azimuth": (np.mod(7.4 * taken, 2 * np.pi), "rad")}) if azimuth else made
+
+
+def times(seed, scatter, samples=3000):
+    grid = np.arange(samples) / RATE
+    return grid, grid + scatter / RATE * np.random.default_rng(seed).uniform(-1, 1, samples)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("scatter", [0.2, 0.4])
+def test_stamps_that_scatter_are_put_on_the_grid_that_readings_show(seed, scatter):
+    grid, stamps = times(seed, scatter)
+    made = record(grid, stamps, seed)
+    found = made.on_uniform_grid()
+    assert found.samples == 3000
+    np.testing.assert_array_equal(found.values, made.values)
+    np.testing.assert_allclose(found.time, grid, atol=0.02 / RATE)
+
+
+@pytest.mark.parametrize("azimuth", [False, True])
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("scatter", [0.2, 0.4])
+def test_readings_that_were_taken_at_uneven_times_keep_them(seed, scatter, azimuth):
+    _, stamps = times(seed, scatter)
+    made = record(stamps, stamps, seed, azimuth=azimuth)
+    assert not made.has_grid
+    with pytest.raises(RecordError, match="irregular sampling"):
+        made.on_uniform_grid()
+    assert len(made.on_own_times().intervals()[0]) > 10
+
+
+def test_samples_that_were_lost_are_missing_on_the_grid():
+    grid, stamps = times(1, 0.3)
+    kept = np.ones(3000, dtype=bool)
+    kept[[700, 701, 1900]] = False
+    found = record(grid, stamps, 1)
+    found = Record(found.time[kept], found.values[kept], found.channels, found.units).on_uniform_grid()
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found.values[:, 0])), [700, 701, 1900])
+
+
+def test_channels_that_disagree_leave_the_stamps():
+    # An azimuth that follows the stamps and accelerations that follow the grid: nobody knows which clock is right.
+    grid, stamps = times(2, 0.3)
+    made = record(grid, stamps, 2)
+    both = made.with_channels({"rotor_azimuth": (np.mod(7.4 * stamps, 2 * np.pi), "rad")})
+    assert made.has_grid
+    assert not both.has_grid
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_does_not_tell(seed):
+    _, stamps = times(seed, 0.3)
+    noise = np.random.default_rng(seed).standard_normal((3000, 2))
+    still = Record(stamps, noise, ("tower_x_acceleration", "tower_speed"), ("m/s^2", "m/s"))
+    assert not still.has_grid
+    constant = still.with_channels({"tower_speed": (np.full(3000, 3.0), "m/s")})
+    assert not constant.has_grid
