@@ -154,6 +154,18 @@ def _turned(degrees: float) -> Loads:
     return lambda readings, rng: np.asarray(readings @ np.array([[c, -s], [s, c]]))
 
 
+def _wandering(exponent: float, level: float) -> Loads:
+    """Offsets whose power falls with a power of frequency, their standard deviation [m/s²] over the record."""
+
+    def read(readings: Array, rng: np.random.Generator) -> Array:
+        f = np.fft.rfftfreq(len(readings), 1.0 / RATE)[1:]
+        parts = rng.standard_normal((2, len(f), 2)) * f[:, None] ** (-0.5 * exponent)
+        wander = np.fft.irfft(np.vstack([np.zeros(2), parts[0] + 1j * parts[1]]), len(readings), axis=0)
+        return np.asarray(readings + level * wander / wander.std(axis=0))
+
+    return read
+
+
 def _silent(readings: Array, rng: np.random.Generator) -> Array:
     readings = readings.copy()
     readings[len(readings) // 2 :, 1] = 0.0
@@ -183,6 +195,8 @@ KINDS: dict[str, Kind] = {
     "loads swell 3 x in 100 s": Kind(loads=_swelling(3.0, 100.0)),
     "loads correlated 0.7": Kind(loads=_correlated),
     "sensors turned by 5°": Kind(reads=_turned(5.0)),
+    "offsets wander": Kind(reads=_wandering(2.0, 0.05)),
+    "flicker noise": Kind(reads=_wandering(1.0, 0.02)),
     "sensor silent for a half": Kind(reads=_silent),
     "readings cut off at 1.2 σ": Kind(reads=lambda y, rng: np.clip(y, -1.2 * y.std(axis=0), 1.2 * y.std(axis=0))),
 }

@@ -13,6 +13,7 @@ import xarray as xr
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as identify_module
+from windsysid.identification import ways
 from windsysid.identification.joint import identify_jointly_from
 from windsysid.identification.pieces import identify_pieces
 from windsysid.identification.prepare import add_noise, usable_sensors, with_noise
@@ -280,7 +281,7 @@ def test_a_section_must_leave_something_to_the_force_balance(verne555, record):
 @pytest.mark.parametrize(("rate", "left"), [(0.1, 4), (1e-6, 1), (4.0, 160)])
 def test_a_rate_that_leaves_no_motion_is_refused_at_once(verne555, record, rate, left, monkeypatch):
     # verne555's slowest mode stands at 1.67 Hz: 40 s hold 67 periods of it, and 2.5 samples a period are 4.2 Hz.
-    monkeypatch.setattr("windsysid.identification.identify.identify_jointly", lambda *_, **__: pytest.fail("went on"))
+    monkeypatch.setattr("windsysid.identification.ways.identify_jointly", lambda *_, **__: pytest.fail("went on"))
     slowest = verne555.natural_frequency("y") / (2.0 * np.pi)
     with pytest.raises(ConfigurationError, match=rf"rate: {rate:g} Hz would leave {left} samples of 6\d") as error:
         identify(record, verne555, rate=rate)
@@ -487,7 +488,7 @@ def test_auto_trusts_neither_where_filters_and_spectra_disagree(verne555, monkey
         found = by_spectrum(*asked, **options)
         return found._replace(theta=found.theta + 4.0 * np.sqrt(np.diag(found.cov)))
 
-    monkeypatch.setattr(identify_module, "identify_by_spectrum", off)
+    monkeypatch.setattr(ways, "identify_by_spectrum", off)
     found = identify(record, verne555, formulation="auto")
     assert not found.diagnosis.trusted
     assert any("filters and spectra disagree on" in reason for reason in found.diagnosis.reasons)
@@ -536,7 +537,7 @@ def test_auto_goes_by_filters_where_spectra_find_damping_below_zero(tower_record
         found = by_spectrum(*asked, **options)
         return found._replace(theta=found.theta * np.where(["c_" in q.name for q in found.model.parameters], -1.0, 1.0))
 
-    monkeypatch.setattr(identify_module, "identify_by_spectrum", mirrored)
+    monkeypatch.setattr(ways, "identify_by_spectrum", mirrored)
     found = identify(tower_record, "tower", formulation="auto", loads="broadband")
     assert found.formulation == "joint"
     assert any("is not positive" in note for note in found.notes)

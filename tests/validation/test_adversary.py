@@ -14,6 +14,7 @@ from windsysid.identification.posterior_mode import information
 from windsysid.identification.prepare import resample_for_model
 from windsysid.identification.prior import Prior
 from windsysid.identification.problem import pose
+from windsysid.identification.what_fits import WITHOUT_WIND
 from windsysid.loads.statistics import coordinates_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.simulation.integrate import integrate
@@ -47,6 +48,7 @@ def test_loads_have_the_level_and_the_memory_that_they_are_given():
     assert np.std(line) == pytest.approx(2.0, rel=0.3)
 
 
+@pytest.mark.slow  # tests/statespace/test_within_step.py has the mathematics
 def test_statistics_of_loads_in_continuous_time_are_not_off():
     """Scores at the truth, ten minutes each: with loads along straight lines between samples the memory was off by 3.4
     and the blades' noise by 4.4 standard deviations of three records together."""
@@ -65,6 +67,7 @@ def test_statistics_of_loads_in_continuous_time_are_not_off():
     assert np.abs(np.sum(off, axis=0) / np.sqrt(len(off))).max() < 3.0
 
 
+@pytest.mark.slow
 def test_a_slow_rotor_without_wind_is_not_taken_for_one_in_wind():
     """Bands around the modes suppose wind: a peak of noise was the support's mode, 12.4 standard deviations off, and
     trusted."""
@@ -72,6 +75,10 @@ def test_a_slow_rotor_without_wind_is_not_taken_for_one_in_wind():
     assert found["trusted"], found["reasons"]
     assert max(map(abs, found["z"])) < 3.0
     assert any("broad loads explain the record" in note for note in found["notes"])
+    asked = identify(
+        record("rotor at 18 rpm", 240_011), "verne555", prior=DrawnPrior(seed=240_011), formulation="spectral"
+    )
+    assert asked.diagnosis.reasons == (WITHOUT_WIND,)
 
 
 def test_what_is_drawn_is_the_same_for_a_seed_and_another_for_another():
@@ -79,7 +86,8 @@ def test_what_is_drawn_is_the_same_for_a_seed_and_another_for_another():
     assert one == again != other
 
 
-@pytest.mark.parametrize("kind", ["blades 2 ms late", pytest.param("5 degrees off", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["blades 2 ms late", "5 degrees off"])
 def test_an_instrument_that_is_off_by_what_its_tolerance_explains_is_trusted(kind: str):
     """Filters and spectra are compared with instruments where they have found them: as their files say, both were wrong
     in ways of their own."""

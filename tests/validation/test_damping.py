@@ -6,6 +6,7 @@ from validation.damping import air_of_the_tower, campaign
 from windsysid.units import RPM
 
 
+@pytest.mark.slow  # tests/monitoring/test_damping.py has it of results made by hand
 def test_parked_and_running_records_tell_both_parts():
     found = campaign("parked and running", 1)
     assert len(found) == 2 * 4

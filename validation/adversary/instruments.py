@@ -46,6 +46,12 @@ class Instruments(NamedTuple):
         Standard deviations of what is drawn for each record: gain, angle [deg], lateness [s].
     offset
         What is added to each channel, in its unit (5,).
+    wander
+        How far offsets walk in a second, in standard deviations of `NOISE`.
+    stamps
+        By how much time stamps are off the times at which readings are taken, at most [s].
+    azimuth
+        Standard deviation of what is added to the rotor's azimuth [deg].
     """
 
     gain: tuple[float, ...] = (1.0,) * 5
@@ -61,6 +67,9 @@ class Instruments(NamedTuple):
     dead: tuple[float, float] = (0.0, 0.0)
     drawn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     offset: tuple[float, ...] = (0.0,) * 5
+    wander: float = 0.0
+    stamps: float = 0.0
+    azimuth: float = 0.0
 
     def read(self, motion: Array, lead: int, duration: float, rate: float, rng: np.random.Generator) -> Array:
         """Readings (T, 5) at so many a second of accelerations (n, 5) at `RATE`, from their row `lead` on."""
@@ -77,6 +86,8 @@ class Instruments(NamedTuple):
         readings[hurt, 2] = 0.0
         readings += NOISE * np.array(self.noise) * self._noise(len(time), rng)
         readings += np.array(self.offset)
+        if self.wander:
+            readings += NOISE * self.wander * np.cumsum(rng.standard_normal(readings.shape), axis=0) / np.sqrt(rate)
         rms = np.sqrt(np.mean(readings**2, axis=0))
         if self.bits:
             step = 8.0 * rms / 2**self.bits
@@ -87,6 +98,15 @@ class Instruments(NamedTuple):
         if stuck.stop > stuck.start:
             readings[stuck, 2] = readings[stuck.start, 2]
         return np.asarray(readings)
+
+    def stamp(self, time: Array, rng: np.random.Generator) -> Array:
+        """Time stamps of readings that are taken at times [s]."""
+        return time + self.stamps * rng.uniform(-1.0, 1.0, len(time)) if self.stamps else time
+
+    def turned(self, psi: Array, rng: np.random.Generator) -> Array:
+        """What is read of an azimuth [rad]."""
+        noise = np.radians(self.azimuth) * rng.standard_normal(len(psi)) if self.azimuth else 0.0
+        return np.asarray(np.mod(psi + noise, 2.0 * np.pi))
 
     def _noise(self, n: int, rng: np.random.Generator) -> Array:
         if self.tails:

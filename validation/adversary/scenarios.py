@@ -156,6 +156,9 @@ SCENARIOS: dict[str, Scenario] = {
     ),
     "tolerances drawn": Scenario("instrument", instruments=Instruments(drawn=(0.01, 2.0, 0.001))),
     "offsets of 5 mg": Scenario("instrument", instruments=Instruments(offset=(0.05, -0.03, 0.05, -0.1, 0.1))),
+    "offsets wander": Scenario("instrument", instruments=Instruments(wander=1.0)),
+    "stamps scatter by 2 ms": Scenario("instrument", instruments=Instruments(stamps=0.002)),
+    "azimuth scatters by 2 degrees": Scenario("instrument", instruments=Instruments(azimuth=2.0)),
     "6 bits": Scenario("instrument", instruments=Instruments(bits=6)),
     "noise correlated 0.9": Scenario("instrument", instruments=Instruments(colour=0.9)),
     "noise with tails": Scenario("instrument", instruments=Instruments(tails=3.0)),
@@ -190,9 +193,9 @@ def record(name: str, seed: int) -> Record:
     motion = move(kind.machine, kind.loads(rng, 2 * round(seconds * RATE) + 1))
     readings = kind.instruments.read(motion, LEAD_IN * RATE, kind.duration, kind.rate, rng)
     time = np.arange(len(readings)) / kind.rate
-    psi = np.mod(kind.machine.speed * (LEAD_IN + time), 2.0 * np.pi)
+    psi = kind.instruments.turned(kind.machine.speed * (LEAD_IN + time), rng)
     return Record(
-        time=time,
+        time=kind.instruments.stamp(time, rng),
         values=np.column_stack([psi, np.full_like(time, kind.machine.speed), readings]),
         channels=("rotor_azimuth", "rotor_speed", *CHANNELS),
         units=("rad", "rad/s", "m/s^2", "m/s^2", "rad/s^2", "rad/s^2", "rad/s^2"),

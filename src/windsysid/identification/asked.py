@@ -35,6 +35,8 @@ class Asked(NamedTuple):
         What spectra have said of the same.
     drifts
         Drifts of clocks that were found before.
+    leaning
+        Whether sensors that feel gravity may drift, too (`windsysid.identification.drifting_offsets`).
     """
 
     record: Record
@@ -49,6 +51,7 @@ class Asked(NamedTuple):
     near: Outcome | None = None
     spectra: "Found | None" = None
     drifts: tuple[Drift, ...] = ()
+    leaning: bool = False
 
     @property
     def quiet(self) -> Record:

@@ -1,0 +1,111 @@
+"""Offsets of accelerometers that wander, though their list does not say so.
+
+Below its slowest mode a structure hardly accelerates: loads of a flat spectrum give readings whose power grows with the
+fourth power of frequency, loads that forget slowly with the square. What grows towards low frequencies is the
+instrument: temperature, or flicker noise of its electronics. Filters that know of no drift take it for loads, and
+condemn the record or find other coefficients. So a random walk and flicker beside these are held against the slow part
+of the readings. Where they show, what varies over the whole record is taken out, and the sensor gets a drift that is as
+strong at the slowest mode. Spectra are read above it anyway.
+
+A sensor that feels gravity reads slowly, too, as the structure leans. There a drift is supposed only if somebody asks.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.mechanics.sensors import Accelerometer, Sensor
+from windsysid.records.record import Record
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["with_drifting_offsets"]
+
+SLOW = 0.5
+"""Of the slowest mode's and the rotor's frequency, below which readings are slow."""
+
+FIRST = 3
+"""Periods in a record of the slowest variation that tells a drift; what is slower is taken out where there is one."""
+
+FEWEST = 12
+"""Frequencies that are needed."""
+
+CLEAR = 12.0
+"""Log likelihood by which drifts have to explain the slow readings of like sensors better."""
+
+ROUNDS = 300
+"""Of multiplicative updates (Févotte, Bertin & Durrieu 2009, doi:10.1162/neco.2008.04-08-771)."""
+
+SETTLED = 10.0
+"""Seconds of a drift that make the offset at the beginning."""
+
+
+def with_drifting_offsets(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, leaning: bool = False
+) -> tuple[Record, tuple[Sensor, ...], tuple[str, ...]]:
+    """The record without slow variations of sensors whose offsets wander, the sensors with these drifts, and what to
+    say; sensors that feel gravity only if `leaning`."""
+    slowest = turbine.slowest_frequency / (2.0 * np.pi)
+    once = abs(turbine.rotor_speed) / (2.0 * np.pi)
+    below = SLOW * (min(slowest, once) if once > 0.0 else slowest)
+    alike: dict[str, list[int]] = {}
+    for i, sensor in enumerate(sensors):
+        if isinstance(sensor, Accelerometer) and not sensor.drift and (leaning or not sensor.feels_gravity):
+            alike.setdefault(sensor.unit, []).append(i)
+    found, said, held = list(sensors), [], {}
+    for group in alike.values():
+        told = [_wandering(record[sensors[i].channel], record.rate, below, slowest) for i in group]
+        if sum(clear for clear, _ in told) < CLEAR:
+            continue
+        for i, (_, drift) in zip(group, told, strict=True):
+            sensor = sensors[i]
+            bias = max(sensor.bias, drift * math.sqrt(SETTLED))
+            found[i] = sensor.model_copy(update={"drift": drift, "bias": bias})
+            held[sensor.channel] = _without_trend(record[sensor.channel]), record.unit(sensor.channel)
+            said.append(f"{sensor.channel} by {drift:.2g} {sensor.unit} in a second")
+    if not said:
+        return record, tuple(sensors), ()
+    note = f"offsets wander: slow variations are taken out, and drifts are found beside: {', '.join(said)}"
+    return record.with_channels(held), tuple(found), (note,)
+
+
+def _wandering(readings: Array, rate: float, below: float, at: float) -> tuple[float, float]:
+    """By how much log likelihood a random walk or flicker explains readings (T,) better below a frequency [Hz], and the
+    standard deviation after one second of the random walk that is as strong at another one."""
+    n = len(readings)
+    first, last = FIRST, int(below * n / rate)
+    if last - first < FEWEST:
+        return 0.0, 0.0
+    known = np.isfinite(readings)
+    weight = np.where(known, np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2, 0.0)
+    mean = float(np.sum(weight[known] * readings[known]) / weight.sum())
+    power = np.abs(np.fft.rfft(weight * np.where(known, readings - mean, 0.0))[first:last]) ** 2
+    power *= 2.0 / (rate * float(weight @ weight))
+    if not power.min() > 0.0:
+        return 0.0, 0.0
+    f = np.arange(first, last) * rate / n
+    others = np.stack([np.ones_like(f), (f / below) ** 2, (f / below) ** 4])
+    wandering = np.stack([at / f, (at / f) ** 2])
+    without, _ = _explained(power, others)
+    within, share = _explained(power, np.vstack([others, wandering]))
+    return without - within, 2.0 * math.pi * at * math.sqrt(0.5 * float(share[-2:].sum()))
+
+
+def _explained(power: Array, shapes: Array) -> tuple[float, Array]:
+    """How far a periodogram (F,) is from a sum of spectra (K, F), as −log likelihood, and how much of each (K,)."""
+    share = np.mean(power) / (len(shapes) * shapes.mean(axis=1))
+    for _ in range(ROUNDS):
+        whole = share @ shapes
+        share *= (shapes @ (power / whole**2)) / (shapes @ (1.0 / whole))
+    whole = share @ shapes
+    return float(np.sum(np.log(whole) + power / whole)), share
+
+
+def _without_trend(readings: Array) -> Array:
+    """Readings without what varies less than `FIRST` times over the record; their mean stays."""
+    known = np.isfinite(readings)
+    place = (np.arange(len(readings)) + 0.5) / len(readings)
+    terms = np.cos(np.pi * np.outer(place, np.arange(2 * FIRST + 1)))
+    share = np.linalg.lstsq(terms[known], readings[known], rcond=None)[0]
+    return np.asarray(readings - terms[:, 1:] @ share[1:])

@@ -1,0 +1,75 @@
+"""Offsets of accelerometers that wander, which nobody has told."""
+
+import numpy as np
+import pytest
+from validation.adversary.scenarios import SCENARIOS, record
+
+from validation import towers
+from windsysid.identification.drifting_offsets import with_drifting_offsets
+from windsysid.identification.identify import identify
+from windsysid.records.record import Record
+from windsysid.simulation.record import simulate_record
+from windsysid.study.drawn_prior import DrawnPrior
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+
+def walked(made: Record, turbine: Turbine, step: float, seed: int) -> Record:
+    """The record with a random walk beside each accelerometer, of that standard deviation after one second."""
+    steps = np.random.default_rng(seed).standard_normal((made.samples, len(turbine.sensors)))
+    walks = step * np.cumsum(steps, axis=0) / np.sqrt(made.rate)
+    channels = [sensor.channel for sensor in turbine.sensors]
+    return made.with_channels(
+        {name: (made[name] + walk, made.unit(name)) for name, walk in zip(channels, walks.T, strict=True)}
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_drift_is_as_fast_as_the_readings_wander(verne555: Turbine, seed: int):
+    made = simulate_record(verne555, duration=200.0, rate=25.0, seed=seed)
+    wandering = walked(made, verne555, 0.1, seed)
+    read, sensors, said = with_drifting_offsets(wandering, verne555, verne555.sensors)
+    assert len(said) == 1
+    assert "offsets wander" in said[0]
+    drifts = np.array([sensor.drift for sensor in sensors])
+    assert 0.05 < np.sqrt(np.mean(drifts**2)) < 0.2
+    assert read.channels == made.channels
+    for sensor in sensors:
+        assert sensor.bias >= 3.0 * sensor.drift
+        assert np.std(read[sensor.channel]) < np.std(wandering[sensor.channel])
+        assert np.mean(read[sensor.channel]) == pytest.approx(np.mean(wandering[sensor.channel]))
+
+
+@pytest.mark.parametrize("name", ["verne555", "nrel5mw", "tower"])
+@pytest.mark.parametrize("seed", range(2))
+def test_sensors_that_do_not_wander_keep_what_they_have(name: str, seed: int):
+    turbine = load_turbine(name)
+    made = simulate_record(turbine, duration=300.0, rate=20.0, seed=seed)
+    for leaning in (False, True):
+        assert with_drifting_offsets(made, turbine, turbine.sensors, leaning=leaning) == (made, turbine.sensors, ())
+
+
+def test_gaps_and_short_records_are_no_drift(verne555: Turbine):
+    made = simulate_record(verne555, duration=100.0, rate=25.0, seed=5)
+    made.values[300:700] = np.nan
+    assert with_drifting_offsets(made, verne555, verne555.sensors)[2] == ()
+    short = walked(made.section(0.0, 10.0), verne555, 0.1, 1)
+    assert with_drifting_offsets(short, verne555, verne555.sensors)[2] == ()
+
+
+def test_a_healthy_machine_whose_sensors_drift_is_trusted(verne555: Turbine):
+    """It went on for minutes, and was condemned."""
+    found = identify(record("offsets wander", 270_001), verne555, prior=DrawnPrior(seed=270_001))
+    truth = SCENARIOS["offsets wander"].machine.truth
+    assert found.diagnosis.trusted, found.diagnosis.reasons
+    assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.5
+    assert any("offsets wander" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("kind", ["flicker noise", pytest.param("offsets wander", marks=pytest.mark.slow)])
+def test_filters_are_no_judge_of_a_tower_whose_sensors_drift(kind: str):
+    """Filters took a drift for loads, and what they said against spectra condemned a result that was right."""
+    made, truth = towers.simulate(kind, 820_001)
+    found = identify(made, load_turbine("tower"), prior=DrawnPrior(seed=820_001))
+    assert found.diagnosis.trusted, found.diagnosis.reasons
+    assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.0
