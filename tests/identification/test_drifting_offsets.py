@@ -7,6 +7,9 @@ from validation.adversary.scenarios import SCENARIOS, record
 from validation import towers
 from windsysid.identification.drifting_offsets import with_drifting_offsets
 from windsysid.identification.identify import identify
+from windsysid.identification.outcome import known_inputs
+from windsysid.identification.prior import Prior
+from windsysid.identification.spectral import ask
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
@@ -55,6 +58,18 @@ def test_gaps_and_short_records_are_no_drift(verne555: Turbine):
     assert with_drifting_offsets(made, verne555, verne555.sensors)[2] == ()
     short = walked(made.section(0.0, 10.0), verne555, 0.1, 1)
     assert with_drifting_offsets(short, verne555, verne555.sensors)[2] == ()
+
+
+def test_spectra_give_a_drift_the_density_of_a_random_walk():
+    """σ²/ω² at ω; where a band reads at zero it was infinite, and is what the lowest frequency has."""
+    tower = load_turbine("tower")
+    sensors = [sensor.model_copy(update={"noise": 0.2, "bias": 0.1, "drift": 0.3}) for sensor in tower.sensors]
+    made = simulate_record(tower, duration=100.0, rate=20.0, seed=1)
+    inputs, readings = known_inputs(made, tower, sensors), np.column_stack([made[s.channel] for s in sensors])
+    posed = ask(made, tower, sensors, Prior(), None, inputs, readings, "broadband")
+    _, density = posed.noise(np.array([[0.0, 0.01, -0.5]]), np.arange(6))
+    expected = 0.2**2 / 20.0 + (0.3 / (2.0 * np.pi * np.array([0.01, 0.01, 0.5]))) ** 2
+    assert density.sum(axis=0) == pytest.approx(np.repeat(expected, 2)[None])
 
 
 def test_a_healthy_machine_whose_sensors_drift_is_trusted(verne555: Turbine):

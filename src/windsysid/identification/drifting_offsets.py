@@ -86,10 +86,9 @@ def _wandering(readings: Array, rate: float, below: float, at: float) -> tuple[f
         return 0.0, 0.0
     f = np.arange(first, last) * rate / n
     others = np.stack([np.ones_like(f), (f / below) ** 2, (f / below) ** 4])
-    wandering = np.stack([at / f, (at / f) ** 2])
     without, _ = _explained(power, others)
-    within, share = _explained(power, np.vstack([others, wandering]))
-    return without - within, 2.0 * math.pi * at * math.sqrt(0.5 * float(share[-2:].sum()))
+    within, share = min((_explained(power, np.vstack([others, (at / f) ** n])) for n in (1, 2)), key=lambda one: one[0])
+    return without - within, 2.0 * math.pi * at * math.sqrt(0.5 * float(share[-1]))
 
 
 def _explained(power: Array, shapes: Array) -> tuple[float, Array]:

@@ -110,6 +110,7 @@ class Question(NamedTuple):
         names = [s.name for s in statistics]
         given = np.zeros((len(statistics), *frequency.shape, len(self.sensors)))
         w = 2.0 * np.pi * np.abs(frequency)
+        w = np.maximum(w, np.min(w[w > 0.0], initial=math.inf))  # a random walk in a record has no more at zero
         for i, sensor in enumerate(self.sensors):
             density = np.full(frequency.shape, sensor.noise**2 / self.rate)
             if sensor.drift:
