@@ -150,7 +150,7 @@ def test_loads_that_are_not_there_are_learned_to_be_none(verne555, decay):
         assert off(as_states, e.name) < 4.0
 
 
-@pytest.mark.parametrize("factor", [1.0 / 3.0, 3.0])
+@pytest.mark.parametrize("factor", [pytest.param(1.0 / 3.0, marks=pytest.mark.slow), 3.0])
 def test_wrong_statistics_in_the_files_are_put_right(verne555, driven, found, factor):
     # Three times off in load and noise: the answer is the same as from the right files.
     wrong = replace(
@@ -261,7 +261,15 @@ def test_a_recursion_that_loses_its_way_costs_the_history_only(verne555, driven,
         assert one.std == pytest.approx(other.std, rel=0.02)
 
 
-@pytest.mark.parametrize(("factor", "trusted"), [(1.0, True), (1.004, True), (1.015, False), (0.985, False)])
+@pytest.mark.parametrize(
+    ("factor", "trusted"),
+    [
+        pytest.param(1.0, True, marks=pytest.mark.slow),
+        (1.004, True),
+        (1.015, False),
+        pytest.param(0.985, False, marks=pytest.mark.slow),
+    ],
+)
 def test_time_that_is_counted_wrongly_shows_between_azimuth_and_speed(verne555, driven, factor, trusted):
     result = identify(replace(driven, time=driven.time * factor), verne555)
     assert result.diagnosis.trusted == trusted

@@ -206,7 +206,7 @@ def test_modes_are_looked_for_where_they_are() -> None:
     assert hz["lag forward"] == pytest.approx(1.3053, rel=0.02)
 
 
-@pytest.mark.parametrize("missing", ["", TIPS[1]])
+@pytest.mark.parametrize("missing", [pytest.param("", marks=pytest.mark.slow), TIPS[1]])
 def test_rotor_in_simulated_wind_is_found(missing: str) -> None:
     sensors = tuple(s.exact() for s in TURBINE.sensors if s.channel != missing)
     found = ws.identify(record(), TURBINE.exact(), formulation="spectral", sensors=sensors, prior=DrawnPrior(seed=1))

@@ -415,7 +415,7 @@ def frame(seed, loads, storeys=5, zeta=0.02, noise=0.1):
     return frequencies, y + noise * y.std(axis=0) * rng.normal(size=y.shape)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow), 3])
 def test_no_mode_is_trusted_and_wrong_where_one_load_drives_all(seed):
     """The neighbours' response to the load of a mode is coherent with its own, and moved a damping by five sigma."""
     true, y = frame(seed, np.ones((5, 1)))

@@ -103,11 +103,13 @@ def test_a_support_that_hardens_is_not_trusted():
     assert any("cubes" in reason for reason in hard["reasons"])
 
 
+@pytest.mark.slow
 def test_a_support_that_loosens_midway_is_told_by_the_halves_of_the_record():
     found = identify_one("support 15 % softer from midway", 4002, "broadband")
     assert found["reasons"][0].startswith("the halves of the record disagree on k_")
 
 
+@pytest.mark.slow
 def test_a_line_is_seen_though_it_turns_the_modes_of_the_tower_into_others(monkeypatch: pytest.MonkeyPatch):
     """It brings the stiffnesses together, so that the tower whirls: the file has no modes of these names."""
     monkeypatch.setattr(front, "MOST_SEARCHES", 0)
