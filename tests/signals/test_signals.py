@@ -10,7 +10,7 @@ from windsysid.errors import RecordError
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
 from windsysid.signals import band_pass, integrate, rotor_inputs
-from windsysid.signals.rotor import steadied
+from windsysid.signals.azimuth import GLITCH, steadied
 
 DECAY = Path(__file__).parents[3] / "shared" / "data" / "openfast" / "a2_rot12_decay_min.outb"
 needs_decay = pytest.mark.skipif(not DECAY.is_file(), reason="the OpenFAST records are not beside this checkout")
@@ -230,6 +230,27 @@ def test_azimuths_that_scatter_are_smoothed(recorded, scatter, left):
     psi = rotor_inputs(noisy, 1.2)[:, 0]
     assert np.std(np.mod(psi - AZIMUTH + np.pi, 2 * np.pi)[np.isfinite(noise)]) < left
     np.testing.assert_array_equal(np.isnan(steadied(noisy)["rotor_azimuth"]), np.isnan(noise))
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+@pytest.mark.parametrize("degrees", [1.0, 5.0, 10.0])
+def test_an_encoder_of_coarse_steps_is_smoothed_over_them(recorded, degrees):
+    step = np.radians(degrees)
+    read = step * np.round(np.mod(AZIMUTH, 2 * np.pi) / step)
+    psi = rotor_inputs(rotor_record(read, SPEED if recorded else None), 1.2)[:, 0]
+    left, given = (np.std(np.mod(angle - AZIMUTH + np.pi, 2 * np.pi)) for angle in (psi, read))
+    assert left < 0.2 * given
+
+
+def test_an_azimuth_that_is_lost_now_and_then_is_bridged():
+    glitches = np.random.default_rng(7).random(len(R_TIME)) < 0.02
+    psi = rotor_inputs(rotor_record(np.where(glitches, 0.0, np.mod(AZIMUTH, 2 * np.pi)), SPEED), 1.2)[:, 0]
+    assert np.max(np.abs(np.mod(psi - AZIMUTH + np.pi, 2 * np.pi) - np.pi)) < GLITCH
+
+
+def test_an_encoder_that_slips_is_left_as_it_is():
+    slipped = rotor_record(AZIMUTH + np.where(R_TIME > 30.0, 0.8, 0.0), SPEED)
+    assert steadied(slipped) is slipped
 
 
 @pytest.mark.parametrize("scatter", [0.0, 0.001])

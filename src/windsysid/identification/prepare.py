@@ -17,7 +17,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.load_history import Loads
 from windsysid.signals import resample
-from windsysid.signals.rotor import steadied
+from windsysid.signals.azimuth import steadied
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [

@@ -8,7 +8,7 @@ from windsysid._types import Array
 from windsysid.inspection.channels import Kind
 from windsysid.inspection.health import Finding, Severity, when
 from windsysid.records.record import Record
-from windsysid.signals.rotor import steadied
+from windsysid.signals.azimuth import MAX_SCATTER, steadied
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
@@ -272,6 +272,9 @@ def _azimuth_scatter(record: Record) -> list[Finding]:
         return []
     off = np.mod(record["rotor_azimuth"] - smooth["rotor_azimuth"] + np.pi, _TURN) - np.pi
     off = off[np.isfinite(off)]
+    off = off[np.abs(off) <= 10.0 * np.median(np.abs(off))]  # others are spikes
+    if not np.std(off) > MAX_SCATTER:
+        return []
     text = f"scatters by {np.degrees(np.std(off)):.2g}° about a smooth rotation: it is smoothed"
     return [Finding("rotor_azimuth", "azimuth scatter", "warning", text, int(off.size), np.empty((0, 2)))]
 

@@ -14,28 +14,14 @@ from numpy.typing import ArrayLike
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.records.record import Record
+from windsysid.signals.azimuth import steadied
 from windsysid.signals.band import bridged
 
-__all__ = ["RotorMotion", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope", "steadied"]
+__all__ = ["RotorMotion", "rotor_from_encoder", "rotor_from_pulses", "rotor_inputs", "smooth_slope"]
 
 
 STANDING_MAX_SPEED = 0.05
 """Mean speed [rad/s] below which the rotor of a parked machine counts as standing: half a revolution per minute."""
-
-MAX_SCATTER = 2e-3
-"""Scatter of azimuths [rad] beyond which they are smoothed: 0.1°, with which gravity on a blade reads 0.02 m/s²."""
-
-SHORTEST_SMOOTHING = 5
-"""Samples over which azimuths that scatter are smoothed, at least."""
-
-FEWEST_AZIMUTHS = 50
-"""Fewer azimuths than this are left as they are."""
-
-LONGEST_SMOOTHING = 40.0
-"""Seconds over which azimuths that scatter are smoothed, at most."""
-
-MAX_SCATTER_CORRELATION = 0.5
-"""Greatest autocorrelation, over ten lags, of what scatters: beyond it, the rotor may have turned like that."""
 
 MAX_SPEED_FACTOR = 20.0
 """Greatest factor from the turbine's usual rotor speed; beyond it an azimuth is in another unit (degrees: 57 times)."""
@@ -249,56 +235,6 @@ def _pulse_times(values: Array, rate: float) -> Array:
     rise = rise[known[rise + 1] - known[rise] == 1]  # a rise inside a gap has no time
     fraction = (middle - y[rise]) / (y[rise + 1] - y[rise])
     return np.asarray((known[rise] + fraction) / rate, dtype=np.float64)
-
-
-def steadied(record: Record) -> Record:
-    """The record with azimuths that scatter beyond `MAX_SCATTER` about a smooth rotation put onto it; others as they
-    are.
-
-    The rotation is known from neighbours: local parabolas (Savitzky & Golay 1964) beside the recorded speed, or the
-    usual one, over the length that predicts each azimuth best from the others (leave-one-out). A rotor that did turn
-    like that leaves residuals that are correlated, and is left alone.
-    """
-    if "rotor_azimuth" not in record or record.unit("rotor_azimuth") != "rad":
-        return record
-    azimuth = record["rotor_azimuth"]
-    known = np.isfinite(azimuth)
-    if known.sum() < FEWEST_AZIMUTHS:
-        return record
-    time = record.time - record.time[0]
-    if "rotor_speed" in record and np.isfinite(record["rotor_speed"]).any():
-        speed = bridged(record["rotor_speed"], "rotor_speed")
-        turned = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])
-    else:
-        steps = np.mod(np.diff(azimuth[known]) + np.pi, 2.0 * np.pi) - np.pi
-        turned = float(np.median(steps / np.diff(time[known]))) * time
-    offset = np.interp(time, time[known], np.unwrap((azimuth - turned)[known]))
-    smooth = _without_scatter(offset, record.rate)
-    if smooth is offset:
-        return record
-    psi = np.where(known, np.mod(turned + smooth, 2.0 * np.pi), np.nan)
-    return record.with_channels({"rotor_azimuth": (psi, "rad")})
-
-
-def _without_scatter(psi: Array, rate: float) -> Array:
-    """Angles (T,) [rad] smoothed as `steadied` says; the same array where they do not scatter."""
-    from scipy.signal import savgol_coeffs, savgol_filter
-
-    smooth, scatter, predicted = psi, np.zeros(1), math.inf
-    window = SHORTEST_SMOOTHING
-    while window <= min(max(LONGEST_SMOOTHING * rate, SHORTEST_SMOOTHING), len(psi) / 4):
-        fit = np.asarray(savgol_filter(psi, window, 2), dtype=np.float64)
-        own = float(savgol_coeffs(window, 2)[window // 2])  # weight of an angle in its own fit
-        left = (psi - fit)[window // 2 : -(window // 2)]
-        error = float(np.mean(np.square(left))) / (1.0 - own)  # the variance of white scatter
-        if np.median(np.abs(left)) < 0.6745 * MAX_SCATTER * math.sqrt(1.0 - own):  # a few glitches are no scatter
-            break
-        if error / (1.0 - own) < predicted:
-            smooth, scatter, predicted = fit, left, error / (1.0 - own)
-        window = 2 * window + 1
-    power = float(scatter @ scatter)
-    lags = [abs(float(scatter[lag:] @ scatter[:-lag])) for lag in range(1, min(11, scatter.size))]
-    return psi if max(lags, default=0.0) > MAX_SCATTER_CORRELATION * power else smooth
 
 
 def smooth_slope(values: Array, rate: float) -> Array:
