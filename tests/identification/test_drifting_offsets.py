@@ -52,6 +52,20 @@ def test_sensors_that_do_not_wander_keep_what_they_have(name: str, seed: int):
         assert with_drifting_offsets(made, turbine, turbine.sensors, leaning=leaning) == (made, turbine.sensors, ())
 
 
+def test_a_slow_trend_is_taken_out_without_a_drift(verne555: Turbine):
+    """One period over the record, twice as strong as the vibration: an identification took minutes."""
+    made = simulate_record(verne555, duration=100.0, rate=25.0, seed=5)
+    swing = np.sin(2.0 * np.pi * np.arange(made.samples) / made.samples + 0.4)
+    channels = [sensor.channel for sensor in verne555.sensors]
+    trending = made.with_channels({name: (made[name] + 3.0 * swing, made.unit(name)) for name in channels})
+    read, sensors, said = with_drifting_offsets(trending, verne555, verne555.sensors)
+    assert sensors == verne555.sensors
+    assert "slow variations" in said[0]
+    assert "drifts" not in said[0]
+    for name in channels:
+        assert np.std(read[name] - made[name]) < 0.1 * np.std(made[name])
+
+
 def test_gaps_and_short_records_are_no_drift(verne555: Turbine):
     made = simulate_record(verne555, duration=100.0, rate=25.0, seed=5)
     made.values[300:700] = np.nan

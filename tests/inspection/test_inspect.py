@@ -202,6 +202,23 @@ def test_a_slipped_encoder_is_found_where_it_slipped(healthy):
     np.testing.assert_allclose(found.spans, healthy.time[[[5999, 6000]]])
 
 
+def test_a_code_for_no_reading_is_no_reading(healthy):
+    values = healthy[TOWER]
+    values[500:508] = values[9000:9006] = -999.0
+    found = only_alarm(changed(healthy, TOWER, values), "frozen", TOWER)
+    np.testing.assert_allclose(found.spans[:, 0], healthy.time[[500, 9000]])
+    assert found.count == 14
+
+
+@pytest.mark.parametrize("at", [0, -1])
+def test_a_spike_at_an_end_is_found(healthy, at):
+    values = healthy[TOWER]
+    values[at] += 15.0 * values.std()
+    np.testing.assert_allclose(
+        only_alarm(changed(healthy, TOWER, values), "spikes", TOWER).spans, [[healthy.time[at]] * 2]
+    )
+
+
 def test_an_azimuth_that_scatters_is_told_by_how_much(healthy):
     noise = np.radians(2.0) * np.random.default_rng(5).standard_normal(12000)
     psi = np.mod(healthy["rotor_azimuth"] + noise, 2.0 * np.pi)

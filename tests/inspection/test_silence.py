@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from windsysid.identification.prepare import without_stuck
+from windsysid.identification.prepare import without_faulty
 from windsysid.inspection.screening import screen
 from windsysid.inspection.silence import silent_stretches
 from windsysid.records.record import Record
@@ -77,7 +77,7 @@ def test_silent_and_frozen_readings_are_missing_to_an_identification():
     made = record(values)
     faults = screen(made, None, CHANNELS)
     assert {(fault.channel, fault.kind) for fault in faults} == {(CHANNELS[0], "silent"), (CHANNELS[1], "frozen")}
-    read, told = without_stuck(made, faults)
+    read, told = without_faulty(made, faults)
     missing = np.isnan(read.values)
     np.testing.assert_allclose(missing.sum(axis=0), [600, 100], atol=3)
     assert missing[2000:2600, 0].all()

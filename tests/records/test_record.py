@@ -257,12 +257,12 @@ def test_an_unknown_unit_is_never_guessed():
 def test_unequal_times_are_kept_to_a_sixty_fourth_of_a_step():
     rng = np.random.default_rng(1)
     time = np.array(sorted((0.01 * np.arange(500) + 0.002 * rng.standard_normal(500)).tolist()))
-    record = Record(time=time, values=np.arange(500.0)[:, None], channels=("a",), units=("m",), name="jitter")
+    record = Record(time=time, values=time[:, None], channels=("a",), units=("m",), name="jitter")  # as the stamps say
     own = record.on_own_times()
     steps, which = own.intervals()
     assert len(steps) < 200
     np.testing.assert_allclose(np.cumsum(steps[which[1:]]), own.time[1:] - own.time[0], atol=1e-5)
-    kept = np.isin(np.arange(500.0), own["a"])
+    kept = np.isin(time, own["a"])
     assert np.max(np.abs(own.time - time[kept])) < 0.011 / 64
     even = Record(time=np.linspace(0.0, 0.08, 9), values=np.zeros((9, 1)), channels=("a",), units=("m",), name="even")
     assert even.on_own_times() is even
@@ -279,3 +279,14 @@ def test_samples_on_one_tick_are_joined():
     )
     own = record.on_own_times()
     np.testing.assert_array_equal(own.values, [[1.0, 5.0], [2.0, 7.0], [3.0, 6.0], [4.0, 8.0]])
+
+
+def test_a_clock_that_was_set_back_is_told_from_rows_in_disorder():
+    time = np.arange(400) / 20.0
+    time[200:] -= 3600.0
+    with pytest.raises(RecordError, match=r"runs backwards at sample 200.*a clock was set back"):
+        make(time)
+    time = np.arange(400) / 20.0
+    time[[200, 201]] = time[[201, 200]]
+    with pytest.raises(RecordError, match="sort the rows"):
+        make(time)

@@ -51,6 +51,20 @@ def test_readings_that_were_taken_at_uneven_times_keep_them(seed, scatter, azimu
     assert len(made.on_own_times().intervals()[0]) > 10
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("azimuth", [False, True])
+def test_stamps_that_are_late_keep_their_order_and_go_back(seed, azimuth):
+    # A computer that is busy for more than a step stamps several readings at once, in their order.
+    grid, _ = times(seed, 0.0)
+    late = np.maximum.accumulate(grid + 0.3 / RATE * np.random.default_rng(seed).exponential(size=3000))
+    late += 1e-6 * np.arange(3000) / RATE
+    found = record(grid, late, seed, azimuth=azimuth).on_uniform_grid()
+    assert found.samples == 3000
+    np.testing.assert_allclose(np.diff(found.time), 1.0 / RATE, rtol=1e-3)
+    if not azimuth:
+        assert not record(late, late, seed).has_grid
+
+
 def test_samples_that_were_lost_are_missing_on_the_grid():
     grid, stamps = times(1, 0.3)
     kept = np.ones(3000, dtype=bool)

@@ -34,6 +34,10 @@ FEWEST = 12
 CLEAR = 12.0
 """Log likelihood by which drifts have to explain the slow readings of like sensors better."""
 
+TREND = 100.0
+"""Power of what varies less than `FIRST` times over the record, over what varies up to twice as fast, that is a trend:
+chance alone leaves 45 once in ten thousand."""
+
 ROUNDS = 300
 """Of multiplicative updates (Févotte, Bertin & Durrieu 2009, doi:10.1162/neco.2008.04-08-771)."""
 
@@ -53,10 +57,12 @@ def with_drifting_offsets(
     for i, sensor in enumerate(sensors):
         if isinstance(sensor, Accelerometer) and not sensor.drift and (leaning or not sensor.feels_gravity):
             alike.setdefault(sensor.unit, []).append(i)
-    found, said, held = list(sensors), [], {}
+    found, said, held = list(sensors), [], dict[str, tuple[Array, str]]()
     for group in alike.values():
         told = [_wandering(record[sensors[i].channel], record.rate, below, slowest) for i in group]
         if sum(clear for clear, _ in told) < CLEAR:
+            names = [sensors[i].channel for i in group]
+            held |= {name: (_without_trend(record[name]), record.unit(name)) for name in names if _trends(record[name])}
             continue
         for i, (_, drift) in zip(group, told, strict=True):
             sensor = sensors[i]
@@ -64,9 +70,10 @@ def with_drifting_offsets(
             found[i] = sensor.model_copy(update={"drift": drift, "bias": bias})
             held[sensor.channel] = _without_trend(record[sensor.channel]), record.unit(sensor.channel)
             said.append(f"{sensor.channel} by {drift:.2g} {sensor.unit} in a second")
-    if not said:
+    if not held:
         return record, tuple(sensors), ()
-    note = f"offsets wander: slow variations are taken out, and drifts are found beside: {', '.join(said)}"
+    drifting = f", and drifts are found beside: {', '.join(said)}" if said else ""
+    note = f"offsets wander: slow variations of {', '.join(held)} are taken out{drifting}"
     return record.with_channels(held), tuple(found), (note,)
 
 
@@ -101,10 +108,24 @@ def _explained(power: Array, shapes: Array) -> tuple[float, Array]:
     return float(np.sum(np.log(whole) + power / whole)), share
 
 
+def _trends(readings: Array) -> bool:
+    """Whether what varies less than `FIRST` times over the record is much stronger than what varies a little faster."""
+    known = np.isfinite(readings)
+    terms = _slow_terms(len(readings), 4 * FIRST)[:, 1:]
+    share = np.linalg.lstsq(terms[known], readings[known] - np.mean(readings[known]), rcond=None)[0]
+    slow, faster = np.mean(share[: 2 * FIRST] ** 2), np.mean(share[2 * FIRST :] ** 2)
+    return bool(slow > TREND * faster)
+
+
 def _without_trend(readings: Array) -> Array:
     """Readings without what varies less than `FIRST` times over the record; their mean stays."""
     known = np.isfinite(readings)
-    place = (np.arange(len(readings)) + 0.5) / len(readings)
-    terms = np.cos(np.pi * np.outer(place, np.arange(2 * FIRST + 1)))
+    terms = _slow_terms(len(readings), 2 * FIRST)
     share = np.linalg.lstsq(terms[known], readings[known], rcond=None)[0]
     return np.asarray(readings - terms[:, 1:] @ share[1:])
+
+
+def _slow_terms(samples: int, count: int) -> Array:
+    """Legendre polynomials over the record, of mean square one (T, count + 1): each turns round once more often."""
+    terms = np.polynomial.legendre.legvander((2.0 * np.arange(samples) + 1.0) / samples - 1.0, count)
+    return np.asarray(terms * np.sqrt(2.0 * np.arange(count + 1) + 1.0))

@@ -35,8 +35,14 @@ __all__ = [
     "thin_to_readings",
     "usable_sensors",
     "with_noise",
-    "without_stuck",
+    "without_faulty",
 ]
+
+TAKEN_AS_MISSING = {
+    "frozen": "treat them as missing", "silent": "treat them as missing",
+    "spikes": "remove them (despike) before anything else",
+}  # fmt: skip
+"""Faults of readings that are left out, and what an inspection says of them."""
 
 
 FEWEST_PER_PERIOD, FEWEST = 2.5, 20
@@ -155,22 +161,22 @@ def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, ref
     )  # fmt: skip
 
 
-def without_stuck(record: Record, faults: Sequence[Finding]) -> tuple[Record, list[Finding]]:
-    """The record with readings missing where a channel repeats one value or falls silent, and what is to be said of its
-    faults."""
-    told, held = [], {}
+def without_faulty(record: Record, faults: Sequence[Finding]) -> tuple[Record, list[Finding]]:
+    """The record with readings missing where a channel repeats one value, falls silent or has a spike, and what is to
+    be said of its faults."""
+    told, held, half = [], dict[str, tuple[Array, str]](), 0.5 / record.rate
     for fault in faults:
         if (
-            fault.kind in ("frozen", "silent")
+            fault.kind in TAKEN_AS_MISSING
             and fault.severity == "warning"
             and kinds(record).get(fault.channel) in VIBRATION
         ):
-            stuck = np.zeros(record.samples, dtype=np.bool_)
-            for first, last in fault.spans:
-                stuck |= (record.time >= first) & (record.time <= last)
-            held[fault.channel] = np.where(stuck, np.nan, record[fault.channel]), record.unit(fault.channel)
-            text = fault.text.replace("treat them as missing", "taken as missing")
-            told.append(replace(fault, text=text))
+            wrong = np.zeros(record.samples, dtype=np.bool_)
+            for first, last in fault.spans:  # time stamps may scatter about the record's times
+                wrong |= (record.time > first - half) & (record.time < last + half)
+            readings = held[fault.channel][0] if fault.channel in held else record[fault.channel]
+            held[fault.channel] = np.where(wrong, np.nan, readings), record.unit(fault.channel)
+            told.append(replace(fault, text=fault.text.replace(TAKEN_AS_MISSING[fault.kind], "taken as missing")))
         else:
             told.append(fault)
     return (record.with_channels(held) if held else record), told

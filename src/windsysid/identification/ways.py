@@ -23,7 +23,7 @@ from windsysid.identification.prepare import (
     screened,
     thin_to_readings,
     usable_sensors,
-    without_stuck,
+    without_faulty,
 )
 from windsysid.identification.prior import Prior
 from windsysid.identification.sine_forces import told, with_forces
@@ -51,7 +51,7 @@ def jointly(asked: Asked, near: Outcome | None = None) -> Found:
     """By filters, from where spectra ended if that is said."""
     part, turbine, sensors = asked.part.on_own_times(), asked.turbine, asked.sensors
     found = usable_sensors(part, turbine, sensors)
-    part, faults = without_stuck(part, screened(asked.part, turbine, found))
+    part, faults = without_faulty(part, screened(asked.part, turbine, found))
     found, offsets = with_offsets(part, turbine, found)
     part, found, wandering = with_drifting_offsets(part, turbine, found, leaning=asked.leaning)
     part, drifts = without_drift(part, turbine, found, asked.drifts)
@@ -117,8 +117,9 @@ def by_spectra(asked: Asked) -> Found:
     if asked.rate is not None:
         raise ConfigurationError("the spectral formulation reads the bands that it needs: leave the rate out")
     found = usable_sensors(part, turbine, asked.sensors)
-    part, faults = without_stuck(part, screened(asked.part, turbine, found))
+    part, faults = without_faulty(part, screened(asked.part, turbine, found))
     found, _ = with_offsets(part, turbine, found)
+    part, _, _ = with_drifting_offsets(part, turbine, found)  # trends leak; drifts stay below the bands
 
     def ask(heard: Record, loads: str) -> tuple[Outcome, Prior]:
         return with_wide_priors(

@@ -29,6 +29,8 @@ SEVERITIES: tuple[Severity, ...] = ("unusable", "warning", "note")
 
 SPIKE_MIN_SIGMAS = 8.0
 """A spike's jump, in standard deviations of the steps around it."""
+CODE_MIN_RMS = 30.0
+"""How far a value is from the median, in the channel's rms, that repeats itself and is no reading."""
 MAX_SPIKE_SAMPLES = 5
 """Samples; what lasts longer is not called a spike."""
 STRAIGHT = 0.02
@@ -262,6 +264,9 @@ def _spikes(x: Array, adjacent: Mask, lsb: float, step: float, turn: float, kind
         if k > end:  # the jump back from one spike is no way into the next
             spike[k + 1 : k + w + 1] = True
             end = k + w
+    if kind in VIBRATION:  # a jump between the first two or the last two is a spike at the end: it has one side
+        spike[0] |= bool(out.size and out[0] == 0 and width[0] == 0)
+        spike[-1] |= bool(out.size and out[-1] == d.size - 1 and end < d.size - 1)
     return spike
 
 
@@ -349,6 +354,10 @@ def _frozen(
     smooth = np.maximum(edge[:-1], edge[1:]) <= 2.5 * level
     enough = np.maximum(10.0, np.where(smooth, 10.0, 1.0) * shortest / step)
     long = (lengths >= np.maximum(enough, 5.0 * usual)) & ~clipped[starts]
+    low, middle, high = np.percentile(x, (25.0, 50.0, 75.0))
+    if kind in VIBRATION and usual < 2.0 and high > low:  # what no vibration reaches is a code for "no reading"
+        far = np.abs(x[starts] - middle) > CODE_MIN_RMS * 0.7413 * (high - low)
+        long |= (lengths > MAX_SPIKE_SAMPLES) & far
     if not long.any() or (standing and kind in ("azimuth", "rotor speed")):
         return []
     begin, last = starts[long], starts[long] + lengths[long] - 1

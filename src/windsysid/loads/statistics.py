@@ -42,6 +42,9 @@ SPREAD, TIME_CONSTANT_SPREAD = 1.5, 0.7
 """Prior standard deviations of η: levels may be wrong by a factor of four or five, the time constant by a factor of
 two."""
 
+LARGEST = 300.0
+"""Of the logarithm of a statistic over what was given: a search that went astray finds no number beyond."""
+
 TIE = 0.5
 """Prior standard deviation of the logarithm of one degree of freedom's level about that of its like: loads on like
 degrees of freedom differ by a factor of two."""
@@ -111,7 +114,7 @@ def noise_groups(sensors: Sequence[Sensor]) -> tuple[Statistic, ...]:
 
 def values_of(statistics: Sequence[Statistic], eta: Array) -> dict[str, float]:
     """Value of each statistic by name, from its coordinates η (n,)."""
-    logarithms = to_logarithms(statistics) @ eta
+    logarithms = np.clip(to_logarithms(statistics) @ eta, -LARGEST, LARGEST)
     return {s.name: s.given * math.exp(float(value)) for s, value in zip(statistics, logarithms, strict=True)}
 
 

@@ -10,6 +10,9 @@ from windsysid.errors import RecordError
 __all__ = ["UNIFORM", "Array", "check_block", "check_channels", "check_rows", "refuse_outside"]
 
 
+SET_BACK = 100.0
+"""Usual steps by which a time jumps back, once, where a clock was set."""
+
 UNIFORM = 1e-3
 """Of a step: within this a time grid counts as uniform."""
 
@@ -63,9 +66,12 @@ def check_block(
         k = int(np.argmax(steps <= 0.0))
         what = "is repeated" if steps[k] == 0.0 else "runs backwards"
         before = previous if k == 0 else float(time[k - 1])
+        usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+        back = np.count_nonzero(steps < 0.0) == 1 and steps[k] < -SET_BACK * usual < 0.0
+        what_to_do = "a clock was set back? shift what follows" if back else "sort the rows and drop the repeated ones"
         raise RecordError(
             f"the time {what} at {place(k)} ({before!r} s, then {float(time[k])!r} s): "
-            "expected strictly increasing; sort the rows and drop the repeated ones"
+            f"expected strictly increasing; {what_to_do}"
         )
     infinite = np.isinf(values)
     if infinite.any():

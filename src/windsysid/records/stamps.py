@@ -21,6 +21,9 @@ NEAR = 0.02
 FIRST = 256
 """Samples at the beginning from which the step of a grid is taken first."""
 
+LATE = 5.0
+"""Steps by which the last stamp may be off where no sample was lost."""
+
 FINER = 4
 """Steps that are tried for each one that times tell apart."""
 
@@ -45,14 +48,17 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
     -------
     tuple of float, float and ndarray (T,), or None
         The grid's beginning [s] and step [s], and the place of each sample on it; None where two samples fall on one
-        place, or where readings are not clearly smoother there than at their stamps.
+        place though some were lost, or where readings are not clearly smoother there than at their stamps.
     """
     begin, step = _rhythm(time, step)
     for _ in range(2):
         index = np.rint((time - begin) / step)
         step, begin = map(float, np.polyfit(index, time, 1))
     if np.any(np.diff(index) < 1.0) or np.any(np.abs(time - begin - step * index) > 0.5 * step):
-        return None
+        index = np.arange(len(time), dtype=np.float64)  # stamps are late by more than a step now and then
+        if abs((time[-1] - time[0]) / step - index[-1]) > LATE:
+            return None
+        step, begin = map(float, np.polyfit(index, time, 1))
     said = _log_ratio(_roughness(time, values), _roughness(begin + step * index, values))
     if said.sum() < ENOUGH or said.min() < -ENOUGH:
         return None
