@@ -66,6 +66,18 @@ def test_a_slow_trend_is_taken_out_without_a_drift(verne555: Turbine):
         assert np.std(read[name] - made[name]) < 0.1 * np.std(made[name])
 
 
+def test_a_few_periods_of_a_mode_are_no_trend():
+    """Two and a half periods of the tower's slowest mode, and nothing else."""
+    tower = load_turbine("tower")
+    frequency = tower.slowest_frequency / (2.0 * np.pi)
+    time = np.arange(round(2.5 / frequency * 20.0)) / 20.0
+    swing = np.sin(2.0 * np.pi * frequency * time + 0.7)
+    made = Record(
+        time, np.column_stack([swing] * 2), tuple(s.channel for s in tower.sensors), ("m/s^2",) * 2, name="few"
+    )
+    assert with_drifting_offsets(made, tower, tower.sensors, leaning=True)[0] is made
+
+
 def test_gaps_and_short_records_are_no_drift(verne555: Turbine):
     made = simulate_record(verne555, duration=100.0, rate=25.0, seed=5)
     made.values[300:700] = np.nan

@@ -53,6 +53,8 @@ def with_drifting_offsets(
     slowest = turbine.slowest_frequency / (2.0 * np.pi)
     once = abs(turbine.rotor_speed) / (2.0 * np.pi)
     below = SLOW * (min(slowest, once) if once > 0.0 else slowest)
+    if below * record.duration < 2 * FIRST:  # what is slow is the motion
+        return record, tuple(sensors), ()
     alike: dict[str, list[int]] = {}
     for i, sensor in enumerate(sensors):
         if isinstance(sensor, Accelerometer) and not sensor.drift and (leaning or not sensor.feels_gravity):
