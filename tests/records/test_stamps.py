@@ -83,6 +83,16 @@ def test_channels_that_disagree_leave_the_stamps():
     assert not both.has_grid
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_one_spike_does_not_speak_for_its_channel(seed):
+    grid, stamps = times(seed, 0.3)
+    made, uneven = record(grid, stamps, seed), record(stamps, stamps, seed)
+    for values in (made.values, uneven.values):
+        values[1000, 0], values[2000, 1] = -999.0, 300.0
+    assert made.has_grid
+    assert not uneven.has_grid
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_does_not_tell(seed):
     _, stamps = times(seed, 0.3)

@@ -27,6 +27,9 @@ LATE = 5.0
 FINER = 4
 """Steps that are tried for each one that times tell apart."""
 
+SPIKE = 100.0
+"""Of the median square, beyond which a reading tells no more: one spike would speak for the whole channel."""
+
 _ROUNDING = 1e-18
 
 _STENCIL = np.array([-2, -1, 1, 2])
@@ -59,8 +62,9 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
         if abs((time[-1] - time[0]) / step - index[-1]) > LATE:
             return None
         step, begin = map(float, np.polyfit(index, time, 1))
+    values = values[:, np.isfinite(values).any(axis=0)]
     said = _log_ratio(_roughness(time, values), _roughness(begin + step * index, values))
-    if said.sum() < ENOUGH or said.min() < -ENOUGH:
+    if said.sum() < ENOUGH or np.any(said < -ENOUGH):
         return None
     return begin + step * float(index[0]), step, index - index[0]
 
@@ -83,16 +87,20 @@ def _rhythm(time: Array, step: float) -> tuple[float, float]:
 def _log_ratio(at_stamps: Array, on_grid: Array) -> Array:
     """How much likelier the grid is than the stamps, by each channel (m,): the logarithm of a ratio of likelihoods."""
     samples = np.sum(np.isfinite(on_grid), axis=0) / (1 + _STENCIL.size)  # neighbours share their readings
-    power = [np.nansum(np.square(one), axis=0) / np.maximum(samples, 1.0) + _ROUNDING for one in (at_stamps, on_grid)]
-    return np.asarray(0.5 * samples * np.log(power[0] / power[1]))
+    told = samples > 0.0
+    ratio = np.zeros(len(samples))
+    squares = [np.square(one[:, told]) for one in (at_stamps, on_grid)]
+    power = [np.nanmean(np.minimum(one, SPIKE * np.nanmedian(one, axis=0)), axis=0) + _ROUNDING for one in squares]
+    ratio[told] = 0.5 * samples[told] * np.log(power[0] / power[1])
+    return ratio
 
 
 def _roughness(time: Array, values: Array) -> Array:
     """How far each reading lies from the cubic through its four neighbours (T − 4, m): in standard deviations that
-    unit noise gives it, and as a share of the channel's largest reading."""
+    unit noise gives it, and as a share of the channel's large readings."""
     inner = np.arange(2, len(time) - 2)
-    largest = np.nanmax(np.abs(values), axis=0, initial=0.0)
-    values = values / np.where(largest > 0.0, largest, 1.0)
+    size = np.nanpercentile(np.abs(values), 99.0, axis=0)
+    values = values / np.where(size > 0.0, size, 1.0)
     nodes = time[inner[:, None] + _STENCIL] - time[inner, None]
     weights = np.ones_like(nodes)  # Lagrange's, at 0
     for i in range(_STENCIL.size):
