@@ -7,7 +7,8 @@ condemn the record or find other coefficients. So a random walk and flicker besi
 of the readings. Where they show, what varies over the whole record is taken out, and the sensor gets a drift that is as
 strong at the slowest mode. Spectra are read above it anyway.
 
-A sensor that feels gravity reads slowly, too, as the structure leans. There a drift is supposed only if somebody asks.
+A sensor that feels gravity reads slowly, too, as the structure leans. There a drift is supposed only if a caller asks,
+as where filters and spectra disagree.
 """
 
 import math
