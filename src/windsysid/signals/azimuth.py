@@ -40,7 +40,7 @@ def steadied(record: Record) -> Record:
     `MAX_SCATTER`, and those of a coarse encoder; other records as they are.
 
     The rotation is known from neighbours: local parabolas (Savitzky & Golay 1964) beside the recorded speed, or the
-    usual one, over the length that predicts each azimuth best from the others (leave-one-out). A rotor that did turn
+    median one, over the length that predicts each azimuth best from the others (leave-one-out). A rotor that did turn
     like that leaves residuals that are correlated, and is left alone.
     """
     if "rotor_azimuth" not in record or record.unit("rotor_azimuth") != "rad":
