@@ -151,7 +151,6 @@ def test_columns_of_text_are_left_out_and_said(tmp_path):
 
 
 def test_openfast_output_needs_no_mapping(tmp_path):
-    pytest.importorskip("openfast_io", reason="openfast_io is not installed")
     from validation.format_samples import SAMPLES, truth
 
     path = tmp_path / "x.outb"

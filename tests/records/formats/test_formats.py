@@ -282,7 +282,6 @@ def out(rows=ROWS, step=0.01):
 
 @pytest.fixture(params=["x.outb", "x.out"])
 def openfast(request, tmp_path):
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     return csv_file(
         tmp_path, outb(ROWS / 10, scale=50.0) if request.param == "x.outb" else out(ROWS / 10), request.param
     )
@@ -332,7 +331,6 @@ OUR_AXES = {"tower_x": OUR_X, "nacelle_x": OUR_X, "tower_z": OUR_Z, "wind_speed"
 def test_every_openfast_channel_has_the_sign_of_the_documented_frames(tmp_path):
     from windsysid.records.formats.openfast import CHANNELS
 
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     assert {name.replace("#", "1") for name in CHANNELS} == {*AXES, "Azimuth"}
     names, ones = list(AXES), np.ones((3, len(AXES)))
     record = read_record(csv_file(tmp_path, outb(ones, names, ["(1)"] * len(names)), "x.outb"))
@@ -343,14 +341,12 @@ def test_every_openfast_channel_has_the_sign_of_the_documented_frames(tmp_path):
 
 def test_the_azimuth_of_a_blade_that_stands_up_is_a_quarter_turn_and_grows_with_openfasts(tmp_path):
     """From x, to the right as seen upwind, counter-clockwise: up is a quarter turn on."""
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     rows = np.array([[0.0], [90.0], [180.0]])
     azimuth = read_record(csv_file(tmp_path, outb(rows, ["Azimuth"], ["(deg)"]), "x.outb"))["rotor_azimuth"]
     np.testing.assert_allclose(azimuth, [0.5 * np.pi, np.pi, 1.5 * np.pi], atol=1e-12)
 
 
 def test_the_azimuth_stays_wrapped_to_one_turn(tmp_path):
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     rows = np.array([[269.0], [270.0], [271.0], [360.0]])
     azimuth = read_record(csv_file(tmp_path, outb(rows, ["Azimuth"], ["(deg)"], scale=50.0), "x.outb"))["rotor_azimuth"]
     np.testing.assert_allclose(np.sin(azimuth), np.cos(np.deg2rad(rows[:, 0])), atol=1e-12)
@@ -359,7 +355,6 @@ def test_the_azimuth_stays_wrapped_to_one_turn(tmp_path):
 
 
 def test_times_rounded_to_four_decimals_become_exactly_uniform(tmp_path):
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     record = read_record(csv_file(tmp_path, out(np.tile(ROWS, (400, 1)), step=0.00625), "x.out"))
     assert np.array_equal(record.time, 0.00625 * np.arange(1200))
 
@@ -385,7 +380,6 @@ def test_times_rounded_to_four_decimals_become_exactly_uniform(tmp_path):
     ],
 )
 def test_a_bad_outb_is_refused_in_one_line(tmp_path, content, message):
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     refused(csv_file(tmp_path, content, "x.outb"), message)
 
 
@@ -395,15 +389,14 @@ def test_a_bad_outb_is_refused_in_one_line(tmp_path, content, message):
         (out().replace("\t-3.0", "\tabc"), "channel 'RootMxb3', line 10: 'abc' is not a number"),
         (out().replace("\t-3.0", "\tInfinity"), "channel 'blade_3_root_lag_moment' is infinite at line 10"),
         (out()[:-20], "line 11 has . cells, expected 10"),
-        (out(ROWS[:0]), "0 samples"),
+        (out(ROWS[:0]), "at least 2 samples, got 0"),
         (out(ROWS[:1]), "at least 2 samples, got 1"),
         (out(step=0.0), "repeated at line 10"),
         ("time,a\n0,1\n1,2\n", "not OpenFAST text"),
-        (bytes(range(256)) * 20, "not OpenFAST text"),
+        (bytes(range(256)) * 20, "is binary, not text"),
     ],
 )
 def test_a_bad_out_is_refused_in_one_line(tmp_path, content, message):
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     refused(csv_file(tmp_path, content, "x.out"), message)
 
 
@@ -416,11 +409,36 @@ def test_openfast_has_no_start_but_the_one_of_the_mapping(tmp_path, openfast):
         read_record(openfast, mapping=tmp_path / "m.toml")
 
 
-def test_without_openfast_io_the_reader_says_how_to_get_it(tmp_path, monkeypatch):
+def test_openfast_files_are_read_without_openfast_io(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "openfast_io", None)
     monkeypatch.setitem(sys.modules, "openfast_io.FAST_output_reader", None)
-    with pytest.raises(RecordError, match=r'pip install "windsysid\[openfast\]"'):
-        read_record(csv_file(tmp_path, out(ROWS / 10), "x.out"))
-    assert read_record(csv_file(tmp_path, outb(), "x.outb")).samples > 1  # that is read here
+    assert read_record(csv_file(tmp_path, out(), "x.out")).samples == 3
+    assert read_record(csv_file(tmp_path, outb(), "x.outb")).samples == 3
+
+
+def test_text_output_has_the_numbers_that_openfast_io_reads(tmp_path):
+    reader = pytest.importorskip("openfast_io.FAST_output_reader", reason="openfast_io is not installed")
+    path = csv_file(tmp_path, out(np.random.default_rng(1).standard_normal((50, 9))), "x.out")
+    table, _ = reader.load_ascii_output(str(path))
+    record = read_record(path)
+    np.testing.assert_allclose(record.time, table[:, 0], rtol=1e-15)
+    np.testing.assert_array_equal(record["AeroDens"], table[:, 9])
+
+
+@pytest.mark.parametrize(
+    "heading",
+    ["\n These predictions were generated by MoorDyn v2.3.8 on 01-Jan-2025 at 10:00:00.\n\n", "", "MoorDyn v2.2.2\n"],
+)
+def test_the_output_of_a_module_of_openfast_is_read_wherever_its_names_stand(tmp_path, heading):
+    rows = "".join(f"{0.1 * k:10.4f} {1e6 + k:15.5e} {k * 1e3:15.5e}\n" for k in range(20))
+    text = heading + "      Time        FairTen1        AnchTen1\n       (s)             (N)            (kN)\n" + rows
+    record = read_record(csv_file(tmp_path, text, "mono.MD.out"))
+    assert (record.channels, record.units, record.samples) == (("FairTen1", "AnchTen1"), ("N", "N"), 20)
+    assert record["FairTen1"][3] == 1e6
+    refused(
+        csv_file(tmp_path, text.replace("1.00000e+06", "1.0x"), "mono.MD.out"),
+        f"line {text[: -len(rows)].count(chr(10)) + 1}: '1.0x'",
+    )
 
 
 # records that other people made
@@ -428,7 +446,6 @@ def test_without_openfast_io_the_reader_says_how_to_get_it(tmp_path, monkeypatch
 
 @needs_shared
 def test_the_signs_of_a_real_openfast_file_are_those_of_the_rotor_plane_seen_upwind():
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     record = read_record(SHARED / "openfast" / "a2_rot12_decay_min.outb")
     g, x, roll = 9.80665, record["tower_x_displacement"], record["tower_roll"]
     assert record.samples == 60001

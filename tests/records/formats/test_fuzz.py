@@ -241,7 +241,6 @@ def test_many_more_damaged_binary_files(tmp_path, name, seed):
 
 
 def test_damaged_packed_openfast_is_refused_or_decoded_as_it_stands(tmp_path):
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     from tests.records.formats.test_formats import outb
 
     values = channels()[1]
@@ -254,11 +253,11 @@ def test_damaged_packed_openfast_is_refused_or_decoded_as_it_stands(tmp_path):
         path = write(tmp_path, data or b"\n", "x.outb")
         try:
             record = outcome(path)
-            if len(data) != len(whole) and data[:10] == whole[:10]:
+            if len(data) < len(whole) and data[:10] == whole[:10]:
                 assert record is None
             if record is not None and data[:body] == whole[:body]:
                 read += 1
-                packed = np.frombuffer(data[body:], "<i2").reshape(-1, 3)
+                packed = np.frombuffer(data[body : len(whole)], "<i2").reshape(-1, 3)
                 np.testing.assert_array_equal(record.values, packed / 50.0)
             if record is not None:
                 pieces = list(iterate_record(path, 0.2))
@@ -271,7 +270,6 @@ def test_damaged_packed_openfast_is_refused_or_decoded_as_it_stands(tmp_path):
 
 
 def test_damaged_openfast_text_is_refused_or_read_as_it_stands(tmp_path):
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     time, values = channels()
     head = "\nmade by hand\n\n\na test\n\nTime\ta\tb\tc\n(s)\t(m)\t(rad)\t(-)\n"
     rows = ["\t".join([f"{t:.2f}", *(f"{x:.3f}" for x in row)]) for t, row in zip(time, values, strict=True)]

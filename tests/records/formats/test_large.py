@@ -18,7 +18,6 @@ def make(folder, name, rows=5000, gap=True):
     if name.endswith("parquet"):
         pytest.importorskip("pyarrow", reason="the extra windsysid[parquet] is not installed")
     if ".out" in name:
-        pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
         from tests.records.formats.test_formats import out, outb
 
         values = np.tile(np.arange(rows)[:, None] % 300, (1, 9)).astype(float)

@@ -33,7 +33,6 @@ def test_names_units_and_signs_come_from_the_mapping_in_every_format(tmp_path, n
 
 
 def test_openfast_channels_that_are_listed_keep_the_files_sign(tmp_path):
-    pytest.importorskip("openfast_io.FAST_output_reader", reason="the extra windsysid[openfast] is not installed")
     from tests.records.formats.test_formats import outb
 
     path = write(tmp_path, outb(np.arange(18.0).reshape(2, 9)), "x.outb")

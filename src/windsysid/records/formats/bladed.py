@@ -23,7 +23,7 @@ from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Grid, Series, source_of_series, tidy_step
 from windsysid.records.formats.source import Source, doubles
-from windsysid.records.formats.text import plain_numbers
+from windsysid.records.formats.text import decoded, plain_numbers
 from windsysid.records.record import AS_WRITTEN, Array
 
 __all__ = ["FORMAT"]
@@ -123,7 +123,7 @@ def _read_header(path: Path) -> _Header:
     for other in (listing, data):
         if not other.is_file():
             raise RecordError(f"has no {other.name} beside it, where the rest of a Bladed result is; copy it there too")
-    text = listing.read_bytes()[:_MOST_HEADER].decode("latin-1")
+    text = decoded(listing.read_bytes()[:_MOST_HEADER])
     lines = [tuple(line.split(None, 1)) for line in text.splitlines() if line.strip()]
     found = tuple((line[0].upper(), line[1] if len(line) > 1 else "") for line in lines)
     if not found or found[0][0] != "FILE":

@@ -21,7 +21,7 @@ from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Grid, Series, source_of_series
 from windsysid.records.formats.source import Source
-from windsysid.records.formats.text import plain_numbers
+from windsysid.records.formats.text import decoded, plain_numbers
 from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
 
@@ -92,7 +92,7 @@ def _suffix(path: Path, wanted: str) -> str:
 
 
 def _read_list(path: Path) -> _List:
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = decoded(path.read_bytes()).splitlines()
     try:
         scans, count, duration, form = lines[_COUNTS].split()[:4]
         found = _List(int(scans), float(duration), _cells(lines, int(count)), None)

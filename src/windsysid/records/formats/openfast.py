@@ -31,16 +31,15 @@ record has no start but the one that a mapping gives it.
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
 
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.clock import start_of
 from windsysid.records.formats.columns import Cell, Column, plan_columns
-from windsysid.records.formats.dialect import is_number
-from windsysid.records.formats.format import Format, package
+from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.openfast_text import read_text_output
 from windsysid.records.formats.packed import open_packed
 from windsysid.records.formats.source import Source, indexed_source
 from windsysid.records.record import AS_WRITTEN, Array
@@ -72,20 +71,12 @@ CHANNELS: dict[str, tuple[str, float]] = {
 }
 """OpenFAST's channels that have a name of ours, with the sign that turns the one into the other."""
 
-_HEADER_LINES = 8  # of a .out file: names in the seventh, units in the eighth
-
 
 def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     """Open OpenFAST output; a binary file is read as far as it is needed, a text file always whole."""
-    binary = path.suffix.lower() == ".outb"
-    packed = open_packed(path) if binary else None
-    table: Any = None
-    if packed is not None:
-        names, units, description = packed.names, packed.units, packed.description
-    else:
-        table, info = _read_text(path)
-        names, units, description = info["attribute_names"], info["attribute_units"], str(info["description"])
-    if not names or names[0].lower() != "time" or len(names) != len(units) or (table is not None and table.ndim != 2):
+    found = open_packed(path) if path.suffix.lower() == ".outb" else read_text_output(path)
+    names, units = found.names, found.units
+    if not names or names[0].lower() != "time":
         raise RecordError("is not OpenFAST output, expected a first channel 'Time'; export it again")
     if replace(mapping.time, start=None, zone=None) != TimeRule():
         raise ConfigurationError(
@@ -94,27 +85,25 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
     if len(names) < 2:
         raise RecordError("holds no channel but the time; ask OpenFAST for some in OutList")
 
-    def some(index: int) -> Array:
-        return table[:, index] if table is not None else packed.rows(0, packed.samples)[:, index - 1]  # type: ignore[union-attr]
-
     cells = [_cell(*cell, mapping) for cell in zip(names, units, strict=True)]
-    columns = plan_columns(cells, 0, mapping, some, "let OpenFAST write its unit")
-    time = _without_rounding(packed.time(0, packed.samples) if packed else np.ascontiguousarray(table[:, 0]))
+    columns = plan_columns(
+        cells, 0, mapping, lambda i: found.rows(0, found.samples)[:, i - 1], "let OpenFAST write its unit"
+    )
+    time = _without_rounding(found.time(0, found.samples))
 
     def rows(low: int, high: int) -> Array:
-        raw = table[low:high, 1:] if table is not None else packed.rows(low, high)  # type: ignore[union-attr]
+        raw = found.rows(low, high)
         return np.column_stack([_channel(names[c.index], c, raw[:, c.index - 1], mapping) for c in columns])
 
-    place = (lambda row: f"sample {row}") if binary else (lambda row: f"line {row + _HEADER_LINES + 1}")
     return indexed_source(
         path.name,
         tuple(column.name for column in columns),
         tuple(column.unit for column in columns),
         time,
         rows,
-        {"source": "OpenFAST", "description": description},
-        place=place,
-        rows_at_once=None if table is not None else max(1, (1 << 20) // len(columns)),
+        {"source": "OpenFAST", "description": found.description},
+        place=found.place,
+        rows_at_once=max(1, (1 << 20) // len(columns)),
         start=start_of(mapping.time, None),
     )
 
@@ -167,52 +156,6 @@ def _without_rounding(time: Array) -> Array:
         if np.max(np.abs(time - time[0] - tidy * index)) <= allowed:
             return np.asarray(time[0] + tidy * index)
     return np.asarray(time[0] + step * index)
-
-
-def _reader(name: str) -> Any:
-    return getattr(package("openfast_io.FAST_output_reader", "OpenFAST files", "openfast"), name)
-
-
-def _read_text(path: Path) -> tuple[Array, dict[str, Any]]:
-    load = _reader("load_ascii_output")
-    try:
-        table, info = load(str(path))
-        rows = path.read_bytes().split(b"\n", _HEADER_LINES)[-1]
-        # Python reads 1_000 and the digits of every script as numbers; a file does not mean it.
-        if rows.isascii() and b"_" not in rows and table.ndim == 2 and table.shape[1] == len(info["attribute_names"]):
-            return np.asarray(table, dtype=np.float64), info
-    except Exception:  # what is wrong is found out below, where it can be named
-        pass
-    _name_what_is_wrong(path)
-
-
-def _name_what_is_wrong(path: Path) -> NoReturn:
-    try:
-        lines = path.read_bytes().decode().splitlines()
-        if "\0" in "".join(lines[:_HEADER_LINES]):
-            raise ValueError
-        names = lines[_HEADER_LINES - 2].split()
-    except (ValueError, IndexError):
-        names = []
-    if not names or names[0].lower() != "time":
-        raise RecordError(
-            "is not OpenFAST text output, expected channel names from 'Time' on in line 7; "
-            "give the file the ending of what it is"
-        )
-    rows = lines[_HEADER_LINES:]
-    for number, line in enumerate(rows, _HEADER_LINES + 1):
-        cells = line.split()
-        for name, cell in zip(names, cells, strict=False):
-            if not is_number(cell):
-                raise RecordError(
-                    f"channel '{name}', line {number}: '{cell[:40]}' is not a number; run the simulation again"
-                )
-        if len(cells) != len(names):
-            raise RecordError(
-                f"line {number} has {len(cells)} cells, expected {len(names)}; the file may be "
-                "cut off; remove that line or run the simulation again"
-            )
-    raise RecordError(f"has {len(rows)} samples, expected at least 2; run the simulation again")
 
 
 FORMAT = Format("OpenFAST output", (".outb", ".out"), open_openfast)

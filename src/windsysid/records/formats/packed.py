@@ -13,6 +13,7 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.source import doubles
+from windsysid.records.formats.text import decoded
 from windsysid.records.record import Array
 
 __all__ = ["Packed", "open_packed"]
@@ -74,6 +75,10 @@ class Packed:
         with np.errstate(all="ignore"):  # infinity is named by whoever checks the rows
             return np.asarray((table - self.offset) / self.scale)
 
+    def place(self, row: int) -> str:
+        """What a user calls the place of a row."""
+        return f"sample {row}"
+
 
 def open_packed(path: Path) -> Packed:
     """Read the header and hold it against the size of the file.
@@ -122,7 +127,7 @@ def open_packed(path: Path) -> Packed:
                     "has a channel whose scale is not a number; run the simulation or copy the file again"
                 )
         file.seek(fixed + 4)
-        description = file.read(description_size).decode("latin-1").strip()
+        description = decoded(file.read(description_size)).strip()
         names, units = (_texts(file.read(names_size), width) for _ in range(2))
         times = None
         if kind == 1:
@@ -136,4 +141,4 @@ def open_packed(path: Path) -> Packed:
 
 
 def _texts(cells: bytes, width: int) -> tuple[str, ...]:
-    return tuple(cells[i : i + width].decode("latin-1").strip() for i in range(0, len(cells), width))
+    return tuple(decoded(cells[i : i + width]).strip() for i in range(0, len(cells), width))

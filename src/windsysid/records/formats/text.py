@@ -1,9 +1,10 @@
 r"""Text files as whole lines: the encoding found, line ends made one, read in pieces.
 
 Loggers write UTF-8 with or without a byte-order mark, UTF-16, or the Windows code page, and end lines with
-CR LF, LF or CR. `line_blocks` gives all of them back as UTF-8 with LF, a few MB at a time and never half a
-line, so that whoever parses need not know. The last line of a file that does not end its lines may be cut in
-the middle of a number: it comes last and alone, or not at all if the caller does not want it.
+CR LF, LF or CR. `encoding_of` and `decoded` are the one rule for the encoding of every text format. `line_blocks`
+gives all of them as UTF-8 with LF, a few MB at a time and never half a line, so that whoever parses need not know.
+The last line of a file that does not end its lines may be cut in the middle of a number: it comes last and alone, or
+not at all if the caller does not want it.
 """
 
 import codecs
@@ -18,7 +19,7 @@ import numpy as np
 from windsysid.errors import RecordError
 from windsysid.records.record import Array
 
-__all__ = ["LineBlock", "encoding_of", "last_line", "line_blocks", "plain_numbers"]
+__all__ = ["LineBlock", "decoded", "encoding_of", "last_line", "line_blocks", "plain_numbers"]
 
 _BLOCK = 1 << 22  # bytes read at once
 _MAX_LINE_BYTES = 1 << 26  # bytes of one line: beyond this the file is no table
@@ -61,11 +62,28 @@ def encoding_of(path: Path, wanted: str | None = None) -> str:
     """
     with path.open("rb") as file:
         start = file.read(1 << 18)
+    marked = _marked(start)
+    if marked is not None or wanted is not None:
+        return marked or str(wanted)
+    if sum(start.count(byte) for byte in range(32) if byte not in b"\t\n\v\f\r\x1a"):
+        raise RecordError("is binary, not text; expected a table as text; give the file the ending of what it is")
+    return "utf-8" if _is_utf8(start) else _code_page(start)
+
+
+def decoded(data: bytes) -> str:
+    """The text of bytes in the encoding that `encoding_of` finds; never fails."""
+    try:
+        text = data.decode(_marked(data) or "utf-8")
+    except UnicodeDecodeError:
+        text = data.decode(_code_page(data), errors="replace")
+    return text.replace(_MARK, "")
+
+
+def _marked(start: bytes) -> str | None:
+    """The encoding that a byte-order mark says, or every other byte that is zero; None without either."""
     for mark, name in _MARKS:
         if start.startswith(mark):
             return name
-    if wanted is not None:
-        return wanted
     for odd, name in ((1, "utf-16-le"), (0, "utf-16-be")):
         # Text of a table in UTF-16 is ASCII nearly throughout: every other byte is zero and the rest never is.
         if (
@@ -74,14 +92,21 @@ def encoding_of(path: Path, wanted: str | None = None) -> str:
             and 0 not in start[1 - odd : 200 : 2]
         ):
             return name
-    strange = sum(start.count(byte) for byte in range(32) if byte not in b"\t\n\v\f\r\x1a")
-    if strange:
-        raise RecordError("is binary, not text; expected a table as text; give the file the ending of what it is")
+    return None
+
+
+def _is_utf8(text: bytes) -> bool:
+    """Whether bytes are UTF-8, up to half a character at their end."""
     try:
-        codecs.getincrementaldecoder("utf-8")().decode(start)  # may end in half a character
+        codecs.getincrementaldecoder("utf-8")().decode(text)
     except UnicodeDecodeError:
-        return "cp1252" if not any(byte in start for byte in b"\x81\x8d\x8f\x90\x9d") else "latin-1"
-    return "utf-8"
+        return False
+    return True
+
+
+def _code_page(text: bytes) -> str:
+    """The Windows code page, or Latin-1, which has a letter for every byte."""
+    return "latin-1" if any(byte in text for byte in b"\x81\x8d\x8f\x90\x9d") else "cp1252"
 
 
 def line_blocks(path: Path, encoding: str, *, size: int = _BLOCK, keep_last: bool = True) -> Iterator[LineBlock]:
@@ -104,11 +129,16 @@ def line_blocks(path: Path, encoding: str, *, size: int = _BLOCK, keep_last: boo
     decoder = codecs.getincrementaldecoder(encoding)()
     lines = io.IncrementalNewlineDecoder(None, translate=True)
     total, read, number, rest = max(os.path.getsize(path), 1), 0, 1, ""
+    plain = True  # ASCII so far
     with path.open("rb") as file:
         while True:
             data = file.read(size)
             read += len(data)
             try:
+                if plain and encoding == "utf-8" and not _is_utf8(data):
+                    encoding = _code_page(data)  # its first letter beyond ASCII comes late
+                    decoder = codecs.getincrementaldecoder(encoding)()
+                plain = plain and data.isascii()
                 text = lines.decode(decoder.decode(data) if data else _flushed(decoder), final=not data)
                 text = rest + text.replace(_MARK, "")
             except UnicodeError:

@@ -22,6 +22,7 @@ from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Grid, Series, cell_of, source_of_series, tidy_step
 from windsysid.records.formats.source import Source, doubles
+from windsysid.records.formats.text import decoded
 from windsysid.records.record import Array
 from windsysid.units import si_unit, to_si
 
@@ -207,7 +208,7 @@ def _is_mark_near(file: BinaryIO) -> bool:
 
 
 def _lines(file: BinaryIO, count: int) -> tuple[str, ...]:
-    return tuple(file.readline().decode("latin-1").rstrip("\r\n") for _ in range(count))
+    return tuple(decoded(file.readline()).rstrip("\r\n") for _ in range(count))
 
 
 def _to_mark(file: BinaryIO) -> int:
