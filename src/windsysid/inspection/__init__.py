@@ -28,6 +28,7 @@ from windsysid.inspection.spectra import (
 )
 from windsysid.inspection.stops import Stop, find_stops
 from windsysid.records.coercion import RecordLike, as_record
+from windsysid.records.formats.source import reading_notes
 from windsysid.records.record import Record
 from windsysid.turbine.coercion import TurbineLike, as_turbine
 from windsysid.units import RPM
@@ -71,7 +72,7 @@ def inspect_record(
     first = tuple(s.channel for s in turbine.sensors if s.channel in record) if turbine is not None else ()
     findings, usable, rotor = examine(record, turbine)
 
-    notes: list[str] = []
+    notes = reading_notes(record.attributes)
     blades = turbine.model.blades if turbine is not None else _blades(record, notes)
     modes, over_speed = _modes(turbine, rotor, notes)
     if rotor is None:

@@ -39,7 +39,7 @@ def kind_of(channel: str, unit: str) -> Kind:
         return "rotor speed"
     if "direction" in words:
         return "direction"
-    if words[0].startswith("wind"):
+    if words[0].startswith(("wind", "wave")):
         return "wind speed" if "speed" in words else "other"
     for word in ("yaw", "pitch", "power"):
         if word in words and unit in ("rad", "W", "1"):

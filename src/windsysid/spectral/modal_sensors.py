@@ -1,6 +1,6 @@
 """Sensors of operational modal analysis: which channels, what they read, where they sit and where they point."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -103,7 +103,7 @@ def choose_sensors(record: Record, sensors: Sequence[Sensor | ModalSensor | str]
         known = {name: kind_of(name, unit) for name, unit in zip(record.channels, record.units, strict=True)}
         live = {name: kind for name, kind in known.items() if _moves(record[name])}
         for kind in VIBRATION:
-            names = [name for name, what in live.items() if what == kind and "kinematic" not in name]
+            names = [name for name, what in live.items() if what == kind and not _has_measured_twin(name, live)]
             if names:
                 return tuple(ModalSensor(channel=name) for name in names[:MOST_SENSORS])
         still = [name for name, kind in known.items() if kind in VIBRATION and name not in live]
@@ -146,6 +146,11 @@ def derivative_order(sensor: ModalSensor, record: Record) -> int:
             f'list what it reads: quantity = "acceleration"'
         )
     return _ORDERS[kind]
+
+
+def _has_measured_twin(channel: str, others: Container[str]) -> bool:
+    """Whether a channel without gravity, which no accelerometer reads, stands next to the same one with gravity."""
+    return channel.endswith("_kinematic") and channel.removesuffix("_kinematic") in others
 
 
 def _moves(values: Array) -> bool:

@@ -125,7 +125,7 @@ def test_empty_cells_are_missing_and_blank_lines_and_a_byte_order_mark_are_nothi
         ("time,a [furlong]\n0,1\n1,2\n", r"column 'a \[furlong\]': unknown unit 'furlong'"),
         ("time [m],a [m]\n0,1\n1,2\n", "not in a unit of time"),
         ("a [m],time\n0,1\n1,2\n", "first column is 'a"),
-        ("time,a [m],a [m]\n0,1,1\n1,2,2\n", "'a' occurs twice"),
+        ("time,a [m],a [m]\n0,1,1\n1,2,3\n", "'a' is listed twice"),
         ("time,a [m],\n0,1,1\n1,2,2\n", "column 3 has no name"),
         ("time,a [m],b [m]\n0,1,1\n1,2\n", "line 3 has 2 cells, expected 3"),
         ("time,a [m]\n0,1,5\n1,2,5\n", "line 2 has 3 cells, expected 2"),
@@ -312,26 +312,29 @@ def test_openfast_channels_come_under_our_names_signs_and_units(openfast):
 # OpenFAST's axes as its documentation names them, in x downwind, y left looking downwind, z up, and the rotor at rest
 # with blade 1 up. Blade 1 stands up (+z) and moves to the right as seen downwind (-y), because the rotor turns
 # clockwise as seen downwind.
-DOWNWIND, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-BLADE_1_GOES = np.cross(DOWNWIND, [0.0, 0.0, 1.0])  # clockwise as seen downwind: about +x by the right-hand rule
+DOWNWIND, LEFT, UP = np.eye(3)
+BLADE_1_GOES = np.cross(DOWNWIND, UP)  # clockwise as seen downwind: about +x by the right-hand rule
 LAG = -BLADE_1_GOES  # y of the blade's axes: what OpenFAST calls positive in the rotor plane is against the rotation
 AXES = {
     "TTDspSS": LEFT, "YawBrTVyp": LEFT, "YawBrTAyp": LEFT, "YawBrTAgyp": LEFT, "NcIMUTAgys": LEFT,
     "TTDspFA": DOWNWIND, "YawBrTVxp": DOWNWIND, "YawBrTAxp": DOWNWIND, "YawBrTAgxp": DOWNWIND, "Wind1VelX": DOWNWIND,
     "YawBrRDxt": DOWNWIND, "RootMxb1": DOWNWIND, "RootMxc1": DOWNWIND, "RotSpeed": DOWNWIND,  # vectors of a rotation
-    "TipALyb1": LAG, "TipALgyb1": LAG, "IPDefl1": LAG,
+    "TipALyb1": LAG, "TipALgyb1": LAG, "IPDefl1": LAG, "NcIMUTVys": LEFT, "NcIMUTAys": LEFT, "NcIMUTVxs": DOWNWIND,
+    "NcIMUTAxs": DOWNWIND, "NcIMUTAgxs": DOWNWIND, "NcIMUTVzs": UP, "NcIMUTAzs": UP, "NcIMUTAgzs": UP,
+    "Wave1Elev": UP, "NacYaw": UP,
 }  # fmt: skip
 # Ours, seen upwind: x to the right, y up, z towards the viewer, so x is OpenFAST's y and z its x; turning is counted
 # about z.
-OUR_X, OUR_Z = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+OUR_X, OUR_Y, OUR_Z = LEFT, UP, DOWNWIND
 OUR_AXES = {"tower_x": OUR_X, "nacelle_x": OUR_X, "tower_z": OUR_Z, "wind_speed": OUR_Z, "tower_roll": OUR_Z,
-            "rotor_speed": OUR_Z, "blade_1_root": OUR_Z, "blade_1_tip": np.cross(OUR_Z, [0.0, 0.0, 1.0])}  # fmt: skip
+            "rotor_speed": OUR_Z, "blade_1_root": OUR_Z, "blade_1_tip": np.cross(OUR_Z, UP),
+            "nacelle_y_": OUR_Y, "nacelle_z": OUR_Z, "wave": OUR_Y, "nacelle_yaw": -OUR_Y}  # fmt: skip
 
 
 def test_every_openfast_channel_has_the_sign_of_the_documented_frames(tmp_path):
     from windsysid.records.formats.openfast import CHANNELS
 
-    assert {name.replace("#", "1") for name in CHANNELS} == {*AXES, "Azimuth"}
+    assert {name.replace("#", "1") for name in CHANNELS} == {*AXES, "Azimuth", "BldPitch1"}
     names, ones = list(AXES), np.ones((3, len(AXES)))
     record = read_record(csv_file(tmp_path, outb(ones, names, ["(1)"] * len(names)), "x.outb"))
     for name, axis, channel in zip(names, AXES.values(), record.channels, strict=True):
@@ -368,7 +371,7 @@ def test_times_rounded_to_four_decimals_become_exactly_uniform(tmp_path):
         (b"rubbish" * 50, "not OpenFAST binary"),
         (struct.pack("<hii", 2, 2_000_000_000, 2_000_000_000) + bytes(100), "cut off"),
         (struct.pack("<hii", 2, -5, 7) + bytes(100), "not OpenFAST binary"),
-        (outb(names=["Azimuth"] * 9), "'rotor_azimuth' occurs twice"),
+        (outb(names=["Azimuth"] * 9), "'rotor_azimuth' is listed twice with different units"),
         (outb(ROWS[:1]), "at least 2 samples, got 1"),
         (outb(ROWS[:0]), "at least 2 samples, got 0"),
         (
@@ -407,6 +410,39 @@ def test_openfast_has_no_start_but_the_one_of_the_mapping(tmp_path, openfast):
     (tmp_path / "m.toml").write_text('[time]\nunit = "min"\n')
     with pytest.raises(ConfigurationError, match="leave only start and zone"):
         read_record(openfast, mapping=tmp_path / "m.toml")
+
+
+@pytest.mark.parametrize(
+    ("alias", "channel"),
+    [
+        ("LSSTipV", "rotor_speed"), ("LSSTipVxa", "rotor_speed"), ("LSSTipPxa", "rotor_azimuth"),
+        ("RootMEdg2", "blade_2_root_lag_moment"), ("RootMIP3", "blade_3_root_inplane_moment"),
+        ("YawPzn", "nacelle_yaw"), ("PtchPMzc1", "blade_1_pitch"), ("BldPitch2", "blade_2_pitch"),
+        ("WindVxi", "wind_speed"), ("TTDspRoll", "tower_roll"), ("YawBrTDyt", "tower_x_displacement"),
+        ("Wave1Elev", "wave_elevation"), ("NcIMUTAxs", "nacelle_z_acceleration_kinematic"), ("RootMEdg", "RootMEdg"),
+        ("TwrBsMyt", "TwrBsMyt"), ("RootMFlp1", "RootMFlp1"),
+    ],
+)  # fmt: skip
+def test_other_names_of_a_channel_of_openfast_mean_the_same(tmp_path, alias, channel):
+    from windsysid.records.formats.openfast import ALIASES, CHANNELS
+
+    assert {*ALIASES.values()} <= {*CHANNELS}
+    rows = 10.0 + np.arange(4.0)[:, None]
+    assert read_record(csv_file(tmp_path, outb(rows, [alias], ["(1)"]), "x.outb")).channels == (channel,)
+
+
+def test_of_two_names_of_one_channel_the_first_gets_ours(tmp_path):
+    rows = np.column_stack([np.arange(4.0), 1.0 + np.arange(4.0), np.arange(4.0)])
+    path = csv_file(tmp_path, outb(rows, ["RotSpeed", "LSSTipVxa", "LSSTipV"], ["(rpm)"] * 3), "x.outb")
+    assert read_record(path).channels == ("rotor_speed", "LSSTipVxa", "LSSTipV")
+
+
+def test_bytes_behind_the_counted_rows_of_an_outb_are_left_out_and_said(tmp_path):
+    whole = read_record(csv_file(tmp_path, outb(), "x.outb"))
+    for tail in (b"\1" * 7, outb(), bytes(100_000)):
+        record = read_record(csv_file(tmp_path, outb() + tail, "x.outb"))
+        assert record.values.tobytes() == whole.values.tobytes()
+        assert record.attributes["left_over"].startswith(f"{len(tail)} bytes behind the 3 counted samples")
 
 
 def test_openfast_files_are_read_without_openfast_io(tmp_path, monkeypatch):

@@ -32,7 +32,7 @@ from windsysid.records.formats import (
 from windsysid.records.formats.files import check_input, named_after, read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping, load_mapping
-from windsysid.records.formats.source import Progress, gather, gather_section, pieces
+from windsysid.records.formats.source import Progress, Source, gather, gather_section, pieces, without_repeats
 from windsysid.records.record import Record
 
 __all__ = [
@@ -90,8 +90,8 @@ def read_record(
     found = format_of(path)
     with named_after(path):
         if section is None:
-            return gather(found.open(path, rules, whole=True), progress)
-        return gather_section(found.open(path, rules), *section, progress)
+            return gather(_opened(found, path, rules, whole=True), progress)
+        return gather_section(_opened(found, path, rules), *section, progress)
 
 
 def iterate_record(
@@ -131,7 +131,11 @@ def iterate_record(
         raise ConfigurationError(f"seconds_per_piece is {seconds_per_piece}, expected a time [s] above 0")
     found = format_of(path)
     with named_after(path):
-        yield from pieces(found.open(path, rules), seconds_per_piece, progress, section)
+        yield from pieces(_opened(found, path, rules), seconds_per_piece, progress, section)
+
+
+def _opened(found: Format, path: Path, rules: Mapping, *, whole: bool = False) -> Source:
+    return without_repeats(found.open(path, rules, whole=whole))
 
 
 def _rules(mapping: str | Path | Mapping | None) -> Mapping:

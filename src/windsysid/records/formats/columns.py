@@ -9,6 +9,7 @@ before.
 
 import difflib
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -30,6 +31,7 @@ __all__ = [
     "find_time",
     "find_times",
     "name_and_unit",
+    "occurrences",
     "plan_columns",
     "split_unit",
 ]
@@ -183,21 +185,23 @@ def plan_columns(
     ConfigurationError
         If the mapping lists a column that is not there.
     RecordError
-        If a unit is missing or unknown, a name is none or occurs twice, or nothing is left.
+        If a unit is missing or unknown, a name is none or given twice, or nothing is left.
     """
     times = time if isinstance(time, tuple) else (time,)
+    keys = [(*more, cell.written, cell.name) for cell, more in zip(cells, occurrences(cells), strict=True)]
     for key in mapping.channels:
-        if not any(matches(key, cell.written, cell.name) for i, cell in enumerate(cells) if i not in times):
+        if not any(matches(key, *names) for i, names in enumerate(keys) if i not in times):
             raise ConfigurationError(
                 f'{mapping.place}: channels."{key}": the record has no such column: {_hint(key, cells)}'
             )
-    columns, unsaid = [], []
+    columns, unsaid, renamed = [], [], []
     for index, cell in enumerate(cells):
-        rule = mapping.rule_of(cell.written, cell.name)
+        rule = mapping.rule_of(*keys[index])
         if index in times or (rule is None and mapping.only_listed):
             continue
         column = _column(index, cell, rule or ChannelRule())
         columns.append(column)
+        renamed += [column.name] if rule is not None and rule.name else []
         if not (cell.unit or (rule and rule.unit)) and implied_unit(column.name):
             unsaid.append((column.name, index))
     if unsaid:
@@ -205,8 +209,21 @@ def plan_columns(
         raise RecordError(missing_units([(name, some(index)) for name, index in unsaid], advice))
     if not columns:
         raise RecordError("holds no channel but the time; expected at least one")
-    check_channels(column.name for column in columns)
+    names = [column.name for column in columns]
+    # what the file lists several times is compared when it is read (`without_repeats`), what a mapping calls so is not
+    check_channels(names if {*renamed} & {name for name in names if names.count(name) > 1} else dict.fromkeys(names))
     return tuple(columns)
+
+
+def occurrences(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
+    """For each cell, the keys ``name#2`` that mean the second column of a name; none where the name occurs once."""
+    counts, seen = Counter(cell.name for cell in cells), Counter[str]()
+    keys: list[tuple[str, ...]] = []
+    for cell in cells:
+        seen[cell.name] += 1
+        number = seen[cell.name]
+        keys.append((f"{cell.name}#{number}", f"{cell.written}#{number}") if counts[cell.name] > 1 else ())
+    return keys
 
 
 def _column(index: int, cell: Cell, rule: ChannelRule) -> Column:

@@ -22,21 +22,24 @@ NcIMUTAgys = YawBrTAgyp - h times the roll acceleration. A root moment RootMx is
 exerts on its root about the downwind axis. It is positive with the rotation already: a blade bent forward
 (lag > 0) shows a positive moment.
 
-A channel that `CHANNELS` does not list keeps OpenFAST's own name and sign, in SI.
+A channel that `CHANNELS` does not list keeps OpenFAST's own name and sign, in SI; of two names of one channel
+(`ALIASES`) the first in the file gets ours. The nacelle's sensor has the axes of the shaft, which is tilted:
+``nacelle_z`` is along it. A yaw angle is positive counter-clockwise from above in OpenFAST, clockwise in windsysid.
 
 The date in the header says when the simulation was run, not when the wind blew: it stays in the description, and the
 record has no start but the one that a mapping gives it.
 """
 
 import re
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.clock import start_of
-from windsysid.records.formats.columns import Cell, Column, plan_columns
+from windsysid.records.formats.columns import Cell, plan_columns
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.formats.openfast_text import read_text_output
@@ -45,7 +48,7 @@ from windsysid.records.formats.source import Source, indexed_source
 from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
 
-__all__ = ["CHANNELS", "FORMAT"]
+__all__ = ["ALIASES", "CHANNELS", "FORMAT"]
 
 
 CHANNELS: dict[str, tuple[str, float]] = {
@@ -61,15 +64,40 @@ CHANNELS: dict[str, tuple[str, float]] = {
     "YawBrTAxp": ("tower_z_acceleration_kinematic", 1.0),
     "YawBrTAgxp": ("tower_z_acceleration", 1.0),
     "YawBrRDxt": ("tower_roll", 1.0),
+    "NcIMUTVys": ("nacelle_x_velocity", 1.0),
+    "NcIMUTAys": ("nacelle_x_acceleration_kinematic", 1.0),
     "NcIMUTAgys": ("nacelle_x_acceleration", 1.0),
+    "NcIMUTVzs": ("nacelle_y_velocity", 1.0),
+    "NcIMUTAzs": ("nacelle_y_acceleration_kinematic", 1.0),
+    "NcIMUTAgzs": ("nacelle_y_acceleration", 1.0),
+    "NcIMUTVxs": ("nacelle_z_velocity", 1.0),
+    "NcIMUTAxs": ("nacelle_z_acceleration_kinematic", 1.0),
+    "NcIMUTAgxs": ("nacelle_z_acceleration", 1.0),
+    "NacYaw": ("nacelle_yaw", -1.0),
+    "BldPitch#": ("blade_#_pitch", 1.0),
     "TipALyb#": ("blade_#_tip_lag_acceleration_kinematic", -1.0),
     "TipALgyb#": ("blade_#_tip_lag_acceleration", -1.0),
     "IPDefl#": ("blade_#_tip_lag_deflection", -1.0),
     "RootMxb#": ("blade_#_root_lag_moment", 1.0),
     "RootMxc#": ("blade_#_root_inplane_moment", 1.0),
     "Wind1VelX": ("wind_speed", 1.0),
+    "Wave1Elev": ("wave_elevation", 1.0),
 }
 """OpenFAST's channels that have a name of ours, with the sign that turns the one into the other."""
+
+ALIASES: dict[str, str] = {
+    "LSSTipP": "Azimuth", "LSSTipPxa": "Azimuth", "LSSTipPxs": "Azimuth",
+    "LSSTipV": "RotSpeed", "LSSTipVxa": "RotSpeed", "LSSTipVxs": "RotSpeed",
+    "NacYawP": "NacYaw", "YawPzn": "NacYaw", "YawPzp": "NacYaw", "YawPos": "NacYaw",
+    "YawBrTDyt": "TTDspSS", "YawBrTDxt": "TTDspFA", "TTDspRoll": "YawBrRDxt",
+    "TipDyc#": "IPDefl#", "RootMEdg#": "RootMxb#", "RootMIP#": "RootMxc#",
+    "BlPitch#": "BldPitch#", "PtchPMzc#": "BldPitch#", "PtchPMzb#": "BldPitch#",
+    "WindVxi": "Wind1VelX", "uWind": "Wind1VelX", "WaveElev": "Wave1Elev",
+}  # fmt: skip
+"""Other names that FAST 6 to 8 and OpenFAST give to channels of `CHANNELS`.
+
+Source: ElastoDyn's output parameters (OpenFAST, ``OutListParameters.xlsx``, column "Other Name(s)"), and FAST 7's.
+"""
 
 
 def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
@@ -85,7 +113,8 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
     if len(names) < 2:
         raise RecordError("holds no channel but the time; ask OpenFAST for some in OutList")
 
-    cells = [_cell(*cell, mapping) for cell in zip(names, units, strict=True)]
+    known = _known(names, mapping)
+    cells = [Cell(name, one.name, _unit(unit)) for name, unit, one in zip(names, units, known, strict=True)]
     columns = plan_columns(
         cells, 0, mapping, lambda i: found.rows(0, found.samples)[:, i - 1], "let OpenFAST write its unit"
     )
@@ -93,7 +122,7 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
 
     def rows(low: int, high: int) -> Array:
         raw = found.rows(low, high)
-        return np.column_stack([_channel(names[c.index], c, raw[:, c.index - 1], mapping) for c in columns])
+        return np.column_stack([_channel(known[c.index], c.values(raw[:, c.index - 1])) for c in columns])
 
     return indexed_source(
         path.name,
@@ -101,37 +130,52 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
         tuple(column.unit for column in columns),
         time,
         rows,
-        {"source": "OpenFAST", "description": found.description},
+        {"source": "OpenFAST", "description": found.description, **found.notes},
         place=found.place,
         rows_at_once=max(1, (1 << 20) // len(columns)),
         start=start_of(mapping.time, None),
     )
 
 
-def _ours(name: str) -> tuple[str, float]:
+@dataclass(frozen=True)
+class _Known:
+    """What a column is under our name, and the sign that turns OpenFAST's values into it."""
+
+    name: str
+    sign: float = 1.0
+
+
+def _ours(name: str) -> _Known:
     blade = re.fullmatch(r"(.*[A-Za-z])(\d)", name)
-    if blade and blade[1] + "#" in CHANNELS:
-        ours, sign = CHANNELS[blade[1] + "#"]
-        return ours.replace("#", blade[2]), sign
-    return CHANNELS.get(name, (name, 1.0))
+    number = blade[2] if blade and {blade[1] + "#"} & {*CHANNELS, *ALIASES} else ""
+    key = f"{blade[1]}#" if blade and number else name
+    ours, sign = CHANNELS.get(ALIASES.get(key, key), (name, 1.0))
+    return _Known(ours.replace("#", number), sign)
 
 
-def _cell(name: str, unit: str, mapping: Mapping) -> Cell:
+def _known(names: Sequence[str], mapping: Mapping) -> list[_Known]:
+    """What the columns are: with the file's own name and sign where a mapping lists one, or another has our name."""
+    found: list[_Known] = []
+    taken: dict[str, str] = {}
+    for name in names:
+        ours = _ours(name)
+        own = mapping.rule_of(name) is not None or taken.setdefault(ours.name, name) != name
+        found.append(_Known(name) if own else ours)
+    return found
+
+
+def _unit(unit: str) -> str:
     try:
         canonical(unit)
     except ConfigurationError:
-        unit = AS_WRITTEN + unit
-    return Cell(name, name if mapping.rule_of(name) else _ours(name)[0], unit)
+        return AS_WRITTEN + unit
+    return unit
 
 
-def _channel(name: str, column: Column, raw: Array, mapping: Mapping) -> Array:
-    values = column.values(raw)
-    if mapping.rule_of(name):  # whoever lists a channel says its sign too
-        return values
-    ours, sign = _ours(name)
-    if ours == "rotor_azimuth":
+def _channel(known: _Known, values: Array) -> Array:
+    if known.name == "rotor_azimuth":
         values = _azimuth(values)
-    return values if sign > 0.0 else -values
+    return values if known.sign > 0.0 else -values
 
 
 def _azimuth(values: Array) -> Array:

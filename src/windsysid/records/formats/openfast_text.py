@@ -57,6 +57,11 @@ class TextOutput:
         """Values of the rows low … high − 1, (high − low, m − 1), without the time."""
         return self.table[low:high, 1:]
 
+    @property
+    def notes(self) -> dict[str, str]:
+        """What a user should know of the file, as attributes of its record."""
+        return {}
+
     def place(self, row: int) -> str:
         """What a user calls the place of a row."""
         return f"line {row + self.first_line}"

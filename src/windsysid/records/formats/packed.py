@@ -2,7 +2,9 @@
 
 A header says how many channels and samples follow, then come int16 rows with one scale and offset per channel
 (float64 rows in format 3; formats 1 has packed times before the rows). A row is as long as any other, so the rows of
-a section are one piece of the file. The numbers are those that openfast_io reads (tests/records/formats).
+a section are one piece of the file. Bytes behind the counted rows are those of a longer file that was written over:
+they are left out, and the attribute ``left_over`` says so. The numbers are those that openfast_io reads
+(tests/records/formats).
 """
 
 import struct
@@ -40,6 +42,8 @@ class Packed:
         Position of the first row.
     wide : bool
         Whether rows are float64 and not packed.
+    behind : int
+        Bytes behind the counted rows, which are not read.
     """
 
     path: Path
@@ -54,6 +58,7 @@ class Packed:
     offset: Array
     at: int
     wide: bool
+    behind: int = 0
 
     def time(self, low: int, high: int) -> Array:
         """Times [s] of the rows low … high − 1, as the file has them."""
@@ -75,6 +80,16 @@ class Packed:
         with np.errstate(all="ignore"):  # infinity is named by whoever checks the rows
             return np.asarray((table - self.offset) / self.scale)
 
+    @property
+    def notes(self) -> dict[str, str]:
+        """What a user should know of the file, as attributes of its record."""
+        if not self.behind:
+            return {}
+        return {
+            "left_over": f"{self.behind} bytes behind the {self.samples} counted samples are not read; the file may"
+            " have been written over a longer one"
+        }
+
     def place(self, row: int) -> str:
         """What a user calls the place of a row."""
         return f"sample {row}"
@@ -86,7 +101,7 @@ def open_packed(path: Path) -> Packed:
     Raises
     ------
     RecordError
-        If it makes no sense, or the file is shorter or longer than it says.
+        If it makes no sense, or the file is shorter than it says.
     """
     size = path.stat().st_size
     rubbish = RecordError("is not OpenFAST binary output; give the file the ending of what it is")
@@ -111,11 +126,10 @@ def open_packed(path: Path) -> Packed:
             if description_size < 0:
                 raise rubbish
             needed += description_size
-        if size != needed:
-            what = "is cut off" if size < needed else "is too long, its header or rows are damaged"
+        if size < needed:
             raise RecordError(
-                f"{what}: {samples} samples of {channels} channels need {needed} bytes, got {size}; run the simulation"
-                " or copy the file again"
+                f"is cut off: {samples} samples of {channels} channels need {needed} bytes, got {size}; run the"
+                " simulation or copy the file again"
             )
         file.seek(at + 8)
         first, second = struct.unpack("<dd", file.read(16))
@@ -136,7 +150,7 @@ def open_packed(path: Path) -> Packed:
         start, step = (np.nan, np.nan) if kind == 1 else (first, second)
         return Packed(
             path, names, tuple(unit[1:-1] for unit in units), description, samples, start, step, times,
-            doubles(scale), doubles(offset), file.tell(), kind == 3,
+            doubles(scale), doubles(offset), file.tell(), kind == 3, size - needed,
         )  # fmt: skip
 
 

@@ -6,8 +6,9 @@ checked whole: time must increase inside a block and from one block to the next.
 """
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +18,18 @@ from windsysid.records.checks import Array, check_block, check_channels, refuse_
 from windsysid.records.record import Record
 
 __all__ = [
-    "Block", "Progress", "Source", "doubles", "gather", "gather_section", "indexed_source", "pieces", "shifted",
+    "Block", "Progress", "Source", "doubles", "gather", "gather_section", "indexed_source", "pieces", "reading_notes",
+    "shifted", "without_repeats",
 ]  # fmt: skip
 
 Progress = Callable[[float], None]
 """Called with the fraction of the file that has been read."""
+
+_NOTES = {
+    "cut_off": "{}", "left_out": "left out, because they are no channels: {}", "left_over": "{}", "repeated": "{}",
+    "dropped": "{}",
+}  # fmt: skip
+"""Attributes of a record that say how its file was read, and the sentence for each."""
 
 
 def doubles(values: Any) -> Array:
@@ -77,6 +85,60 @@ class Source:
     attributes: Mapping[str, str] = field(default_factory=dict)
     first: float = np.nan
     start: str | None = None
+
+
+def reading_notes(attributes: Mapping[str, str]) -> list[str]:
+    """What was left out or passed over when the file of a record with these attributes was read."""
+    return [f"Reading the file: {text.format(attributes[key])}." for key, text in _NOTES.items() if key in attributes]
+
+
+def without_repeats(source: Source) -> Source:
+    """The source with each channel once, where the file lists some several times with the same values.
+
+    Raises
+    ------
+    RecordError
+        If the columns of one name differ in unit or, when their block is read, in a value.
+    """
+    counts = Counter(source.channels)
+    repeated = [name for name, count in counts.items() if count > 1]
+    if not repeated:
+        return source
+    first = {name: source.channels.index(name) for name in repeated}
+    again = [k for k, name in enumerate(source.channels) if name in first and k != first[name]]
+    kept = [k for k in range(len(source.channels)) if k not in again]
+
+    def blocks(start: float, end: float) -> Iterator[Block]:
+        for block in source.blocks(start, end):
+            for k in again:
+                _check_same(source.channels[k], block, first[source.channels[k]], k)
+            yield block._replace(values=block.values[:, kept])
+
+    for k in again:
+        if source.units[k] != source.units[first[source.channels[k]]]:
+            raise _differing(source.channels[k], "units")
+    text = f"listed several times with the same values, one kept: {', '.join(repeated)}"
+    return replace(
+        source,
+        channels=tuple(source.channels[k] for k in kept),
+        units=tuple(source.units[k] for k in kept),
+        blocks=blocks,
+        attributes={**source.attributes, "repeated": text},
+    )
+
+
+def _check_same(name: str, block: Block, one: int, other: int) -> None:
+    left, right = block.values[:, one], block.values[:, other]
+    same = (left == right) | (np.isnan(left) & np.isnan(right))
+    if not same.all():
+        raise _differing(name, f"values ({block.place(int(np.argmin(same)))})")
+
+
+def _differing(name: str, what: str) -> RecordError:
+    return RecordError(
+        f"channel '{name}' is listed twice with different {what}; rename one in a mapping file:"
+        f' [channels."{name}#2"] name = "{name}_2"'
+    )
 
 
 def gather(source: Source, progress: Progress | None = None) -> Record:
