@@ -18,7 +18,11 @@ from windsysid.units import UNITS, canonical, is_same_quantity, parse_quantity, 
         (("RPM", "rev/min", "1/min", "rpm"), "rpm"),
         (("°", "degrees", "deg"), "deg"),
         (("Ns/m", "N-s/m", "N·s/m"), "N*s/m"),
-        (("µε", "με"), "µε"),
+        (("µε", "με", "uε", "µϵ", "µe", "Âµε"), "µε"),
+        (("ustrain", "µstrain", "μStrain", "Microstrain", "MICROSTRAIN", "micro strain", "ustr"), "microstrain"),
+        (("um/m", "µm/m", "μm/m", "um\\m", "µm\\m", "(um/m)", "µm / m"), "µm/m"),
+        (("mstrain", "mε"), "mε"),
+        (("kN\ufffdm", "kNÂ·m"), "kN*m"),
         (("sec", "seconds", "(s)"), "s"),
     ],
 )
@@ -56,7 +60,11 @@ BROCHURE: dict[str, tuple[str, Fraction | int]] = {
     "1": ("1", 1), "-": ("1", 1), "": ("1", 1), "%": ("1", Fraction(1, 100)), "V/V": ("1", 1),
     "mV/V": ("1", Fraction(1, 1000)),
     "strain": ("1", 1), "microstrain": ("1", Fraction(1, 10**6)), "ue": ("1", Fraction(1, 10**6)),
-    "µε": ("1", Fraction(1, 10**6)),
+    "µε": ("1", Fraction(1, 10**6)), "mε": ("1", Fraction(1, 1000)), "ε": ("1", 1), "ppm": ("1", Fraction(1, 10**6)),
+    "µm/m": ("1", Fraction(1, 10**6)), "mm/m": ("1", Fraction(1, 1000)), "m/m": ("1", 1), "‰": ("1", Fraction(1, 1000)),
+    "µin/in": ("1", Fraction(1, 10**6)), "in/in": ("1", 1), "µV/V": ("1", Fraction(1, 10**6)),
+    "µm": ("m", Fraction(1, 10**6)), "µm/s": ("m/s", Fraction(1, 10**6)), "µm/s^2": ("m/s^2", Fraction(1, 10**6)),
+    "µg": ("m/s^2", G / 10**6), "µrad": ("rad", Fraction(1, 10**6)), "µV": ("V", Fraction(1, 10**6)),
     "s": ("s", 1), "µs": ("s", Fraction(1, 10**6)), "ms": ("s", Fraction(1, 1000)), "min": ("s", 60),
     "h": ("s", 60 * 60),
     "d": ("s", 24 * 60 * 60),
@@ -94,7 +102,7 @@ def test_every_unit_has_the_factor_of_the_si_brochure(unit: str):
 @pytest.mark.parametrize(("ending", "unit"), SUFFIXES.items())
 def test_every_ending_of_a_name_is_the_unit_that_it_spells(ending: str, unit: str):
     spelt = ending[1:].replace("_per_", "/").replace("Nm", "N*m")
-    for written, meant in (("m_s", "m/s"), ("km_h", "km/h"), ("rad_s", "rad/s"), ("deg_s", "deg/s")):
+    for written, meant in (("m_s", "m/s"), ("m_m", "m/m"), ("km_h", "km/h"), ("rad_s", "rad/s"), ("deg_s", "deg/s")):
         spelt = spelt.replace(written, meant)
     assert canonical(spelt.replace("s2", "s^2")) == unit
 

@@ -31,13 +31,15 @@ _G = 9.80665
 UNITS: dict[str, tuple[str, float]] = {
     # unit: (the SI unit of the same quantity, factor)
     "1": ("1", 1.0), "-": ("1", 1.0), "": ("1", 1.0), "%": ("1", 0.01), "V/V": ("1", 1.0),
-    "mV/V": ("1", 1e-3), "strain": ("1", 1.0), "microstrain": ("1", 1e-6), "ue": ("1", 1e-6),
-    "µε": ("1", 1e-6),
+    "mV/V": ("1", 1e-3), "µV/V": ("1", 1e-6), "strain": ("1", 1.0), "microstrain": ("1", 1e-6), "ue": ("1", 1e-6),
+    "µε": ("1", 1e-6), "mε": ("1", 1e-3), "ε": ("1", 1.0), "µm/m": ("1", 1e-6), "mm/m": ("1", 1e-3), "m/m": ("1", 1.0),
+    "µin/in": ("1", 1e-6), "in/in": ("1", 1.0), "ppm": ("1", 1e-6), "‰": ("1", 1e-3),
     "s": ("s", 1.0), "µs": ("s", 1e-6), "ms": ("s", 1e-3), "min": ("s", 60.0), "h": ("s", 3600.0), "d": ("s", 86400.0),
-    "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "km": ("m", 1e3),
-    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3), "km/h": ("m/s", 1.0 / 3.6),
+    "m": ("m", 1.0), "µm": ("m", 1e-6), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "km": ("m", 1e3),
+    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3), "µm/s": ("m/s", 1e-6), "km/h": ("m/s", 1.0 / 3.6),
     "m/s^2": ("m/s^2", 1.0), "mm/s^2": ("m/s^2", 1e-3), "g": ("m/s^2", _G), "mg": ("m/s^2", 1e-3 * _G),
-    "rad": ("rad", 1.0), "deg": ("rad", _DEGREE), "mrad": ("rad", 1e-3),
+    "µg": ("m/s^2", 1e-6 * _G), "µm/s^2": ("m/s^2", 1e-6),
+    "rad": ("rad", 1.0), "deg": ("rad", _DEGREE), "mrad": ("rad", 1e-3), "µrad": ("rad", 1e-6),
     "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", _DEGREE), "rpm": ("rad/s", _TURN / 60.0), "Hz": ("Hz", 1.0),
     "rad/s^2": ("rad/s^2", 1.0), "deg/s^2": ("rad/s^2", _DEGREE),
     "rad/m": ("rad/m", 1.0), "deg/m": ("rad/m", _DEGREE),
@@ -51,15 +53,20 @@ UNITS: dict[str, tuple[str, float]] = {
     "W": ("W", 1.0), "kW": ("W", 1e3), "MW": ("W", 1e6), "degC": ("degC", 1.0),
     "Pa": ("Pa", 1.0), "hPa": ("Pa", 100.0), "mbar": ("Pa", 100.0), "kPa": ("Pa", 1e3), "MPa": ("Pa", 1e6),
     "bar": ("Pa", 1e5),
-    "V": ("V", 1.0), "mV": ("V", 1e-3), "A": ("A", 1.0), "mA": ("A", 1e-3),
+    "V": ("V", 1.0), "mV": ("V", 1e-3), "µV": ("V", 1e-6), "A": ("A", 1.0), "mA": ("A", 1e-3),
 }  # fmt: skip
 
 _EXAMPLES = ("m/s^2", "g", "mm", "deg", "rpm", "kN*m", "N/m")
 
-# Two letters look like µ: the Greek one is turned into the micro sign.
-_SPELLINGS = str.maketrans({"·": "*", "⋅": "*", "•": "*", "²": "^2", "μ": "µ", " ": None})
+# Two letters look like µ, and two like ε: the Greek µ is turned into the micro sign, the symbol ϵ into the letter. Â is
+# what UTF-8 leaves before one of these where it was read as Latin-1, and U+FFFD what is left of the dot of kN·m.
+_SPELLINGS = str.maketrans(
+    {"·": "*", "⋅": "*", "•": "*", "∙": "*", "\ufffd": "*", "²": "^2", "μ": "µ", "ϵ": "ε", "ɛ": "ε", "Â": None,
+      " ": None, "\xa0": None}
+)  # fmt: skip
 _PIECES = (
     ("**", "^"),
+    ("m\\m", "m/m"),
     ("/sec", "/s"),
     ("N-m", "N*m"),
     ("Nm", "N*m"),
@@ -73,7 +80,10 @@ _WORDS = {
     "sec": "s", "seconds": "s", "second": "s", "degrees": "deg", "degree": "deg", "RPM": "rpm",
     "rev/min": "rpm", "1/min": "rpm", "m/s2": "m/s^2", "m/ss": "m/s^2", "m/s/s": "m/s^2", "mm/s2": "mm/s^2",
     "deg/s2": "deg/s^2", "rad/s2": "rad/s^2", "kg*m2": "kg*m^2", "degrees/s": "deg/s",
-    "ustrain": "microstrain", "none": "1", "us": "µs", "day": "d", "days": "d", "hours": "h", "hour": "h",
+    "microstrains": "microstrain", "micro-strain": "microstrain", "ustrain": "microstrain", "µstrain": "microstrain",
+    "ustr": "microstrain", "µstr": "microstrain", "uStrain": "microstrain", "µStrain": "microstrain",
+    "µe": "µε", "mstrain": "mε", "millistrain": "mε", "strains": "strain", "none": "1",
+    "us": "µs", "day": "d", "days": "d", "hours": "h", "hour": "h",
     "minutes": "min", "minute": "min", "milliseconds": "ms", "DegC": "degC", "Deg": "deg", "Degrees": "deg",
     "Volts": "V", "volts": "V", "meters/second": "m/s", "meters/s": "m/s",
 }  # fmt: skip
@@ -104,7 +114,7 @@ def canonical(unit: str) -> str:
     if text not in UNITS:
         for written, spelt in _PIECES:
             text = text.replace(written, spelt)
-        text = _WORDS.get(text, text)
+        text = _known_spelling(text)
     if text not in UNITS:
         raise ConfigurationError(
             f"unknown unit '{unit[:40]}': expected one of the units windsysid knows (such as "
@@ -112,6 +122,15 @@ def canonical(unit: str) -> str:
             "write the value in one of those"
         )
     return text
+
+
+def _known_spelling(text: str) -> str:
+    """The key of `UNITS` for a unit in other words, in capitals as loggers write strain, or with ``u`` for ``µ``."""
+    tried = [_WORDS.get(text, text), "µ" + text[1:] if text[:1] == "u" else text]
+    small = text.lower()
+    if "strain" in small:
+        tried.append(_WORDS.get(small, small))
+    return next((one for one in tried if one in UNITS), text)
 
 
 def si_unit(unit: str) -> str:

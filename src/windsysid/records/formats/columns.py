@@ -37,7 +37,8 @@ __all__ = [
 ]
 
 SUFFIXES = {
-    "_mV_per_V": "mV/V", "_V_per_V": "V/V", "_microstrain": "microstrain",
+    "_mV_per_V": "mV/V", "_V_per_V": "V/V", "_microstrain": "microstrain", "_ustrain": "microstrain",
+    "_um_m": "µm/m", "_mm_m": "mm/m",
     "_mm_s2": "mm/s^2", "_m_s2": "m/s^2", "_rad_s2": "rad/s^2", "_deg_s2": "deg/s^2",
     "_mm_s": "mm/s", "_m_s": "m/s", "_km_h": "km/h", "_rad_s": "rad/s", "_deg_s": "deg/s", "_rpm": "rpm",
     "_rad": "rad", "_deg": "deg", "_mm": "mm", "_cm": "cm", "_mg": "mg",
