@@ -34,7 +34,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "mV/V": ("1", 1e-3), "µV/V": ("1", 1e-6), "strain": ("1", 1.0), "microstrain": ("1", 1e-6), "ue": ("1", 1e-6),
     "µε": ("1", 1e-6), "mε": ("1", 1e-3), "ε": ("1", 1.0), "µm/m": ("1", 1e-6), "mm/m": ("1", 1e-3), "m/m": ("1", 1.0),
     "µin/in": ("1", 1e-6), "in/in": ("1", 1.0), "ppm": ("1", 1e-6), "‰": ("1", 1e-3),
-    "s": ("s", 1.0), "µs": ("s", 1e-6), "ms": ("s", 1e-3), "min": ("s", 60.0), "h": ("s", 3600.0), "d": ("s", 86400.0),
+    "s": ("s", 1.0), "ns": ("s", 1e-9), "µs": ("s", 1e-6), "ms": ("s", 1e-3),
+    "min": ("s", 60.0), "h": ("s", 3600.0), "d": ("s", 86400.0),
     "m": ("m", 1.0), "µm": ("m", 1e-6), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "km": ("m", 1e3),
     "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3), "µm/s": ("m/s", 1e-6), "km/h": ("m/s", 1.0 / 3.6),
     "m/s^2": ("m/s^2", 1.0), "mm/s^2": ("m/s^2", 1e-3), "g": ("m/s^2", _G), "mg": ("m/s^2", 1e-3 * _G),
@@ -84,7 +85,10 @@ _WORDS = {
     "ustr": "microstrain", "µstr": "microstrain", "uStrain": "microstrain", "µStrain": "microstrain",
     "µe": "µε", "mstrain": "mε", "millistrain": "mε", "strains": "strain", "none": "1",
     "us": "µs", "day": "d", "days": "d", "hours": "h", "hour": "h",
-    "minutes": "min", "minute": "min", "milliseconds": "ms", "DegC": "degC", "Deg": "deg", "Degrees": "deg",
+    "minutes": "min", "minute": "min", "mins": "min", "secs": "s", "msec": "ms", "millis": "ms",
+    "millisecond": "ms", "milliseconds": "ms", "usec": "µs", "micros": "µs", "microsecond": "µs", "microseconds": "µs",
+    "nanos": "ns", "nsec": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+    "DegC": "degC", "Deg": "deg", "Degrees": "deg",
     "Volts": "V", "volts": "V", "meters/second": "m/s", "meters/s": "m/s",
 }  # fmt: skip
 

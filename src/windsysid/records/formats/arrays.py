@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.formats.columns import TIME_NAMES, Cell
+from windsysid.records.formats.columns import Cell, is_called_time
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Series, cell_of, source_of_series
 from windsysid.records.formats.source import Source
@@ -95,7 +95,7 @@ def _length(arrays: Sequence[Stored], mapping: Mapping) -> int | None:
     if wanted is not None:
         found = [array for array in vectors if wanted in (array.path, array.name)]
     else:
-        found = [array for array in vectors if array.name.lower() in TIME_NAMES]
+        found = [array for array in vectors if is_called_time(array.name)]
     return found[0].shape[0] if len(found) == 1 else None
 
 

@@ -7,6 +7,7 @@ rad/s. Where the name says none, the values stay ``as written: unknown``. What a
 before.
 """
 
+import contextlib
 import difflib
 import re
 from collections import Counter
@@ -20,7 +21,7 @@ from windsysid.records.checks import Array, check_channels
 from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, matches
 from windsysid.records.quantities import implied_unit, missing_units
 from windsysid.records.record import AS_WRITTEN
-from windsysid.units import is_same_quantity, si_unit, to_si
+from windsysid.units import canonical, is_same_quantity, si_unit, to_si
 
 __all__ = [
     "DATE_NAMES",
@@ -30,6 +31,7 @@ __all__ = [
     "Column",
     "find_time",
     "find_times",
+    "is_called_time",
     "name_and_unit",
     "occurrences",
     "plan_columns",
@@ -54,8 +56,21 @@ contradict the quantity that the name says; ``_N`` and ``_m`` count only where t
 DATE_NAMES = ("date", "datum", "dato", "fecha", "data", "day")
 """Names of a column with the date, in any case, where the next one is called as a time is."""
 
-TIME_NAMES = ("time", "t", "timestamp", "datetime", "date time", "date/time", "zeit", "tid", "uhrzeit", "hora")
+TIME_NAMES = (
+    "time", "t", "timestamp", "datetime", "date time", "date/time", "date_time", "time stamp", "time_stamp", "elapsed",
+    "elapsed time", "elapsed_time", "zeit", "zeitstempel", "tid", "uhrzeit", "hora", "temps", "tiempo",
+)  # fmt: skip
 """Names of a time column, in any case."""
+
+_FINE_UNITS = "s|sec|secs|seconds|ms|msec|millis|milliseconds|us|µs|usec|micros|microseconds|ns|nanos|nanoseconds"
+_COARSE_UNITS = "min|mins|minutes|h|hours|d|days"
+_TIME_WITH_UNIT = re.compile(
+    rf"(?P<name>{'|'.join(TIME_NAMES)})[ _.-]+(?:in[ _])?(?P<unit>{_FINE_UNITS}|(?<!^t.)(?:{_COARSE_UNITS}))",
+    re.IGNORECASE,
+)
+_CAMEL_TIME = re.compile(r"(?P<name>[Tt]ime|[Tt]imestamp)(?P<unit>Ms|Us|Ns|Sec|Seconds|Millis|Milliseconds|Micros)")
+"""Names that end in a unit of time: ``time_ms``, ``t_us``, ``timestamp_ns``, ``Time in ms``, ``timeMs``; ``t_min`` and
+``t_d`` may be something else."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +100,40 @@ class Column:
 
 
 def split_unit(written: str) -> Cell:
-    """A header cell with its unit in brackets taken off."""
+    """A header cell with its unit in brackets taken off, and a time with the unit at its end.
+
+    Raises
+    ------
+    RecordError
+        If a time has two units.
+    """
     bracketed = re.fullmatch(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", written)
     if not bracketed:
-        return Cell(written, written)
-    square, round_ = bracketed[2], bracketed[3]
-    return Cell(written, bracketed[1], square if square is not None else round_)
+        return Cell(written, *_time_and_unit(written))
+    name, unit = bracketed[1], bracketed[2] if bracketed[2] is not None else bracketed[3]
+    bare, said = _time_and_unit(name)
+    if said is not None and said != _spelt(unit):
+        raise RecordError(f"column '{written[:40]}' is in {said} and in {unit[:40]}; expected one unit; correct either")
+    return Cell(written, bare, unit)
+
+
+def _time_and_unit(name: str) -> tuple[str, str | None]:
+    """The name of a time without the unit that ends it, and that unit; any other name as it is."""
+    found = _TIME_WITH_UNIT.fullmatch(name) or _CAMEL_TIME.fullmatch(name)
+    return (found["name"], _spelt(found["unit"])) if found else (name, None)
+
+
+def _spelt(unit: str) -> str | None:
+    """The one spelling of a unit of time in any case, None where it is none."""
+    for text in (unit, unit.lower()):
+        with contextlib.suppress(ConfigurationError):
+            return canonical(text) if si_unit(text) == "s" else None
+    return None
+
+
+def is_called_time(name: str) -> bool:
+    """Whether a column is called as a time is, with or without a unit at the end of its name."""
+    return _time_and_unit(name)[0].lower() in TIME_NAMES
 
 
 def name_and_unit(written: str) -> Cell:
@@ -126,7 +169,7 @@ def find_times(cells: Sequence[Cell], mapping: Mapping) -> tuple[int, ...]:
     if isinstance(wanted, tuple):
         return tuple(find_time(cells, replace(mapping, time=replace(mapping.time, column=name))) for name in wanted)
     names = [cell.name.lower() for cell in cells[:2]]
-    if wanted is None and len(names) == 2 and names[0] in DATE_NAMES and names[1] in TIME_NAMES:
+    if wanted is None and len(names) == 2 and names[0] in DATE_NAMES and is_called_time(names[1]):
         return 0, 1
     return (find_time(cells, mapping),)
 
@@ -152,7 +195,7 @@ def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
                 f"{_hint(wanted, cells)}"
             )
         return found[0]
-    if not cells or cells[0].name.lower() not in TIME_NAMES:
+    if not cells or not is_called_time(cells[0].name):
         first = cells[0].written if cells else ""
         raise RecordError(
             f"the first column is '{first[:40]}', expected 'time [s]'; put the time first, or name its column in the "
@@ -228,7 +271,7 @@ def occurrences(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
 
 
 def _column(index: int, cell: Cell, rule: ChannelRule) -> Column:
-    name = rule.name or cell.name
+    name = rule.name or (cell.written if cell.name == "time" else cell.name)  # another time than the record's own
     unit = rule.unit or cell.unit or AS_IT_IS
     if unit == AS_IT_IS:
         return Column(index, name, AS_WRITTEN + (cell.unit or "unknown"), rule.scale)

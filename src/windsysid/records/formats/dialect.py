@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.clock import is_stamp
-from windsysid.records.formats.columns import TIME_NAMES, Cell, name_and_unit, split_unit
+from windsysid.records.formats.columns import Cell, is_called_time, name_and_unit, split_unit
 from windsysid.records.formats.mapping import CsvRule
 from windsysid.records.record import AS_WRITTEN
 from windsysid.units import canonical, si_unit
@@ -241,10 +241,8 @@ def _named(header: list[str]) -> tuple[Cell, ...]:
 def _commented_names(preamble: list[str], delimiter: str, size: int) -> tuple[Cell, ...] | None:
     """The names from the last comment, if it is a header: as wide as the rows, and the time first."""
     header = split(preamble[-1].lstrip("#% "), delimiter) if preamble else []
-    if len(header) != size or split_unit(header[0]).name.lower() not in TIME_NAMES:
-        cell = name_and_unit(header[0]) if header else None
-        if cell is None or len(header) != size or cell.name.lower() not in TIME_NAMES:
-            return None
+    if len(header) != size or not any(is_called_time(read(header[0]).name) for read in (split_unit, name_and_unit)):
+        return None
     return _named(header)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.checks import UNIFORM
 from windsysid.records.formats.clock import Moments, exact_seconds, make_clock, moments_clock, start_of
-from windsysid.records.formats.columns import TIME_NAMES, Cell, Column, find_time, name_and_unit, plan_columns
+from windsysid.records.formats.columns import Cell, Column, find_time, is_called_time, name_and_unit, plan_columns
 from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.formats.placing import Rows, coinciding
 from windsysid.records.formats.source import Source, indexed_source
@@ -192,7 +192,7 @@ def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | 
         raise ConfigurationError(f"{mapping.place}: time: the file itself says its times; leave only zone and start")
     if timed or mapping.time.rate is not None:
         return None
-    called = [i for i, cell in enumerate(cells) if cell.name.lower() in TIME_NAMES]
+    called = [i for i, cell in enumerate(cells) if is_called_time(cell.name)]
     if len(called) == 1:
         return called[0]
     found = f"{len(called)} are called so" if called else "none is called so"
