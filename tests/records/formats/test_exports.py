@@ -161,3 +161,32 @@ def test_a_mark_inside_a_file_of_the_windows_code_page_is_none_either(tmp_path):
     half = whole.find(b"\n", 300) + 1
     record = read_record(write(tmp_path, whole[:half] + b"\xef\xbb\xbf" + whole[half:]))
     np.testing.assert_array_equal(record.values[:, :2], VALUES * [1.0, 1e3])
+
+
+# a column that counts rows
+
+
+@pytest.mark.parametrize("columns", [{}, {"index_label": "index"}, {"sep": ";"}, {"sep": "\t"}])
+def test_the_index_that_pandas_writes_is_left_out_and_said(tmp_path, columns):
+    frame = pd.DataFrame({"time [s]": TIME, "a [m]": VALUES[:, 0], "b [kN]": VALUES[:, 1]})
+    frame.to_csv(tmp_path / "x.csv", **columns)
+    record = read_record(tmp_path / "x.csv")
+    same(record)
+    assert record.attributes["dropped"].endswith("counts the rows; it is left out")
+    pd.read_csv(tmp_path / "x.csv", sep=columns.get("sep", ",")).to_csv(tmp_path / "x.csv", index=False)
+    same(read_record(tmp_path / "x.csv"))  # which calls it Unnamed: 0
+    frame.drop(index=[3, 4, 17]).to_csv(tmp_path / "x.csv", **columns)
+    assert read_record(tmp_path / "x.csv").samples == 37
+
+
+def test_an_index_beside_a_rate_is_left_out_and_one_that_the_mapping_names_is_not(tmp_path):
+    pd.DataFrame({"a [m]": VALUES[:, 0], "b [kN]": VALUES[:, 1]}).to_csv(tmp_path / "x.csv")
+    same(read_record(tmp_path / "x.csv", mapping=Mapping(time=TimeRule(rate=20.0))))
+    refused(tmp_path / "x.csv", "the first column is 'a")
+    record = read_record(tmp_path / "x.csv", mapping=Mapping(time=TimeRule(column="Unnamed: 0", unit="ms")))
+    np.testing.assert_allclose(record.time, 1e-3 * np.arange(40))
+
+
+def test_a_first_column_without_a_name_that_does_not_count_is_refused(tmp_path):
+    pd.DataFrame({"a [m]": VALUES[:, 0]}, index=TIME).to_csv(tmp_path / "x.csv")
+    refused(tmp_path / "x.csv", "column 1 has no name")

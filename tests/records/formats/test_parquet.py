@@ -134,3 +134,12 @@ def test_parquet_without_a_time_is_counted_by_its_rate(tmp_path):
     assert record.values.tobytes() == values.tobytes()
     part = read_record(tmp_path / "x.parquet", mapping=mapping, section=(690.0, 691.0))
     np.testing.assert_array_equal(part.values, values[69_000:69_100])
+
+
+def test_the_index_of_a_filtered_frame_is_not_its_time(tmp_path):
+    frame = pd.DataFrame({"time [s]": 0.05 * np.arange(200), "a [m]": np.arange(200.0)}).drop(index=[3, 17])
+    frame.to_parquet(tmp_path / "x.parquet")
+    record = read_record(tmp_path / "x.parquet")
+    assert record.channels == ("a",)
+    assert record.rate == pytest.approx(20.0)
+    assert record.attributes["dropped"] == "the index that pandas counted is left out"

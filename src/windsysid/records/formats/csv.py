@@ -19,7 +19,7 @@ import io
 import itertools
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
@@ -28,8 +28,8 @@ import numpy.typing as npt
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.clock import Clock, make_clock, start_of
-from windsysid.records.formats.columns import Column, find_times, plan_columns
-from windsysid.records.formats.dialect import Layout, find_layout, is_number, split
+from windsysid.records.formats.columns import Cell, Column, find_times, plan_columns
+from windsysid.records.formats.dialect import Layout, counts_rows, find_layout, is_number, split
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.source import Block, Source
@@ -56,12 +56,14 @@ def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         raise RecordError("holds only blank lines; expected a header line and rows of numbers")
     rate = mapping.time.rate
     layout = find_layout(head, mapping.csv, timed=rate is None)
-    times = find_times(layout.cells, mapping)
     rows = [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
+    times, counter = _times_and_counter(layout.cells, [cells for _, cells in rows], mapping)
     columns = plan_columns(
-        layout.cells, times, mapping, lambda i: _numbers(rows, i, layout), "write '{}' in the header"
+        layout.cells, (*times, *counter), mapping, lambda i: _numbers(rows, i, layout), "write '{}' in the header"
     )
     attributes = dict(layout.attributes)
+    if counter:
+        attributes["dropped"] = f"the column '{layout.cells[0].written}' counts the rows; it is left out"
     keep = last is None or not last.strip() or _is_complete(last, rows, layout.delimiter)
     if not keep:
         attributes["cut_off"] = "the last line has no end and may be cut off; it is left out"
@@ -94,16 +96,26 @@ def columns_of_text(path: Path, mapping: Mapping) -> tuple[tuple[str, ...], tupl
     """Names of the columns that hold numbers in the first lines, and of those that hold text; the time is neither."""
     head = list(_head(path, encoding_of(path, mapping.csv.encoding)))
     layout = find_layout(head, mapping.csv, timed=mapping.time.rate is None)
-    times = find_times(layout.cells, mapping)
     rows = [split(text, layout.delimiter) for number, text in head if number >= layout.first_row]
+    times, counter = _times_and_counter(layout.cells, rows, mapping)
     numbers: list[str] = []
     texts: list[str] = []
     for index, cell in enumerate(layout.cells):
         cells = [row[index] for row in rows if index < len(row) and row[index] not in layout.missing]
-        if index not in times:
+        if index not in (*times, *counter):
             found = sum(is_number(text, layout.decimal) for text in cells)
             (texts if 2 * found < len(cells) else numbers).append(cell.written)
     return tuple(numbers), tuple(texts)
+
+
+def _times_and_counter(
+    cells: Sequence[Cell], rows: list[list[str]], mapping: Mapping
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The columns of the time, and the first one where it only counts rows and the mapping does not mention it."""
+    mentioned = mapping.time.column == cells[0].written or cells[0].written in mapping.channels
+    if mentioned or not counts_rows(cells, rows):
+        return find_times(cells, mapping), ()
+    return tuple(1 + index for index in find_times(cells[1:], mapping)), (0,)
 
 
 def write_csv(record: Record, file: BinaryIO) -> None:

@@ -9,6 +9,7 @@ of names, one of units; or the four lines of a Campbell TOA5 file; or nothing, a
 """
 
 import csv
+import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from windsysid.records.formats.mapping import CsvRule
 from windsysid.records.record import AS_WRITTEN
 from windsysid.units import canonical, si_unit
 
-__all__ = ["MISSING", "Layout", "find_layout", "is_number", "split"]
+__all__ = ["MISSING", "Layout", "counts_rows", "find_layout", "is_number", "split"]
 
 MISSING = ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "None")
 """Cells that say that a value is missing."""
@@ -33,6 +34,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 _NAMES = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 _SEPARATOR = re.compile(r'"?sep=([,;\t])"?', re.IGNORECASE)
 _LOOK = 100  # lines
+_COUNTERS = ("unnamed: 0", "index", "level_0", "row")  # names of a first column that counts rows, in small letters
 
 Line = tuple[int, str]
 
@@ -118,6 +120,8 @@ def find_layout(lines: Sequence[Line], rule: CsvRule, *, timed: bool = True) -> 
     header, closed = rows[0], False
     if len(header) > 1 and header[-1] == "" and all(row[-1] == "" for row in rows if len(row) == len(header)):
         closed, header = True, header[:-1]  # every line ends in a delimiter: a last column without name and values
+    if not header[0] and _counts(rows[1:]):
+        header = ["Unnamed: 0", *header[1:]]
     cells = _named(header)
     if closed:
         rows = [row[:-1] if len(row) == len(header) + 1 and not row[-1] else row for row in rows]
@@ -229,6 +233,20 @@ def _decimal(rows: list[list[str]], delimiter: str) -> str:
     if delimiter == " ":
         raise RecordError(f"'{numbers[0]}' between blanks could be one number or two; {hint}, and [csv] delimiter")
     return ","
+
+
+def counts_rows(cells: Sequence[Cell], rows: list[list[str]]) -> bool:
+    """Whether the first column only counts the rows, as the index that pandas writes without a name."""
+    return len(cells) > 1 and cells[0].written.lower() in _COUNTERS and _counts(rows)
+
+
+def _counts(rows: list[list[str]]) -> bool:
+    """Whether the first cells are whole numbers that increase; a few rows may have been dropped."""
+    numbers = [row[0] for row in rows if row and row[0]]
+    if len(numbers) < 2 or not all(re.fullmatch(r"\d{1,15}", text) for text in numbers):
+        return False
+    steps = [int(later) - int(former) for former, later in itertools.pairwise(numbers)]
+    return min(steps) > 0 and sorted(steps)[len(steps) // 2] == 1
 
 
 def _named(header: list[str]) -> tuple[Cell, ...]:

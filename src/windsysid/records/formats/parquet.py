@@ -11,6 +11,7 @@ that no value is beyond the least and the greatest that it tells of a column.
 
 import io
 import json
+import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +21,7 @@ import numpy as np
 
 from windsysid.errors import OutputError, RecordError
 from windsysid.records.formats.clock import Clock, exact_seconds, make_clock, moments_clock, start_of
-from windsysid.records.formats.columns import Cell, find_time, name_and_unit, plan_columns
+from windsysid.records.formats.columns import Cell, find_time, is_called_time, name_and_unit, plan_columns
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
@@ -37,6 +38,9 @@ _VALUES = 1 << 20  # read at once
 _SEAL = b"windsysid crc32 "
 """What stands before a footer, with eight digits: the checksum of the footer and of what follows it."""
 
+_UNNAMED = re.compile(r"__index_level_\d+__")
+"""What pandas calls an index without a name."""
+
 _TAIL = 8
 """Bytes behind the footer: its length, and four letters."""
 
@@ -51,21 +55,20 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
         schema = file.schema_arrow
         notes = {key.decode(): text.decode() for key, text in (schema.metadata or {}).items()}
         cells = [_cell(schema.field(i)) for i in range(len(schema))]
-        index = _pandas_index(notes, [cell.written for cell in cells])
+        times, counter = _times_and_counter(cells, _pandas_index(notes, [cell.written for cell in cells]), mapping)
         rate = mapping.time.rate
-        times: tuple[int, ...] = ()
-        if rate is None:
-            times = (index if index is not None and mapping.time.column is None else find_time(cells, mapping),)
 
         def some(index: int) -> Array:
             _check_type(schema.field(index), dates=False)
             batch = next(file.iter_batches(_SOME, columns=[schema.field(index).name]), None)
             return np.empty(0) if batch is None else _numbers(batch.column(0))
 
-        columns = plan_columns(cells, times, mapping, some, "name the column '{}'")
+        columns = plan_columns(cells, (*times, *counter), mapping, some, "name the column '{}'")
         for i in [*times, *(column.index for column in columns)]:
             _check_type(schema.field(i), dates=i in times)
         attributes = {str(k): str(v) for k, v in json.loads(notes.get("windsysid_attributes", "{}")).items()}
+        if counter:
+            attributes["dropped"] = "the index that pandas counted is left out"
         first = next(file.iter_batches(20, columns=[schema.field(times[0] if times else 0).name]), None)
         if first is None or not first.num_rows:
             raise RecordError("expected at least 2 samples, got 0; give a longer record")
@@ -242,6 +245,27 @@ def _pandas_index(notes: dict[str, str], names: list[str]) -> int | None:
     except ValueError:
         return None
     return names.index(index[0]) if len(index) == 1 and index[0] in names else None
+
+
+def _times_and_counter(
+    cells: list[Cell], index: int | None, mapping: Mapping
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The column of the time, none where the mapping says the rate; and pandas' index where it only counts rows."""
+    counter: tuple[int, ...] = ()
+    if index is not None and _UNNAMED.fullmatch(cells[index].written) and _has_other_time(cells, index, mapping):
+        counter, index = (index,), None
+    if mapping.time.rate is not None:
+        return (), counter
+    return (index if index is not None and mapping.time.column is None else find_time(cells, mapping),), counter
+
+
+def _has_other_time(cells: list[Cell], index: int, mapping: Mapping) -> bool:
+    """Whether the time comes from elsewhere than the index: a rate, the mapping's column, or one called so."""
+    if mapping.time.rate is not None:
+        return True
+    if mapping.time.column is not None:
+        return mapping.time.column != cells[index].written
+    return is_called_time(cells[0].name)
 
 
 def _check_type(field: Any, *, dates: bool) -> None:
