@@ -168,3 +168,19 @@ def test_the_command_writes_the_mapping_and_replaces_none(tmp_path, run):
     again = run("inspect", path, "--write-mapping", target)
     assert again.code == 2
     assert "m.toml" in again.err[0]
+
+
+def test_a_matlab_file_with_constants_beside_its_signals_gets_a_mapping_that_reads_it(tmp_path):
+    from scipy.io import savemat
+
+    signals = np.random.default_rng(0).standard_normal((5, 3000))
+    constants = {"wn": np.array([[1.2, 3.4]]), "posSensors": np.arange(5.0), "who": "me", "k": {"a": 1.0}}
+    savemat(tmp_path / "x.mat", {"t": TIME[None, :], "y": signals, **constants})
+    found = propose_mapping(tmp_path / "x.mat")
+    assert [guess.written for guess in found.guesses] == [f"y_{k}" for k in range(1, 6)]
+    assert any("posSensors" in remark for remark in found.remarks)
+    text = (
+        found.to_toml().replace('# [channels."y_2"]', '[channels."y_2"]').replace("# [channels.y_2]", "[channels.y_2]")
+    )
+    rules = load_mapping(write(tmp_path, text, "m.toml"))
+    assert read_record(tmp_path / "x.mat", mapping=rules).channels == ("y_2",)

@@ -24,6 +24,7 @@ from windsysid.records.formats import (
     matlab,
     mdf,
     netcdf,
+    npy,
     openfast,
     parquet,
     tdms,
@@ -41,7 +42,7 @@ __all__ = [
 
 FORMATS: tuple[Format, ...] = (
     netcdf.FORMAT, parquet.FORMAT, openfast.FORMAT, matlab.FORMAT, hdf5.FORMAT, tdms.FORMAT, uff.FORMAT,
-    mdf.FORMAT, dewesoft.FORMAT, lvm.FORMAT, bladed.FORMAT, hawc2.FORMAT, csv.FORMAT,
+    npy.FORMAT, mdf.FORMAT, dewesoft.FORMAT, lvm.FORMAT, bladed.FORMAT, hawc2.FORMAT, csv.FORMAT,
 )  # fmt: skip
 """All formats; of several that share an ending, the one whose content is not known by its first bytes comes last."""
 

@@ -20,10 +20,11 @@ from windsysid.records.formats.series import Series, cell_of, source_of_series
 from windsysid.records.formats.source import Source
 from windsysid.records.record import Array
 
-__all__ = ["Stored", "source_of_arrays"]
+__all__ = ["Stored", "rate_hint", "source_of_arrays"]
 
 _LONGER = 10  # times longer than wide is a matrix whose long axis must be the time
 _MOST = 4096  # columns of a matrix that are channels
+_RATES = ("fs", "f_s", "rate", "sampling_rate", "samplingrate", "sample_rate", "samplerate", "fsample", "freq")
 _HOW = "end the name in its unit, such as _m_s2"
 
 
@@ -73,17 +74,35 @@ def source_of_arrays(
     for array in arrays:
         short = array.name if counts[array.name] == 1 else array.path.replace("/", "_")
         parts = _series(array, short, length, mapping)
-        listed = [one for one in parts if mapping.rule_of(one.cell.written, one.cell.name)]
+        listed = [one for one in parts if {one.cell.written, one.cell.name} & {*mapping.channels}]  # not by a pattern
         if length is not None and parts and parts[0].samples != length and not listed:
             parts = []
         series += parts
         if not parts and len(array.shape) > 0:
             left.append(array.path)
     if not series:
-        raise RecordError("holds no array of numbers that could be a channel; expected vectors (T,) or matrices (T, m)")
+        raise _no_channel(arrays)
     if left and not mapping.only_listed:
         attributes = {**attributes, "left_out": ", ".join(left)}
     return source_of_series(name, series, mapping, attributes, how=_HOW, hint=hint)
+
+
+def _no_channel(arrays: Sequence[Stored]) -> RecordError:
+    matrix = next((one for one in arrays if one.numeric and len(one.shape) == 2 and 0 not in one.shape), None)
+    if matrix is None:
+        return RecordError(
+            "holds no array of numbers that could be a channel; expected vectors (T,) or matrices (T, m)"
+        )
+    return RecordError(
+        f"'{matrix.path}' is {matrix.shape[0]} by {matrix.shape[1]}, which does not show along which axis the time runs:"
+        f" expected one {_LONGER} times the other; save the time as a vector next to it"
+    )
+
+
+def rate_hint(arrays: Sequence[Stored]) -> str:
+    """What a file says of its rate in a scalar ``fs`` or the like, for the message that asks for it; empty if none."""
+    scalars = [one for one in arrays if not one.shape and one.numeric and one.name.lower() in _RATES]
+    return "".join(f"the file says {one.path} = {float(one.read(())):g}" for one in scalars[:1])
 
 
 def _length(arrays: Sequence[Stored], mapping: Mapping) -> int | None:
@@ -102,7 +121,7 @@ def _length(arrays: Sequence[Stored], mapping: Mapping) -> int | None:
 def _series(array: Stored, short: str, length: int | None, mapping: Mapping) -> list[Series]:
     """The channels that an array could be."""
     if not array.numeric or not array.shape or 0 in array.shape:
-        if mapping.rule_of(array.path, short):
+        if {array.path, short} & {*mapping.channels}:
             raise ConfigurationError(
                 f"{mapping.place}: '{array.path}' is no array of numbers, expected a vector (T,); remove it there"
             )

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.arrays import Stored, source_of_arrays
+from windsysid.records.formats.arrays import Stored, rate_hint, source_of_arrays
 from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.hdf5 import datasets, opened, stored
@@ -30,7 +30,6 @@ _OLD, _NEW = b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"
 _HEADER = 128  # bytes
 _ELEMENTS = (14, 15)  # a variable, plain or compressed
 _NO_NUMBERS = ("char", "cell", "function_handle", "struct", "object", "unknown", "opaque", "function")
-_RATES = ("fs", "f_s", "rate", "sampling_rate", "samplingrate", "sample_rate", "samplerate", "fsample", "freq")
 
 
 def open_matlab(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
@@ -42,8 +41,7 @@ def open_matlab(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         if start.startswith(_OLD):
             _follow(path, ">" if start[126:128] == b"MI" else "<")
         arrays = list(_new(path) if start.startswith(_NEW) else _old(path))
-        scalars = [one for one in arrays if not one.shape and one.numeric and one.name.lower() in _RATES]
-        hint = "".join(f"the file says {one.path} = {float(one.read(())):g}" for one in scalars[:1])
+        hint = rate_hint(arrays)
     except Exception as error:
         raise damaged(error) from error
     about = start[:116].decode("latin-1").strip()

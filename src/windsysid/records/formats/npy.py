@@ -1,0 +1,138 @@
+"""NumPy's ``.npy`` and ``.npz``: a structured array with a field for each channel, a matrix, or named arrays.
+
+The fields of a structured array are channels by their names. The columns of a matrix are ``column_1``, ``column_2`` …;
+as a text without a header it needs a mapping with the names and the rate. The arrays of an ``.npz`` are those of
+`windsysid.records.formats.arrays`. Headers are read first and held against the size of the file. Pickles are not read:
+they could run any program. Dates become seconds after the first.
+
+Source: NumPy, ``numpy.lib.format``.
+"""
+
+import zipfile
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import numpy as np
+
+from windsysid.errors import RecordError
+from windsysid.records.formats.arrays import Stored, rate_hint, source_of_arrays
+from windsysid.records.formats.files import damaged
+from windsysid.records.formats.format import Format
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.source import Source, doubles
+from windsysid.records.record import Array
+
+__all__ = ["FORMAT"]
+
+_MAGIC = b"\x93NUMPY"
+_ENDING = ".npy"
+
+
+class _Header(NamedTuple):
+    """What stands before the numbers of an array, and how many bytes it and they are."""
+
+    shape: tuple[int, ...]
+    kind: np.dtype[Any]
+    size: int
+
+
+def open_numpy(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
+    """Open a file; an ``.npy`` is read as far as it is needed, an ``.npz`` array by array."""
+    try:
+        arrays = list(_archive(path) if zipfile.is_zipfile(path) else _single(path))
+    except Exception as error:
+        raise damaged(error) from error
+    return source_of_arrays(path.name, arrays, mapping, {"source": "NumPy"}, rate_hint(arrays))
+
+
+def _single(path: Path) -> Iterator[Stored]:
+    with path.open("rb") as file:
+        header = _header(file)
+    size = path.stat().st_size
+    _check_size(path.name, header, size)
+    if size > header.size:
+        raise RecordError("holds more than one array; write several with numpy.savez into an .npz")
+    name = "column_1" if len(header.shape) == 1 else "column"
+    yield from _stored(name, header, partial(np.load, path, mmap_mode="r", allow_pickle=False))
+
+
+def _archive(path: Path) -> Iterator[Stored]:
+    @cache  # such a file is read array by array, not in parts
+    def array(name: str) -> Any:
+        try:
+            with zipfile.ZipFile(path) as archive, archive.open(name) as file:
+                return np.lib.format.read_array(file, allow_pickle=False)
+        except Exception as error:
+            raise damaged(error) from error
+
+    with zipfile.ZipFile(path) as archive:
+        members = [one for one in archive.infolist() if one.filename.endswith(_ENDING)]
+        if not members:
+            raise RecordError("is no .npz of NumPy: it holds no array; give the file the ending of what it is")
+        for one in members:
+            with archive.open(one) as file:
+                header = _header(file)
+            _check_size(one.filename, header, one.file_size)
+            yield from _stored(one.filename.removesuffix(_ENDING), header, partial(array, one.filename))
+
+
+def _header(file: IO[bytes]) -> _Header:
+    if file.read(len(_MAGIC)) != _MAGIC:
+        raise RecordError("is no array of NumPy; give the file the ending of what it is")
+    file.seek(0)
+    read = {(1, 0): np.lib.format.read_array_header_1_0}.get(
+        np.lib.format.read_magic(file), np.lib.format.read_array_header_2_0
+    )
+    shape, _, kind = read(file)
+    count = 1
+    for size in shape:
+        count *= int(size)
+    return _Header(shape, kind, file.tell() + count * kind.itemsize)
+
+
+def _check_size(name: str, header: _Header, size: int) -> None:
+    if header.kind.hasobject or size >= header.size:
+        return
+    raise RecordError(f"is cut off: {name} needs {header.size} bytes, got {size}; copy or save it again")
+
+
+def _stored(path: str, header: _Header, get: Callable[[], Any]) -> list[Stored]:
+    """An array as channels; a structured one has one for each field."""
+    if header.kind.hasobject and header.kind.names is None:
+        return [Stored(path, header.shape, lambda index: np.empty(0), numeric=False)]
+    if header.kind.hasobject:
+        raise RecordError(f"{path}: a field holds Python objects, which are not read; save numbers only")
+    if header.kind.names is None:
+        return [_one(path, header.shape, header.kind, get)]
+    return [
+        _one(f"{path}/{name}", header.shape, header.kind[name], partial(_field, get, name))
+        for name in header.kind.names
+    ]
+
+
+def _field(get: Callable[[], Any], name: str) -> Any:
+    return get()[name]
+
+
+def _one(path: str, shape: tuple[int, ...], kind: np.dtype[Any], get: Callable[[], Any]) -> Stored:
+    kept = tuple(size for size in shape if size != 1)
+    moments = kind.kind in "mM"
+
+    def read(index: tuple[Any, ...]) -> Array:
+        values = np.reshape(get(), kept)
+        return doubles(_seconds(values)[index] if moments else values[index])
+
+    numeric = kind.kind in "fiubmM" and kind.subdtype is None
+    return Stored(path, kept, read, numeric, "s" if moments else None)
+
+
+def _seconds(moments: Any) -> Array:
+    """Dates as seconds after the first, and durations as seconds; NaN where there is none."""
+    if moments.dtype.kind == "M":
+        moments = moments - moments.flat[0]
+    return np.asarray(moments / np.timedelta64(1, "s"))
+
+
+FORMAT = Format("a NumPy array", (".npy", ".npz"), open_numpy, begins=(_MAGIC,))
