@@ -150,13 +150,39 @@ def test_columns_of_text_are_left_out_and_said(tmp_path):
     assert load_mapping(target).only_listed
 
 
-def test_openfast_output_needs_no_mapping(tmp_path):
-    from validation.format_samples import SAMPLES, truth
+def test_the_mapping_of_openfast_output_changes_nothing_until_a_line_is_needed(tmp_path):
+    from tests.records.formats.test_formats import outb
 
-    path = tmp_path / "x.outb"
-    SAMPLES["OpenFAST .outb"].write(path, *truth(SAMPLES["OpenFAST .outb"]))
-    with pytest.raises(ConfigurationError, match="it needs no mapping"):
-        propose_mapping(path)
+    rows = np.cumsum(np.ones((40, 4)), axis=0)
+    names = ["NcIMUTAys", "TwrBsMyt", "Azimuth", "TipALyb1"]
+    path = write(tmp_path, outb(rows, names, ["(m/s^2)", "(kN-m)", "(deg)", "(m/s^2)"]), "x.outb")
+    found = propose_mapping(path)
+    assert {guess.written: (guess.name, guess.unit) for guess in found.guesses} == {
+        "NcIMUTAys": ("nacelle_x_acceleration_kinematic", "m/s^2"), "TwrBsMyt": ("TwrBsMyt", "kN*m"),
+    }  # fmt: skip
+    text = found.to_toml()
+    unchanged = read_record(path, mapping=load_mapping(write(tmp_path, text, "m.toml")))
+    assert unchanged.channels == read_record(path).channels
+    for line in (
+        '[channels."NcIMUTAys"]',
+        '[channels."TwrBsMyt"]',
+        'unit = "m/s^2"',
+        'unit = "kN*m"',
+        'name = "TwrBsMyt"',
+    ):
+        text = text.replace(f"# {line}", line)
+    text = text.replace('# name = "nacelle_x_acceleration_kinematic"', 'name = "tower_x_acceleration"')
+    record = read_record(path, mapping=load_mapping(write(tmp_path, text, "m.toml")))
+    assert record.channels == (
+        "tower_x_acceleration", "TwrBsMyt", "rotor_azimuth", "blade_1_tip_lag_acceleration_kinematic",
+    )  # fmt: skip
+    np.testing.assert_array_equal(record["TwrBsMyt"], read_record(path)["TwrBsMyt"])
+
+
+def test_a_mapping_that_lists_no_channel_says_so(tmp_path):
+    rules = load_mapping(write(tmp_path, "only_listed = true\n", "m.toml"))
+    with pytest.raises(ConfigurationError, match="lists no channel of the record"):
+        read_record(mast(tmp_path), mapping=rules)
 
 
 def test_the_command_writes_the_mapping_and_replaces_none(tmp_path, run):

@@ -21,6 +21,8 @@ from windsysid.output.table import Table
 from windsysid.records.formats import csv, format_of, read_record
 from windsysid.records.formats.files import named_after
 from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, load_mapping
+from windsysid.records.formats.openfast import known_channel
+from windsysid.records.formats.source import reading_notes
 from windsysid.records.moments import has_zone
 from windsysid.records.quantities import implied_unit, plausible_units
 from windsysid.records.record import AS_WRITTEN, Record
@@ -67,20 +69,23 @@ class MappingProposal:
         What was known before: how time and text are written.
     remarks : tuple of str
         On the whole record.
+    optional : bool
+        Whether the file is read without a mapping too, so that every channel stays a comment until somebody needs it.
     """
 
     record: str
     guesses: tuple[Guess, ...]
     given: Mapping
     remarks: tuple[str, ...]
+    optional: bool = False
 
     def to_toml(self) -> str:
         """The mapping file; lines that somebody must decide are comments beginning with ``# ?``."""
         lines = [f"# Proposed by windsysid for {self.record}. Check each line; what is marked with ? is in doubt."]
         lines += [f"# {text}" for text in self.remarks]
-        lines += ["", "only_listed = true", *_tables(self.given)]
+        lines += [*([] if self.optional else ["", "only_listed = true"]), *_tables(self.given)]
         for guess in self.guesses:
-            lines += ["", *_channel(guess)]
+            lines += ["", *_channel(guess, self.optional)]
         return "\n".join(lines) + "\n"
 
     def __str__(self) -> str:
@@ -101,18 +106,33 @@ def propose_mapping(path: str | Path, mapping: str | Path | Mapping | None = Non
     Raises
     ------
     RecordError, ConfigurationError
-        If the file cannot be read even without the units of its channels; or it is OpenFAST's and needs no mapping.
+        If the file cannot be read even without the units of its channels.
     """
     given = mapping if isinstance(mapping, Mapping) else Mapping() if mapping is None else load_mapping(mapping)
     whole, texts = _as_it_is(Path(path), given)
     record = read_record(path, mapping=whole)
     if record.attributes.get("source") == "OpenFAST":
-        raise ConfigurationError(f"{path}: OpenFAST's channels are known; it needs no mapping")
+        return _of_openfast(record, given)
     known = {name: meaning_of(name) for name in record.channels}
     rotor, remark = _rotor(record, known)
     guesses = [_guess(record, name, known[name], rotor) for name in record.channels]
-    left = (f"Left out, because they hold text: {', '.join(texts)}.",) if texts else ()
+    left = [f"Left out, because they hold text: {', '.join(texts)}."] if texts else []
+    left += reading_notes(record.attributes)
     return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*_about(record), remark, *left))
+
+
+def _of_openfast(record: Record, given: Mapping) -> MappingProposal:
+    """Channels of OpenFAST that a mapping may rename, all as comments: their names, units and signs are known."""
+    guesses = []
+    for name in record.channels:
+        ours, sign = known_channel(name)
+        if ours == "rotor_azimuth" or sign < 0.0:
+            continue  # a mapping has no word for another zero of an angle, and a sign would be easy to forget
+        units, why = _units(record, name, name)
+        evidence = (f"read as {ours}" if ours != name else "read under OpenFAST's name",)
+        guesses.append(Guess(name, ours, units[0] if units else None, evidence, () if units else (why,)))
+    remark = "OpenFAST's names, units and signs are known: only what is to be changed needs lines without a #."
+    return MappingProposal(record.name, tuple(guesses), given, (*_about(record), remark), optional=True)
 
 
 def _as_it_is(path: Path, given: Mapping) -> tuple[Mapping, tuple[str, ...]]:
@@ -251,11 +271,11 @@ def _told_apart(guesses: list[Guess]) -> list[Guess]:
     ]
 
 
-def _channel(guess: Guess) -> list[str]:
+def _channel(guess: Guess, optional: bool) -> list[str]:
     lines = [f"# {_one_line('; '.join(guess.evidence))}"] if guess.evidence else []
     lines += [f"# ? {_one_line(doubt)}" for doubt in guess.doubts]
     # a channel of which neither name nor unit is known is no use: its lines wait as comments
-    mark = "# " if guess.name is None and guess.unit is None else ""
+    mark = "# " if optional or (guess.name is None and guess.unit is None) else ""
     lines.append(f"{mark}[channels.{_quoted(guess.written)}]")
     lines.append(f"{mark}name = {_quoted(guess.name)}" if guess.name else "# ? name = ")
     lines.append(f"{mark}unit = {_quoted(guess.unit)}" if guess.unit else "# ? unit = ")

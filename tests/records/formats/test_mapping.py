@@ -86,7 +86,7 @@ def test_text_columns_that_are_not_listed_may_hold_the_delimiter_in_quotes(tmp_p
         ('[time]\ncolumn = "when"', "time.column: the record has 0 columns 'when'"),
         ('[channels.aa]\nname = "x"', 'channels."aa": the record has no such column: did you mean a'),
         ("only_listed = 7", "only_listed"),
-        ("only_listed = true", "holds no channel"),
+        ("only_listed = true", "lists no channel of the record"),
         ("place = 'x'", "unknown key 'place'"),
         ("[time", "is no TOML"),
     ],

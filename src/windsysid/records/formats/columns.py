@@ -251,6 +251,10 @@ def plan_columns(
     if unsaid:
         advice = f"{how}, or name its unit in a mapping file"
         raise RecordError(missing_units([(name, some(index)) for name, index in unsaid], advice))
+    if not columns and mapping.only_listed:
+        raise ConfigurationError(
+            f"{mapping.place}: lists no channel of the record, and only_listed = true leaves out the others; list one"
+        )
     if not columns:
         raise RecordError("holds no channel but the time; expected at least one")
     names = [column.name for column in columns]

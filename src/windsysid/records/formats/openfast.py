@@ -48,7 +48,7 @@ from windsysid.records.formats.source import Source, indexed_source
 from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
 
-__all__ = ["ALIASES", "CHANNELS", "FORMAT"]
+__all__ = ["ALIASES", "CHANNELS", "FORMAT", "known_channel"]
 
 
 CHANNELS: dict[str, tuple[str, float]] = {
@@ -135,6 +135,12 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
         rows_at_once=max(1, (1 << 20) // len(columns)),
         start=start_of(mapping.time, None),
     )
+
+
+def known_channel(name: str) -> tuple[str, float]:
+    """The name of ours for a channel of OpenFAST, and the sign that turns its values; its own name and 1 without."""
+    found = _ours(name)
+    return found.name, found.sign
 
 
 @dataclass(frozen=True)
