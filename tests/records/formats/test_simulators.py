@@ -3,6 +3,7 @@
 import warnings
 
 import numpy as np
+import pytest
 from validation.format_samples import SAMPLES, truth
 
 from tests.records.formats.helpers import refused, write
@@ -69,6 +70,32 @@ def test_bladed_stations_are_channels_of_their_own(tmp_path):
     np.testing.assert_array_equal(record.values, VALUES.reshape(T, 6).astype(float))
     np.testing.assert_array_equal(record.time, 10.0 + 0.01 * np.arange(T))
     assert read_record(tmp_path / "x.%41").values.tobytes() == record.values.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("written", "names"),
+    [
+        ("'Blade 1 Mx' Power", ("Blade 1 Mx", "Power")),
+        ("Power 'Blade 1 Mx'", ("Power", "Blade 1 Mx")),
+        ("Mx Fx", ("Mx", "Fx")),
+        ("'Blade 1 Mx' Blade 1 Fx", ("Blade 1 Mx", "Blade 1 Fx")),
+        ("'Blade 1 Mx'\n 'Blade 1 Fx'", ("Blade 1 Mx", "Blade 1 Fx")),
+        ("'Blade 1 Mx'\nPOWER", ("Blade 1 Mx", "POWER")),
+        ("'Blade 1\n Mx' 'Blade 1 Fx'", ("Blade 1 Mx", "Blade 1 Fx")),
+        ("\n'Blade 1 Mx'\n'Blade 1 Fx'", ("Blade 1 Mx", "Blade 1 Fx")),
+    ],
+)
+def test_bladed_names_are_quoted_or_bare_and_go_on_in_the_next_line(tmp_path, written, names):
+    record = read_record(bladed(tmp_path, VARIAB=written))
+    assert record.channels[:2] == tuple(f"{name} at 0" for name in names)
+    np.testing.assert_array_equal(record.values, VALUES.reshape(T, 6).astype(float))
+
+
+def test_other_lists_of_a_bladed_header_go_on_in_the_next_line(tmp_path):
+    axis = "'Distance along blade'\nAXIUNIT\tL\nAXIMETH\t3\nAXIVAL\t0.0\n 12.5\n 25.0\nAXISLAB\t'Time'"
+    record = read_record(bladed(tmp_path, VARUNIT="FL\n F", AXISLAB=axis))
+    assert record.units == ("N*m", "N") * 3
+    assert record.channels[-1] == "Blade 1 Fx at 25"
 
 
 def test_bladed_headers_that_do_not_fit_their_numbers_are_refused(tmp_path):

@@ -93,9 +93,10 @@ def _no_channel(arrays: Sequence[Stored]) -> RecordError:
         return RecordError(
             "holds no array of numbers that could be a channel; expected vectors (T,) or matrices (T, m)"
         )
+    size = " by ".join(map(str, matrix.shape))
     return RecordError(
-        f"'{matrix.path}' is {matrix.shape[0]} by {matrix.shape[1]}, which does not show along which axis the time runs:"
-        f" expected one {_LONGER} times the other; save the time as a vector next to it"
+        f"'{matrix.path}' is {size}, which does not show along which axis the time runs: expected one at least"
+        f" {_LONGER} times the other; save the time as a vector next to it"
     )
 
 

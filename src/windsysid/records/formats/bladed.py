@@ -2,8 +2,9 @@
 
 The header says how many variables, stations and times there are (``DIMENS``), in this order, the variable running
 fastest; and names and units in powers of force, length, time, angle … (``FL`` is N·m), which are SI. A variable at
-several stations is one channel for each, ``Blade 1 Mx at 12.5``. The numbers must be as many as the header says. Names,
-axes and signs are Bladed's own; a mapping turns them into windsysid's.
+several stations is one channel for each, ``Blade 1 Mx at 12.5``. Names are quoted or bare, and a list may go on in the
+next lines. The numbers must be as many as the header says. Names, axes and signs are Bladed's own; a mapping turns them
+into windsysid's.
 
 Source: Bladed user manual (DNV), appendix on output files.
 """
@@ -34,19 +35,37 @@ _UNITS = {
     "MLL": "kg*m^2", "1/T": "Hz", "A/L": "rad/m",
 }  # fmt: skip
 _KINDS = {"R*4": "<f4", "R*8": "<f8", "I*4": "<i4", "I*2": "<i2"}
+_KEYWORDS = {
+    "FILE", "ACCESS", "FORM", "RECL", "FORMAT", "CONTENT", "CONFIG", "NDIMENS", "DIMENS", "GENLAB", "VARIAB", "VARUNIT",
+    "AXISLAB", "AXIUNIT", "AXIMETH", "AXIVAL", "AXITICK", "MIN", "STEP", "NVARS", "ULOADS",
+}  # fmt: skip
+"""Words that begin a line of a header; another word goes on with the list above it."""
 _SINGLE = 1.2e-7  # of the step: it was written from single precision
 _MOST_HEADER = 1 << 22  # bytes
 
 
 @dataclass(frozen=True)
 class _Header:
-    """The header of a result: its lines by keyword, in order, and the file with the numbers."""
+    """The header of a result: its lines as keyword, rest and whole, in order, and the file with the numbers."""
 
-    lines: tuple[tuple[str, str], ...]
+    lines: tuple[tuple[str, str, str], ...]
     data: Path
 
     def all(self, key: str) -> list[str]:
-        return [text for found, text in self.lines if found == key]
+        return [text for found, text, _ in self.lines if found == key]
+
+    def listed(self, key: str, count: int) -> list[str]:
+        """The words behind a keyword, expected to be `count`, which may go on in the lines below."""
+        text = self.one(key)
+        at = [found for found, *_ in self.lines].index(key)
+        parts, number, is_open = [text], len(_words(text, count)), text.count("'") % 2 == 1
+        for keyword, _, whole in self.lines[at + 1 :]:
+            if not is_open and (keyword in _KEYWORDS or number >= count):
+                break
+            parts.append(whole)
+            number += len(_words(whole, count))
+            is_open ^= whole.count("'") % 2 == 1
+        return _words(" ".join(parts), count)
 
     def one(self, key: str) -> str:
         found = self.all(key)
@@ -125,14 +144,15 @@ def _read_header(path: Path) -> _Header:
             raise RecordError(f"has no {other.name} beside it, where the rest of a Bladed result is; copy it there too")
     text = decoded(listing.read_bytes()[:_MOST_HEADER])
     lines = [tuple(line.split(None, 1)) for line in text.splitlines() if line.strip()]
-    found = tuple((line[0].upper(), line[1] if len(line) > 1 else "") for line in lines)
+    found = tuple((whole[0].upper(), whole[1] if len(whole) > 1 else "", " ".join(whole)) for whole in lines)
     if not found or found[0][0] != "FILE":
         raise RecordError(f"{listing.name} is not the header of a Bladed result; run the simulation or copy it again")
     return _Header(found, data)
 
 
 def _cells(header: _Header) -> list[Cell]:
-    names, units = _quoted(header.one("VARIAB")), header.one("VARUNIT").split()
+    count = header.shape[0]
+    names, units = header.listed("VARIAB", count), header.listed("VARUNIT", count)
     if len(names) != header.shape[0] or len(units) != header.shape[0]:
         raise RecordError(
             f"names {len(names)} variables with {len(units)} units, expected {header.shape[0]}; it is damaged"
@@ -149,8 +169,8 @@ def _stations(header: _Header) -> list[str]:
     """What to add to the names of variables, for each station."""
     if len(header.shape) == 2:
         return [""]
-    ticks = [text for key in ("AXITICK", "AXIVAL") for text in header.all(key)]
-    found = [] if not ticks else _quoted(ticks[0]) if "'" in ticks[0] else ticks[0].split()
+    key = next((key for key in ("AXITICK", "AXIVAL") if header.all(key)), None)
+    found = [] if key is None else header.listed(key, header.shape[1])
     if len(found) != header.shape[1]:
         raise RecordError(f"names {len(found)} stations, expected {header.shape[1]} after DIMENS; it is damaged")
     return [
@@ -159,8 +179,16 @@ def _stations(header: _Header) -> list[str]:
     ]
 
 
-def _quoted(text: str) -> list[str]:
-    return [name.strip() for name in re.findall(r"'([^']*)'", text)] or text.split()
+def _words(text: str, count: int) -> list[str]:
+    """Names of a list, quoted or bare; bare ones may hold blanks where there would be more than `count` otherwise."""
+    words = [quoted.strip() if bare is None else bare for quoted, bare in _split(r"[^\s']+", text)]
+    if len(words) <= count:
+        return words
+    return [quoted.strip() if bare is None else bare.strip() for quoted, bare in _split(r"[^\s'][^']*", text)]
+
+
+def _split(bare: str, text: str) -> list[tuple[str, str | None]]:
+    return [(found[1] or "", found[2]) for found in re.finditer(rf"'([^']*)'|({bare})", text)]
 
 
 def _grid(header: _Header) -> Grid:
