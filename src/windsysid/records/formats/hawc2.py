@@ -25,7 +25,7 @@ from windsysid.records.formats.text import decoded, plain_numbers
 from windsysid.records.record import AS_WRITTEN, Array
 from windsysid.units import canonical
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "distinct_names", "known_unit"]
 
 _COUNTS, _FIRST = 8, 12  # lines of the list: numbers of scans and channels, first channel
 _NAME, _UNIT, _ABOUT = slice(12, 43), slice(43, 54), slice(54, None)
@@ -117,20 +117,20 @@ def _cells(lines: list[str], count: int) -> tuple[Cell, ...]:
     rows = lines[_FIRST : _FIRST + count]
     if len(rows) < count or count < 1 or [int(row[:12]) for row in rows] != list(range(1, count + 1)):
         raise ValueError
-    names = [row[_NAME].strip() for row in rows]
+    names = distinct_names([row[_NAME].strip() for row in rows], [row[_ABOUT].strip() for row in rows])
+    return tuple(Cell(name, name, known_unit(row[_UNIT].strip())) for name, row in zip(names, rows, strict=True))
+
+
+def distinct_names(names: Sequence[str], about: Sequence[str]) -> list[str]:
+    """Names, with descriptions where several channels have one name, and with a number where that is not enough."""
     counts = Counter(names)
-    full = [
-        name if counts[name] == 1 else f"{name} {row[_ABOUT].strip()}".strip()
-        for name, row in zip(names, rows, strict=True)
-    ]
+    full = [name if counts[name] == 1 else f"{name} {text}".strip() for name, text in zip(names, about, strict=True)]
     counts = Counter(full)
-    unique = [name if counts[name] == 1 else f"{name} {k}" for k, name in enumerate(full, 1)]
-    return tuple(
-        Cell(name[:200], name[:200], _unit(row[_UNIT].strip())) for name, row in zip(unique, rows, strict=True)
-    )
+    return [name[:200] if counts[name] == 1 else f"{name} {k}"[:200] for k, name in enumerate(full, 1)]
 
 
-def _unit(text: str) -> str:
+def known_unit(text: str) -> str:
+    """A unit of HAWC2's as windsysid knows it, else as it is written."""
     try:
         canonical(text)
     except ConfigurationError:

@@ -2,7 +2,8 @@
 
 A dataset ``tower/acc`` is called ``acc``, or ``tower_acc`` where another is called so too; the mapping may list it as
 ``tower/acc``. Units are attributes ``units`` or ``unit``; packed numbers are unpacked as in netCDF. The fields of a
-compound dataset are series of their own, ``table/field``. HDF5 has no checksum of its own tables: a damaged file may
+compound dataset are series of their own, ``table/field``. A file of DTU's time series format is read as
+`windsysid.records.formats.gtsdf` says. HDF5 has no checksum of its own tables: a damaged file may
 look whole.
 """
 
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import RecordError
+from windsysid.records.formats import gtsdf
 from windsysid.records.formats.arrays import Stored, source_of_arrays
 from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
@@ -36,12 +38,15 @@ def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Sour
         probe(path)
     file = opened(path)
     try:
-        arrays = [array for name, dataset in datasets(file) for array in stored(name, dataset)]
+        found = list(datasets(file))
+        if _text(file.attrs.get("type", "")).lower().startswith(gtsdf.TYPE.lower()):
+            about = {str(key): _plain(value) for key, value in file.attrs.items()}
+            groups = {name: dict(file[name].attrs) for name in {path.split("/")[0] for path, _ in found if "/" in path}}
+            return gtsdf.source_of_blocks(path.name, about, dict(found), groups, mapping)
+        arrays = [array for name, dataset in found for array in stored(name, dataset)]
         texts = {str(key): str(value) for key, value in file.attrs.items() if isinstance(value, str)}
     except Exception as error:
         raise damaged(error) from error
-    if texts.get("type", "").startswith("General time series data format"):
-        raise RecordError("is GTSDF of HAWC2, whose numbers are packed in blocks; let HAWC2 write .sel and .dat")
     return source_of_arrays(path.name, arrays, mapping, texts)
 
 
@@ -98,6 +103,10 @@ def _stored(path: str, values: Any, dataset: Any, kind: Any, unit: str | None) -
             raise damaged(error) from error
 
     return Stored(path, tuple(shape[axis] for axis in kept), read, kind.kind in "fiu" and not kind.subdtype, unit)
+
+
+def _plain(value: Any) -> Any:
+    return _text(value) if isinstance(value, bytes) else value
 
 
 def _text(value: Any) -> str:

@@ -1,0 +1,147 @@
+"""DTU's general time series data format (GTSDF), an HDF5 layout that HAWC2 and measurement systems write.
+
+The attribute ``type`` of the file names the format. Groups ``block0000`` … hold ``data`` (T, m), and where they are
+integers, ``gains`` and ``offsets`` (m): value = gain × integer + offset, the greatest integer is missing. Times are
+``time_start + time_step`` × ``time``, or × the number of the row where there is no ``time``; a file with neither step
+nor times needs a mapping with its rate. Datasets ``attribute_names``, ``attribute_units`` and
+``attribute_descriptions`` are those of the channels. Names, axes and signs are the program's own.
+
+Source: ``gtsdf`` of DTU's wind energy toolbox (wetb), which reads and writes the format.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from windsysid.errors import RecordError
+from windsysid.records.formats.columns import Cell
+from windsysid.records.formats.files import damaged
+from windsysid.records.formats.hawc2 import distinct_names, known_unit
+from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.series import Series, source_of_series
+from windsysid.records.formats.source import Source, doubles
+from windsysid.records.record import Array
+
+__all__ = ["TYPE", "source_of_blocks"]
+
+TYPE = "General time series data format"
+"""What the attribute ``type`` of such a file begins with, in any case of its letters."""
+
+
+class _Block(NamedTuple):
+    """Consecutive rows: their data, unpacking and times."""
+
+    data: Any
+    gains: Array | None
+    offsets: Array | None
+    time: Array | None
+
+    def rows(self, low: int, high: int) -> Array:
+        """Rows low … high − 1 as numbers."""
+        packed = self.data[low:high]
+        values = doubles(packed)
+        if packed.dtype.kind in "iu":
+            values = np.where(packed == np.iinfo(packed.dtype).max, np.nan, values)
+        with np.errstate(all="ignore"):  # infinity is named by whoever checks the rows
+            values = values if self.gains is None else values * self.gains
+            return values if self.offsets is None else values + self.offsets
+
+
+def source_of_blocks(
+    name: str, about: dict[str, Any], found: dict[str, Any], step_of: dict[str, dict[str, Any]], mapping: Mapping
+) -> Source:
+    """The source of a file.
+
+    Parameters
+    ----------
+    name : str
+        Of the record.
+    about : dict
+        Attributes of the file.
+    found : dict
+        Its datasets by path.
+    step_of : dict
+        Attributes of its groups by name.
+    mapping : Mapping
+
+    Raises
+    ------
+    RecordError
+        If blocks are missing or do not fit each other.
+    """
+    try:
+        blocks = [
+            _block(found, f"block{number:04d}", step_of.get(f"block{number:04d}", {}))
+            for number in range(min(int(about["no_blocks"]), 1 + len(step_of)))
+        ]
+        widths = {block.data.shape[1] for block in blocks}
+        if len(widths) != 1:
+            raise RecordError("has blocks of different width, or none; it is damaged; copy or export it again")
+        cells = _cells(found, widths.pop())
+    except Exception as error:
+        raise damaged(error) from error
+    listed = [block.time for block in blocks if block.time is not None]
+    times = partial(np.concatenate, listed) if len(listed) == len(blocks) else None
+    ends = np.cumsum([len(block.data) for block in blocks])
+
+    def rows(low: int, high: int) -> Array:
+        parts = []
+        for end, block in zip(ends.tolist(), blocks, strict=True):
+            begin = end - len(block.data)
+            if begin < high and end > low:
+                parts.append(block.rows(max(low - begin, 0), min(high, end) - begin))
+        return np.concatenate(parts)
+
+    def together(indices: Sequence[int], low: int, high: int) -> list[Array]:
+        table = rows(low, high)
+        return [np.ascontiguousarray(table[:, columns[index]]) for index in indices]
+
+    def column(k: int, low: int, high: int) -> Array:
+        return np.ascontiguousarray(rows(low, high)[:, k])
+
+    columns = [k for k, cell in enumerate(cells) if cell.name.lower() != "time"]
+    series = [Series(cells[k], int(ends[-1]), partial(column, k), times=times) for k in columns]
+    if not series:
+        raise RecordError("holds no channel but the time; expected at least one")
+    texts = {key: str(about[key]) for key in ("name", "description") if about.get(key)}
+    how = "write its unit into attribute_units"
+    return source_of_series(name, series, mapping, {"source": "GTSDF", **texts}, how=how, together=together)
+
+
+def _block(found: dict[str, Any], name: str, about: dict[str, Any]) -> _Block:
+    data = found.get(f"{name}/data")
+    if data is None or len(data.shape) != 2 or data.dtype.kind not in "fiu":
+        raise RecordError(f"has no table {name}/data, of which its attribute no_blocks tells; copy or export it again")
+    samples, width = data.shape
+    gains, offsets = (_numbers(found.get(f"{name}/{key}"), width) for key in ("gains", "offsets"))
+    counted = _numbers(found.get(f"{name}/time"), samples)
+    if counted is None and "time_step" not in about:
+        return _Block(data, gains, offsets, None)
+    step, start = (float(np.squeeze(about.get(key, usual))) for key, usual in (("time_step", 1.0), ("time_start", 0.0)))
+    time = np.arange(samples, dtype=np.float64) if counted is None else counted
+    return _Block(data, gains, offsets, time * step + start)
+
+
+def _numbers(dataset: Any, size: int) -> Array | None:
+    """A vector of that many numbers, None where there is none."""
+    if dataset is None:
+        return None
+    values = doubles(dataset[()]).ravel()
+    if values.size != size:
+        raise RecordError(f"has {values.size} numbers in {dataset.name}, expected {size}; it is damaged; copy it again")
+    return values
+
+
+def _cells(found: dict[str, Any], width: int) -> list[Cell]:
+    names, units, about = (_texts(found.get(f"attribute_{key}"), width) for key in ("names", "units", "descriptions"))
+    full = [name or f"column_{k}" for k, name in enumerate(names, 1)]
+    return [Cell(name, name, known_unit(unit)) for name, unit in zip(distinct_names(full, about), units, strict=True)]
+
+
+def _texts(dataset: Any, width: int) -> list[str]:
+    """As many texts as there are channels, empty where the file has none."""
+    found = [] if dataset is None else np.ravel(dataset[()]).tolist()
+    texts = [one.decode("utf-8", errors="replace") if isinstance(one, bytes) else str(one) for one in found]
+    return [" ".join(text.split()) for text in (texts + [""] * width)[:width]]
