@@ -193,6 +193,12 @@ def resample_for_model(
     """
     read = [sensor.channel for sensor in sensors]
     slow = choose_rate(record.rate, record.duration, turbine, rate)
+    needed = FEWEST / (slow or record.rate)
+    if record.duration < needed - 1.0 / record.rate:
+        raise RecordError(
+            f"{record.name}: {record.samples} samples in {record.duration:.3g} s are too few: expected at least"
+            f" {math.ceil(needed * record.rate)} at {record.rate:.4g} Hz ({needed:.3g} s); give a longer record"
+        )
     steps = steps_per_reading(turbine, slow or record.rate) if slow or record.is_uniform else 1
     if slow is None:
         check_readings(record.name, record.rate, turbine)

@@ -12,7 +12,7 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.channels import most_telling
-from windsysid.inspection.health import Finding
+from windsysid.inspection.health import Finding, Severity
 from windsysid.inspection.inspection import Inspection
 from windsysid.inspection.plausibility import Rotor
 from windsysid.inspection.screening import examine
@@ -35,6 +35,10 @@ from windsysid.units import RPM
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
+
+MIN_SAMPLES, MIN_SAMPLES_OF_MODES = 20, 256
+"""Least samples of a record for any identification (`windsysid.identification.prepare`) and for operational modes
+(`windsysid.spectral.oma_data`)."""
 
 __all__ = ["Finding", "Inspection", "Proposal", "Stop", "inspect_record"]
 
@@ -71,6 +75,7 @@ def inspect_record(
         raise ConfigurationError(f"section_length: expected a positive time in seconds, got {section_length:g}")
     first = tuple(s.channel for s in turbine.sensors if s.channel in record) if turbine is not None else ()
     findings, usable, rotor = examine(record, turbine)
+    findings = [*_too_short(record), *findings]
 
     notes = reading_notes(record.attributes)
     blades = turbine.model.blades if turbine is not None else _blades(record, notes)
@@ -102,7 +107,9 @@ def inspect_record(
         modes_over_speed=over_speed,
         spectra=found,
         spectrograms=pictures,
-        proposals=(
+        proposals=()
+        if record.samples < MIN_SAMPLES
+        else (
             propose(record, usable, rotor, findings, section_length)
             if section_length is not None
             else propose_longest(record, usable, rotor, findings)
@@ -111,6 +118,15 @@ def inspect_record(
         notes=tuple(notes),
         first=first,
     )
+
+
+def _too_short(record: Record) -> list[Finding]:
+    """A finding where a record has too few samples for what is done next with it."""
+    if record.samples >= MIN_SAMPLES_OF_MODES:
+        return []
+    text = f"has {record.samples} samples: at least {MIN_SAMPLES} needed by identify, {MIN_SAMPLES_OF_MODES} by oma"
+    severity: Severity = "unusable" if record.samples < MIN_SAMPLES else "note"
+    return [Finding("", "too short", severity, f"{text}; give a longer record", record.samples, np.empty((0, 2)))]
 
 
 def _blades(record: Record, notes: list[str]) -> int:
