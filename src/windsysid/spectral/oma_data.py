@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid._types import Array, Complex
+from windsysid._types import Array, Complex, Mask
 from windsysid.errors import RecordError
 from windsysid.inspection.continuity import copies_among
 from windsysid.inspection.health import Finding, sampled_every
@@ -24,7 +24,11 @@ __all__ = ["Line", "Readings", "prepare_readings", "transforms"]
 
 LEAST_SAMPLES = 256
 MAX_BRIDGED = 0.02
-"""Share of missing samples that are bridged; where more are missing, the longest stretch without gaps is used."""
+"""Share of missing samples that are bridged. Where more are missing, the rate is lowered until no more are missing in
+gaps of a whole step or more; where that does not help, the longest stretch without gaps is used."""
+
+MAX_RATE_DIVISOR = 10
+"""By which the rate of a record with many short gaps is divided at most."""
 
 MAX_SPIKED = 0.002
 """Share of a channel's samples in spikes that are bridged; where more are, the record is doubtful."""
@@ -132,9 +136,7 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     chosen, values = tuple(chosen[i] for i in kept), values[:, kept]
     rate = record.rate
     low = LOWEST_BINS / record.duration
-    high = HIGHEST * rate
-    if LOW_PASS in record.attributes:
-        high = min(high, LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
+    high = _passed(record)
     slowest = max((sampled_every(column)[0], one.channel) for column, one in zip(values.T, chosen, strict=True))
     if slowest[0] > 1 and HIGHEST * rate / slowest[0] < high:
         high = HIGHEST * rate / slowest[0]
@@ -231,6 +233,12 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
     if dead:
         raise RecordError(f"{record.name}: channel '{dead[0]}' holds no readings: leave it out of the sensors")
     share = float(missing.mean(axis=0).max())
+    if share > MAX_BRIDGED and (slow := _at_a_lower_rate(record, missing)) is not None:
+        notes.append(
+            f"{100 * share:.2g} % of a channel is missing in short gaps: readings were interpolated to"
+            f" {slow.rate:.4g} Hz, and modes are sought below {_passed(slow):.3g} Hz"
+        )
+        return slow
     if share > MAX_BRIDGED:
         whole = ~missing.any(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], whole.astype(np.int8), [0]])))
@@ -256,6 +264,32 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
             f"100 cycles of a mode"
         )
     return record
+
+
+def _at_a_lower_rate(record: Record, missing: Mask) -> Record | None:
+    """The record at the highest rate whose steps are longer than nearly all of its gaps; None where there is none.
+
+    A gap of g samples leaves the vibration below rate/(2 (g + 1)) known, which is what the record at rate/(g + 1)
+    holds.
+    """
+    for divisor in range(2, MAX_RATE_DIVISOR + 1):
+        if record.samples // divisor < LEAST_SAMPLES:
+            return None
+        if max(_share_in_gaps(column, divisor) for column in missing.T) <= MAX_BRIDGED:
+            return resample(record, record.rate / divisor, max_gap=MAX_RATE_DIVISOR)
+    return None
+
+
+def _share_in_gaps(missing: Mask, size: int) -> float:
+    """Share of samples that are missing in gaps of `size` or more."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
+    lengths = edges[1::2] - edges[::2]
+    return float(lengths[lengths >= size].sum() / missing.size)
+
+
+def _passed(record: Record) -> float:
+    """Frequency [Hz] below which a resampled record holds all that was recorded, of which modes are sought."""
+    return min(HIGHEST * record.rate, LOW_PASS_SHARE * float(record.attributes.get(LOW_PASS, np.inf)))
 
 
 def _transient(values: Array) -> list[str]:
