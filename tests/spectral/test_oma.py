@@ -171,6 +171,8 @@ def test_a_short_record_is_not_trusted_or_refused():
 def test_missing_samples_are_bridged_or_avoided():
     y = two_modes(16)
     y[2500:2506] = np.nan
+    assert any("filled from the readings around" in note for note in ws.oma(record_of(y, RATE)).notes)
+    y[2500:2520] = np.nan
     assert any("bridged" in note for note in ws.oma(record_of(y, RATE)).notes)
     y[1500:2500, 0] = np.nan
     assert any("without gaps" in note for note in ws.oma(record_of(y, RATE)).notes)

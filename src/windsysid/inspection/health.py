@@ -39,7 +39,7 @@ GAP_MIN_STEPS = 1.5
 """A step longer than this many usual ones is a gap."""
 
 MAX_SHORT_GAP = 10
-"""Samples that a short gap has lost at most: `windsysid.spectral.oma_data` bridges it at a lower rate."""
+"""Samples that a short gap has lost at most: `windsysid.spectral.oma_data` fills it from the readings around."""
 MAX_SEPARATE_GAPS = 20
 """Short gaps between which a section can still be chosen."""
 MAX_OFF_MULTIPLE = 0.25
@@ -103,7 +103,7 @@ def clock_faults(record: Record) -> list[Finding]:
                 "", "short gaps", "warning",
                 f"{count_of(lost, 'sample')} lost ({_percent(lost / (lost + record.samples))}) in"
                 f" {np.count_nonzero(short)} short gaps, the longest {steps[short].max():.3g} s: identify takes them as"
-                " missing, oma lowers the rate; no section is better",
+                " missing, oma fills them; no section is better",
                 lost, np.empty((0, 2)),
             )
         )  # fmt: skip

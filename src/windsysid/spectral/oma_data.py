@@ -1,20 +1,22 @@
 """From a record to the transforms of its readings: sensors, gaps, lines, multi-blade coordinates."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid._types import Array, Complex, Mask
+from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.inspection.continuity import copies_among
-from windsysid.inspection.health import Finding, sampled_every
+from windsysid.inspection.health import MAX_SHORT_GAP, Finding, sampled_every
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.signals.condition import resample
+from windsysid.signals.short_gaps import fill_short_gaps
 from windsysid.spectral.dft import transform
 from windsysid.spectral.modal_sensors import ModalSensor, choose_sensors, derivative_order
 from windsysid.spectral.multiblade import blade_sets, multiblade
@@ -24,11 +26,11 @@ __all__ = ["Line", "Readings", "prepare_readings", "transforms"]
 
 LEAST_SAMPLES = 256
 MAX_BRIDGED = 0.02
-"""Share of missing samples that are bridged. Where more are missing, the rate is lowered until no more are missing in
-gaps of a whole step or more; where that does not help, the longest stretch without gaps is used."""
+"""Share of missing samples that are bridged by straight lines; where more are missing, the longest stretch without gaps
+is used."""
 
-MAX_RATE_DIVISOR = 10
-"""By which the rate of a record with many short gaps is divided at most."""
+MAX_FILLED = 0.2
+"""Share of missing samples of which those in short gaps are filled from the readings around them."""
 
 MAX_SPIKED = 0.002
 """Share of a channel's samples in spikes that are bridged; where more are, the record is doubtful."""
@@ -136,7 +138,9 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     chosen, values = tuple(chosen[i] for i in kept), values[:, kept]
     rate = record.rate
     low = LOWEST_BINS / record.duration
-    high = _passed(record)
+    high = HIGHEST * rate
+    if LOW_PASS in record.attributes:
+        high = min(high, LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
     slowest = max((sampled_every(column)[0], one.channel) for column, one in zip(values.T, chosen, strict=True))
     if slowest[0] > 1 and HIGHEST * rate / slowest[0] < high:
         high = HIGHEST * rate / slowest[0]
@@ -233,12 +237,17 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
     if dead:
         raise RecordError(f"{record.name}: channel '{dead[0]}' holds no readings: leave it out of the sensors")
     share = float(missing.mean(axis=0).max())
-    if share > MAX_BRIDGED and (slow := _at_a_lower_rate(record, missing)) is not None:
-        notes.append(
-            f"{100 * share:.2g} % of a channel is missing in short gaps: readings were interpolated to"
-            f" {slow.rate:.4g} Hz, and modes are sought below {_passed(slow):.3g} Hz"
-        )
-        return slow
+    if 0.0 < share <= MAX_FILLED:
+        values = record.values.copy()
+        values[:, columns] = np.column_stack([fill_short_gaps(values[:, i], MAX_SHORT_GAP) for i in columns])
+        record = replace(record, values=values)
+        before, missing = share, np.isnan(values[:, columns])
+        share = float(missing.mean(axis=0).max())
+        if before > share:
+            notes.append(
+                f"{100 * (before - share):.2g} % of a channel is missing in short gaps, which were filled from the"
+                " readings around them"
+            )
     if share > MAX_BRIDGED:
         whole = ~missing.any(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], whole.astype(np.int8), [0]])))
@@ -264,32 +273,6 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
             f"100 cycles of a mode"
         )
     return record
-
-
-def _at_a_lower_rate(record: Record, missing: Mask) -> Record | None:
-    """The record at the highest rate whose steps are longer than nearly all of its gaps; None where there is none.
-
-    A gap of g samples leaves the vibration below rate/(2 (g + 1)) known, which is what the record at rate/(g + 1)
-    holds.
-    """
-    for divisor in range(2, MAX_RATE_DIVISOR + 1):
-        if record.samples // divisor < LEAST_SAMPLES:
-            return None
-        if max(_share_in_gaps(column, divisor) for column in missing.T) <= MAX_BRIDGED:
-            return resample(record, record.rate / divisor, max_gap=MAX_RATE_DIVISOR)
-    return None
-
-
-def _share_in_gaps(missing: Mask, size: int) -> float:
-    """Share of samples that are missing in gaps of `size` or more."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
-    lengths = edges[1::2] - edges[::2]
-    return float(lengths[lengths >= size].sum() / missing.size)
-
-
-def _passed(record: Record) -> float:
-    """Frequency [Hz] below which a resampled record holds all that was recorded, of which modes are sought."""
-    return min(HIGHEST * record.rate, LOW_PASS_SHARE * float(record.attributes.get(LOW_PASS, np.inf)))
 
 
 def _transient(values: Array) -> list[str]:
