@@ -41,8 +41,8 @@ class Transient(NamedTuple):
     def reason(self) -> str:
         """Why a result is in doubt."""
         return (
-            f"the record is a transient, such as a free decay (the vibration of {self.channels[0]} falls "
-            f"{self.fall:.2g}-fold), and checks that suppose stationary loads fail: compare it with other records"
+            f"{self.channels[0]} falls {self.fall:.2g}-fold over the record (a transient, such as a free decay), and "
+            "checks that suppose stationary loads fail: compare other records"
         )
 
 
