@@ -37,7 +37,14 @@ def ambient(frequency: float, damping: float, duration: float, seed: int) -> Arr
 
 @pytest.mark.parametrize(
     ("damping", "duration", "start"),
-    [(0.012, 120.0, 0.0), (0.02, 60.0, 0.0), (0.005, 300.0, 0.0), (0.012, 300.0, 25.0), (0.05, 120.0, 25.0)],
+    [
+        (0.012, 120.0, 0.0),
+        (0.02, 60.0, 0.0),
+        (0.005, 300.0, 0.0),
+        (0.012, 300.0, 25.0),
+        (0.05, 120.0, 25.0),
+        (0.012, 120.0, 5.0),
+    ],
 )
 def test_free_decays_are_found_also_where_they_begin_later(damping: float, duration: float, start: float):
     found = find_transient(decay(0.35, damping, duration, start=start)[:, None], ("x",))
@@ -50,6 +57,16 @@ def test_free_decays_are_found_also_where_they_begin_later(damping: float, durat
 def test_stationary_records_fall_so_by_chance_in_at_most_one_of_fifty(damping: float, duration: float):
     found = [find_transient(ambient(0.35, damping, duration, seed)[:, None], ("x",)) for seed in range(200)]
     assert sum(one is not None for one in found) <= 4
+
+
+def test_a_decay_of_less_than_a_factor_of_three_is_found_where_all_channels_fall():
+    x, z = decay(0.35, 0.006, 60.0), 0.3 * decay(0.352, 0.007, 60.0, noise=0.03, seed=1)
+    assert find_transient(x[:, None], ("x",)) is None
+    found = find_transient(np.column_stack([x, z]), ("x", "z"))
+    assert found is not None
+    assert set(found.channels) == {"x", "z"}
+    assert 1.5 < found.fall < 3.0
+    assert find_transient(np.column_stack([x, ambient(0.35, 0.01, 60.0, 2)]), ("x", "z")) is None
 
 
 def test_a_channel_of_noise_or_gaps_is_no_transient():

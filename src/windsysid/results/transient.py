@@ -5,8 +5,8 @@ its level falls, its only frequency stands out as a line does, and its beginning
 where the vibration falls, a result that is in doubt names this instead.
 
 From the loudest sixteenth of a record on, the mean square of each quarter of the rest is compared with that of the one
-before. Of 1500 stationary records of a mode that counts as 3 to 40 independent values, at most one in 350 falls
-`MIN_FALL` times.
+before. Of 1500 stationary records of a mode that counts as 3 to 16 independent values, at most one in 160 falls
+`MIN_FALL` times, and one in 20 `MIN_COMMON_FALL` times: that counts where all channels do, as they do in a decay.
 """
 
 import re
@@ -21,14 +21,16 @@ from windsysid.results.diagnosis import Diagnosis
 
 __all__ = ["Transient", "explain_by_transient", "find_transient", "without_cause"]
 
-MIN_FALL = 3.0
-"""Ratio of rms values from which a vibration falls more than a stationary one does by chance."""
+MIN_FALL, MIN_COMMON_FALL = 3.0, 1.5
+"""Ratio of rms values from which a vibration falls more than a stationary one does by chance: of one channel, and of
+two or more together."""
 
 SEGMENTS, QUARTERS = 16, 4
 """Segments in which the loudest is looked for, and parts of what follows."""
 
-MAX_RISE, MAX_BEFORE = 1.25, 0.3
-"""Ratios of mean squares: of a quarter to the one before, and of any segment before the loudest to that."""
+MAX_RISE, MAX_BEFORE = 1.1, 0.3
+"""Ratios of mean squares: of a quarter to the one before, and of any segment before the loudest to that, but for the
+one in which the decay may begin."""
 
 
 class Transient(NamedTuple):
@@ -49,7 +51,8 @@ class Transient(NamedTuple):
 def find_transient(values: Array, channels: Sequence[str]) -> Transient | None:
     """The channels of readings (T, m) whose vibration falls; None where it does in none."""
     falls = {name: _fall(column) for name, column in zip(channels, values.T, strict=True)}
-    falling = sorted((name for name in falls if falls[name] >= MIN_FALL), key=lambda name: -falls[name])
+    least = MIN_COMMON_FALL if len(falls) > 1 and min(falls.values()) >= MIN_COMMON_FALL else MIN_FALL
+    falling = sorted((name for name in falls if falls[name] >= least), key=lambda name: -falls[name])
     return Transient(tuple(falling), falls[falling[0]]) if falling else None
 
 
@@ -84,10 +87,11 @@ def _fall(readings: Array) -> float:
     known = known - time * (time @ known) / (time @ time)
     power = _mean_squares(known, SEGMENTS)
     loudest = int(np.argmax(power))
-    if loudest > SEGMENTS // 2 or not power[:loudest].max(initial=0.0) <= MAX_BEFORE * power[loudest]:
+    if loudest > SEGMENTS // 2 or not power[: max(loudest - 1, 0)].max(initial=0.0) <= MAX_BEFORE * power[loudest]:
         return 0.0
     rest = _mean_squares(known[len(known) * loudest // SEGMENTS :], QUARTERS)
-    if (rest[1:] > MAX_RISE * rest[:-1]).any():
+    rises = rest[1:] > MAX_RISE * rest[:-1]
+    if (rises & (rest[1:] > rest[0] / MIN_FALL**2)).any():  # below that is noise
         return 0.0
     return float(np.sqrt(rest[0] / max(rest[-1], 1e-300)))
 
