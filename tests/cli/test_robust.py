@@ -127,8 +127,10 @@ def test_brackets_in_names_are_no_markup(refusal, monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize(
     ("stiffness", "complaint"),
-    [("1e40 N/m", "makes x vibrate at"), ("0 N/m", "expected a positive k_x, got 0"),
-    ("1e-300 N/m", "one period of the turbine's slowest")],
+    [("1e14 N/m", "makes x vibrate at"), ("0 N/m", "expected a positive k_x, got 0"),
+    ("1e-5 N/m", "one period of the turbine's slowest"),
+    ("1e40 N/m", "support.k_x: expected a size of 1e-06 … 1e+15 N/m"),
+    ("1e-300 N/m", "support.k_x: expected a size of 1e-06 … 1e+15 N/m")],
 )  # fmt: skip
 def test_a_stiffness_that_cannot_be_is_refused(refusal, tmp_path: Path, stiffness: str, complaint: str):
     from windsysid.records.formats import write_record

@@ -14,6 +14,7 @@ from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.posterior_mode import neighbours, score
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.process import LoadBlock
 
 # A bank has no gate: whatever is gated is marked as missing before it runs.
 STATE_ONLY = [name for name, build in MODELS.items() if not build().parameters and np.isinf(build().blocks.gate[0])]
@@ -115,3 +116,40 @@ def test_the_score_is_the_slope_of_the_likelihood():
     for j, step in enumerate(np.diag(widths)):
         slope = (log_likelihood(theta + step) - log_likelihood(theta - step)) / (2.0 * widths[j])
         assert found.gradient[j] == pytest.approx(slope, rel=1e-4)
+
+
+def test_models_that_differ_in_the_rank_of_their_noise_within_a_step_share_a_bank():
+    # What a load adds within a step has as many columns as it has independent noises that are not negligible: that
+    # goes with time constants and levels, so models of one structure differ in it.
+    def build(columns: int) -> StateSpace:
+        model = chain_with(loads=LOADS, continuous=True)
+        return replace(
+            model, blocks=model.blocks._replace(load_within=50.0 * model.blocks.load_within[..., :columns])
+        )  # fmt: skip
+
+    models = [build(columns) for columns in (1, 2, 0, 2, 1, 1, 0, 2, 1, 2)]
+    inputs, readings = record(models[0])
+    _, together = run_bank(bank_of(models), inputs, readings)
+    for lane, model in enumerate(models):
+        _, alone = run_bank(bank_of([model]), inputs, readings)
+        np.testing.assert_array_equal(together.whitened[..., lane], alone.whitened[..., 0])
+        np.testing.assert_array_equal(together.log_std[..., lane], alone.log_std[..., 0])
+        _, info = EKF.run(model, EKF.init(model), inputs, readings)
+        np.testing.assert_allclose(together.whitened[..., lane], np.nan_to_num(info.whitened), rtol=1e-7, atol=1e-7)
+    assert np.abs(together.log_std[..., 0] - together.log_std[..., 1]).max() > 1e-3  # they are different models
+
+
+def test_models_whose_loads_forget_at_rates_far_apart_share_a_bank():
+    # Two states of one load, of which the slow one counts as resting from a factor of ten thousand on.
+    def build(slow: float) -> StateSpace:
+        drift, unit = np.diag([-2.0, -slow]), np.eye(2)
+        load = LoadBlock(("fast", "slow"), drift, unit, {"load_1": 5.0 * unit[:1], "load_3": 2.0 * unit[1:]})
+        return chain_with(loads=(load,), continuous=True)
+
+    models = [build(slow) for slow in (1.0, 1e-5)]
+    assert [model.blocks.load_within.shape[2] for model in models] == [2, 1]
+    inputs, readings = record(models[0])
+    _, together = run_bank(bank_of(models), inputs, readings)
+    for lane, model in enumerate(models):
+        _, alone = run_bank(bank_of([model]), inputs, readings)
+        np.testing.assert_array_equal(together.whitened[..., lane], alone.whitened[..., 0])

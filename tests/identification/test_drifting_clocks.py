@@ -110,3 +110,8 @@ def test_what_does_not_go_away_when_it_is_put_back_is_no_drift():
     assert persists((Drift("rotor", -2.9e-4, 3e-6),), seen)
     assert not persists((Drift("rotor", 4e-5, 1e-6),), seen)
     assert not persists((Drift("rotor", 3e-6, 1e-6),), (Drift("rotor", 4e-6, 1e-6),))
+
+
+@pytest.mark.parametrize(("rate", "is_clock"), [(2.9e-4, True), (-2.9e-4, True), (3.1e-4, False), (-3.1e-4, False)])
+def test_no_clock_drifts_by_more_than_300_ppm(verne555: Turbine, rate: float, is_clock: bool):
+    assert Drift("rotor", rate, 1e-6).matters(verne555, 600.0) is is_clock

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from windsysid.errors import ConfigurationError, RecordError
+from windsysid.errors import ConfigurationError, NumericalError, RecordError
 from windsysid.identification import identify as identify_module
 from windsysid.identification import ways
 from windsysid.identification.joint import identify_jointly_from
@@ -542,3 +542,31 @@ def test_auto_goes_by_filters_where_spectra_find_damping_below_zero(tower_record
     assert found.formulation == "joint"
     assert any("is not positive" in note for note in found.notes)
     assert min(mode.damping_ratio[0] for mode in found.modes) > 0.0
+
+
+@pytest.mark.parametrize(
+    "error",
+    [np.linalg.LinAlgError("Singular matrix"), ZeroDivisionError("float division by zero"),
+     OverflowError(34, "Numerical result out of range"), FloatingPointError("underflow"),
+     ValueError("math domain\nerror")],
+)  # fmt: skip
+def test_an_error_of_arithmetic_leaves_identify_as_one_line(
+    verne555: Turbine, monkeypatch: pytest.MonkeyPatch, error: Exception
+):
+    def fail(asked: object) -> None:
+        raise error
+
+    monkeypatch.setitem(identify_module._WAYS, "joint", fail)
+    record = simulate_record(verne555, duration=5.0, rate=50.0)
+    with pytest.raises(NumericalError) as refused:
+        identify_module.identify(record, verne555, formulation="joint")
+    text = str(refused.value)
+    assert type(error).__name__ in text
+    assert "\n" not in text
+    assert refused.value.__cause__ is error
+
+
+def test_what_is_refused_on_purpose_is_not_called_numerical(verne555: Turbine):
+    record = simulate_record(verne555, duration=5.0, rate=50.0)
+    with pytest.raises(ConfigurationError, match="formulation: expected"):
+        identify_module.identify(record, verne555, formulation="best")  # type: ignore[arg-type]

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import gammaincc
 from validation.adversary.loads import plus_narrow_band
 from validation.adversary.machine import Machine
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
@@ -12,6 +13,7 @@ from validation.adversary.scenarios import SCENARIOS, Scenario, record
 import windsysid.identification.identify as front
 from validation import towers
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.identification import steady_lines
 from windsysid.identification.identify import identify
 from windsysid.identification.outcome import PART_OF, known_loads
 from windsysid.identification.prior import Prior
@@ -233,3 +235,23 @@ def test_gravity_stays_where_sines_are_left_out(verne555: Turbine):
     assert at(left, "blade_1_lag_acceleration", 1) == pytest.approx(at(made, "blade_1_lag_acceleration", 1), rel=1e-6)
     assert at(left, "tower_x_acceleration", 2) < 1e-3 * at(made, "tower_x_acceleration", 2)
     assert at(left, "blade_1_lag_acceleration", 3) < 1e-3 * at(made, "blade_1_lag_acceleration", 3)
+
+
+def test_one_steady_sine_in_a_hundred_scatters_by_more_than_its_bound():
+    """Four parts about their mean have three complex degrees of freedom: half a χ² of six."""
+    assert gammaincc(steady_lines.PARTS - 1, steady_lines.SCATTER) == pytest.approx(0.01, rel=0.01)
+
+
+@pytest.mark.parametrize(("growth", "least", "most", "steady"), [(0.6, 7.8, 8.4, True), (0.65, 8.4, 9.0, False)])
+def test_a_sine_has_one_amplitude_in_all_parts_of_a_record(growth: float, least: float, most: float, steady: bool):
+    tower, time = load_turbine("tower"), np.arange(6000) / 10.0
+    wave = 0.4 * (1.0 + growth * (time / time[-1] - 0.5)) * np.cos(2.0 * math.pi * 0.4 * time)
+    noise = np.random.default_rng(11).standard_normal((time.size, 2))
+    channel = "tower_x_acceleration"
+    made = Record(
+        time, noise + np.column_stack([wave, np.zeros_like(wave)]), (channel, "tower_z_acceleration"), ("m/s^2",) * 2
+    )
+    seen = steady_lines._Seen.of(made, channel, 0.4)
+    assert seen is not None
+    assert least < seen.scatter < most
+    assert (find_sine(made, tower, tower.sensors, channel, 0.4) is not None) is steady

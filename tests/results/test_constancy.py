@@ -1,10 +1,24 @@
 """Parts of a record against each other: against drawn scores, a step of a parameter, and noise of other size."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from scipy.special import gammainccinv, ndtri
 
 from windsysid._types import Array
-from windsysid.results.constancy import Part, chances, doubt_constancy, join_parts, judge_constancy
+from windsysid.results.constancy import (
+    CHANCE,
+    CHANCE_OF_SCATTER,
+    Constancy,
+    Part,
+    chances,
+    doubt_constancy,
+    doubt_halves,
+    doubt_scatter,
+    join_parts,
+    judge_constancy,
+)
 
 SLOPES = np.array([1.0, 0.3, 2.0])
 SPREAD = 0.7
@@ -90,3 +104,21 @@ def test_too_few_parts_say_nothing_of_their_scatter(count: int):
     found = judged(parts_of(np.random.default_rng(5), np.zeros(3), parts=count))
     assert not found.freedom.any()
     assert found.apart.any() == (count > 1)
+
+
+@pytest.mark.parametrize("names", [("k_x",), ("k_x", "k_y"), ("k_x", "k_y", "c_x")])
+@pytest.mark.parametrize("doubt", [doubt_halves, doubt_scatter])
+def test_the_chance_of_a_false_doubt_is_shared_by_all_parameters(doubt: Callable[..., list[str]], names: tuple[str]):
+    """Bonferroni: of n parameters each may be condemned by the n-th part of the chance."""
+    chance = {doubt_halves: CHANCE, doubt_scatter: CHANCE_OF_SCATTER}[doubt]
+    n, freedom = len(names), 9.0
+
+    def as_rare_as(p: float) -> Constancy:
+        apart, scatter = -ndtri(0.5 * p), gammainccinv(0.5 * freedom, p) / (0.5 * freedom)
+        others = np.zeros(n - 1)
+        return Constancy(
+            np.array([apart, *others]), np.array([scatter, *(1.0 + others)]), np.array([freedom, *(freedom + others)])
+        )
+
+    assert doubt(names, as_rare_as(0.95 * chance / n))
+    assert doubt(names, as_rare_as(1.05 * chance / n)) == []

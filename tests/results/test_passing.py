@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from windsysid.results.passing import find_passing
+from windsysid.results.passing import Passing, find_passing
 
 RATE, SAMPLES, F = 20.0, 12000, 0.32
 
@@ -40,3 +40,42 @@ def test_in_a_narrow_mode_nothing_can_be_told():
 @pytest.mark.parametrize(("passing", "wander"), [(0.26, 0.0), (F, 0.1)])
 def test_blades_that_pass_elsewhere_or_unsteadily_are_no_doubt(passing: float, wander: float):
     assert not seen(0.06, line=0.3, passing=passing, wander=wander)
+
+
+def swinging(swing: float):
+    """Readings of a mode of 6 % with a line of the passing blades, and the azimuth of a rotor whose speed swings by a
+    share about its mean, three times in the record."""
+    rng, time = np.random.default_rng(7), np.arange(SAMPLES) / RATE
+    speed = 2.0 * np.pi * F / 3.0 * (1.0 + swing * np.sin(2.0 * np.pi * 3.0 * time / time[-1]))
+    azimuth = np.cumsum(speed) / RATE
+    return rng.standard_normal((SAMPLES, 1)) + 0.5 * np.cos(3.0 * azimuth)[:, None], azimuth
+
+
+@pytest.mark.parametrize(("sigmas", "steady"), [(0.9, True), (1.1, False)])
+def test_blades_pass_steadily_if_their_frequency_scatters_by_less_than_the_half_width(sigmas: float, steady: bool):
+    values, azimuth = swinging(sigmas * 0.06 * np.sqrt(2.0))  # of a sine, the amplitude over the standard deviation
+    found = find_passing(values, azimuth, rate=RATE, modes=[(F, 0.06)], blades=3)
+    assert (found is not None) is steady
+
+
+@pytest.mark.parametrize(
+    ("passing", "natural", "half_width", "said"),
+    [
+        (0.312, 0.32, 0.002, "0.312 Hz (3P), on the mode at 0.32 Hz, and cannot be told from it"),
+        (0.60, 0.44, 0.17, "0.6 Hz (3P), within the half-width of the mode at 0.44 Hz (39 % damping)"),
+        (0.60, 0.44, 0.03, "0.6 Hz (3P) and a mode is at 0.44 Hz: the record resolves differences of 0.14 Hz only"),
+    ],
+)
+def test_the_blades_are_said_to_pass_on_a_mode_only_where_they_are_near_it(
+    passing: float, natural: float, half_width: float, said: str
+):
+    text = Passing(passing, natural, half_width, 0.14).describe(3)
+    assert text.startswith(f"the blades pass steadily at {said}")
+    assert len(text) <= 180
+
+
+def test_what_is_said_of_passing_blades_is_what_was_measured():
+    values, azimuth = shaken(1, 0.4, 0.3, 0.44)
+    found = find_passing(values, azimuth, rate=RATE, modes=[(F, 0.4)], blades=3)
+    assert found == pytest.approx((0.44, F, 0.128, 2.0 * RATE / SAMPLES), abs=1e-4)
+    assert "within the half-width of the mode at 0.32 Hz" in found.describe(3)

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics import RotorModel, TowerModel, compile_model
+from windsysid.turbine.entries import RANGES, read_quantity
 from windsysid.turbine.file import load_turbine, packaged_turbines, write_turbine
+from windsysid.turbine.tables import as_tables
 from windsysid.turbine.turbine import Turbine
 
 
@@ -338,7 +341,7 @@ def test_a_tower_file_speaks_of_frequency_and_damping_ratio(tmp_path: Path):
         (('modal_mass = "400 t"\n', ""), r"'side_side\.modal_mass' is missing: add it"),
         (("0.31 Hz", "0.31 rpm"), r"fore_aft\.frequency: expected a unit of the same quantity as Hz, got '0\.31 rpm'"),
         (("0.5 %", "0.5"), r"side_side\.damping_ratio: the unit is missing: .* in %, got '0\.5'"),
-        (("0.5 %", "120 %"), r"side_side\.damping_ratio: .*less than 1, got '120 %'"),
+        (("0.5 %", "120 %"), r"side_side\.damping_ratio: expected a size of 1e-09 … 1 .*got '120 %'"),
     ],
 )
 def test_a_wrong_tower_file_is_one_clear_line(tmp_path: Path, change: tuple[str, str], complaint: str):
@@ -386,3 +389,58 @@ def test_a_turbine_that_is_not_there_is_one_clear_line(tmp_path: Path):
     with pytest.raises(ConfigurationError, match="cannot be read") as caught:
         load_turbine(binary)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("size", ["1e300", "1e-300", "1e12", "-1e300"])
+@pytest.mark.parametrize(
+    ("name", "key", "unit", "said"),
+    [
+        ("tower", "loads.time_constant", "s", "0.0001 … 1e+06 s"),
+        ("tower", "blade_passing.time_constant", "s", "0.0001 … 1e+06 s"),
+        ("tower", "loads.side_side_rms", "N", "1e-09 … 1e+10 N"),
+        ("tower", "blade_passing.fore_aft_rms", "N", "1e-09 … 1e+10 N"),
+        ("tower", "side_side.modal_mass", "kg", "1e-06 … 1e+09 kg"),
+        ("tower", "side_side.frequency", "Hz", "0.0001 … 25000 Hz"),
+        ("tower", "fore_aft.damping_ratio", "1", "1e-09 … 1 (as a ratio"),
+        ("tower", "top.tilt", "rad/m", "1e-09 … 1000 rad/m"),
+        ("tower", "rotor.speed", "rad/s", "1e-06 … 10000 rad/s"),
+        ("verne555", "loads.hub_rms", "N", "1e-09 … 1e+10 N"),
+        ("verne555", "loads.time_constant", "s", "0.0001 … 1e+06 s"),
+        ("tower", "prior.stiffness", "", "a relative standard deviation of 1e-06 … 3"),
+        ("tower", "prior.damping", "", "a relative standard deviation of 1e-06 … 10"),
+    ],
+)
+def test_a_number_that_no_turbine_has_is_refused_with_its_key_and_range(
+    tmp_path: Path, name: str, key: str, unit: str, said: str, size: str
+):
+    tables = as_tables(load_turbine(name))
+    table, entry = key.split(".")
+    tables[table][entry] = f"{size} {unit}" if unit else float(size)
+    path = written(tmp_path, tomli_w.dumps(tables))
+    with pytest.raises(ConfigurationError) as refused:
+        load_turbine(path)
+    text = str(refused.value)
+    assert text.startswith(f"turbine file {path}: {key}: expected ")
+    assert said in text
+    assert text.count("\n") == 0
+
+
+@pytest.mark.parametrize("key", ["noise", "bias", "gain", "drift", "clock_tolerance"])
+@pytest.mark.parametrize("size", [1e300, 1e-300, 1e15])
+def test_a_number_that_no_sensor_has_is_refused_with_its_key_and_range(tmp_path: Path, key: str, size: float):
+    tables = as_tables(load_turbine("tower"))
+    tables["sensor"][1][key] = size
+    path = written(tmp_path, tomli_w.dumps(tables))
+    with pytest.raises(ConfigurationError) as refused:
+        load_turbine(path)
+    assert f"turbine file {path}: sensor 2: {key}: expected a size of 1e-12 … 1e+12" in str(refused.value)
+
+
+def test_the_ends_of_every_range_and_zero_are_read():
+    for unit, (low, high, why) in RANGES.items():
+        assert [read_quantity(f"{value!r} {unit}", unit) for value in (low, -high, 0.0)] == [low, -high, 0.0]
+        assert why
+        for value in (0.99 * low, -1.01 * high):
+            with pytest.raises(ConfigurationError, match="expected a size of"):
+                read_quantity(f"{value!r} {unit}", unit)
+    assert read_quantity("1e40 W", "W") == 1e40  # a unit of somebody's own model

@@ -5,6 +5,7 @@ patterns in `Lanes` list those that are not.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from windsysid._types import Array
 from windsysid.kernels.simd import LANES
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["Lanes", "Scratch", "lanes_of", "patterns_of", "scratch_of"]
+__all__ = ["Lanes", "Scratch", "equally_wide", "lanes_of", "patterns_of", "scratch_of"]
 
 
 class Lanes(NamedTuple):
@@ -141,6 +142,24 @@ def _row_lengths(n: int, nx: int, nz: int, nw: int) -> tuple[int, int, int, int]
     """Lengths of rows with n, n_x, n_z and n_x + 2 n_w columns: multiples of four."""
     columns = nx + 2 * nw
     return n + -n % 4, nx + -nx % 4, nz + -nz % 4, columns + -columns % 4
+
+
+def equally_wide(models: Sequence[StateSpace]) -> list[StateSpace]:
+    """Pad the within-step factors R (S, n_z, r) of all models to the largest r with columns of zeros, which leave R Rᵀ
+    unchanged.
+
+    r is the number of independent noises that reach an output within a step: it depends on the values of time constants
+    and levels (`windsysid.statespace.within_step`), not on the structure alone.
+    """
+    widest = max(model.blocks.load_within.shape[2] for model in models)
+    return [_widened(model, widest - model.blocks.load_within.shape[2]) for model in models]
+
+
+def _widened(model: StateSpace, columns: int) -> StateSpace:
+    if columns == 0:
+        return model
+    within = np.pad(model.blocks.load_within, [(0, 0), (0, 0), (0, columns)])
+    return replace(model, blocks=model.blocks._replace(load_within=within))
 
 
 def lanes_of(group: Sequence[StateSpace], patterns: tuple[NDArray[np.int64], ...]) -> Lanes:

@@ -119,12 +119,7 @@ def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[st
     found = find_passing(
         readings, psi, rate=record.rate, modes=_no_narrower(outcome.turbine, modes), blades=model.blades
     )  # fmt: skip
-    if found is None:
-        return ()
-    return (
-        f"the blades pass steadily at {found.frequency:.3g} Hz ({model.blades}P), on the mode at {found.natural:.3g} "
-        "Hz, and cannot be told from it: take a section at another speed",
-    )
+    return () if found is None else (found.describe(model.blades),)
 
 
 def mode_of(turbine: Turbine, name: str) -> tuple[float, float]:

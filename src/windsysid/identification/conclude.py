@@ -29,6 +29,7 @@ from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
 from windsysid.results.steadiness import Late, how_late
 from windsysid.results.straightness import Bent, find_bent
+from windsysid.results.transient import Transient, explain_by_transient, find_transient, without_cause
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.turbine.turbine import Turbine
@@ -133,6 +134,11 @@ def conclude(
         constancy=outcome.constancy,
         blades_move=any(freedom.blade for freedom in turbine.model.freedoms),
     )
+    notes = (*outcome.notes, *noted(faults))
+    transient = _transient(outcome, record) if section is None else None
+    if transient is not None:
+        diagnosis = explain_by_transient(diagnosis, transient, outcome.channels)
+        notes = tuple(map(without_cause, notes))
     return Identification(
         method=_METHODS[formulation],
         formulation=formulation,
@@ -156,7 +162,7 @@ def conclude(
         log_likelihood=float(outcome.final.log_likelihood.sum())
         if outcome.log_likelihood is None
         else outcome.log_likelihood,
-        notes=(*outcome.notes, *noted(faults)),
+        notes=notes,
         statistics=outcome.statistics,
         diagnosis=diagnosis,
         machine=replace(turbine, rotor_speed=max(speed, 0.0)),
@@ -199,6 +205,11 @@ def _off_clock(record: Record, speed: float) -> tuple[str, ...]:
         f"rotor_azimuth turns {100.0 * abs(turned / mean - 1.0):.2g} % {how} than rotor_speed says: where time is "
         "wrong, stiffness is by twice that; check the sampling rate and both channels",
     )
+
+
+def _transient(outcome: Outcome, record: Record) -> Transient | None:
+    """The channels that were read whose vibration falls over the whole record."""
+    return find_transient(np.column_stack([record[name] for name in outcome.channels]), outcome.channels)
 
 
 def _late(outcome: Outcome, record: Record) -> Late | None:

@@ -13,9 +13,9 @@ derives from `Sensor` or `PlacedSensor`, says its `quantity`, `unit` and `readin
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -43,6 +43,11 @@ TOWER_LOGGER = "tower"
 
 TOLERANCES = ("gain_tolerance", "alignment_tolerance", "clock_tolerance")
 """Fields of a sensor that say how well it is known."""
+
+
+SIZES = (1e-12, 1e12)
+"""Of a sensor's numbers other than zero, in the unit of its channel: from the noise of the finest strain gauge to the
+moments of the largest turbine, and squares of them keep double precision."""
 
 
 class Motion(Protocol):
@@ -106,6 +111,14 @@ class Sensor(BaseModel):
     gain_tolerance: float = Field(default=0.01, ge=0.0, le=1.0)
     logger: str = ""
     clock_tolerance: float = Field(default=0.001, ge=0.0)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _has_a_size(cls, value: Any) -> Any:
+        low, high = SIZES
+        if isinstance(value, float) and value != 0.0 and not low <= abs(value) <= high:
+            raise ValueError(f"expected a size of {low:g} … {high:g} (of an instrument; squares keep double precision)")
+        return value
 
     @property
     @abstractmethod

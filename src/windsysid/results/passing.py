@@ -14,6 +14,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.results.lines import (
     LINE_CHANCE,
+    LINE_REACH,
     NARROWEST,
     PARABOLA_LOSS,
     SURROUNDINGS,
@@ -31,10 +32,39 @@ SMOOTHED = 20.0
 
 
 class Passing(NamedTuple):
-    """Blades that pass at a mode: how often [Hz], and the mode's frequency [Hz]."""
+    """A blade-passing frequency that cannot be separated from a mode.
+
+    Attributes
+    ----------
+    frequency, natural
+        Of the passing blades and of the mode [Hz].
+    half_width
+        Half-power half-width ζf of the mode [Hz].
+    resolution
+        Frequency difference [Hz] that the length of the record resolves.
+    """
 
     frequency: float
     natural: float
+    half_width: float
+    resolution: float
+
+    def describe(self, blades: int) -> str:
+        """One sentence: where the blades pass, why that matters there, and what to do."""
+        passing, mode = f"the blades pass steadily at {self.frequency:.3g} Hz ({blades}P)", f"{self.natural:.3g} Hz"
+        off = abs(self.frequency - self.natural)
+        if off <= (LINE_REACH - 1.0) * self.natural:
+            return f"{passing}, on the mode at {mode}, and cannot be told from it: take a section at another speed"
+        if off <= self.half_width:
+            damping = 100.0 * self.half_width / self.natural
+            return (
+                f"{passing}, within the half-width of the mode at {mode} ({damping:.0f} % damping), which may be that "
+                "line in part: take a section at another speed"
+            )
+        return (
+            f"{passing} and a mode is at {mode}: the record resolves differences of {self.resolution:.2g} Hz only; "
+            "take a longer section"
+        )
 
 
 def find_passing(
@@ -58,7 +88,7 @@ def find_passing(
         if abs(passing - natural) > width + BEYOND * step or scatter > width:
             continue
         if width < NARROWEST * step or _stands_out(values, blades * azimuth):
-            return Passing(passing, natural)
+            return Passing(passing, natural, width, BEYOND * step)
     return None
 
 

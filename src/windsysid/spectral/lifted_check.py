@@ -94,12 +94,20 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
     first.
 
     Of N complex normal entries the energy is χ² with 2N degrees of freedom, and the ratio of two energies follows
-    Fisher's F.
+    Fisher's F. A frequency range that has entries in one half only is not compared: rotor harmonics are left out, and
+    where the speed of the rotor differs between the halves, so do the entries that remain.
     """
     from scipy.special import fdtri
 
+    others = {(p.channel, p.low, p.high): p for p in second}
+    pairs = [(a, others[a.channel, a.low, a.high]) for a in first if (a.channel, a.low, a.high) in others]
+    if not pairs:
+        return [
+            "no frequency range is free of rotor harmonics in both halves: it cannot be seen whether the record is "
+            "stationary; choose a section of steadier rotor speed"
+        ]
     off = []
-    for a, b in zip(first, second, strict=True):
+    for a, b in pairs:
         loud, quiet = (a, b) if a.energy > b.energy else (b, a)
         factor = loud.energy / max(quiet.energy, 1e-300)
         # 1/F follows F with the degrees of freedom exchanged

@@ -1,29 +1,74 @@
 """What all turbine files are made of: tables, and values with their units."""
 
+import math
 from abc import abstractmethod
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensors import Sensor
 from windsysid.turbine.turbine import MASS_TOLERANCE, Turbine
-from windsysid.units import parse_quantity
+from windsysid.units import parse_quantity, si_unit
 
 __all__ = [
     "AngularDamping", "AngularStiffness", "Damping", "File", "FirstMoment", "Inertia", "Length", "Mass", "NotNegative",
-    "Positive", "Rotor", "Stiffness", "Table", "quantity",
+    "Positive", "Rotor", "Stiffness", "Table", "quantity", "read_quantity",
 ]  # fmt: skip
+
+RANGES: dict[str, tuple[float, float, str]] = {
+    "s": (1e-4, 1e6, "from a sampling interval to the length of a record"),
+    "kg": (1e-6, 1e9, "from a model's blade to a floating platform"),
+    "kg*m": (1e-9, 1e12, "from a model's blade to a floating platform"),
+    "kg*m^2": (1e-12, 1e15, "from a model's blade to a floating platform"),
+    "N": (1e-9, 1e10, "from forces on a model to a thousand times the thrust of a large rotor"),
+    "N*m": (1e-9, 1e13, "from moments on a model to a thousand times those at a large tower's foot"),
+    "N/m": (1e-6, 1e15, "from a model to a rigid foundation"),
+    "N*m/rad": (1e-9, 1e18, "from a model to a rigid foundation"),
+    "N*s": (1e-9, 1e15, "from a model to a rigid foundation"),
+    "N*s/m": (1e-9, 1e15, "from a model to a rigid foundation"),
+    "N*m*s/rad": (1e-12, 1e18, "from a model to a rigid foundation"),
+    "Hz": (1e-4, 2.5e4, "from a period of hours to the fastest rate of a simulation"),
+    "rad/s": (1e-6, 1e4, "from standing to 100 000 rpm"),
+    "m": (1e-6, 1e4, "from a micrometre to ten kilometres"),
+    "rad": (1e-9, 1e3, "from an instrument's resolution to many turns"),
+    "rad/m": (1e-9, 1e3, "from an instrument's resolution to many turns in a metre"),
+    "m/s^2": (1e-6, 1e4, "up to a thousand times the Earth's gravity"),
+    "1": (1e-9, 1.0, "as a ratio: 1 is 100 %"),
+}
+"""Sizes of values other than zero that a turbine file may hold, by SI unit, and why: what no turbine and no model of
+one has is a slip of the pen or of the unit. Squares and ratios of such values stay within double precision."""
+
+MIN_SPREAD = 1e-6
+"""Least relative standard deviation of a prior: no stiffness is known better, and the inverse of its square keeps four
+of 16 digits for what a record adds."""
+
+
+def read_quantity(text: str, unit: str) -> float:
+    """Read ``"1800 N/m"`` as SI, and refuse another quantity than the one of `unit`, or a size out of its range.
+
+    Raises
+    ------
+    ConfigurationError
+        With what was expected.
+    """
+    value = parse_quantity(text, unit)
+    si = si_unit(unit)
+    low, high, why = RANGES.get(si, (0.0, math.inf, ""))
+    if value and not low <= abs(value) <= high:
+        shown = "" if si == "1" else f" {si}"
+        raise ConfigurationError(f"expected a size of {low:g} … {high:g}{shown} ({why})")
+    return value
 
 
 def quantity(unit: str) -> BeforeValidator:
-    """Read ``"1800 N/m"`` as SI, and refuse any other quantity than the one of `unit`."""
+    """`read_quantity` as a validator of a table's field."""
 
     def convert(value: Any) -> float:
         if not isinstance(value, str):
             raise ValueError(f'expected a value with its unit, such as "1.5 {unit}"')
         try:
-            return parse_quantity(value, unit)
+            return read_quantity(value, unit)
         except ConfigurationError as error:
             raise ValueError(str(error)) from None
 
@@ -47,9 +92,20 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+def spread(widest: float) -> AfterValidator:
+    """Accept relative standard deviations of a prior from `MIN_SPREAD` to the widest."""
+
+    def check(value: float) -> float:
+        if not MIN_SPREAD <= value <= widest:
+            raise ValueError(f"expected a relative standard deviation of {MIN_SPREAD:g} … {widest:g}")
+        return value
+
+    return AfterValidator(check)
+
+
 class Prior(Table):
-    stiffness: float = Field(default=0.3, gt=0.0, le=3.0)
-    damping: float = Field(default=0.3, gt=0.0, le=10.0)
+    stiffness: Annotated[float, spread(3.0)] = 0.3
+    damping: Annotated[float, spread(10.0)] = 0.3
 
 
 class Tolerances(Table):

@@ -4,6 +4,7 @@ What `windsysid.mechanics.model.register_model` made known can be written and re
 be saved, compared and followed; the module that registers it must be imported first.
 """
 
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from typing import Annotated, Any
 
@@ -13,7 +14,7 @@ from windsysid.errors import ConfigurationError
 from windsysid.mechanics.model import MODELS, MechanicalModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.statespace.gauss_markov import GaussMarkov
-from windsysid.turbine.entries import File, Positive, Rotor, Table, quantity
+from windsysid.turbine.entries import File, Positive, Rotor, Table, quantity, read_quantity
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import parse_quantity
 
@@ -59,7 +60,7 @@ class ModelFile(File):
             loads=tuple(
                 GaussMarkov(
                     one.load,
-                    self._quantity(f"rms of {one.load}", one.rms, model.freedom(one.load).load_unit),
+                    self._quantity(f"rms of {one.load}", one.rms, model.freedom(one.load).load_unit, read_quantity),
                     one.time_constant,
                     one.harmonic,
                 )
@@ -79,9 +80,10 @@ class ModelFile(File):
             )
         return kind(**own)
 
-    def _quantity(self, what: str, text: str, unit: str) -> float:
+    def _quantity(self, what: str, text: str, unit: str, read: Callable[[str, str], float] = parse_quantity) -> float:
+        """A value by name; what a model of one's own may hold, nobody else knows."""
         try:
-            return parse_quantity(text, unit)
+            return read(text, unit)
         except ConfigurationError as error:
             raise ConfigurationError(f"turbine '{self.name}': {what}: {error}, got {text!r:.80}") from None
 

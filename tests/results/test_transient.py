@@ -1,0 +1,122 @@
+"""Free decays are recognised by their readings, and no cause is named that tests of stationary loads suppose."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from windsysid._types import Array
+from windsysid.identification.identify import identify
+from windsysid.records.record import Record
+from windsysid.results.diagnosis import Diagnosis
+from windsysid.results.transient import Transient, explain_by_transient, find_transient, without_cause
+from windsysid.turbine.file import load_turbine
+
+RATE = 4.0
+CAUSES = ("machine", "waves", "spikes", "swell", "friction", "loads of another kind", "logger", "changed")
+
+
+def decay(
+    frequency: float, damping: float, duration: float, *, start: float = 0.0, noise: float = 0.01, seed: int = 0
+) -> Array:
+    """Readings (T,) of a mode that is let go at a time [s], with white noise."""
+    time = np.arange(int(duration * RATE)) / RATE - start
+    rng, omega = np.random.default_rng(seed), 2.0 * np.pi * frequency
+    free = np.exp(-damping * omega * time.clip(0.0)) * np.cos(omega * np.sqrt(1.0 - damping**2) * time)
+    return np.where(time >= 0.0, free, 0.0) + noise * rng.standard_normal(time.size)
+
+
+def ambient(frequency: float, damping: float, duration: float, seed: int) -> Array:
+    """Readings (T,) of a mode under white noise."""
+    samples = int(duration * RATE)
+    pole = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * 2.0 * np.pi * frequency / RATE)
+    load = np.random.default_rng(seed).standard_normal(8 * samples)
+    return np.asarray(lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], load)[-samples:])
+
+
+@pytest.mark.parametrize(
+    ("damping", "duration", "start"),
+    [
+        (0.012, 120.0, 0.0),
+        (0.02, 60.0, 0.0),
+        (0.005, 300.0, 0.0),
+        (0.012, 300.0, 25.0),
+        (0.05, 120.0, 25.0),
+        (0.012, 120.0, 5.0),
+    ],
+)
+def test_free_decays_are_found_also_where_they_begin_later(damping: float, duration: float, start: float):
+    found = find_transient(decay(0.35, damping, duration, start=start)[:, None], ("x",))
+    assert found is not None
+    assert found.fall > 3.0
+    assert found.channels == ("x",)
+
+
+@pytest.mark.parametrize(("damping", "duration"), [(0.005, 120.0), (0.012, 180.0), (0.03, 270.0)])
+def test_stationary_records_fall_so_by_chance_in_at_most_one_of_fifty(damping: float, duration: float):
+    found = [find_transient(ambient(0.35, damping, duration, seed)[:, None], ("x",)) for seed in range(200)]
+    assert sum(one is not None for one in found) <= 4
+
+
+def test_a_decay_of_less_than_a_factor_of_three_is_found_where_all_channels_fall():
+    x, z = decay(0.35, 0.006, 60.0), 0.3 * decay(0.352, 0.007, 60.0, noise=0.03, seed=1)
+    assert find_transient(x[:, None], ("x",)) is None
+    found = find_transient(np.column_stack([x, z]), ("x", "z"))
+    assert found is not None
+    assert set(found.channels) == {"x", "z"}
+    assert 1.5 < found.fall < 3.0
+    assert find_transient(np.column_stack([x, ambient(0.35, 0.01, 60.0, 2)]), ("x", "z")) is None
+
+
+def test_a_channel_of_noise_or_gaps_is_no_transient():
+    rng = np.random.default_rng(1)
+    readings = np.column_stack([rng.standard_normal(480), decay(0.35, 0.012, 120.0), np.full(480, np.nan)])
+    readings[100:130, 1] = np.nan
+    found = find_transient(readings, ("noise", "decay", "dead"))
+    assert found is not None
+    assert found.channels == ("decay",)
+    assert find_transient(readings[:, [0, 2]], ("noise", "dead")) is None
+
+
+@pytest.mark.parametrize(
+    ("sentence", "left"),
+    [
+        ("x has a line at 1 Hz: likely a machine or waves; choose a section without it", "x has a line at 1 Hz"),
+        ("joint, as spectra are in doubt (c would be 7 σ elsewhere: likely loads of a machine; try another section)",
+         "joint, as spectra are in doubt (c would be 7 σ elsewhere)"),
+        ("5 readings of x make up 70 % of its squared innovations: take the spikes out",
+         "5 readings of x make up 70 % of its squared innovations"),
+        ("the narrowest resonance counts as 1.4 values only: choose a longer record", "the narrowest resonance counts "
+         "as 1.4 values only: choose a longer record"),
+    ],
+)  # fmt: skip
+def test_a_cause_and_its_advice_are_left_out(sentence: str, left: str):
+    assert without_cause(sentence) == left
+
+
+def test_only_causes_in_channels_that_fall_are_replaced():
+    reasons = (
+        "x has a line: likely a machine",
+        "nothing vibrates in y: likely an instrument",
+        "choose a longer record",
+    )
+    diagnosis = Diagnosis(reasons, ("colour; likely loads of another kind",), None, (), 0.0, 0, (0.0, 1.0))
+    found = explain_by_transient(diagnosis, Transient(("x",), 12.0), ("x", "y"))
+    assert found.reasons == (Transient(("x",), 12.0).reason, *reasons[1:])
+    assert found.remarks == ("colour",)
+    unchanged = replace(diagnosis, reasons=reasons[2:])
+    assert explain_by_transient(unchanged, Transient(("x",), 12.0), ("x", "y")).reasons == reasons[2:]
+
+
+def test_a_free_decay_is_not_blamed_on_loads_of_a_machine():
+    x, z = decay(0.35, 0.012, 120.0, noise=0.02, seed=3), 0.3 * decay(0.352, 0.015, 120.0, noise=0.06, seed=4)
+    record = Record(
+        np.arange(x.size) / RATE, 0.2 * np.column_stack([x, z]), ("tower_x_acceleration", "tower_z_acceleration"),
+        ("m/s^2",) * 2,
+    )  # fmt: skip
+    found = identify(record, load_turbine("tower"))
+    assert not found.diagnosis.trusted
+    assert "a transient, such as a free decay" in found.diagnosis.reasons[0]
+    said = " ".join([*found.diagnosis.reasons, *found.diagnosis.remarks, *found.notes])
+    assert not any(cause in said for cause in CAUSES), said

@@ -1,0 +1,49 @@
+"""Energies of the two halves of a record, compared range by range."""
+
+import numpy as np
+import pytest
+
+from windsysid.spectral.lifted_check import Part, parts_of, unsteady
+
+
+def part(low: float, energy: float, channel: str = "tower_x_acceleration") -> Part:
+    """A range of 0.1 Hz in which many independent entries were read."""
+    return Part(channel, low, low + 0.1, 1.0, 0.1, energy, 200.0)
+
+
+def test_a_range_that_one_half_lacks_is_not_compared():
+    both = unsteady([part(0.3, 1.0), part(0.5, 8.0), part(0.6, 1.0)], [part(0.3, 1.0), part(0.6, 9.0)])
+    assert len(both) == 1
+    assert "9 times as loud" in both[0]
+    assert "0.6 … 0.7 Hz" in both[0]
+    assert unsteady([part(0.3, 1.0)], [part(0.2, 9.0), part(0.3, 1.1)]) == []
+
+
+def test_ranges_of_different_channels_are_never_compared():
+    assert unsteady([part(0.3, 1.0), part(0.3, 9.0, "tower_z_acceleration")], [part(0.3, 1.0)]) == []
+
+
+def test_halves_without_a_common_range_are_reported():
+    for first, second in (([part(0.3, 1.0)], [part(0.5, 1.0)]), ([], [part(0.5, 1.0)]), ([], [])):
+        (found,) = unsteady(first, second)
+        assert "cannot be seen whether the record is stationary" in found
+
+
+def test_halves_whose_harmonics_lie_elsewhere_are_compared_where_both_have_bins():
+    rng, frequency = np.random.default_rng(4), np.linspace(0.2, 0.8, 600)
+    ranges = [(0.2, 0.4), (0.4, 0.6), (0.6, 0.800001)]
+
+    def half(level: float, left_out: tuple[float, float]) -> list[Part]:
+        power = level * rng.exponential(size=frequency.size)
+        power[(frequency > left_out[0]) & (frequency < left_out[1])] = np.nan
+        return parts_of(power, np.ones(frequency.size), frequency, "tower_x_acceleration", ranges, 1.0, 4.0)
+
+    first, second = half(1.0, (0.39, 0.61)), half(1.0, (0.59, 0.81))
+    assert len(first) == len(second) == 2
+    assert unsteady(first, second) == []
+    assert unsteady(first, half(10.0, (0.59, 0.81)))[0].endswith("choose a steadier section")
+
+
+@pytest.mark.parametrize("factor", [2.5, 0.4])
+def test_a_factor_below_three_is_stationary(factor: float):
+    assert unsteady([part(0.3, 1.0)], [part(0.3, factor)]) == []
