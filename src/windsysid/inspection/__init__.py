@@ -113,7 +113,7 @@ def inspect_record(
 
 
 def _blades(record: Record, notes: list[str]) -> int:
-    numbers = [int(c.split("_")[1]) for c in record.channels if c.startswith("blade_") and c.split("_")[1].isdigit()]
+    numbers = [int(c.split("_")[1]) for c in record.channels if c.startswith("blade_") and c.split("_")[1].isdecimal()]
     if numbers:
         return max(numbers)
     notes.append("The number of blades is not known: three are assumed.")

@@ -7,7 +7,6 @@ if they are built the same way: a coordinate ``time`` [s] and numbers along it.
 """
 
 import io
-import json
 import zlib
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.records.formats.clock import split_since, start_of
 from windsysid.records.formats.columns import Cell, name_and_unit, plan_columns
@@ -194,7 +194,7 @@ def _order(file: "h5netcdf.File") -> list[str]:
     coordinates = {*file.dimensions, *(name for some in listed for name in some)}
     names = [name for name in file.variables if name not in coordinates]
     try:
-        order = [str(name) for name in json.loads(file.attrs.get("windsysid_channels", "[]"))]
+        order = [str(name) for name in parse_json(file.attrs.get("windsysid_channels", "[]"))]
     except (TypeError, ValueError):
         return names
     return order if sorted(order) == sorted(names) else names

@@ -24,6 +24,8 @@ _BLOCK = 1 << 22  # bytes read at once
 _MAX_LINE_BYTES = 1 << 26  # bytes of one line: beyond this the file is no table
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),  # begins as that of UTF-16
+    (codecs.BOM_UTF32_BE, "utf-32"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
@@ -65,7 +67,7 @@ def encoding_of(path: Path, wanted: str | None = None) -> str:
         if start.startswith(mark):
             return name
     if wanted is not None:
-        return wanted
+        return codecs.lookup(wanted).name
     for odd, name in ((1, "utf-16-le"), (0, "utf-16-be")):
         # Text of a table in UTF-16 is ASCII nearly throughout: every other byte is zero and the rest never is.
         if (
