@@ -109,8 +109,8 @@ def refuse_gaps(name: str, time: Array, rows: int) -> NoReturn:
     ends = first, before + float(np.median(steps))
     low, high = ends if before - first >= 0.5 * (last - after) else (after, last)
     raise RecordError(
-        f"{name}: the gap of {after - before:.9g} s after {before:.9g} s is too long ({rows:.3g} rows for {time.size}"
-        f" samples); keep one side, {low:.10g} to {high:.10g} s (--section, or cut the file)"
+        f"{name}: the gap of {after - before:.9g} s after {before:.9g} s is too long ({rows:.3g} rows); keep"
+        f" {low:.10g} to {high:.10g} s (--section, or cut the file)"
     )
 
 
