@@ -21,6 +21,7 @@ from windsysid.records.formats.clock import split_since, start_of
 from windsysid.records.formats.columns import Cell, name_and_unit, plan_columns
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format
+from windsysid.records.formats.hdf5_tree import check_tree
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
 from windsysid.records.formats.source import Block, Source, doubles, indexed_source
@@ -178,7 +179,10 @@ def open_hdf5(path: Path) -> "h5netcdf.File":
         # h5netcdf leaves a traceback on stderr where it fails half-way: fail before it in the same places.
         with h5py.File(path) as file:
             file.attrs.get("_nc3_strict")
+            check_tree(file)
         return h5netcdf.File(path, decode_vlen_strings=True)
+    except RecordError:
+        raise
     except Exception as error:  # damaged HDF5 raises nearly anything
         raise _damaged(error) from error
 
