@@ -3,7 +3,7 @@
 import resource
 import struct
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import h5py
 import numpy as np
@@ -11,6 +11,7 @@ import pytest
 from validation.format_samples import SAMPLES, truth
 
 from tests.records.formats.helpers import refused, write
+from windsysid.errors import RecordError
 from windsysid.records.formats import read_record
 
 T = 200
@@ -199,17 +200,23 @@ def test_matlab_structures_in_structures_do_not_end_the_interpreter(tmp_path, pa
     refused(write(tmp_path, nested(3, packed=packed), "x.mat"), "no series is known to be the time|no array of numbers")
 
 
-@pytest.mark.parametrize(
-    "line", ["0.1" + " " * 3_000_000 + "1", "0.1," + " \t" * 1_000_000 + "2", "1" * 1_000_000 + "x,2"]
-)
+LONG = [
+    "0.1" + " " * 3_000_000 + "1",
+    "0.1," + " \t" * 1_000_000 + "2",
+    "1" * 1_000_000 + "x,2",
+    "0.1," + '"a' * 500_000,
+]
+
+
+@pytest.mark.parametrize("line", LONG, ids=["blanks", "blanks and tabs", "digits", "quotes"])
 @pytest.mark.parametrize("mark", [",", ";", " ", "\t"])
 def test_a_long_row_takes_a_time_in_proportion_to_its_length(tmp_path, line, mark):
     rows = [f"0{mark}1", line.replace(",", mark), f"1{mark}1", f"2{mark}2"]
     for k in (0, 1, 3):
         table = [*rows[:k], rows[1], *rows[k:]] if k != 1 else rows
         path = write(tmp_path, f"time [s]{mark}sway [m]\n" + "\n".join(table) + "\n")
-        with cheap(2.0):
-            refused(path, "line|column|cells|one column|time")
+        with cheap(2.0), suppress(RecordError):
+            assert read_record(path).samples == 4
 
 
 def test_a_long_line_of_a_universal_file_takes_a_time_in_proportion_to_its_length(tmp_path):
