@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from windsysid.configuration import parse_toml
+from windsysid.configuration import parse_toml, read_toml
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensor_lists import read_sensors
 from windsysid.records.formats import load_mapping
@@ -101,7 +101,7 @@ def read_fleet(path: str | Path) -> tuple[Member, ...]:
     """
     path = Path(path)
     try:
-        tables = parse_toml(path.read_text(encoding="utf-8-sig"))
+        tables = parse_toml(read_toml(path))
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"fleet {path}: cannot be read ({error})") from None
     listed = tables.pop("turbine", None)

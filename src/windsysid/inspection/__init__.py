@@ -130,7 +130,7 @@ def _too_short(record: Record) -> list[Finding]:
 
 
 def _blades(record: Record, notes: list[str]) -> int:
-    numbers = [int(c.split("_")[1]) for c in record.channels if c.startswith("blade_") and c.split("_")[1].isdigit()]
+    numbers = [int(c.split("_")[1]) for c in record.channels if c.startswith("blade_") and c.split("_")[1].isdecimal()]
     if numbers:
         return max(numbers)
     notes.append("The number of blades is not known: three are assumed.")

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.errors import RecordError
 from windsysid.inspection.channels import in_rotating_frame
 from windsysid.inspection.health import Finding
 from windsysid.inspection.plausibility import Rotor
+from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import Record
 
 if TYPE_CHECKING:
@@ -145,11 +145,10 @@ def cleaned(record: Record, channels: Sequence[str], findings: Sequence[Finding]
     if record.is_uniform:
         return record.time, values, record.rate, ""
     rate = record.rate
-    grid = record.time[0] + np.arange(int(record.duration * rate * (1.0 + 1e-9)) + 1) / rate
-    if grid.size > 10 * record.samples:
-        raise RecordError(
-            f"the gaps of the record are too long for a spectrum: {record.samples} samples in {record.duration:g} s"
-        )
+    rows = int(record.duration * rate * (1.0 + 1e-9)) + 1
+    if rows > 10 * record.samples:
+        refuse_gaps(record.name, record.time, rows)
+    grid = record.time[0] + np.arange(rows) / rate
     resampled = (
         np.column_stack([np.interp(grid, record.time, column) for column in values.T])
         if channels
@@ -201,7 +200,7 @@ def seen_from(name: str, frequency: float, once: float, turning: bool) -> list[t
         return [(abs(frequency - once), f"{name} − 1P"), (frequency + once, f"{name} + 1P")]
     for whirl, sign in (("backward", 1.0), ("forward", -1.0)):
         if whirl in name:
-            order = int(name.split()[-1]) if name.split()[-1].isdigit() else 1
+            order = int(name.split()[-1]) if name.split()[-1].isdecimal() else 1
             return [(abs(frequency + sign * order * once), name)]
     return [(frequency, name)]
 

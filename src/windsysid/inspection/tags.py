@@ -113,7 +113,7 @@ def _words(name: str) -> Meaning | None:
         return _acceleration(words)
     for wanted, ours in _WORDS:
         if all(word in words for word in wanted):
-            number = next((word for word in words if word.isdigit()), "")
+            number = next((word for word in words if word.isdecimal()), "")
             doubts = () if "#" not in ours or number else ("of which blade? the name has no number",)
             return Meaning(ours.replace("#", number or "1"), f"the words '{joined}'", doubts)
     return None
@@ -124,7 +124,7 @@ def _acceleration(words: list[str]) -> Meaning:
     place = next((word for word in _PLACES if any(part.startswith(word[:3]) for part in words)), None)
     blade = "blade" in words
     if blade:
-        number = next((word for word in words if word.isdigit()), "1")
+        number = next((word for word in words if word.isdecimal()), "1")
         axis = next((word for word in ("lag", "edge", "flap") if any(part.startswith(word) for part in words)), "")
         name = f"blade_{number}_tip_{'flap' if axis == 'flap' else 'lag'}_acceleration"
         if not axis:

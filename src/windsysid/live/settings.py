@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from windsysid.configuration import parse_toml
+from windsysid.configuration import parse_toml, read_toml
 from windsysid.errors import ConfigurationError
 from windsysid.fleet.members import Member
 from windsysid.live.source_settings import (
@@ -167,7 +167,7 @@ def read_settings(path: str | Path) -> Settings:
     """
     path = Path(path)
     try:
-        tables = parse_toml(path.read_text(encoding="utf-8-sig"))
+        tables = parse_toml(read_toml(path))
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise SettingsError([f"{path}: cannot be read as TOML ({why}): docs/live.md has a settings file"]) from None

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from windsysid.configuration import parse_toml
+from windsysid.configuration import parse_toml, read_toml
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.sensors import SENSORS, Sensor
 
@@ -59,7 +59,7 @@ def read_sensor_tables(path: str | Path) -> list[object]:
     """Read the ``[[sensor]]`` tables of a TOML file, not yet validated; ConfigurationError where it holds others."""
     path = Path(path)
     try:
-        content = parse_toml(path.read_text(encoding="utf-8"))
+        content = parse_toml(read_toml(path))
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{path}: expected a TOML file with [[sensor]] tables, got: {error}") from None
     tables = content.get("sensor")

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.configuration import irregular
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.dates import Span
 
@@ -28,6 +29,9 @@ class CovariateTable(NamedTuple):
 
 def read_covariates(path: Path, count: int) -> CovariateTable:
     """A CSV file with one line a record."""
+    kind = irregular(path)
+    if kind:
+        raise ConfigurationError(f"covariates {path}: is {kind}, expected a CSV file; save it as a file first")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = list(csv.DictReader(file))

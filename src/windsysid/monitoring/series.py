@@ -289,7 +289,7 @@ def gather_modes(
 
 def _natural(text: str) -> list[tuple[int, str]]:
     """A key that sorts numbers in text by their size."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", text) if part]
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", text) if part]
 
 
 def _noise(posterior: Posterior) -> dict[str, tuple[float, float]]:

@@ -1,13 +1,14 @@
 """What the times, values and names of a record must be, whether it is whole or still coming from a file in blocks."""
 
 from collections.abc import Callable, Iterable
+from typing import NoReturn
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
 
-__all__ = ["UNIFORM", "Array", "check_block", "check_channels", "check_rows", "refuse_outside"]
+__all__ = ["UNIFORM", "Array", "check_block", "check_channels", "check_rows", "refuse_gaps", "refuse_outside"]
 
 
 SET_BACK = 100.0
@@ -15,6 +16,13 @@ SET_BACK = 100.0
 
 UNIFORM = 1e-3
 """Of a step: within this a time grid counts as uniform."""
+
+MAX_TIME = 1e13
+"""Greatest time [s]: 300 000 years, beyond which double precision resolves 2 ms at best. A greater number is a counter
+in another unit or damaged."""
+
+MIN_MEAN_STEP = 1e-9
+"""Smallest mean step [s]: a faster rate than 1 GHz is a wrong unit or damaged, and overflows in spectra."""
 
 _LONGEST_NAME = 200
 
@@ -61,6 +69,11 @@ def check_block(
     if not finite.all():
         k = int(np.argmin(finite))
         raise RecordError(f"the time at {place(k)} is {time[k]}: expected seconds; remove that row or write its time")
+    if not np.all(np.abs(time) <= MAX_TIME):
+        k = int(np.argmax(np.abs(time) > MAX_TIME))
+        raise RecordError(
+            f"the time at {place(k)} is {time[k]:g} s: expected at most {MAX_TIME:g} s; correct it, or name its unit"
+        )
     steps = np.diff(time, prepend=previous)  # the first is NaN where nothing went before, and compares as False
     if np.any(steps <= 0.0):
         k = int(np.argmax(steps <= 0.0))
@@ -73,6 +86,11 @@ def check_block(
             f"the time {what} at {place(k)} ({before!r} s, then {float(time[k])!r} s): "
             f"expected strictly increasing; {what_to_do}"
         )
+    if time[-1] - time[0] < MIN_MEAN_STEP * (time.size - 1):
+        raise RecordError(
+            f"{time.size} samples from {place(0)} on take {time[-1] - time[0]:g} s: expected at most"
+            f" {1.0 / MIN_MEAN_STEP:g} samples a second; correct the step or the unit of the time"
+        )
     infinite = np.isinf(values)
     if infinite.any():
         row, column = (int(i) for i in np.argwhere(infinite)[0])
@@ -80,6 +98,20 @@ def check_block(
             f"channel '{channels[column]}' is infinite at {place(row)}: expected a finite number; "
             "leave the cell empty or write NaN where a value is missing"
         )
+
+
+def refuse_gaps(name: str, time: Array, rows: int) -> NoReturn:
+    """Refuse times (T,) [s] whose gaps need a grid of `rows`, naming the record and its longest gap."""
+    steps = np.diff(time)
+    k = int(np.argmax(steps))
+    before, after = float(time[k]), float(time[k + 1])
+    first, last = float(time[0]), float(time[-1]) + float(np.median(steps))
+    ends = first, before + float(np.median(steps))
+    low, high = ends if before - first >= 0.5 * (last - after) else (after, last)
+    raise RecordError(
+        f"{name}: the gap of {after - before:.9g} s after {before:.9g} s is too long ({rows:.3g} rows); keep"
+        f" {low:.13g} to {high:.13g} s (--section, or cut the file)"
+    )
 
 
 def refuse_outside(start: float, end: float, samples: int, first: float, last: float, step: float) -> None:

@@ -3,13 +3,13 @@
 pandas and xarray are never imported here: whoever hands over their objects has done so.
 """
 
-import json
 import re
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.moments import moment_text, split_start, zone_offset
 from windsysid.units import si_unit, to_si
@@ -82,7 +82,7 @@ def of_dataset(dataset: Any, *, every: bool = True) -> Labelled:
         found = ", ".join(str(name) for name in list(dataset.variables)[:12]) or "none"
         raise RecordError(f"Dataset: not a record: expected a coordinate 'time' (T,), got the variables {found}")
     try:
-        order = [str(name) for name in json.loads(dataset.attrs.get(f"{_MINE}channels", "[]"))]
+        order = [str(name) for name in parse_json(dataset.attrs.get(f"{_MINE}channels", "[]"))]
     except (TypeError, ValueError):
         order = []
     if sorted(order) != sorted(map(str, dataset.data_vars)):

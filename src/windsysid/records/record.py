@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows, refuse_outside
+from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows, refuse_gaps, refuse_outside
 from windsysid.records.labelled import Labelled, of_dataset, of_frame
 from windsysid.records.moments import tidy
 from windsysid.records.quantities import implied_unit, missing_units
@@ -264,10 +264,7 @@ class Record:
             begin, step, index = behind
         rows = int(index[-1]) + 1
         if rows > 10 * self.samples + 1_000_000:
-            raise RecordError(
-                f"the gaps of the record are too long: {self.samples} samples on a grid of {rows}; "
-                "choose a section without the gaps"
-            )
+            refuse_gaps(self.name, self.time, rows)
         values = np.full((rows, len(self.channels)), np.nan)
         values[index.astype(np.int64)] = self.values
         return replace(self, time=np.asarray(begin + step * np.arange(rows), dtype=np.float64), values=values)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
+from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.signals.integration import GRAVITY
 
@@ -92,6 +93,8 @@ def resample(
     rows = math.floor((last - first) * rate * (1.0 + 1e-12) + 1e-6) + 1
     factor = math.ceil(record.rate / rate * (1.0 - 1e-6)) if record.rate > rate * (1.0 + 1e-6) else 1
     if rows * factor > _MOST_ROWS:
+        if record.duration * record.rate > 10 * record.samples:
+            refuse_gaps(record.name, record.time, rows * factor)
         raise RecordError(
             f"resampling: {rows} rows at {rate:g} Hz are too many; choose a lower rate or a shorter section"
         )

@@ -7,6 +7,7 @@ the prior is centred on them, and results are compared with them.
 from importlib import resources
 from pathlib import Path
 
+from windsysid.configuration import read_toml
 from windsysid.errors import ConfigurationError
 from windsysid.output.files import claim_file
 from windsysid.turbine.turbine import Turbine
@@ -105,6 +106,7 @@ def load_turbine(name_or_path: str | Path) -> Turbine:
             f"no turbine '{text}': expected one of {', '.join(packaged_turbines())}, or the path of a .toml file"
         )
     try:
-        return parse_turbine(path.read_text(encoding="utf-8"), text)
-    except (OSError, UnicodeDecodeError) as error:
+        content = read_toml(path)
+    except (OSError, ValueError) as error:
         raise ConfigurationError(f"turbine file {text}: cannot be read ({error}); check the path") from None
+    return parse_turbine(content, text)

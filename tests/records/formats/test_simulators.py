@@ -101,7 +101,7 @@ def test_other_lists_of_a_bladed_header_go_on_in_the_next_line(tmp_path):
 def test_bladed_headers_that_do_not_fit_their_numbers_are_refused(tmp_path):
     refused(bladed(tmp_path, DIMENS=f"2\t3\t{T - 1}"), "is cut off or damaged: 39 times of 6 numbers")
     refused(bladed(tmp_path, VARUNIT="FL"), "names 2 variables with 1 units")
-    refused(bladed(tmp_path, STEP=""), "no lines MIN and STEP")
+    refused(bladed(tmp_path, STEP=""), "no numbers MIN and STEP")
     refused(bladed(tmp_path, FORMAT="R*9"), r"FORMAT R\*9, expected")
     refused(bladed(tmp_path, AXISLAB="'Wind speed'"), "names 0 stations|expected a last axis 'Time'")
     path = bladed(tmp_path)

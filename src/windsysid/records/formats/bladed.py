@@ -76,7 +76,7 @@ class _Header:
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """Numbers of variables, stations, where there are any, and times."""
-        sizes = tuple(int(text) for text in self.one("DIMENS").split() if text.isdigit())
+        sizes = tuple(int(text) for text in self.one("DIMENS").split() if re.fullmatch(r"[0-9]{1,15}", text))
         if len(sizes) not in (2, 3) or str(len(sizes)) != self.one("NDIMENS").strip() or 0 in sizes:
             raise RecordError(f"has DIMENS '{self.one('DIMENS')[:40]}', expected variables, stations and times")
         return sizes
@@ -194,8 +194,12 @@ def _split(bare: str, text: str) -> list[tuple[str, str | None]]:
 def _grid(header: _Header) -> Grid:
     try:
         first, step = float(header.all("MIN")[-1]), float(header.all("STEP")[-1])
+        if not (math.isfinite(first) and math.isfinite(step)):
+            raise ValueError
     except (IndexError, ValueError):
-        raise RecordError("has no lines MIN and STEP of the time in its header; it is damaged; copy it again") from None
+        raise RecordError(
+            "has no numbers MIN and STEP of the time in its header; it is damaged; copy it again"
+        ) from None
     labels = header.all("AXISLAB")
     if not labels or labels[-1].strip(" '").lower() != "time":
         raise RecordError("holds no results over time; expected a last axis 'Time'; choose another result")
@@ -205,7 +209,8 @@ def _grid(header: _Header) -> Grid:
 
 def _near(first: float, step: float) -> float:
     """The first time, on a multiple of the step where single precision cannot tell it from one."""
-    whole = step * round(first / step)
+    count = first / step
+    whole = step * round(count) if math.isfinite(count) else first
     return whole if abs(whole - first) <= _SINGLE * abs(first) else first
 
 

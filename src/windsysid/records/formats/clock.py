@@ -97,8 +97,9 @@ class Clock:
             If a text is no time, or clocks were put back in the middle.
         """
         if not self.textual and not self.count:
-            zeroed = raw - self.zero if self.zero else raw
-            return zeroed if self.factor == 1.0 else np.asarray(zeroed * self.factor)
+            with np.errstate(over="ignore"):  # infinity is named by whoever checks the rows
+                zeroed = raw - self.zero if self.zero else raw
+                return zeroed if self.factor == 1.0 else np.asarray(zeroed * self.factor)
         moments = self._moments(raw, place)
         seconds = (moments - self.origin) / 1e9
         back = np.flatnonzero(np.diff(moments) <= 0)
@@ -248,7 +249,8 @@ def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
     count = _since_1970(float(numbers[0]), unit) if since is None else 0
     if count:
         return _absolute(Clock(count=count, zoned=True), numbers[:1], str)
-    first, steps = float(numbers[0]), np.diff(numbers)
+    with np.errstate(over="ignore"):  # too large a time is named by whoever checks the rows
+        first, steps = float(numbers[0]), np.diff(numbers)
     if unit is None:
         unit = _unit_of(first, float(np.median(steps)) if steps.size else np.nan)
     try:

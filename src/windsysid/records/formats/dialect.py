@@ -28,7 +28,7 @@ MISSING = ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", 
 """Cells that say that a value is missing."""
 
 _TOA5_MISSING = ("INF", "-INF", "+INF")  # a Campbell logger's mark of an overflow
-_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(?:\d++(?:[.,]\d*+)?|[.,]\d++)(?:[eE][+-]?\d+)?|[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?:[.,']\d{3})+(?:[.,]\d+)?")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 _NAMES = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}

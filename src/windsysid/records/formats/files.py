@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from windsysid.configuration import irregular
 from windsysid.errors import ConfigurationError, RecordError
 
 __all__ = ["check_input", "damaged", "named_after", "quiet", "read_start"]
@@ -20,12 +21,15 @@ def check_input(path: Path) -> None:
     Raises
     ------
     RecordError
-        If there is no such file, it is a folder, it is empty, or it may not be read.
+        If there is no such file, it is a folder, a pipe, a device or a socket, it is empty, or it may not be read.
     """
     if os.path.isdir(path):
         raise RecordError(f"{path}: is a folder, expected a file; name one of the files in it")
     if not os.path.exists(path):
         raise RecordError(f"{path}: no such file; check the name and the folder")
+    kind = irregular(path)
+    if kind:
+        raise RecordError(f"{path}: is {kind}, expected a file; save its content as a file first")
     if not read_start(path, 1):
         raise RecordError(f"{path}: the file is empty, expected a record; copy or export it again")
 

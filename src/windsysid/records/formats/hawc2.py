@@ -152,7 +152,8 @@ def _grid(known: _List, column: Callable[[int, int, int], Array]) -> Grid:
         coarse = _DIGITS * 10.0 ** np.floor(np.log10(np.maximum(np.abs(time), 1e-30)))
     elapsed = step * np.arange(known.scans)
     apart = time - elapsed
-    first = step * round(float(np.median(apart)) / step)
+    count = float(np.median(apart)) / step
+    first = step * round(count) if np.isfinite(count) else 0.0
     if np.max(np.abs(apart - first) - coarse) > 0.01 * step:
         first = float(apart[0])  # the record does not begin on a multiple of the step
     if not np.max(np.abs(apart - first) - coarse) <= 0.01 * step:

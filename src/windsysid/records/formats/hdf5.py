@@ -7,7 +7,6 @@ compound dataset are series of their own, ``table/field``. A file of DTU's time 
 look whole.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +17,14 @@ from windsysid.records.formats import gtsdf
 from windsysid.records.formats.arrays import Stored, source_of_arrays
 from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
+from windsysid.records.formats.hdf5_tree import datasets
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.netcdf import check_seal, unpacked
 from windsysid.records.formats.probing import probe
 from windsysid.records.formats.source import Source, doubles
 from windsysid.records.record import Array
 
-__all__ = ["FORMAT", "datasets", "opened", "stored"]
+__all__ = ["FORMAT", "opened", "stored"]
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 _UNITS = ("units", "unit", "Units", "Unit")
@@ -46,6 +46,7 @@ def open_hdf5_file(path: Path, mapping: Mapping, *, whole: bool = False) -> Sour
         arrays = [array for name, dataset in found for array in stored(name, dataset)]
         texts = {str(key): str(value) for key, value in file.attrs.items() if isinstance(value, str)}
     except Exception as error:
+        file.close()
         raise damaged(error) from error
     return source_of_arrays(path.name, arrays, mapping, texts)
 
@@ -58,24 +59,6 @@ def opened(path: Path) -> Any:
         return h5py.File(path, "r")
     except Exception as error:  # damaged HDF5 raises nearly anything
         raise damaged(error) from error
-
-
-def datasets(group: Any, path: str = "", above: tuple[Any, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """All datasets of a group and those below, with their paths; links to other files are not followed."""
-    import h5py  # type: ignore[import-untyped,unused-ignore]
-
-    above = (*above, group)
-    for name in group:
-        if name.startswith("#"):  # what MATLAB keeps for itself
-            continue
-        link = group.get(name, getlink=True)
-        if isinstance(link, h5py.ExternalLink | h5py.SoftLink):
-            continue
-        item = group[name]
-        if isinstance(item, h5py.Dataset):
-            yield path + name, item
-        elif isinstance(item, h5py.Group) and item not in above:  # a damaged group may hold itself
-            yield from datasets(item, f"{path}{name}/", above)
 
 
 def stored(path: str, dataset: Any, *, unit: str | None = None) -> list[Stored]:

@@ -27,9 +27,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
-from windsysid.configuration import parse_toml
+from windsysid.configuration import parse_toml, read_toml
 from windsysid.errors import ConfigurationError
-from windsysid.records.formats.text import decoded
 from windsysid.records.moments import tidy
 from windsysid.units import canonical, si_unit
 
@@ -40,6 +39,10 @@ AS_IT_IS = "as written"
 
 NAMED_FORMATS = ("iso", "excel", "matlab", "unix", "labview")
 """Formats of time that are no strptime patterns; the last four count days, days, seconds and seconds."""
+
+
+_PYTHON_ENCODINGS = ("idna", "mbcs", "oem", "punycode", "raw-unicode-escape", "undefined", "unicode-escape")
+"""Encodings that are not for files of text (Python's documentation of codecs, "Python Specific Encodings")."""
 
 
 class _Strict:
@@ -85,6 +88,8 @@ class TimeRule(_Strict):
                 f"format '{self.format}' is neither a pattern such as '%d.%m.%Y %H:%M:%S' nor one of "
                 f"{', '.join(NAMED_FORMATS)}"
             )
+        if self.format is not None and "%" in self.format:
+            _check_pattern(self.format)
         if self.start is not None:
             text = self.start if isinstance(self.start, str) else self.start.isoformat()
             try:
@@ -131,13 +136,7 @@ class CsvRule(_Strict):
         if self.delimiter is not None and self.delimiter == self.decimal:
             raise ValueError("delimiter and decimal are the same, expected two")
         if self.encoding is not None:
-            import codecs
-
-            try:
-                codecs.getincrementaldecoder(self.encoding)
-                "a".encode(self.encoding)
-            except (LookupError, ValueError):
-                raise ValueError(f"unknown encoding '{self.encoding}', expected one like 'utf-8' or 'cp1252'") from None
+            _check_encoding(self.encoding)
         if min(self.header_row or 0, self.unit_row or 0) < 0:
             raise ValueError("header_row and unit_row are line numbers, counted from 1")
 
@@ -208,6 +207,30 @@ class Mapping(_Strict):
         return next((rule for key, rule in self.channels.items() if matches(key, *names)), None)
 
 
+def _check_pattern(pattern: str) -> None:
+    """Refuse a pattern that pandas cannot use for any text; ValueError with its reason."""
+    import pandas as pd
+
+    try:
+        pd.to_datetime(pd.Series(["x"], dtype="object"), format=pattern, errors="coerce", utc=True)
+    except Exception as error:  # a ValueError, or what `re` raises where a field stands twice
+        reason = " ".join(str(error).split())[:80]
+        raise ValueError(f"format '{pattern[:40]}' is no pattern of date and time: {reason}") from None
+
+
+def _check_encoding(name: str) -> None:
+    """Refuse what is no encoding of text, and the encodings for Python's own purposes; ValueError."""
+    import codecs
+
+    try:
+        own = codecs.lookup(name).name in _PYTHON_ENCODINGS
+        codecs.getincrementaldecoder(name)
+        if own or "a".encode(name).decode(name, errors="replace") != "a":
+            raise ValueError
+    except (LookupError, ValueError):
+        raise ValueError(f"unknown encoding '{name[:40]}', expected one like 'utf-8' or 'cp1252'") from None
+
+
 def matches(key: str, *names: str) -> bool:
     """Whether a key of ``[channels]`` means a column with these names: one of them, or a pattern such as ``Acc*``."""
     return key in names or ("*" in key and any(fnmatch.fnmatchcase(name, key.replace("[", "[[]")) for name in names))
@@ -237,7 +260,7 @@ def load_mapping(path: str | Path) -> Mapping:
 
     path = Path(path)
     try:
-        data = parse_toml(decoded(path.read_bytes()))
+        data = parse_toml(read_toml(path))
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read ({error.strerror}); check the name of the mapping") from error
     except ValueError as error:  # neither UTF-8 nor TOML

@@ -18,7 +18,8 @@ from windsysid.errors import RecordError
 from windsysid.records.formats.arrays import Stored, rate_hint, source_of_arrays
 from windsysid.records.formats.files import damaged, read_start
 from windsysid.records.formats.format import Format
-from windsysid.records.formats.hdf5 import datasets, opened, stored
+from windsysid.records.formats.hdf5 import opened, stored
+from windsysid.records.formats.hdf5_tree import datasets
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
 from windsysid.records.formats.source import Source, doubles
@@ -40,6 +41,7 @@ def open_matlab(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     try:
         if start.startswith(_OLD):
             _follow(path, ">" if start[126:128] == b"MI" else "<")
+            probe(path, "scipy.io")
         arrays = list(_new(path) if start.startswith(_NEW) else _old(path))
         hint = rate_hint(arrays)
     except Exception as error:
@@ -65,7 +67,16 @@ def _follow(path: Path, order: str) -> None:
 
 def _new(path: Path) -> Iterator[Stored]:
     probe(path)
-    for name, dataset in datasets(opened(path)):
+    file = opened(path)
+    try:
+        yield from _datasets(file)
+    except Exception:
+        file.close()
+        raise
+
+
+def _datasets(file: Any) -> Iterator[Stored]:
+    for name, dataset in datasets(file):
         kind = dataset.attrs.get("MATLAB_class", b"double")
         kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
         if kind not in _NO_NUMBERS and not dataset.attrs.get("MATLAB_empty", 0):

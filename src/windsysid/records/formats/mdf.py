@@ -16,6 +16,7 @@ from windsysid.errors import RecordError
 from windsysid.records.formats.files import damaged, quiet, read_start
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
+from windsysid.records.formats.probing import probe
 from windsysid.records.formats.series import Series, cell_of, short_names, source_of_series, utc
 from windsysid.records.formats.source import Source, doubles
 from windsysid.records.moments import tidy
@@ -26,6 +27,12 @@ __all__ = ["FORMAT"]
 _MASTERS, _TIME = (2, 3), 1  # kinds of channels that are an axis, and the kind of axis that is the time
 _STORED = (0, 2, 4)  # kinds of channels whose values stand in the rows
 _SOME_INVALID = 2  # a flag: each row has a bit that says whether the value is valid
+_FIRST_BLOCK = 64  # byte
+_CHAINED = {
+    b"HD": (0, 1, 2, 3, 4), b"DG": (0, 1, 2), b"CG": (0, 1), b"CN": (0, 1), b"CA": (0,), b"CH": (0, 1), b"FH": (0,),
+    b"AT": (0,), b"EV": (0,), b"HL": (0,), b"DL": (0,), b"LD": (0,),
+}  # fmt: skip
+"""Of each kind of block, the links that make chains and trees: no block is in two of them (ASAM MDF 4.2, chapter 5)."""
 _MOST_PACKED = 1100  # zlib packs 1032 bytes into one at most
 
 
@@ -38,6 +45,8 @@ def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         raise RecordError("is not MDF; give the file the ending of what it is, or export it again")
     if start[8:9] != b"4":
         raise RecordError(f"is MDF {start[8:16].decode('latin-1').strip()}, expected version 4; convert it")
+    _follow(path)
+    probe(path, "asammdf")
     file = _opened(path)
     try:
         paths, found = _channels(file, path.stat().st_size)
@@ -54,6 +63,26 @@ def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
 
     how = "let the logger write its unit"
     return source_of_series(path.name, series, mapping, {"source": "MDF"}, how=how, together=together)
+
+
+def _follow(path: Path) -> None:
+    """Refuse a file in which a chain of blocks comes back to itself: asammdf would follow it without end."""
+    seen: set[int] = set()
+    left = [_FIRST_BLOCK]
+    with path.open("rb") as file:
+        while left:
+            at = left.pop()
+            file.seek(at)
+            head = file.read(24)
+            chained = _CHAINED.get(head[2:4], ()) if head.startswith(b"##") and len(head) == 24 else ()
+            if not chained:
+                continue
+            if at in seen:
+                raise RecordError(f"is damaged: a chain of blocks comes back to byte {at}; copy or export it again")
+            seen.add(at)
+            count = min(int.from_bytes(head[16:24], "little"), 1 + max(chained))
+            links = file.read(8 * count)
+            left += [link for k in chained if (link := int.from_bytes(links[8 * k : 8 * k + 8], "little"))]
 
 
 def _opened(path: Path) -> Any:

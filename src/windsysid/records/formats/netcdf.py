@@ -7,7 +7,6 @@ if they are built the same way: a coordinate ``time`` [s] and numbers along it.
 """
 
 import io
-import json
 import zlib
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,11 +15,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.records.formats.clock import split_since, start_of
 from windsysid.records.formats.columns import Cell, name_and_unit, plan_columns
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format
+from windsysid.records.formats.hdf5_tree import check_tree
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
 from windsysid.records.formats.source import Block, Source, doubles, indexed_source
@@ -178,7 +179,10 @@ def open_hdf5(path: Path) -> "h5netcdf.File":
         # h5netcdf leaves a traceback on stderr where it fails half-way: fail before it in the same places.
         with h5py.File(path) as file:
             file.attrs.get("_nc3_strict")
+            check_tree(file)
         return h5netcdf.File(path, decode_vlen_strings=True)
+    except RecordError:
+        raise
     except Exception as error:  # damaged HDF5 raises nearly anything
         raise _damaged(error) from error
 
@@ -194,7 +198,7 @@ def _order(file: "h5netcdf.File") -> list[str]:
     coordinates = {*file.dimensions, *(name for some in listed for name in some)}
     names = [name for name in file.variables if name not in coordinates]
     try:
-        order = [str(name) for name in json.loads(file.attrs.get("windsysid_channels", "[]"))]
+        order = [str(name) for name in parse_json(file.attrs.get("windsysid_channels", "[]"))]
     except (TypeError, ValueError):
         return names
     return order if sorted(order) == sorted(names) else names

@@ -19,6 +19,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from windsysid.configuration import parse_json
 from windsysid.errors import OutputError, RecordError
 from windsysid.records.formats.clock import Clock, exact_seconds, make_clock, moments_clock, start_of
 from windsysid.records.formats.columns import Cell, find_time, is_called_time, name_and_unit, plan_columns
@@ -66,7 +67,7 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
         columns = plan_columns(cells, (*times, *counter), mapping, some, "name the column '{}'")
         for i in [*times, *(column.index for column in columns)]:
             _check_type(schema.field(i), dates=i in times)
-        attributes = {str(k): str(v) for k, v in json.loads(notes.get("windsysid_attributes", "{}")).items()}
+        attributes = {str(k): str(v) for k, v in parse_json(notes.get("windsysid_attributes", "{}")).items()}
         if counter:
             attributes["dropped"] = "the index that pandas counted is left out"
         first = next(file.iter_batches(20, columns=[schema.field(times[0] if times else 0).name]), None)
@@ -246,10 +247,11 @@ def _cell(field: Any) -> Cell:
 def _pandas_index(notes: dict[str, str], names: list[str]) -> int | None:
     """The column that pandas says is the index, if that is how the file was written."""
     try:
-        index = json.loads(notes.get("pandas", "{}")).get("index_columns", [])
-    except ValueError:
+        index = parse_json(notes.get("pandas", "{}"))["index_columns"]
+    except (ValueError, KeyError, TypeError):
         return None
-    return names.index(index[0]) if len(index) == 1 and index[0] in names else None
+    said = isinstance(index, list) and len(index) == 1 and isinstance(index[0], str)
+    return names.index(index[0]) if said and index[0] in names else None
 
 
 def _times_and_counter(

@@ -130,6 +130,7 @@ def source_of_series(
         time, said = _times(series, at, chosen[0], mapping)
         places: list[Rows | None] = [None] * len(chosen)
     else:
+        _check_grids(chosen)
         fastest = max(chosen, key=lambda one: one.samples)
         time, said = _own_times(fastest)
         places = [_place(one, fastest, time) for one in chosen]
@@ -210,6 +211,16 @@ def _check_lengths(chosen: Sequence[Series]) -> None:
             raise _apart(chosen[0], other)
 
 
+def _check_grids(chosen: Sequence[Series]) -> None:
+    """Refuse a grid whose first time or step is no number."""
+    for one in chosen:
+        if one.grid is not None and not np.isfinite([one.grid.first, one.grid.step]).all():
+            raise RecordError(
+                f"channel '{one.cell.name}' begins at {one.grid.first:g} s with a step of {one.grid.step:g} s; expected"
+                " numbers; it is damaged; copy or export it again"
+            )
+
+
 def _place(one: Series, fastest: Series, time: Array) -> Rows | None:
     """The rows where the samples of a slower series stand; None for a series that is sampled with the fastest."""
     if one.samples == fastest.samples and _same_clock(fastest, one):
@@ -282,7 +293,8 @@ def _own_times(first: Series) -> tuple[Array, str | None]:
         raise RecordError(
             f"channel '{first.cell.name}' says no time step; give its rate [Hz] in a mapping file: [time] rate"
         )
-    return np.asarray(first.grid.first + first.grid.step * np.arange(first.samples)), first.grid.start
+    with np.errstate(over="ignore"):  # infinity is named by whoever checks the rows
+        return np.asarray(first.grid.first + first.grid.step * np.arange(first.samples)), first.grid.start
 
 
 def short_names(paths: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:

@@ -25,6 +25,8 @@ _BLOCK = 1 << 22  # bytes read at once
 _MAX_LINE_BYTES = 1 << 26  # bytes of one line: beyond this the file is no table
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),  # begins as that of UTF-16
+    (codecs.BOM_UTF32_BE, "utf-32"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
@@ -64,7 +66,7 @@ def encoding_of(path: Path, wanted: str | None = None) -> str:
         start = file.read(1 << 18)
     marked = _marked(start)
     if marked is not None or wanted is not None:
-        return marked or str(wanted)
+        return marked or codecs.lookup(str(wanted)).name
     if sum(start.count(byte) for byte in range(32) if byte not in b"\t\n\v\f\r\x1a"):
         raise RecordError("is binary, not text; expected a table as text; give the file the ending of what it is")
     return "utf-8" if _is_utf8(start) else _code_page(start)

@@ -8,6 +8,8 @@ step of the time is written with six digits; of the steps that these can mean, t
 Source: SDRC universal file format, data sets 58, 58b and 164 (sdrl.uc.edu/sdrl/referenceinfo/universalfileformats).
 """
 
+import itertools
+import math
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,6 +32,7 @@ __all__ = ["FORMAT"]
 
 _MARK = b"    -1"
 _HEADER = 11  # lines of a set 58 below its number
+_MAX_HEADER_LINES = 1000
 _TIME, _UNKNOWN = (17,), (0, 1)  # what the abscissa is
 _SI = {8: "m", 9: "N", 11: "m/s", 12: "m/s^2", 13: "N"}  # what the ordinate is, in a file whose set 164 says SI
 _AXES = {0: "", 1: "_x", 2: "_y", 3: "_z", 4: "_rx", 5: "_ry", 6: "_rz"}
@@ -62,7 +65,10 @@ class _Set:
     def number(self, line: int, low: int, high: int) -> float:
         text = self.field(line, low, high)
         try:
-            return float(text or 0)
+            value = float(text or 0)
+            if not math.isfinite(value):
+                raise ValueError
+            return value
         except ValueError:
             raise RecordError(
                 f"is damaged: '{text[:20]}' in a header of a set 58 is no number; export it again"
@@ -103,11 +109,12 @@ class _Set:
             file.seek(self.at)
             lines = file.read(self.size).decode("latin-1").splitlines()
         for line in lines:
-            column, k = 0, 0
-            while line[column:].strip():
-                width = widths[k % len(widths)]
+            column, end = 0, len(line.rstrip())
+            for width in itertools.cycle(widths):
+                if column >= end:
+                    break
                 values.append(_float(line[column : column + width]))
-                column, k = column + width, k + 1
+                column += width
         return np.array(values)
 
     def values(self, low: int, high: int, part: int = 1) -> Array:
@@ -186,7 +193,9 @@ def _binary(path: Path, file: BinaryIO, number: str) -> _Set:
         raise RecordError(
             f"is damaged: the line '{number[:50]}' of a set 58b has no lengths; export it again"
         ) from None
-    if form != 2 or order not in (1, 2) or lines < _HEADER:
+    if not _HEADER <= lines <= _MAX_HEADER_LINES:
+        raise RecordError(f"is damaged: a set 58b says {lines:g} header lines, expected {_HEADER}; export it again")
+    if form != 2 or order not in (1, 2):
         raise RecordError(f"has numbers of byte order {order} and format {form}, expected IEEE (2); export it as text")
     header = _lines(file, lines)
     one = _Set(path, file.tell(), size, "?", header)
@@ -208,7 +217,10 @@ def _is_mark_near(file: BinaryIO) -> bool:
 
 
 def _lines(file: BinaryIO, count: int) -> tuple[str, ...]:
-    return tuple(decoded(file.readline()).rstrip("\r\n") for _ in range(count))
+    found = [decoded(file.readline()) for _ in range(count)]
+    if not found[-1]:
+        raise RecordError("is cut off in the header of a set 58; copy or export it again")
+    return tuple(line.rstrip("\r\n") for line in found)
 
 
 def _to_mark(file: BinaryIO) -> int:
@@ -225,8 +237,8 @@ def _check_size(one: _Set) -> None:
     got = one.size // np.dtype(one.kind).itemsize if one.kind else one.text.size
     if expected != got or expected < 1:
         raise RecordError(
-            f"a set 58 says {one.samples} samples, expected {expected} numbers, got {got}; it is cut off or damaged;"
-            " export it again"
+            f"a set 58 says {one.samples:g} samples, expected {expected:g} numbers, got {got}; it is cut off or"
+            " damaged; export it again"
         )
 
 
