@@ -8,6 +8,7 @@ import logging
 import sys
 from datetime import UTC, datetime
 
+from windsysid.live.limits import printable
 from windsysid.live.settings import LogSettings
 
 __all__ = ["event", "start_log"]
@@ -36,8 +37,7 @@ def event(level: int, message: str, **fields: object) -> None:
 
 
 def _clean(text: str) -> str:
-    shown = "".join(sign if sign.isprintable() else "?" for sign in " ".join(text.split()))
-    return shown if len(shown) <= LONGEST else f"{shown[: LONGEST - 1]}…"
+    return printable(text, LONGEST)
 
 
 def _moment(record: logging.LogRecord) -> str:
