@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid.errors import ConfigurationError, RecordError, WindsysidError
+from windsysid.errors import ConfigurationError, RecordError, StoreError, WindsysidError
 from windsysid.live.arrow import NotArrowError, read_columns
 from windsysid.live.block import Block
 from windsysid.live.limits import LAST_MOMENT, Limits, printable
@@ -52,10 +52,10 @@ class BlockRefused(WindsysidError, ValueError):  # noqa: N818  (it is the sender
 
 @contextmanager
 def refusing(what: str) -> Iterator[None]:
-    """Turn every error inside into a refusal: what a sender sent must not stop the blocks behind it."""
+    """Turn every error inside but one of the store into a refusal: no block may stop those behind it."""
     try:
         yield
-    except BlockRefused:
+    except (BlockRefused, StoreError):
         raise
     except Exception as error:
         raise BlockRefused(f"block cannot be {what} ({type(error).__name__}: {error})"[:2000]) from error

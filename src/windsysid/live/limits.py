@@ -6,7 +6,7 @@ bounded by what was received for it.
 
 from typing import NamedTuple
 
-__all__ = ["LAST_MOMENT", "Limits", "cells_allowed", "printable"]
+__all__ = ["LAST_MOMENT", "MAX_TABLE_CHANNELS", "Limits", "cells_allowed", "printable"]
 
 LAST_MOMENT = 2**62
 """In the year 2116 [ns since 1970]: a sample taken later has no date."""
@@ -16,6 +16,9 @@ FREE_CELLS = 4_000_000
 
 CELLS_PER_VALUE = 8
 """Further cells for each value received: seven of eight samples of a large table may be missing."""
+
+MAX_TABLE_CHANNELS = 1000
+"""Channels of a turbine that are followed at once; beyond, those with the fewest or oldest samples are left out."""
 
 _MAX_TEXT = 300
 """Characters of a reason for a refusal."""
