@@ -222,6 +222,7 @@ def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[
     import uvicorn
 
     from windsysid.live.page.app import app, streams_of
+    from windsysid.live.page.connections import Connections, bounded, most_connections
 
     class Server(uvicorn.Server):
         @contextlib.contextmanager
@@ -231,8 +232,8 @@ def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[
     page = app(store, engine, _access_of(settings.page), sources=sources, note=note)
     certificate, key = settings.page.certificate, settings.page.key
     config = uvicorn.Config(
-        page, log_config=None, access_log=False, server_header=False, lifespan="off",
-        timeout_graceful_shutdown=STREAM_SECONDS, timeout_keep_alive=30, limit_concurrency=1000,
+        page, log_config=None, access_log=False, server_header=False, lifespan="off", ws="none",
+        http=bounded(Connections(most_connections())), timeout_graceful_shutdown=STREAM_SECONDS, timeout_keep_alive=30,
         ssl_certfile=certificate, ssl_keyfile=key,
     )  # fmt: skip
     return Server(config), streams_of(page)
