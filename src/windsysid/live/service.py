@@ -47,6 +47,9 @@ THIN_SECONDS = 6 * 3600.0
 
 PORTS_TRIED = 20
 
+BACKLOG = 128
+"""Connections that are taken at once, before the oldest can give way."""
+
 
 def listen(page: PageSettings, *, any_near: bool = False) -> socket.socket:
     """Take the page's port before anything is started.
@@ -233,7 +236,8 @@ def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[
     certificate, key = settings.page.certificate, settings.page.key
     config = uvicorn.Config(
         page, log_config=None, access_log=False, server_header=False, lifespan="off", ws="none",
-        http=bounded(Connections(most_connections())), timeout_graceful_shutdown=STREAM_SECONDS, timeout_keep_alive=30,
+        http=bounded(Connections(most_connections())), backlog=BACKLOG, timeout_keep_alive=30,
+        timeout_graceful_shutdown=STREAM_SECONDS,
         ssl_certfile=certificate, ssl_keyfile=key,
     )  # fmt: skip
     return Server(config), streams_of(page)
