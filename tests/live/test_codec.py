@@ -2,15 +2,19 @@
 
 import contextlib
 import json
+import struct
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.live.streaming import NOON, blocks_of, record
-from windsysid.live.arrow import read_columns
+from windsysid.live import arrow
+from windsysid.live.arrow import NotArrowError, read_columns
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, Limits, check, decode, encode_arrow, encode_json
+from windsysid.live.timeline import SECOND
+from windsysid.records.record import AS_WRITTEN
 
 pa = pytest.importorskip("pyarrow")
 
@@ -62,10 +66,22 @@ def test_other_units_are_converted_and_infinite_values_are_missing():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"rate": 0.0}, "rate: expected above 0"),
-        ({"rate": float("nan")}, "rate: expected above 0"),
-        ({"start": -1}, "start and sequence: expected whole numbers"),
-        ({"sequence": 2**70}, "start and sequence: expected whole numbers"),
+        ({"rate": 0.0}, "rate: expected 0.0001 to 20000 Hz"),
+        ({"rate": 1e-300}, "rate: expected 0.0001 to 20000 Hz"),
+        ({"rate": 9e-5}, "rate: expected 0.0001 to 20000 Hz"),
+        ({"rate": float("nan")}, "rate: expected 0.0001 to 20000 Hz"),
+        ({"rate": "fast"}, "block cannot be checked"),
+        ({"start": -1}, "start: expected a whole number from 0"),
+        ({"start": float(NOON)}, "start: expected a whole number from 0"),
+        ({"start": 2**62 - SECOND}, "ends after the year 2115"),
+        ({"sequence": 2**70}, "sequence: expected a whole number from 0"),
+        ({"sequence": 1.5}, "sequence: expected a whole number from 0"),
+        ({"channels": ("a", "\ud800")}, "printable"),
+        ({"channels": ("a", "\x00")}, "printable"),
+        ({"channels": ("a", "b" * 201)}, "expected up to 200 printable characters"),
+        ({"channels": ("a", 7)}, "printable"),
+        ({"units": ("m/s^2", "\ud800")}, "printable"),
+        ({"units": ("m/s^2", AS_WRITTEN + "x" * 300)}, "expected up to 200 printable characters"),
         ({"values": np.zeros((0, 2))}, "block of 0 samples"),
         ({"values": np.zeros((3, 2), dtype=np.int64)}, "expected float32 or float64"),
         ({"values": np.zeros((3, 3))}, "3 columns, 2 channels"),
@@ -78,7 +94,30 @@ def test_other_units_are_converted_and_infinite_values_are_missing():
 def test_what_is_no_block_is_refused_in_one_line(changes, said):
     with pytest.raises(BlockRefused, match=said) as refused:
         check(a_block(**changes))
-    assert "\n" not in str(refused.value)
+    assert str(refused.value).isprintable()
+
+
+def test_values_that_no_sensor_gives_are_missing():
+    values = np.array([[1e30, 1.1e30], [-1e31, 1e308]])
+    block = check(a_block(values=values))
+    assert np.array_equal(block.values, [[1e30, np.nan], [np.nan, np.nan]], equal_nan=True)
+
+
+@pytest.mark.parametrize("sequence", ["17.0", "1.5", "1e3", "true", '"x"', "[1]"])
+def test_a_sequence_that_is_no_whole_number_is_refused(sequence):
+    told = json.loads(encode_json(a_block()))
+    payload = json.dumps(told | {"sequence": "@"}).replace('"@"', sequence).encode()
+    with pytest.raises(BlockRefused, match="expected sequence as a whole number"):
+        decode(payload, turbine="T01")
+
+
+def test_an_error_that_nobody_foresaw_is_a_refusal(monkeypatch):
+    def broken(*_: object) -> None:
+        raise MemoryError("no\nroom \ud800")
+
+    monkeypatch.setattr("windsysid.live.codec.json.loads", broken)
+    with pytest.raises(BlockRefused, match=r"^block cannot be decoded \(MemoryError: no room \?\)$"):
+        decode(b"{}", turbine="T01")
 
 
 @pytest.mark.parametrize(
@@ -181,7 +220,82 @@ def test_sizes_are_bounded():
         (Limits(payload=100), "expected 100 at most"),
         (Limits(samples=49), "more than 49 samples"),
         (Limits(channels=1), "channels"),
-        (Limits(rate=10.0), "rate: expected above 0 to 10 Hz"),
+        (Limits(rate=10.0), "rate: expected 0.0001 to 10 Hz"),
+        (Limits(lowest_rate=30.0), "rate: expected 30 to 20000 Hz"),
+        (Limits(name=10), "expected up to 10 printable characters"),
     ):
         with pytest.raises(BlockRefused, match=said):
             check(decode(encode_arrow(block), turbine="T01", limits=limits), limits)
+
+
+def sent(fields: list[object], columns: list[object], batches: int = 1, **marks: str) -> bytes:
+    """An Arrow stream of these columns, so many times."""
+    told = {"sequence": "0", "start": str(NOON), "rate": "20.0"} | marks
+    schema, sink = pa.schema(fields, metadata=told), pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, schema) as writer:
+        for _ in range(batches):
+            writer.write_batch(pa.record_batch(columns, schema=schema))
+    return bytes(sink.getvalue())
+
+
+A_COLUMN = pa.array([1.0])
+
+
+def test_as_many_batches_as_stated_are_read_and_one_more_is_refused(monkeypatch):
+    monkeypatch.setattr(arrow, "MOST_BATCHES", 3)
+    field = pa.field("a", pa.float64(), metadata={"unit": "m"})
+    assert decode(sent([field], [A_COLUMN], 3), turbine="T01").values.shape == (3, 1)
+    with pytest.raises(BlockRefused, match="more than 3 batches"):
+        decode(sent([field], [A_COLUMN], 4), turbine="T01")
+
+
+def test_so_many_empty_batches_cost_no_time():
+    payload = sent([pa.field("a", pa.float64(), metadata={"unit": "m"})], [pa.array([], type=pa.float64())], 10_001)
+    with pytest.raises(BlockRefused, match="more than 10000 batches"):
+        decode(payload, turbine="T01")
+
+
+@pytest.mark.parametrize("where", ["name", "unit", "mark"])
+def test_texts_are_read_up_to_a_thousand_bytes(where):
+    def payload(size: int) -> bytes:
+        text = "x" * size
+        name, unit = (text if where == "name" else "a"), (text if where == "unit" else "m")
+        marks = {"stream": text} if where == "mark" else {}
+        return sent([pa.field(name, pa.float64(), metadata={"unit": unit})], [A_COLUMN], **marks)
+
+    read = read_columns(payload(1000), most_rows=10, most_columns=10)
+    assert 1000 in (len(read.names[0]), len(read.units[0] or ""), len(read.marks.get("stream", "")))
+    with pytest.raises(NotArrowError, match="a text of 1001 bytes: expected 1000 at most"):
+        read_columns(payload(1001), most_rows=10, most_columns=10)
+
+
+def test_more_metadata_than_stated_are_refused():
+    def payload(count: int) -> bytes:
+        field = pa.field("a", pa.float64(), metadata={"unit": "m"} | {f"m{i}": "" for i in range(count - 1)})
+        return sent([field], [A_COLUMN])
+
+    assert read_columns(payload(100), most_rows=10, most_columns=10).units == ("m",)
+    with pytest.raises(NotArrowError, match="101 metadata: expected 100 at most"):
+        read_columns(payload(101), most_rows=10, most_columns=10)
+
+
+def test_columns_that_share_their_bytes_are_refused():
+    """Each would be a copy: 200 columns of one buffer make 400 MB of 2 MB."""
+    fields = [pa.field(f"c{i}", pa.float64(), metadata={"unit": "m"}) for i in range(2)]
+    payload = bytearray(sent(fields, [pa.array(np.zeros(1000))] * 2))
+    lengths = struct.pack("<qq", 8000, 8000)  # offset and length of the second column's numbers
+    at = payload.rindex(lengths)
+    payload[at : at + 16] = struct.pack("<qq", 0, 8000)
+    short = bytes(payload[: len(payload) - 8000 - 8])  # without the second column's bytes
+    head = short.rindex(struct.pack("<q", 16000))  # length of the batch's body
+    short = short[:head] + struct.pack("<q", 8000) + short[head + 8 :]
+    with pytest.raises(BlockRefused, match="columns share their bytes"):
+        decode(short, turbine="T01")
+
+
+def test_schemas_that_are_remembered_are_bounded(monkeypatch):
+    monkeypatch.setattr(arrow, "KNOWN_BYTES", 10_000)
+    arrow._schemas.clear()
+    for i in range(50):
+        decode(sent([pa.field(f"c{'x' * i}", pa.float64(), metadata={"unit": "m"})], [A_COLUMN]), turbine="T01")
+    assert 1 < sum(size * len(alike) for size, alike in arrow._schemas.items()) <= 10_000

@@ -12,7 +12,7 @@ import pytest
 import windsysid as ws
 from tests.live.memory import MemoryStore
 from tests.live.streaming import NOON, blocks_of, record
-from windsysid.errors import WindsysidError
+from windsysid.errors import StoreError, WindsysidError
 from windsysid.fleet.guard import StoppedError
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row, empty_row, row_of
@@ -22,7 +22,8 @@ from windsysid.live.codec import BlockRefused
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.estimate import Estimated, Here
 from windsysid.live.store.contents import Commit
-from windsysid.live.timeline import SECOND, Gathered, Windows
+from windsysid.live.store.store import ContentError
+from windsysid.live.timeline import SECOND, Gathered, Windows, gather
 from windsysid.records.record import Record
 from windsysid.results.identification import finite
 from windsysid.turbine.file import load_turbine
@@ -344,10 +345,10 @@ def test_a_block_that_a_closed_store_refuses_may_come_again(site):
     submit = site.store.submit
 
     def closed(commit: Commit) -> Any:
-        raise WindsysidError("the store is closed")
+        raise StoreError("the store is closed")
 
     site.store.submit = closed
-    with pytest.raises(WindsysidError, match="closed"):
+    with pytest.raises(StoreError, match="closed"):
         engine.push(blocks[10])
     site.store.submit = submit
     push(engine, blocks[10:])
@@ -382,6 +383,59 @@ def test_blocks_that_can_never_be_taken_are_refused_counted_and_told(site):
             engine.push(bad)
     assert len(site.store.kept_alarms) == 1
     assert site.counts()["refused"] == 3
+
+
+def test_an_error_of_placing_that_nobody_foresaw_refuses_that_block_alone(site, monkeypatch):
+    engine = site.start()
+    blocks = stream(60.0)
+    take = module.StreamHealth.take
+
+    def broken(health: Any, block: Block) -> Any:
+        if block.sequence == 7:
+            raise FloatingPointError("no number")
+        return take(health, block)
+
+    monkeypatch.setattr(module.StreamHealth, "take", broken)
+    push(engine, blocks[:7])
+    for _ in range(2):  # also when it comes again
+        with pytest.raises(BlockRefused, match=r"^block cannot be placed \(FloatingPointError: no number\)$"):
+            engine.push(blocks[7])
+    push(engine, blocks[8:])
+    finish(engine)
+    assert site.samples() == [1180]
+    assert "no number" in next(iter(site.store.kept_alarms.values())).text
+    assert site.counts()["refused"] == 2
+
+
+def test_a_block_that_the_database_can_never_hold_is_refused_and_forgotten(site):
+    engine = site.start()
+    blocks = stream(60.0)
+    site.store.refuse = lambda commit: (
+        ContentError("text cannot hold NUL") if any(block.sequence == 7 for _, block in commit.blocks) else None
+    )
+    push(engine, blocks[:7])
+    assert isinstance(engine.push(blocks[7]).exception(WAIT), BlockRefused)
+    push(engine, blocks[8:])
+    assert engine.push(blocks[6]).exception(WAIT) is None
+    finish(engine)
+    assert site.samples() == [1180]
+    assert site.counts()["refused"] == 1
+
+
+def test_a_window_that_cannot_be_joined_has_a_row_that_says_so_and_holds_up_no_other(site, monkeypatch):
+    def broken(blocks: Any, window: int, *more: Any) -> Any:
+        if window == START:
+            raise ZeroDivisionError("by what")
+        return gather(blocks, window, *more)
+
+    monkeypatch.setattr("windsysid.live.closing.gather", broken)
+    engine = site.start()
+    push(engine, stream(120.0))
+    finish(engine)
+    first, second = site.store.results("T01")
+    assert first.row["status"] == "failed"
+    assert "cannot be joined (ZeroDivisionError: by what)" in first.row["why"]
+    assert second.row["samples"] == 1200
 
 
 def test_a_silent_turbine_is_told_and_its_windows_close_in_the_end(site):

@@ -23,7 +23,7 @@ import pytest
 import windsysid as ws
 from windsysid.errors import ConfigurationError, StoreError
 from windsysid.fleet.members import Member
-from windsysid.live.logs import event, start_log
+from windsysid.live.logs import Repeats, event, start_log
 from windsysid.live.service import _supply, listen, serve, url_of
 from windsysid.live.settings import LogSettings, PageSettings, Settings
 from windsysid.live.sources.folder import FolderSource
@@ -233,7 +233,7 @@ def test_a_page_for_others_without_a_token_keeps_it_from_starting(tmp_path: Path
 @pytest.fixture
 def other_logs() -> Iterator[None]:
     """Leave the loggers as they were."""
-    names = ("windsysid", "uvicorn.error")
+    names = ("windsysid", "uvicorn.error", "asyncio")
     before = [(logging.getLogger(name).handlers, logging.getLogger(name).propagate) for name in names]
     yield
     for name, (handlers, propagate) in zip(names, before, strict=True):
@@ -250,3 +250,28 @@ def test_a_log_line_is_one_line_whatever_a_client_said(capfd: pytest.CaptureFixt
     assert json.loads(line) | {"at": ""} == {
         "at": "", "level": "warning", "message": "said?[2J forged line", "turbine": "T 01", "count": 3, "nothing": None,
     }  # fmt: skip
+
+
+@pytest.mark.usefixtures("other_logs")
+def test_lines_that_repeat_are_counted_and_not_written(capfd: pytest.CaptureFixture[str], monkeypatch):
+    clock = [0.0]
+    monkeypatch.setattr("windsysid.live.logs.time.monotonic", lambda: clock[0])
+    start_log(LogSettings("text"))
+    for k in range(1000):
+        logging.getLogger("asyncio").error(
+            "socket.accept() out of system resource %d", k, exc_info=OSError(24, "files")
+        )
+    event(logging.ERROR, "another")
+    clock[0] = 61.0
+    logging.getLogger("asyncio").error("socket.accept() out of system resource %d", 1000)
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 20 + 1 + 1
+    assert lines[-2].endswith("error: another")
+    assert lines[-1].endswith("out of system resource 1000 (980 more like this one)")
+
+
+def test_kinds_of_lines_that_are_counted_are_bounded():
+    repeats = Repeats()
+    for k in range(5000):
+        assert repeats.filter(logging.LogRecord("a", logging.ERROR, "", 0, f"line {k}", None, None))
+    assert len(repeats._counted) == 1000

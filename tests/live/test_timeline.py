@@ -1,5 +1,6 @@
 """Every case of a stream has one defined result: docs/live_engine.md lists them."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from tests.live.streaming import NOON, blocks_of, record
 from windsysid.live.block import Block
+from windsysid.live.limits import cells_allowed
 from windsysid.live.timeline import SECOND, Gathered, Windows, gather
 from windsysid.records.record import Record
 
@@ -200,3 +202,93 @@ def test_a_block_over_a_boundary_belongs_to_both_windows():
     assert list(windows.of_block(block)) == [NOON, UNTIL]
     on_it = blocks_of(record(20), 20.0, 20, start=UNTIL - SECOND)[0]
     assert list(windows.of_block(on_it)) == [NOON]
+
+
+def at(seconds: float, rate: float, samples: int, *, channels: int = 2, number: int = 0, stream: str = "") -> Block:
+    """Noise of a logger that begins so many seconds after noon."""
+    values = np.random.default_rng(number).normal(size=(samples, channels))
+    names = tuple(f"c{i}" for i in range(channels))
+    start = NOON + round(seconds * SECOND)
+    return Block("T01", number, start, rate, names, ("m/s^2",) * channels, values, stream)
+
+
+def cells(blocks: list[Block]) -> int:
+    """Largest table that was made for a window of these blocks."""
+    made = [0]
+
+    def full(shape: tuple[int, int], value: float) -> np.ndarray:
+        made.append(int(np.prod(shape)))
+        return np.zeros(shape) + value
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(np, "full", full)
+        gathered(blocks)
+    return max(made)
+
+
+@pytest.mark.parametrize("channels", [1, 200])
+def test_a_few_samples_far_apart_make_no_large_table(channels):
+    seconds = (1, 150, 151, 300, 301, 450, 451, 598, 599)
+    blocks = [at(s, 20_000.0, 2, channels=channels, number=i) for i, s in enumerate(seconds)]
+    assert cells(blocks) <= cells_allowed(18 * channels)
+
+
+def test_a_slow_logger_beside_a_few_fast_samples_makes_no_large_table():
+    slow = [at(s, 1.0, 60, channels=200, number=s, stream="scada") for s in range(0, 600, 60)]
+    fast = [at(0.0, 2000.0, 2, channels=1), at(599.0, 2000.0, 2, channels=1, number=1)]
+    assert cells([*slow, *fast]) <= cells_allowed(600 * 200 + 4)
+
+
+def test_a_gap_of_nine_tenths_is_a_gap_in_a_record_of_usual_size():
+    found = gathered([at(0.0, 100.0, 1000), at(500.0, 100.0, 10_000, number=1)])
+    assert found.record is not None
+    assert found.record.samples == 60_000
+    assert (found.missing, found.cut) == (49_000, 0)
+
+
+def test_behind_a_gap_that_is_too_long_for_what_came_a_new_piece_begins():
+    early, late = at(0.0, 20_000.0, 200, channels=8), at(500.0, 20_000.0, 400, channels=8, number=1)
+    found = gathered([early, late])
+    assert found.record is not None
+    assert np.array_equal(found.record.values, late.values)
+    assert found.cut == 200
+
+
+def test_one_fast_sample_does_not_take_the_record_of_all_others():
+    given = record(2000)
+    found = gathered([*blocks_of(given, 20.0, 20), at(0.0, 5000.0, 1, channels=1, stream="x")])
+    assert found.record is not None
+    assert np.array_equal(found.record.values[:, :2], given.values)
+
+
+def test_of_more_channels_than_a_table_may_have_those_with_the_most_samples_stay():
+    given = record(400)
+    others = [
+        replace(one, channels=tuple(f"x{i}_{k}" for k in range(200)))
+        for i, one in enumerate(at(s, 20.0, 1, channels=200, number=900 + s) for s in range(10))
+    ]
+    found = gathered([*blocks_of(given, 20.0, 20), *others])
+    assert found.record is not None
+    assert len(found.record.channels) == 1000
+    assert np.array_equal(found.record["tower_x_acceleration"], given.values[:, 0])
+
+
+@pytest.mark.parametrize("step", [-1.0, 0.0, 0.05, 7.0])
+def test_many_small_blocks_take_little_time_however_they_lie(step):
+    blocks = [at(300.0 + step * (k % 40), 20.0, 1, number=k) for k in range(6000)]
+    begun = time.process_time()
+    gathered(blocks)
+    assert time.process_time() - begun < 5.0
+
+
+def test_a_sample_of_which_a_channel_came_again_is_repeated_and_no_new_one():
+    """A row counts as new only where none of its channels was there."""
+    given = record(40)
+    blocks = blocks_of(given, 20.0, 20)
+    holes = blocks[1].values.copy()
+    holes[:, 1] = np.nan
+    first, again = replace(blocks[1], values=holes), replace(blocks[1], sequence=7)
+    found = gathered([blocks[0], first, again])
+    assert same(found, given)
+    assert found.repeated == 20
+    assert found.missing == 0

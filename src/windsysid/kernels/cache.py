@@ -1,4 +1,7 @@
-"""The cache on disk for what takes long to make: files that are whole or not used, shared by processes and by people.
+"""The cache on disk for what takes long to make: files that are whole or not used, shared by a user's processes.
+
+It holds code that runs as the user. So a file that another user can have changed counts as absent, and a folder that
+others can change is not used (`windsysid.kernels.ownership`); root may provide one for all.
 
 Every file begins with the SHA-256 of what follows. A file that was cut, damaged or cannot be read counts as absent: it
 is made again. Files are written under another name and moved to their own, so that processes at the same moment do not
@@ -7,19 +10,23 @@ disturb each other. Of processes that want the same file at the same moment one 
 """
 
 import atexit
+import errno
 import hashlib
 import logging
 import os
 import shutil
+import stat
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from typing import BinaryIO
 
 from platformdirs import user_cache_path
 
+from windsysid.kernels.ownership import foreign, read_own
 from windsysid.output.files import replace_file
 from windsysid.output.locks import LOCK, release, try_lock
 
@@ -35,11 +42,14 @@ logger = logging.getLogger("windsysid")
 
 @lru_cache(maxsize=1)
 def cache_folder() -> Path:
-    """The user's cache folder, or one for this process alone where that cannot be written."""
+    """The user's cache folder, or one for this process alone where that cannot be written or is not the user's own."""
     try:
         given = os.environ.get("WINDSYSID_CACHE")
-        folder = Path(given) if given else user_cache_path("windsysid")
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = (Path(given) if given else user_cache_path("windsysid")).absolute()
+        _make(folder)
+        folder = folder.resolve()
+        if why := foreign(folder):
+            raise PermissionError(f"{why}; or set WINDSYSID_CACHE to a folder of your own")
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except (OSError, RuntimeError) as error:  # RuntimeError: the user has no home
@@ -50,10 +60,9 @@ def cache_folder() -> Path:
 
 
 def kept(path: Path) -> bytes | None:
-    """What `keep` wrote into a file; None where it is not there, cut, damaged or not readable."""
-    try:
-        content = path.read_bytes()
-    except OSError:
+    """What `keep` wrote into a file; None where it is not there, cut, damaged, not readable or another user's."""
+    content = read_own(path)
+    if content is None:
         return None
     digest, payload = content[:_DIGEST], content[_DIGEST:]
     return payload if hashlib.sha256(payload).digest() == digest else None
@@ -67,7 +76,7 @@ def in_turn(path: Path) -> Iterator[None]:
     """
     lock, until = path.with_name(f".{path.name}{LOCK}"), time.monotonic() + LONGEST_WAIT
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        _make(path.parent)
         while (handle := try_lock(lock)) is None and not path.exists() and time.monotonic() < until:
             pass  # `try_lock` takes its time
     except OSError:
@@ -85,12 +94,31 @@ def keep(path: Path, payload: bytes) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write so that a second process at the same moment sees the whole file or none; permissions as the umask says."""
+    """Write so that a second process at the same moment sees the whole file or none.
+
+    Permissions are as the umask says, but for those of others to write.
+    """
+
+    def write(file: BinaryIO) -> None:
+        file.write(content)
+        if hasattr(os, "fchmod"):
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+            os.fchmod(file.fileno(), mode & ~(stat.S_IWGRP | stat.S_IWOTH))
+
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, lambda file: file.write(content))
+        _make(path.parent)
+        replace_file(path, write)
     except OSError as error:
         _announce_unwritable(path.parent, str(error))
+
+
+def _make(folder: Path) -> None:
+    """Make a folder and those above it, which only the user may write whatever the umask says."""
+    missing = [part for part in (folder, *folder.parents) if not part.exists()]
+    for part in reversed(missing):
+        part.mkdir(mode=0o755, exist_ok=True)
+    if not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
 
 
 @lru_cache(maxsize=1)

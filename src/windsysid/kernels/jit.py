@@ -7,7 +7,6 @@ model.
 """
 
 import hashlib
-import pickle
 import re
 import sys
 from collections.abc import Callable
@@ -23,6 +22,7 @@ from numba import types
 from windsysid.kernels.ahead import something_is_compiled
 from windsysid.kernels.cache import cache_folder, in_turn, keep, kept, logger
 from windsysid.kernels.simd import LANE_MATRIX, LANE_VECTOR
+from windsysid.kernels.stored import packed, unpacked
 
 __all__ = [
     "JACOBIAN",
@@ -100,7 +100,7 @@ class _Cache:
     def __init__(self, function: Callable[..., Any], stem: str, turn: ExitStack) -> None:
         self.cache_path = str(cache_folder() / "kernels")
         self._name = re.sub(r"\W", "_", f"{function.__module__}.{function.__qualname__}")[:100]
-        self._stem = stem
+        self._function, self._stem = function, stem
         self._turn = turn
 
     def _path(self, signature: object, codegen: Any) -> Path:
@@ -109,7 +109,6 @@ class _Cache:
 
     def load_overload(self, signature: object, target: Any) -> Any:
         """The compiled function, or None where it has to be compiled."""
-        from numba.core.compiler import CompileResult
         from numba.core.runtime.nrt import rtsys
 
         rtsys.initialize(target)  # all that machine code needs; what compiling needs takes half a second to import
@@ -122,17 +121,16 @@ class _Cache:
         if payload is None:
             return None
         try:
-            return CompileResult._rebuild(target, *pickle.loads(payload))
+            return unpacked(payload, target, self._function, signature)
         except Exception:  # whole, and yet not to be used: from another build of Numba or Python
             logger.debug("kernel %s is compiled again", self._name, exc_info=True)
             return None
 
     def save_overload(self, signature: object, result: Any) -> None:
         """Keep a compiled function, unless it holds addresses of this process."""
-        from numba.core.serialize import dumps
-
-        if not result.lifted and not result.library.has_dynamic_globals:
-            keep(self._path(signature, result.codegen), dumps(result._reduce()))
+        payload = packed(result)
+        if payload is not None:
+            keep(self._path(signature, result.codegen), payload)
 
     def flush(self) -> None:
         """Forget nothing: what is out of date has another name."""

@@ -24,10 +24,11 @@ LONGEST_TEXT = 1000
 MOST_MARKS = 100
 """Of a schema or a field."""
 
-MOST_FIELDS, MOST_BATCHES = 10_000, 10_000
+MOST_BATCHES = 10_000
+"""Of a stream: a description of a batch takes 100 bytes, however few rows it has."""
 
-KNOWN_AT_MOST = 32
-"""Schemas that are remembered."""
+KNOWN_AT_MOST, KNOWN_BYTES = 32, 16_000_000
+"""Lengths of schemas that are remembered, of each length as many, and bytes of them all."""
 
 SCHEMA, BATCH = 1, 3
 """Kinds of messages (MessageHeader)."""
@@ -113,10 +114,10 @@ def read_columns(payload: bytes, *, most_rows: int, most_columns: int) -> Column
         first = next(messages, None)
         if first is None or first.kind != SCHEMA:
             raise NotArrowError("expected a schema first")
-        schema = _known_schema(payload, first) or _schema(payload, first)
+        schema = _known_schema(payload, first) or _schema(payload, first, most_columns)
         fields = schema.fields
-        if len(fields) > most_columns:
-            raise NotArrowError(f"{len(fields)} channels: expected {most_columns} at most")
+        if len(fields) > most_columns:  # a schema that was read under other bounds
+            raise _too_wide(len(fields), most_columns)
         batches = []
         rows = 0
         for message in messages:
@@ -129,6 +130,8 @@ def read_columns(payload: bytes, *, most_rows: int, most_columns: int) -> Column
             batches.append(batch)
             if len(batches) > MOST_BATCHES:
                 raise NotArrowError(f"more than {MOST_BATCHES} batches: send one")
+        if rows * sum(field.dtype.itemsize for field in fields) > len(payload):
+            raise NotArrowError("columns share their bytes: expected those of each one by themselves")
         single = bool(fields) and all(field.dtype.itemsize == 4 for field in fields)
         values = np.empty((rows, len(fields)), dtype=np.float32 if single else np.float64)
         at = 0
@@ -174,14 +177,14 @@ _schemas: dict[int, list[_Schema]] = {}
 """Schemas that were read, by the length of their messages; `KNOWN_AT_MOST` lengths, and of each length as many."""
 
 
-def _schema(payload: bytes, message: _Message) -> _Schema:
+def _schema(payload: bytes, message: _Message, most_columns: int) -> _Schema:
     """Metadata and fields of a schema."""
     order, listed, marked = _places(payload, message.header, 3)
     if order and _i16(payload, order)[0] != 0:
         raise NotArrowError("expected little-endian values")
     count, at = _vector(payload, listed)
-    if count > MOST_FIELDS:
-        raise NotArrowError(f"{count} channels: expected {MOST_FIELDS} at most")
+    if count > most_columns:
+        raise _too_wide(count, most_columns)
     fields = tuple([_field(payload, _table(payload, at + 4 * i)) for i in range(count)])
     marks = tuple([(_text(payload, key), *_span(payload, value)) for key, value in _marks(payload, marked)])
     pieces, at = [], 0
@@ -191,12 +194,23 @@ def _schema(payload: bytes, message: _Message) -> _Schema:
         pieces.append((at, begin, payload[at:begin]))
         at = end
     schema = _Schema(tuple(pieces), fields, marks)
-    if len(_schemas) >= KNOWN_AT_MOST:
-        _schemas.clear()
-    alike = _schemas.setdefault(message.body, [])
-    alike.insert(0, schema)
-    del alike[KNOWN_AT_MOST:]
+    _remember(schema, message.body)
     return schema
+
+
+def _remember(schema: _Schema, length: int) -> None:
+    held = sum(size * len(alike) for size, alike in _schemas.items())
+    if len(_schemas) >= KNOWN_AT_MOST or held + length > KNOWN_BYTES:
+        _schemas.clear()
+    texts = sum(len(field.name) + len(field.unit or "") for field in schema.fields)
+    if texts <= length <= KNOWN_BYTES:  # else names share their bytes
+        alike = _schemas.setdefault(length, [])
+        alike.insert(0, schema)
+        del alike[KNOWN_AT_MOST:]
+
+
+def _too_wide(columns: int, most: int) -> NotArrowError:
+    return NotArrowError(f"{columns} channels: expected {most} at most")
 
 
 def _field(payload: bytes, table: int) -> _Field:

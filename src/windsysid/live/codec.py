@@ -10,59 +10,55 @@ A JSON block is one object, with null for a missing sample:
      "channels": {"tower_x_acceleration": {"unit": "m/s^2", "values": [0.01, null, 0.02]}}}
 
 Where ``sequence`` is missing, the block's start is its number. ``start`` is text with a zone, or nanoseconds. Units
-other than SI are converted. Nothing that a sender says is believed: sizes are bounded before anything is read.
+other than SI are converted. A sender is not trusted: sizes are bounded before anything is read
+(`windsysid.live.limits`).
 """
 
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, NamedTuple
+from numbers import Integral
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid.errors import ConfigurationError, RecordError, WindsysidError
+from windsysid.errors import ConfigurationError, RecordError, StoreError, WindsysidError
 from windsysid.live.arrow import NotArrowError, read_columns
 from windsysid.live.block import Block
+from windsysid.live.limits import LAST_MOMENT, Limits, printable
 from windsysid.records.checks import check_channels
 from windsysid.records.moments import moment, tidy
 from windsysid.records.record import AS_WRITTEN
 from windsysid.units import si_unit, to_si
 
-__all__ = ["BlockRefused", "Limits", "check", "decode", "encode_arrow", "encode_json"]
+__all__ = ["BlockRefused", "Limits", "check", "decode", "encode_arrow", "encode_json", "refusing"]
 
 ARROW = b"\xff\xff\xff\xff"
 """How an Arrow IPC stream begins; a JSON object begins with a brace."""
-
-LAST_MOMENT = 2**62
-"""In the year 2116 [ns since 1970]: a start beyond is no date."""
 
 _STREAM = re.compile(r"[\w.-]{0,40}")
 
 
 class BlockRefused(WindsysidError, ValueError):  # noqa: N818  (it is the sender's error, not ours)
-    """A block that can never be taken: the line says what was expected and what came."""
+    """A block that can never be taken: one printable line says what was expected and what came."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__(printable(why))
 
 
-class Limits(NamedTuple):
-    """What a block may be at most.
-
-    Attributes
-    ----------
-    payload
-        [bytes].
-    samples, channels
-        Of a block.
-    rate
-        [Hz].
-    """
-
-    payload: int = 8_000_000
-    samples: int = 500_000
-    channels: int = 200
-    rate: float = 20_000.0
+@contextmanager
+def refusing(what: str) -> Iterator[None]:
+    """Turn every error inside but one of the store into a refusal: no block may stop those behind it."""
+    try:
+        yield
+    except (BlockRefused, StoreError):
+        raise
+    except Exception as error:
+        raise BlockRefused(f"block cannot be {what} ({type(error).__name__}: {error})"[:2000]) from error
 
 
 def decode(payload: bytes, *, turbine: str, limits: Limits = Limits()) -> Block:
@@ -80,6 +76,11 @@ def decode(payload: bytes, *, turbine: str, limits: Limits = Limits()) -> Block:
     BlockRefused
         If it is none, or larger than `limits`.
     """
+    with refusing("decoded"):
+        return _decoded(payload, turbine, limits)
+
+
+def _decoded(payload: bytes, turbine: str, limits: Limits) -> Block:
     if len(payload) > limits.payload:
         raise BlockRefused(f"block of {len(payload)} bytes: expected {limits.payload} at most; send shorter blocks")
     if payload.startswith(ARROW):
@@ -117,13 +118,34 @@ def encode_json(block: Block) -> bytes:
 
 
 def check(block: Block, limits: Limits = Limits()) -> Block:
-    """The block as the engine takes it: in SI, infinite values missing, its rate to twelve digits.
+    """The block as the engine takes it: in SI, infinite and absurd values missing, its rate to twelve digits.
 
     Raises
     ------
     BlockRefused
-        If names, units, shape, rate, start or sequence are not what a `Block` holds, or it is larger than `limits`.
+        If names, units, shape, rate, start or sequence are not what a `Block` holds, or it is outside of `limits`.
     """
+    with refusing("checked"):
+        return _checked(block, limits)
+
+
+def _checked(block: Block, limits: Limits) -> Block:
+    _check_shape(block, limits)
+    _check_numbers(block, limits)
+    if not _STREAM.fullmatch(block.stream):
+        raise BlockRefused(f"stream: expected up to 40 letters, digits, points and dashes, got {block.stream[:40]!r}")
+    units, values = _in_si(block.channels, block.units, block.values, limits)
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = np.abs(values).sum(dtype=np.float64)
+        if not total <= limits.magnitude and (absurd := np.abs(values) > limits.magnitude).any():
+            values = np.where(absurd, values.dtype.type(np.nan), values)
+    rate = float(f"{block.rate:.12g}")
+    if values is block.values and units == block.units and rate == block.rate:
+        return block
+    return replace(block, units=units, values=values, rate=rate)
+
+
+def _check_shape(block: Block, limits: Limits) -> None:
     values = block.values
     if values.ndim != 2 or values.dtype not in (np.float32, np.float64):
         raise BlockRefused(f"values: expected float32 or float64 (n, m), got {values.dtype} {values.shape}")
@@ -138,30 +160,29 @@ def check(block: Block, limits: Limits = Limits()) -> Block:
             f"block of {samples} samples of {channels} channels: expected 1 to {limits.samples} samples of 1 to"
             f" {limits.channels} channels"
         )
-    if not (math.isfinite(block.rate) and 0.0 < block.rate <= limits.rate):
-        raise BlockRefused(f"rate: expected above 0 to {limits.rate:g} Hz, got {block.rate:g}")
-    if not (0 <= block.start < LAST_MOMENT and 0 <= block.sequence < LAST_MOMENT):
-        raise BlockRefused(
-            f"start and sequence: expected whole numbers from 0 to {LAST_MOMENT} (start in ns since 1970), got"
-            f" {block.start} and {block.sequence}"[:160]
-        )
-    if not _STREAM.fullmatch(block.stream):
-        raise BlockRefused(f"stream: expected up to 40 letters, digits, points and dashes, got {block.stream[:40]!r}")
-    units, values = _in_si(block.channels, block.units, values)
-    if not np.isfinite(values.sum(dtype=np.float64)) and np.isinf(values).any():
-        values = np.where(np.isinf(values), values.dtype.type(np.nan), values)
-    rate = float(f"{block.rate:.12g}")
-    if values is block.values and units == block.units and rate == block.rate:
-        return block
-    return replace(block, units=units, values=values, rate=rate)
+
+
+def _check_numbers(block: Block, limits: Limits) -> None:
+    if not limits.lowest_rate <= block.rate <= limits.rate:
+        raise BlockRefused(f"rate: expected {limits.lowest_rate:g} to {limits.rate:g} Hz, got {block.rate:g}")
+    for name, number in (("start", block.start), ("sequence", block.sequence)):
+        if not (isinstance(number, Integral) and 0 <= number < LAST_MOMENT):
+            raise BlockRefused(
+                f"{name}: expected a whole number from 0 to {LAST_MOMENT}{' (ns since 1970)' * (name == 'start')}, got"
+                f" {number!r:.24}"
+            )
+    if block.start + len(block.values) * 1e9 / block.rate >= LAST_MOMENT:
+        raise BlockRefused(f"start: the block ends after the year 2115: it begins at {block.start} ns since 1970")
 
 
 def _in_si(
-    channels: tuple[str, ...], units: tuple[str, ...], values: NDArray[np.floating]
+    channels: tuple[str, ...], units: tuple[str, ...], values: NDArray[np.floating], limits: Limits
 ) -> tuple[tuple[str, ...], NDArray[np.floating]]:
     """Units and values in SI; names and units are those of a record or refused."""
-    known = _known.get((channels, units))
+    key = channels, units, limits.name
+    known = _known.get(key)
     if known is None:
+        _check_texts(channels, units, limits)
         try:
             check_channels(channels)
             own = tuple(unit if unit.startswith(AS_WRITTEN) else si_unit(unit) for unit in units)
@@ -170,13 +191,23 @@ def _in_si(
             raise BlockRefused(" ".join(str(error).split())) from None
         if len(_known) >= _KNOWN_AT_MOST:
             _known.clear()
-        known = _known[(channels, units)] = own, (None if set(factors) == {1.0} else np.array(factors))
+        known = _known[key] = own, (None if set(factors) == {1.0} else np.array(factors))
     own, scale = known
-    return own, (values if scale is None else values.astype(np.float64) * scale)
+    if scale is None:
+        return own, values
+    with np.errstate(over="ignore"):
+        return own, values.astype(np.float64) * scale
 
 
-_KNOWN_AT_MOST = 4096
-_known: dict[tuple[tuple[str, ...], tuple[str, ...]], tuple[tuple[str, ...], NDArray[np.float64] | None]] = {}
+def _check_texts(channels: tuple[str, ...], units: tuple[str, ...], limits: Limits) -> None:
+    """Refuse names and units that a database or a page cannot show: unpaired surrogates, control characters."""
+    for text in (*channels, *units):
+        if not (isinstance(text, str) and len(text) <= limits.name and text.isprintable()):
+            raise BlockRefused(f"name or unit {text!r:.60}: expected up to {limits.name} printable characters")
+
+
+_KNOWN_AT_MOST = 512
+_known: dict[tuple[tuple[str, ...], tuple[str, ...], int], tuple[tuple[str, ...], NDArray[np.float64] | None]] = {}
 """Names and units that were looked at before: the same loggers send the same ones all day."""
 
 

@@ -18,18 +18,19 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 
+from windsysid.errors import StoreError
 from windsysid.fleet.guard import StoppedError
 from windsysid.fleet.rows import Row
 from windsysid.live.block import Block
 from windsysid.live.closing import conclude, estimate, unpack
-from windsysid.live.codec import BlockRefused, Limits, check
+from windsysid.live.codec import BlockRefused, Limits, check, refusing
 from windsysid.live.engine_state import EngineState, TurbineState
 from windsysid.live.estimate import Estimator, estimators
-from windsysid.live.follower import Followed, Follower, WindowTask
+from windsysid.live.follower import Followed, Follower, Placed, WindowTask
 from windsysid.live.gate import Gate
 from windsysid.live.open_alarms import TOO_LATE
 from windsysid.live.store.contents import Alarm, Commit, Severity, StoredBlock
-from windsysid.live.store.store import Store
+from windsysid.live.store.store import ContentError, Store
 from windsysid.live.streams import StreamHealth, Verdict
 from windsysid.live.timeline import SECOND, sample_time
 from windsysid.live.turns import ShortTurns
@@ -140,28 +141,36 @@ class Engine:
         if self._stopping.is_set():
             raise RuntimeError("the engine was ended: no more blocks")
         try:
-            block = check(block, self._limits)
-            if block.start > self._now() + AHEAD:
-                raise BlockRefused(
-                    f"block starts at {moment_text(block.start, 0)}, ahead of the service's clock: set the logger's"
-                    " clock, or the service's"
-                )
+            block = self._checked(block)
             size = block.values.nbytes
             self._gate.enter(size)
             try:
-                with follower.lock:
+                with follower.lock, refusing("placed"):
                     done = self._take(follower, block)
             except BaseException:
                 self._gate.leave(size)
                 raise
         except BlockRefused as error:
-            with follower.lock:
-                follower.counts["refused"] += 1
-                self._data_alarm(follower, "refused", "notice", f"a block was refused: {error}"[:400])
+            self._count_refusal(follower, error)
             raise
         done.add_done_callback(lambda _: self._gate.leave(size))
         self._count(blocks=1, samples=len(block.values), blocks_ns=round((time.thread_time() - begun) * SECOND))
         return done
+
+    def _checked(self, block: Block) -> Block:
+        block = check(block, self._limits)
+        if block.start > self._now() + AHEAD:
+            raise BlockRefused(
+                f"block starts at {moment_text(block.start, 0)}, ahead of the service's clock: set the logger's"
+                " clock, or the service's"
+            )
+        return block
+
+    def _count_refusal(self, follower: Follower, error: BlockRefused) -> None:
+        """Count a refusal and show it; it is one though the store should fail just now."""
+        with follower.lock, contextlib.suppress(StoreError):
+            follower.counts["refused"] += 1
+            self._data_alarm(follower, "refused", "notice", f"a block was refused: {error}")
 
     def _take(self, follower: Follower, block: Block) -> "Future[None]":
         """Place a block, look at its sensors, and hand it to the store."""
@@ -175,9 +184,22 @@ class Engine:
             if placed.arrival == "too late":
                 follower.counts["late samples"] += len(block.values)
                 self._data_alarm(follower, "too late", "notice", TOO_LATE)
-            return self._on_disk(follower, follower.stored(), lambda: None)
+            return self._on_disk(follower, follower.stored())
         if placed.sequence != block.sequence:
             block = replace(block, sequence=placed.sequence)
+        try:
+            stored = self._store.submit(self._commit_of(follower, block, placed, now))
+        except BaseException:
+            follower.forget(block, placed)
+            raise
+        follower.last = stored
+        done = self._on_disk(follower, stored, lambda: follower.forget(block, placed))
+        for window in follower.over(self._lateness):
+            self._close(follower, window)
+        return done
+
+    def _commit_of(self, follower: Follower, block: Block, placed: Placed, now: int) -> Commit:
+        """A new block, and what it says of the sensors."""
         health = follower.streams[block.stream].health
         if health is None:
             health = follower.streams[block.stream].health = StreamHealth()
@@ -190,30 +212,28 @@ class Engine:
         if now - follower.told >= SECOND or verdicts:
             follower.told = now
             statuses.append(follower.status())
-        commit = Commit(
+        return Commit(
             blocks=[StoredBlock(window, block) for window in placed.windows], statuses=statuses,
             healths=[verdict.health(follower.name) for verdict in verdicts], alarms=alarms,
         )  # fmt: skip
-        try:
-            stored = self._store.submit(commit)
-        except BaseException:
-            follower.forget(block, placed)
-            raise
-        follower.last = stored
-        done = self._on_disk(follower, stored, lambda: follower.forget(block, placed))
-        for window in follower.over(self._lateness):
-            self._close(follower, window)
-        return done
 
-    def _on_disk(self, follower: Follower, stored: Future[None], failed: Callable[[], None]) -> Future[None]:
-        """Done when `stored` is and few windows of its turbine wait: who sends again must not be told sooner."""
+    def _on_disk(
+        self, follower: Follower, stored: Future[None], forget: Callable[[], None] | None = None
+    ) -> Future[None]:
+        """Done when `stored` is and few windows of its turbine wait: who sends again must not be told sooner.
+
+        `forget` undoes the placing of the block that `stored` is of; without it, `stored` is of another one.
+        """
         done: Future[None] = Future()
 
         def committed(future: Future[None]) -> None:
             error = future.exception()
+            if forget is not None and isinstance(error, ContentError):
+                error = BlockRefused(str(error))
+                self._count_refusal(follower, error)
             with follower.lock:
-                if error is not None:
-                    failed()
+                if error is not None and forget is not None:
+                    forget()
                 withhold = error is None and len(follower.order) > WITHHELD_WINDOWS and not self._stopping.is_set()
                 if withhold:
                     follower.withheld.append(done)

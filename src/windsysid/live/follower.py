@@ -19,6 +19,7 @@ from windsysid.live.codec import BlockRefused
 from windsysid.live.open_alarms import OpenAlarms
 from windsysid.live.store.contents import Alarm, Result, Status
 from windsysid.live.streams import Drift, StreamHealth, Verdict
+from windsysid.live.table_size import Growth, TableSize, growth
 from windsysid.live.timeline import SECOND, Windows, sample_time
 from windsysid.live.watching import Options, Watching
 
@@ -110,6 +111,7 @@ class Follower:
         self.lock, self.taking = threading.RLock(), threading.Lock()
         self.streams: dict[str, _Stream] = {}
         self.open: dict[int, dict[str, set[int]]] = {}
+        self.tables: dict[int, dict[tuple[str, float], TableSize]] = {}
         self.order: deque[WindowTask] = deque()
         self.rows: dict[int, Row] = {}
         self.closed_until = 0
@@ -135,7 +137,8 @@ class Follower:
         Raises
         ------
         BlockRefused
-            If it is longer than two windows, or there are too many loggers.
+            If it is longer than two windows, there are too many loggers, or a window's table would grow far more than
+            by what it brings.
         """
         windows = self.windows.of_block(block)
         if len(windows) > LONGEST:
@@ -145,7 +148,7 @@ class Follower:
             )
         if block.stream not in self.streams and len(self.streams) >= STREAMS:
             raise BlockRefused(f"stream '{block.stream}': the turbine has {STREAMS} loggers already, expected no more")
-        stream = self.streams.setdefault(block.stream, _Stream())
+        stream = self.streams.get(block.stream, _Stream())
         still = tuple(window for window in windows if window >= self.closed_until)
         sequence = block.sequence
         if not still:
@@ -156,6 +159,9 @@ class Follower:
                 return Placed("repeated", sequence)
             self.counts["numbering restarted"] += 1
             stream.restarted = True
+        for window in still:
+            self._grown(block, window).check(block, window + self.windows.length)
+        self.streams[block.stream] = stream
         if stream.restarted:
             sequence = block.start  # the sender counts from the beginning again: its starts go on growing
             if self._has(block.stream, sequence):
@@ -169,12 +175,18 @@ class Follower:
         """Write down that a block is known."""
         for window in windows:
             self.open.setdefault(window, {}).setdefault(block.stream, set()).add(sequence)
+            self.tables.setdefault(window, {})[block.stream, block.rate] = self._grown(block, window).after
         stream = self.streams.setdefault(block.stream, _Stream())
         if sequence == block.start:  # so that numbers of both kinds never mix, also after a restart of ours
             stream.restarted = True
         if stream.committed is None:
             stream.committed = sequence
         self._run_up(block.stream)
+
+    def _grown(self, block: Block, window: int) -> "Growth":
+        """Size of a window's table without and with a block; samples of another rate or logger have their own table."""
+        before = self.tables.get(window, {}).get((block.stream, block.rate))
+        return growth(before, block, window, window + self.windows.length)
 
     def stored(self) -> Future[None]:
         """Done when what came so far is on disk, or was forgotten."""
@@ -237,6 +249,7 @@ class Follower:
             if numbers and not stream.restarted:  # what is missing before them would be too late
                 stream.committed = max(stream.committed or 0, max(numbers))
             self._run_up(name)
+        self.tables.pop(window, None)
         self.closed_until = max(self.closed_until, until)
         task = WindowTask(self.name, window, until, now)
         self.order.append(task)

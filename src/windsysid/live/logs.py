@@ -6,8 +6,11 @@ Whatever a client or a broker said is one line of printable characters here.
 import json
 import logging
 import sys
+import time
+from collections import OrderedDict
 from datetime import UTC, datetime
 
+from windsysid.live.limits import printable
 from windsysid.live.settings import LogSettings
 
 __all__ = ["event", "start_log"]
@@ -18,16 +21,56 @@ LONGEST = 2000
 FIELDS = "fields"
 """Attribute of a log record: what belongs to it, by name."""
 
+LEFT_OUT = "left_out"
+"""Attribute of a log record: how many lines like it were not written."""
+
+OTHERS = ("uvicorn.error", "asyncio")
+"""Loggers of libraries whose warnings belong to the service's log."""
+
+ALIKE, ALIKE_SECONDS = 20, 60.0
+"""Lines that say the same of different things, and the time in which so many are written [s]."""
+
+KINDS = 1000
+"""Kinds of lines that are counted."""
+
 
 def start_log(settings: LogSettings) -> None:
     """Write what windsysid and its web server log to standard error from now on."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_Json() if settings.format == "json" else _Text())
-    for name in ("windsysid", "uvicorn.error"):
+    handler.addFilter(Repeats())
+    for name in ("windsysid", *OTHERS):
         logger = logging.getLogger(name)
         logger.handlers, logger.propagate = [handler], False
     logging.getLogger("windsysid").setLevel(settings.level.upper())
-    logging.getLogger("uvicorn.error").setLevel(max(logging.WARNING, logging.getLogger("windsysid").level))
+    for name in OTHERS:
+        logging.getLogger(name).setLevel(max(logging.WARNING, logging.getLogger("windsysid").level))
+
+
+class Repeats(logging.Filter):
+    """Lets lines that say the same of different things through `ALIKE` times in a minute, and counts the others.
+
+    Lines are alike that one logger writes at one level from one template. The first of the next minute tells how many
+    were left out.
+    """
+
+    def __init__(self, alike: int = ALIKE, seconds: float = ALIKE_SECONDS) -> None:
+        super().__init__()
+        self._alike, self._seconds = alike, seconds
+        self._counted: OrderedDict[tuple[str, int, str], tuple[float, int]] = OrderedDict()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether a line is written."""
+        key, now = (record.name, record.levelno, str(record.msg)[:LONGEST]), time.monotonic()
+        begun, count = self._counted.get(key, (now, 0))
+        if now - begun >= self._seconds:
+            setattr(record, LEFT_OUT, max(0, count - self._alike))
+            begun, count = now, 0
+        self._counted[key] = begun, count + 1
+        self._counted.move_to_end(key)
+        if len(self._counted) > KINDS:
+            self._counted.popitem(last=False)
+        return count < self._alike
 
 
 def event(level: int, message: str, **fields: object) -> None:
@@ -36,8 +79,7 @@ def event(level: int, message: str, **fields: object) -> None:
 
 
 def _clean(text: str) -> str:
-    shown = "".join(sign if sign.isprintable() else "?" for sign in " ".join(text.split()))
-    return shown if len(shown) <= LONGEST else f"{shown[: LONGEST - 1]}…"
+    return printable(text, LONGEST)
 
 
 def _moment(record: logging.LogRecord) -> str:
@@ -48,6 +90,7 @@ class _Text(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         fields = getattr(record, FIELDS, {})
         parts = [record.getMessage(), *(f"{key}={value}" for key, value in fields.items() if value not in (None, ""))]
+        parts += [f"({left_out} more like this one)"] if (left_out := getattr(record, LEFT_OUT, 0)) else []
         level = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
         return f"{_moment(record)} {level}{_clean(' '.join(parts))}{_trace(record)}"
 
@@ -56,7 +99,8 @@ class _Json(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         told = {"at": _moment(record), "level": record.levelname.lower(), "message": _clean(record.getMessage())}
         fields = {key: _plain(value) for key, value in getattr(record, FIELDS, {}).items() if key not in told}
-        trace = _trace(record)
+        trace, left_out = _trace(record), getattr(record, LEFT_OUT, 0)
+        fields |= {LEFT_OUT: left_out} if left_out else {}
         return json.dumps(told | fields | ({"trace": trace} if trace else {}), allow_nan=False)
 
 

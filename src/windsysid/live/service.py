@@ -47,6 +47,9 @@ THIN_SECONDS = 6 * 3600.0
 
 PORTS_TRIED = 20
 
+BACKLOG = 128
+"""Connections that are taken at once, before the oldest can give way."""
+
 
 def listen(page: PageSettings, *, any_near: bool = False) -> socket.socket:
     """Take the page's port before anything is started.
@@ -222,6 +225,7 @@ def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[
     import uvicorn
 
     from windsysid.live.page.app import app, streams_of
+    from windsysid.live.page.connections import Connections, bounded, most_connections
 
     class Server(uvicorn.Server):
         @contextlib.contextmanager
@@ -231,8 +235,9 @@ def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[
     page = app(store, engine, _access_of(settings.page), sources=sources, note=note)
     certificate, key = settings.page.certificate, settings.page.key
     config = uvicorn.Config(
-        page, log_config=None, access_log=False, server_header=False, lifespan="off",
-        timeout_graceful_shutdown=STREAM_SECONDS, timeout_keep_alive=30, limit_concurrency=1000,
+        page, log_config=None, access_log=False, server_header=False, lifespan="off", ws="none",
+        http=bounded(Connections(most_connections())), backlog=BACKLOG, timeout_keep_alive=30,
+        timeout_graceful_shutdown=STREAM_SECONDS,
         ssl_certfile=certificate, ssl_keyfile=key,
     )  # fmt: skip
     return Server(config), streams_of(page)

@@ -23,6 +23,7 @@ from windsysid.fleet.rows import Row
 from windsysid.inspection.channels import VIBRATION, Kind, kind_of
 from windsysid.inspection.health import MAX_SPIKE_SAMPLES
 from windsysid.live.block import Block
+from windsysid.live.limits import MAX_TABLE_CHANNELS
 from windsysid.live.store.contents import Alarm, Health
 from windsysid.live.timeline import SECOND
 from windsysid.units import unit_text
@@ -132,6 +133,9 @@ class StreamHealth:
             verdict = channel.take(x, 1.0 / first.rate, first.start)
             if verdict is not None:
                 changed.append(verdict)
+        if len(self._channels) > MAX_TABLE_CHANNELS:
+            newest = sorted(self._channels.values(), key=lambda channel: channel.lost)[:MAX_TABLE_CHANNELS]
+            self._channels = {channel.name: channel for channel in newest}
         return changed
 
 
@@ -363,5 +367,8 @@ def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) 
             largest = max(largest, abs(off) if n <= DRIFT_LEARN else min(abs(off), DRIFT_GROWTH * largest))
         if n > DRIFT_LEARN:  # what lies outside must not widen what is usual
             off = math.copysign(min(abs(off), 3.0 * math.sqrt(variance)), off)
+        after.pop(name, None)  # the newest stand last
         after[name] = [n, centre + weight * off, (1.0 - weight) * (variance + weight * off * off), largest, 0.0]
+    while len(after) > MAX_TABLE_CHANNELS:
+        del after[next(iter(after))]
     return after, changed

@@ -10,15 +10,19 @@ missing is a hole of NaN. Where a logger's clock was set back or its rate change
 the longest one is taken: a record has no seam.
 """
 
+import bisect
 import hashlib
 import math
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Container, Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid.live.block import Block
+from windsysid.live.limits import MAX_TABLE_CHANNELS, cells_allowed
 from windsysid.records.moments import moment_text
 from windsysid.records.record import Record
 
@@ -32,6 +36,10 @@ EDGE = 1e-3
 
 AVERAGED, MOST_AVERAGED = 10.0, 100
 """Seconds of blocks, and blocks, whose stamps decide together whether one stamp was off or samples are missing."""
+
+
+MIN_LEAD_SHARE = 0.01
+"""Of the longest logger's samples, in time: the grid of one with fewer would be a record of next to nothing."""
 
 
 class Windows(NamedTuple):
@@ -84,7 +92,8 @@ class Gathered(NamedTuple):
     repeated
         Samples that came more than once.
     cut
-        Samples that were left out, since they have no common grid with the others.
+        Samples that were left out, since they have no common grid with the others, or one that is far larger than what
+        was received.
     """
 
     record: Record | None
@@ -111,23 +120,21 @@ def gather(blocks: Iterable[Block], window: int, until: int, name: str) -> Gathe
     highest rate. Samples of slower loggers are put at the grid's nearest moments.
     """
     streams: dict[str, list[Block]] = {}
-    for block in blocks:
-        inside = _inside(block, window, until)
-        if inside is not None:
-            streams.setdefault(block.stream, []).append(inside)
+    inside = [part for block in blocks if (part := _inside(block, window, until)) is not None]
+    for part in _with_most_channels(inside):
+        streams.setdefault(part.stream, []).append(part)
     missing = repeated = cut = 0
     pieces = []
     for stream in sorted(streams):
-        placed = _placed(sorted(streams[stream], key=lambda block: (block.sequence, block.start)))
-        best = max(placed, key=lambda piece: (piece[0].there / piece[0].rate, -piece[0].start))
-        pieces.append(best[0])
-        cut += sum(piece.there for piece, _ in placed if piece is not best[0])
-        repeated += sum(again for _, again in placed)
-        missing += len(best[0].values) - best[0].there
+        best, again, others = _longest(sorted(streams[stream], key=lambda block: (block.sequence, block.start)))
+        pieces.append(best)
+        cut += others
+        repeated += again
+        missing += len(best.values) - best.there
     if not pieces:
         return Gathered(None)
-    record, rate = _joined(pieces, name)
-    return Gathered(record, rate, missing, repeated, cut)
+    record, rate, left_out = _joined(pieces, name)
+    return Gathered(record, rate, missing, repeated, cut + left_out)
 
 
 def _inside(block: Block, window: int, until: int) -> Block | None:
@@ -145,66 +152,141 @@ def _inside(block: Block, window: int, until: int) -> Block | None:
     )  # fmt: skip
 
 
-def _placed(blocks: Sequence[Block]) -> list[tuple[_Piece, int]]:
-    """Pieces of one logger's blocks, each on one grid, and how many samples of each had come before."""
-    pieces = []
+def _with_most_channels(blocks: Sequence[Block]) -> Iterable[Block]:
+    """The blocks without the channels of the fewest samples, where there are more than `MAX_TABLE_CHANNELS`."""
+    names = {block.channels for block in blocks}
+    if len({name for channels in names for name in channels}) <= MAX_TABLE_CHANNELS:
+        return blocks
+    samples: Counter[str] = Counter()
+    for block in blocks:
+        samples.update(dict.fromkeys(block.channels, len(block.values)))
+    kept = {name for name, _ in samples.most_common(MAX_TABLE_CHANNELS)}
+    return [part for block in blocks if (part := _narrowed(block, kept)) is not None]
+
+
+def _narrowed(block: Block, kept: Container[str]) -> Block | None:
+    at = [i for i, name in enumerate(block.channels) if name in kept]
+    if not at:
+        return None
+    channels, units = (tuple(texts[i] for i in at) for texts in (block.channels, block.units))
+    return replace(block, channels=channels, units=units, values=block.values[:, at])
+
+
+def _longest(blocks: Sequence[Block]) -> tuple[_Piece, int, int]:
+    """The longest piece of one logger's blocks on one grid, how many samples had come before, and those left out.
+
+    Only pieces that may be the longest are filled, one after the other: each is a table.
+    """
+    parts: list[tuple[float, Sequence[Block], list[int]]] = []
     at = 0
     while at < len(blocks):
-        rate, origin = blocks[at].rate, blocks[at].start
-        index, last = _indices(blocks[at:], rate, origin)
-        pieces.append(_filled(blocks[at : at + last], index, rate, origin))
-        at += last
-    return pieces
+        index = _indices(blocks, at)
+        part = blocks[at : at + len(index)]
+        parts.append((sum(len(block.values) for block in part) / part[0].rate, part, index))
+        at += len(index)
+    parts.sort(key=lambda part: (-part[0], part[1][0].start))
+    best, repeated, cut = None, 0, 0
+    for seconds, part, index in parts:
+        if best is not None and seconds <= best.there / best.rate:
+            cut += sum(len(block.values) for block in part)
+            continue
+        piece, again = _filled(part, index, part[0].rate, part[0].start)
+        repeated += again
+        if best is not None:
+            cut += min(best, piece, key=_duration).there
+        best = piece if best is None else max(best, piece, key=_duration)
+    assert best is not None
+    return best, repeated, cut
 
 
-def _indices(blocks: Sequence[Block], rate: float, origin: int) -> tuple[list[int], int]:
-    """Where on the grid each block begins, and how many blocks share the grid with the first one."""
+def _duration(piece: _Piece) -> tuple[float, int]:
+    return piece.there / piece.rate, -piece.start
+
+
+def _indices(blocks: Sequence[Block], first: int) -> list[int]:
+    """Where on the grid of block `first` it and those behind it begin, as far as they share the grid."""
+    rate, origin = blocks[first].rate, blocks[first].start
     index: list[int] = []
     end = 0  # of what is placed
     lags: list[float] = []  # of stamps behind the grid, in samples: of the newest blocks that went on evenly
-    off = [(block.start - origin) * rate / SECOND for block in blocks]
-    some = max(1, min(MOST_AVERAGED, math.ceil(AVERAGED * rate / max(1, len(blocks[0].values)))))
-    for k, block in enumerate(blocks):
+    known = _Known()
+    some = max(1, min(MOST_AVERAGED, math.ceil(AVERAGED * rate / max(1, len(blocks[first].values)))))
+
+    def off(k: int) -> float:
+        return (blocks[k].start - origin) * rate / SECOND
+
+    for k in range(first, len(blocks)):
+        block = blocks[k]
         if block.rate != rate:
-            return index, k
+            return index
         base = sum(lags) / len(lags) if lags else 0.0
-        shift, step = off[k] - end - base, 0
-        if k and abs(shift) >= 0.5:  # a stamp may be off: what the next ones say counts
+        shift, step = off(k) - end - base, 0
+        if k > first and abs(shift) >= 0.5:  # a stamp may be off: what the next ones say counts
             counted, ahead = end, []
             for j in range(k, min(k + some, len(blocks))):
-                if abs(off[j] - counted - base - shift) < 1.5:
-                    ahead.append(off[j] - counted - base)
+                if abs(off(j) - counted - base - shift) < 1.5:
+                    ahead.append(off(j) - counted - base)
                 counted += len(blocks[j].values)
             shift = sum(ahead) / len(ahead)
             step = math.floor(shift + 0.5) if abs(shift) >= 0.5 + 0.25 / len(lags) else 0
-        if step < 0 and not _repeats(blocks, index, k, end + step):
-            return index, k  # its clock was set back
+        if step < 0 and not known.repeats(block, end + step):
+            return index  # its clock was set back
+        if not known.add(block, end + step):
+            return index  # a gap that is too long for what came
         index.append(end + step)
-        lags = [*lags[1 - some :], off[k] - (end + step)] if some > 1 else [off[k] - (end + step)]
+        lags = [*lags[1 - some :], off(k) - (end + step)] if some > 1 else [off(k) - (end + step)]
         end = max(end, end + step + len(block.values))
-    return index, len(blocks)
+    return index
 
 
-def _repeats(blocks: Sequence[Block], index: Sequence[int], k: int, begin: int) -> bool:
-    """Whether block `k`, placed at `begin`, says of every moment what an earlier block said, or nothing was said."""
-    block = blocks[k]
-    end = begin + len(block.values)
-    for j in range(k):
-        low, high = max(begin, index[j]), min(end, index[j] + len(blocks[j].values))
-        if low >= high:
-            continue
-        old, new = blocks[j], block
-        shared = [name for name in new.channels if name in old.channels]
-        a = old.values[low - index[j] : high - index[j], [old.channels.index(name) for name in shared]]
-        b = new.values[low - begin : high - begin, [new.channels.index(name) for name in shared]]
-        if not np.all((a == b) | np.isnan(a) | np.isnan(b)):
+class _Known:
+    """The blocks of a piece that are placed already, by where they begin."""
+
+    def __init__(self) -> None:
+        self._begins: list[int] = []
+        self._blocks: list[Block] = []
+        self._longest = self._rows = self._values = 0
+        self._channels: frozenset[str] = frozenset()
+
+    def add(self, block: Block, begin: int) -> bool:
+        """Add a block, unless the table would then be far larger than what was received; the first one always fits."""
+        rows, values = max(self._rows, begin + len(block.values)), self._values + block.values.size
+        new = not self._channels.issuperset(block.channels)
+        channels = self._channels.union(block.channels) if new else self._channels
+        if self._blocks and rows * len(channels) > cells_allowed(values):
             return False
-    return begin >= 0
+        at = bisect.bisect(self._begins, begin)
+        self._begins.insert(at, begin)
+        self._blocks.insert(at, block)
+        self._longest = max(self._longest, len(block.values))
+        self._rows, self._values, self._channels = rows, values, channels
+        return True
+
+    def repeats(self, new: Block, begin: int) -> bool:
+        """Whether a block placed at `begin` says of every moment what an earlier one said, or nothing was said."""
+        end = begin + len(new.values)
+        low = bisect.bisect(self._begins, begin - self._longest)
+        for j in range(low, bisect.bisect_left(self._begins, end)):
+            if not _agree(self._blocks[j], self._begins[j], new, begin):
+                return False
+        return begin >= 0
+
+
+def _agree(old: Block, at: int, new: Block, begin: int) -> bool:
+    """Whether two blocks, placed at `at` and `begin`, say the same where they overlap; NaN says nothing."""
+    low, high = max(begin, at), min(begin + len(new.values), at + len(old.values))
+    shared = [name for name in new.channels if name in old.channels]
+    if low >= high or not shared:
+        return True
+    a = old.values[low - at : high - at, [old.channels.index(name) for name in shared]]
+    b = new.values[low - begin : high - begin, [new.channels.index(name) for name in shared]]
+    return bool(np.all((a == b) | np.isnan(a) | np.isnan(b)))
 
 
 def _filled(blocks: Sequence[Block], index: Sequence[int], rate: float, origin: int) -> tuple[_Piece, int]:
     """A grid with the samples of blocks on it; what comes again does not replace what is there."""
     channels = {name: unit for block in blocks for name, unit in zip(block.channels, block.units, strict=True)}
+    column = {name: i for i, name in enumerate(channels)}
     rows = max(at + len(block.values) for at, block in zip(index, blocks, strict=True))
     alike = all(block.channels == blocks[0].channels for block in blocks)
     values = np.full((rows, len(channels)), np.nan)
@@ -215,7 +297,7 @@ def _filled(blocks: Sequence[Block], index: Sequence[int], rate: float, origin: 
             values[at : at + n] = block.values
             there += n
         else:
-            columns = [list(channels).index(name) for name in block.channels]
+            columns = [column[name] for name in block.channels]
             place = np.ix_(range(at, at + n), columns)
             old = values[place]
             fresh = np.isnan(values[at : at + n]).all(axis=1)
@@ -226,22 +308,31 @@ def _filled(blocks: Sequence[Block], index: Sequence[int], rate: float, origin: 
     return _Piece(rate, origin, channels, values, there), again
 
 
-def _joined(pieces: Sequence[_Piece], name: str) -> tuple[Record | None, float]:
-    """One record of the pieces of all loggers, on the grid of the fastest, the one with the most samples first."""
-    lead = max(pieces, key=lambda piece: (piece.rate, piece.there))
+def _joined(pieces: Sequence[_Piece], name: str) -> tuple[Record | None, float, int]:
+    """One record of the pieces of all loggers, its rate [Hz], and samples of loggers for which there was no room.
+
+    Its grid is that of the fastest logger, the one with the most samples first; one that sent next to nothing is none.
+    """
+    least = MIN_LEAD_SHARE * max(piece.there / piece.rate for piece in pieces)
+    lead = max(
+        (piece for piece in pieces if piece.there / piece.rate >= least), key=lambda piece: (piece.rate, piece.there)
+    )
     if len(lead.values) < 2:
-        return None, lead.rate
+        return None, lead.rate, 0
     rows = len(lead.values)
     columns: dict[str, NDArray[np.float64]] = {}
     units: dict[str, str] = {}
+    most = cells_allowed(sum(piece.there * len(piece.channels) for piece in pieces)) / rows
+    wide, left_out = len(lead.channels), 0
     for piece in pieces:
         placed = piece.values
         if piece is not lead:
-            moments = (piece.start - lead.start) / SECOND + np.arange(len(piece.values)) / piece.rate
-            at = np.floor(moments * lead.rate + 0.5).astype(np.int64)
-            inside = (at >= 0) & (at < rows)
-            placed = np.full((rows, len(piece.channels)), np.nan)
-            placed[at[inside]] = piece.values[inside]
+            wide += len(piece.channels)
+            if wide > most:
+                left_out += piece.there
+                wide -= len(piece.channels)
+                continue
+            placed = _on_grid(piece, lead)
         for i, (channel, unit) in enumerate(piece.channels.items()):
             if channel not in columns:
                 columns[channel], units[channel] = placed[:, i], unit
@@ -252,4 +343,14 @@ def _joined(pieces: Sequence[_Piece], name: str) -> tuple[Record | None, float]:
         time=np.arange(rows) / lead.rate, values=values, channels=tuple(columns), units=tuple(units.values()),
         name=name, start=moment_text(lead.start, 0),
     )  # fmt: skip
-    return record, lead.rate
+    return record, lead.rate, left_out
+
+
+def _on_grid(piece: _Piece, lead: _Piece) -> NDArray[np.float64]:
+    """The samples of a logger at the nearest moments of another one's grid."""
+    moments = (piece.start - lead.start) / SECOND + np.arange(len(piece.values)) / piece.rate
+    at = np.floor(moments * lead.rate + 0.5).astype(np.int64)
+    inside = (at >= 0) & (at < len(lead.values))
+    placed = np.full((len(lead.values), len(piece.channels)), np.nan)
+    placed[at[inside]] = piece.values[inside]
+    return placed

@@ -22,6 +22,7 @@ from typing import Any
 from windsysid.kernels.assemble import assembled
 from windsysid.kernels.cache import cache_folder, in_turn, keep, kept, logger, write_whole
 from windsysid.kernels.jit import JACOBIAN, LANE_JACOBIAN, VALUE
+from windsysid.kernels.ownership import read_own
 from windsysid.mechanics.model import Model
 
 __all__ = ["CompiledModel", "compile_model"]
@@ -193,10 +194,13 @@ def _checksum(source: str) -> str:
 
 
 def _kept_source(path: Path) -> str | None:
-    """The source of a model in the cache; None where it is not there, cut, damaged or not readable."""
+    """The source of a model in the cache; None where it is not there, cut, damaged, not readable or another user's."""
+    content = read_own(path)
+    if content is None:
+        return None
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        text = content.decode()
+    except UnicodeDecodeError:
         return None
     body, newline, _ = text.removesuffix("\n").rpartition("\n")
     source = body + newline

@@ -2,16 +2,19 @@ import asyncio
 import json
 import math
 import re
+import sqlite3
+from contextlib import closing
 
 import pytest
 from fastapi.testclient import TestClient
 
-from windsysid.errors import WindsysidError
+from tests.live.sources.servers import wait_for
+from windsysid.errors import StoreError, WindsysidError
 from windsysid.live.page.app import STATIC, app, streams_of
 from windsysid.live.page.streams import Streams, TooManyStreams
 from windsysid.live.sources.folder import FolderSource
 from windsysid.live.sources.source import SourceState
-from windsysid.live.store import open_store
+from windsysid.live.store import open_store, sqlite
 from windsysid.live.store.contents import Commit, Level, Result
 
 from . import sample
@@ -146,6 +149,7 @@ def test_a_source_that_failed_is_on_the_overview_in_health_and_in_metrics(store)
     overview = client.get("/api/overview").json()
     assert overview["sources"][0] == {
         "name": "folder /nowhere of T01", "state": "failed", "text": "the disk is broken", "blocks": 7, "refused": 1,
+        "refusal": "",
     }  # fmt: skip
     health = client.get("/health").json()
     assert (health["status"], health["sources"]) == ("degraded", {"failed": 1, "running": 1})
@@ -311,3 +315,47 @@ def test_what_an_engine_says_is_shown_and_measured(store):
     assert {
         name.removeprefix("windsysid_") for name in re.findall(r"^# TYPE (\w+)", told, re.MULTILINE)
     } >= ENGINE_METRICS
+
+
+def test_a_store_that_another_process_holds_is_told_everywhere_until_it_takes_blocks_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(sqlite, "BUSY", 0.05)
+    path = tmp_path / "store.sqlite"
+    store = open_store(str(path))
+    sample.fill(store, days=0.02)
+    client = TestClient(app(store), base_url=OWN)
+    assert client.get("/health").json()["status"] == "ok"
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        waiting = store.submit(Commit())
+        wait_for(lambda: store.trouble)
+        health = client.get("/health")
+        assert (health.status_code, health.json()["status"]) == (503, "failed")
+        assert "path" not in health.text
+        assert client.get("/api/overview").json()["store"].endswith("cannot be written: database is locked")
+        assert "windsysid_store_takes_blocks 0" in client.get("/metrics").text
+    waiting.result(30.0)
+    assert (client.get("/health").status_code, client.get("/health").json()["status"]) == (200, "ok")
+    assert client.get("/api/overview").json()["store"] == ""
+    assert "windsysid_store_takes_blocks 1" in client.get("/metrics").text
+    store.close()
+
+
+def test_a_store_that_cannot_be_read_is_a_failed_service(store):
+    class Gone(type(store)):
+        trouble = ""
+
+        def __init__(self) -> None:
+            pass
+
+        def last_event(self) -> int:
+            raise StoreError("the file has gone")
+
+    answer = TestClient(app(Gone()), base_url=OWN).get("/health")
+    assert (answer.status_code, answer.json()["status"]) == (503, "failed")
+
+
+def test_what_a_source_refused_is_told_with_its_reason(store):
+    source = FolderSource("folder", "T01")
+    source.state = source.state.refusing("a.csv: no\nmoment")
+    (shown,) = TestClient(app(store, sources=[source]), base_url=OWN).get("/api/overview").json()["sources"]
+    assert (shown["refused"], shown["refusal"]) == (1, "a.csv: no moment")

@@ -88,13 +88,29 @@ def test_readers_look_and_operators_act(store):
     assert client.post(path, json={"by": "me"}, headers=operate).json()["by"] == "me"
 
 
-def test_after_wrong_tokens_even_the_right_one_waits(store):
+def test_wrong_tokens_wait_and_the_right_one_of_the_same_address_never_does(store):
+    """Behind a proxy all come from one address."""
     client = TestClient(app(store, access=Access(READ), limits=Limits(guesses=3)), base_url="http://site")
-    tokens = ["x" * 20] * 3 + [READ]
-    statuses = [
-        client.get("/api/overview", headers={"authorization": f"Bearer {token}"}).status_code for token in tokens
+
+    def status(token: str) -> int:
+        return client.get("/api/overview", headers={"authorization": f"Bearer {token}"}).status_code
+
+    assert [status(token) for token in ["x" * 20] * 4 + [READ] * 3 + ["y" * 20]] == [401] * 3 + [429] + [200] * 3 + [
+        429
     ]
-    assert statuses == [401, 401, 401, 429]
+    assert client.post("/login", data={"token": "x" * 20}, follow_redirects=False).status_code == 429
+    assert "set-cookie" in client.post("/login", data={"token": READ}, follow_redirects=False).headers
+
+
+def test_who_floods_without_a_token_takes_nothing_from_those_of_the_same_address_who_have_one(store):
+    limits = Limits(rate=0.001, burst=5, guesses=3)
+    client = TestClient(app(store, access=Access(READ, OPERATE), limits=limits), base_url="http://site")
+    bearer = {"authorization": f"Bearer {READ}"}
+    assert [client.get("/", headers={"authorization": "Bearer x"}).status_code for _ in range(6)] == [200] * 5 + [429]
+    assert client.get("/api/overview", headers=bearer).status_code == 200
+    assert "set-cookie" in client.post("/login", data={"token": READ}, follow_redirects=False).headers  # a cookie
+    assert [client.get("/api/overview").status_code for _ in range(5)] == [200] * 4 + [429]  # the rate of readers
+    assert client.get("/api/overview", headers={"authorization": f"Bearer {OPERATE}"}).status_code == 200
 
 
 def test_a_browser_logs_in_by_the_form_and_out_again(store):

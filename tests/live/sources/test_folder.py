@@ -1,17 +1,22 @@
 """Files of a folder are taken when they are complete, once, and from where they ended."""
 
+import asyncio
 import logging
 import time
+from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.live.sources.conftest import Service
+from tests.live.sources.conftest import Service, Taker
 from tests.live.sources.servers import wait_for
+from windsysid.errors import StoreError
+from windsysid.live.block import Block
 from windsysid.live.sources import folder
 from windsysid.live.sources.folder import FolderSource
-from windsysid.records.formats import write_record
+from windsysid.records.formats import iterate_record, write_record
 from windsysid.records.record import Record
 
 CHANNELS, UNITS = ("tower_x_acceleration", "tower_y_acceleration"), ("m/s^2", "m/s^2")
@@ -88,7 +93,7 @@ def test_a_file_without_its_moment_is_refused_with_what_to_do(tmp_path: Path):
     service = Service(FolderSource(tmp_path, "T01"))
     wait_for(lambda: service.source.state.refused == 1)
     service.stop()
-    assert service.source.state.text.endswith("name zone or start in the mapping (docs/records.md)")
+    assert service.source.state.refusal.endswith("name zone or start in the mapping (docs/records.md)")
 
 
 def test_a_folder_that_goes_away_is_waited_for(tmp_path: Path):
@@ -100,3 +105,44 @@ def test_a_folder_that_goes_away_is_waited_for(tmp_path: Path):
     wait_for(lambda: len(service.taker.blocks) == 5)
     assert service.source.state.state == "running"
     service.stop()
+
+
+def test_a_file_that_breaks_its_reader_is_refused_and_the_next_one_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def reading(path: Path, *more: Any, **options: Any) -> Any:
+        if path.name == "a.nc":
+            raise MemoryError("no\nroom")
+        return iterate_record(path, *more, **options)
+
+    monkeypatch.setattr(folder, "iterate_record", reading)
+    write_record(record_of(0), tmp_path / "a.nc")
+    write_record(record_of(1), tmp_path / "b.nc")
+    service = Service(FolderSource(tmp_path, "T01"))
+    wait_for(lambda: len(service.taker.blocks) == 5)
+    service.stop()
+    state = service.source.state
+    assert (state.refused, state.refusal) == (1, "a.nc: cannot be read (MemoryError: no room)")
+
+
+def test_a_file_whose_blocks_the_store_did_not_take_is_taken_again(tmp_path: Path):
+    write_record(record_of(0), tmp_path / "a.nc")
+    source, taker, failing = FolderSource(tmp_path, "T01"), Taker(), [True]
+
+    def push(block: Block) -> Future[None]:
+        if failing:
+            raise StoreError(f"full {failing.pop()}")
+        return taker.push(block)
+
+    async def run(stop: asyncio.Event) -> None:
+        running = asyncio.ensure_future(source.run(push, stop))
+        while not running.done() and len(taker.blocks) < 5:
+            await asyncio.sleep(0.02)
+        stop.set()
+        await running
+
+    with pytest.raises(StoreError, match="full"):
+        asyncio.run(run(asyncio.Event()))
+    asyncio.run(run(asyncio.Event()))  # the service starts it again
+    assert np.array_equal(np.concatenate([block.values for block in taker.blocks]), record_of(0).values)
+    assert source.state.refused == 0

@@ -16,12 +16,15 @@ import pytest
 from tests.live.sources.conftest import Service, Taker
 from tests.live.sources.servers import Mosquitto, free_port, wait_for
 from windsysid.errors import ConfigurationError
+from windsysid.fleet.members import Member
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, encode_json
+from windsysid.live.engine import Engine, Followed
 from windsysid.live.source_settings import Broker
 from windsysid.live.sources.broker import Marks, Topics, connect, new_client, properties_of
 from windsysid.live.sources.mqtt import Inbox, MqttSource
 from windsysid.live.sources.publisher import WIDEST, Publisher
+from windsysid.live.store.opening import open_store
 from windsysid.live.toml_table import Secret
 
 SECOND = 1_000_000_000
@@ -398,3 +401,35 @@ def test_a_topic_without_its_turbine_is_refused():
             Topics(topic)
     assert Topics("a/{turbine}/b").committed("T", "s") == "a/T/committed/s"
     assert Topics("a/{turbine}").refused("T") == "a/T/refused"
+
+
+POISON = [
+    b'{"sequence": 7, "start": 1767268800000000000, "rate": 1e-300, "channels": {"a": {"unit": "m", "values": [1]}}}',
+    b'{"sequence": 7, "start": 1767268800000000000, "rate": 20, "channels": {"\\ud800": {"unit": "m", "values": [1]}}}',
+    b'{"sequence": 7, "start": 4611686018427387903, "rate": 20, "channels": {"a": {"unit": "m", "values": [1, 2]}}}',
+    b'{"sequence": 7, "start": 0, "rate": 20000, "channels": {"a\\u0000": {"unit": "m", "values": [1e308]}}}',
+    b"{",
+]
+
+
+@pytest.mark.parametrize("poison", POISON)
+def test_a_block_that_breaks_what_takes_it_stops_nothing_behind_it(mosquitto: Mosquitto, poison: bytes):
+    store = open_store(":memory:")
+    engine = Engine([Followed(Member(name, "tower"), window=7200.0) for name in ("T01", "T02")], store, workers=0)
+    service = Service(MqttSource(mosquitto.broker, ["T01", "T02"]), SimpleNamespace(push=engine.push))  # type: ignore[arg-type]
+    wait_for(lambda: service.source.state.state == "running")
+    logger = Logger(mosquitto.broker, "windsysid/T01/refused")
+    logger.say("windsysid/T01/blocks", poison)
+    for turbine in ("T01", "T02"):
+        logger.say(
+            f"windsysid/{turbine}/blocks", encode_json(replace(block_of(1, turbine), start=1_767_268_800 * SECOND))
+        )
+    wait_for(lambda: len(list(store.waiting("T01"))) == len(list(store.waiting("T02"))) == 1)
+    wait_for(lambda: len(logger.heard) == 1)
+    state = service.source.state
+    assert (state.state, state.blocks, state.refused) == ("running", 2, 1)
+    assert json.loads(logger.heard[0][1])["reason"] == state.refusal.partition(": ")[2]
+    logger.close()
+    service.stop()
+    engine.drain(2.0)
+    store.close()

@@ -135,4 +135,4 @@ def test_a_refused_block_is_counted_and_the_rest_is_taken():
 
     taker, replay = Refuser(), Replay(record_of(np.arange(300) / 100.0), "T01", speed=0.0)
     asyncio.run(replay.run(taker.push, asyncio.Event()))
-    assert (replay.state.blocks, replay.state.refused, replay.state.text) == (2, 1, "never")
+    assert (replay.state.blocks, replay.state.refused, replay.state.refusal) == (2, 1, "never")

@@ -1,6 +1,10 @@
 """What every store does, in SQLite and in PostgreSQL."""
 
+import sqlite3
 import threading
+import time
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +17,7 @@ from windsysid.live.store import Keep, open_store, schema, sql_store
 from windsysid.live.store.contents import Commit, Event, Health
 from windsysid.live.store.keep import DAY
 from windsysid.live.store.sql_store import SqlStore
+from windsysid.live.store.store import ContentError
 
 
 def submit(store: SqlStore, *commits: Commit) -> None:
@@ -283,3 +288,55 @@ def test_text_of_clients_is_text(store: SqlStore):
     assert sequences(store, name) == [1]
     assert store.turbines() == [name]
     assert store.acknowledge(name, by=name, remark=name, at=SECOND).remark == name
+
+
+def test_what_a_database_cannot_hold_fails_by_itself_and_the_store_goes_on(store: SqlStore):
+    first, bad, last = blocks(1, 2, 3).blocks
+    bad = bad._replace(block=replace(bad.block, channels=("\ud800", "b")))
+    errors = [future.exception(30.0) for future in [store.submit(Commit([one])) for one in (first, bad, last)]]
+    assert errors[0] is errors[2] is None
+    assert isinstance(errors[1], ContentError)
+    assert sequences(store) == [1, 3]
+    assert store.trouble == ""
+
+
+class Broken(sqlite3.DatabaseError):
+    """An error that does not pass and that lies in no content."""
+
+
+def test_a_store_that_takes_nothing_says_so_until_it_takes_a_commit_again(tmp_path: Path):
+    store = open_store(str(tmp_path / "store.sqlite"))
+    submit(store, blocks(1))
+    assert store.trouble == ""
+    transact = store._transact
+
+    def broken(works: Any) -> Any:
+        raise Broken("database disk image is malformed")
+
+    store._transact = broken  # type: ignore[method-assign]
+    with pytest.raises(StoreError, match="malformed"):
+        submit(store, blocks(2))
+    assert store.trouble.endswith("store.sqlite cannot be written: database disk image is malformed")
+    store._transact = transact  # type: ignore[method-assign]
+    submit(store, blocks(3))
+    assert store.trouble == ""
+    store.close()
+
+
+def test_a_commit_that_takes_long_is_one_that_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sql_store, "SLOW", 0.02)
+    store = open_store(str(tmp_path / "store.sqlite"))
+    free, transact = threading.Event(), store._transact
+
+    def slow(works: Any) -> Any:
+        assert free.wait(30.0)
+        return transact(works)
+
+    store._transact = slow  # type: ignore[method-assign]
+    future = store.submit(blocks(1))
+    time.sleep(0.05)
+    assert "cannot be written: a commit has waited for 0 s" in store.trouble
+    free.set()
+    future.result(30.0)
+    store.close()
+    assert store.trouble == ""

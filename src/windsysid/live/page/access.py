@@ -9,8 +9,11 @@ import hashlib
 import hmac
 import ipaddress
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
+
+from starlette.requests import cookie_parser
 
 from windsysid.errors import ConfigurationError
 
@@ -78,6 +81,14 @@ class Access:
         operator = self.operate is not None and hmac.compare_digest(given, self.operate.encode())
         reader = self.read is not None and hmac.compare_digest(given, self.read.encode())
         return "operator" if operator else "reader" if reader else None
+
+    def role_of_headers(self, headers: Iterable[tuple[bytes, bytes]]) -> Role | None:
+        """The role of a request: of its token, or where it sends none, of its cookie."""
+        said = {name.lower(): value.decode("latin-1") for name, value in headers}
+        scheme, _, token = said.get(b"authorization", "").partition(" ")
+        if scheme.lower() == "bearer":
+            return self.role(token.strip())
+        return self.role_of_session(cookie_parser(said.get(b"cookie", "")).get(COOKIE, ""))
 
     def session(self, role: Role, *, now: float | None = None) -> str:
         """What a browser's cookie holds."""

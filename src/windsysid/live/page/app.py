@@ -33,6 +33,7 @@ from windsysid.live.page.views import (
     overview_of,
     results_of,
     sources_of,
+    trouble_of,
     turbine_of,
 )
 from windsysid.live.sources.source import Source
@@ -142,7 +143,8 @@ class _Overviews:
 
     def __call__(self, role: Role) -> models.Overview:
         found = overview_of(self._store, self._engine, self.newest, role, self._door.asks)
-        return found.model_copy(update={"note": self._note, "sources": sources_of(self._sources)})
+        known = {"note": self._note, "sources": sources_of(self._sources), "store": self._store.trouble}
+        return found.model_copy(update=known)
 
 
 def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[Source]) -> APIRouter:
@@ -158,12 +160,14 @@ def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[S
         """All turbines, the worst first."""
         return overview(role)
 
-    @router.get("/health")
-    def health() -> models.Health:
-        """Whether the service and its store answer, and how its sources are; no token is asked for."""
-        store.last_event()
+    @router.get("/health", responses={503: {"model": models.Health, "description": "the store takes no blocks"}})
+    def health(response: Response) -> models.Health:
+        """Whether the store takes blocks, and how the sources are; no token is asked for."""
         states = Counter(source.state.state for source in sources)
-        status: Literal["ok", "degraded"] = "degraded" if states["failed"] or states["trying"] else "ok"
+        status: Literal["ok", "degraded", "failed"] = "degraded" if states["failed"] or states["trying"] else "ok"
+        if trouble_of(store):
+            response.status_code, status = 503, "failed"
+            response.headers["Retry-After"] = "5"
         return models.Health(status=status, version=__version__, sources=states)
 
     return router

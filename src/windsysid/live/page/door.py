@@ -31,16 +31,13 @@ class Door:
         """The role of a request; HTTPException 401 without a token that is known, 429 after too many wrong ones."""
         if not self._access.asked:
             return "operator"
-        scheme, _, token = request.headers.get("authorization", "").partition(" ")
-        if scheme.lower() == "bearer":
-            found = self._role_of(token.strip(), request)
-            if found is None:
-                raise HTTPException(401, "the token is not known here", CHALLENGE)
+        found = self._access.role_of_headers(request.scope["headers"])
+        if found is not None:
             return found
-        session = self._access.role_of_session(request.cookies.get(COOKIE, ""))
-        if session is None:
-            raise HTTPException(401, "expected a token: log in, or send Authorization: Bearer …", CHALLENGE)
-        return session
+        if request.headers.get("authorization", "").partition(" ")[0].lower() == "bearer":
+            self._count_guess(request)
+            raise HTTPException(401, "the token is not known here", CHALLENGE)
+        raise HTTPException(401, "expected a token: log in, or send Authorization: Bearer …", CHALLENGE)
 
     def operator(self, request: Request) -> Role:
         """As calling it, for operators only; HTTPException 403 for readers."""
@@ -57,7 +54,9 @@ class Door:
         async def login(request: Request) -> RedirectResponse:
             form = parse_qs((await request.body()).decode("utf-8", "replace"))
             token = form.get("token", [""])[0].strip()
-            role = self._role_of(token, request) if self._access.asked else None
+            role = self._access.role(token) if self._access.asked else None
+            if self._access.asked and role is None:
+                self._count_guess(request)
             answer = RedirectResponse("/" if role else "/#login-failed", SEE_OTHER)
             if role is not None:
                 answer.set_cookie(
@@ -74,11 +73,7 @@ class Door:
 
         return router
 
-    def _role_of(self, token: str, request: Request) -> Role | None:
-        client = client_of(request.scope)
-        if self._guesses.left(client) < 1.0:
+    def _count_guess(self, request: Request) -> None:
+        """Count a wrong token; HTTPException 429 after too many. The right one is let in however many were wrong."""
+        if not self._guesses.take(client_of(request.scope)):
             raise HTTPException(429, "too many wrong tokens: wait a minute", {"Retry-After": "60"})
-        found = self._access.role(token)
-        if found is None:
-            self._guesses.take(client)
-        return found

@@ -11,6 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
+from starlette.requests import ClientDisconnect
+
 from windsysid.live.page.access import COOKIE, LOOPBACK, Access
 
 __all__ = ["Buckets", "Guard", "Limits", "client_of"]
@@ -128,7 +130,7 @@ class Guard:
             if got <= limit:  # else it is an answer to half of a body
                 await send_guarded(message)
 
-        with suppress(_TooLargeError):
+        with suppress(_TooLargeError, ClientDisconnect):  # the second: a request that was broken off
             await self._app(scope, receive_bounded, send_unless_refused)
         if got > limit:
             await _answer(send_guarded, 413, f"body: expected {limit} bytes or less")
@@ -136,7 +138,7 @@ class Guard:
 
     def _refusal(self, scope: Message) -> tuple[int, str] | None:
         limits = self._limits
-        if not self._requests.take(client_of(scope)):
+        if not self._may_ask(scope):
             return 429, f"too many requests: expected {limits.rate:g} a second or fewer"
         if len(scope.get("raw_path") or b"") + len(scope.get("query_string", b"")) > limits.address:
             return 414, f"address: expected {limits.address} bytes or less"
@@ -153,6 +155,17 @@ class Guard:
         if scope["method"] not in SAFE and not _same_site(said, host):
             return 403, "origin: expected this page's own"
         return None
+
+    def _may_ask(self, scope: Message) -> bool:
+        """Whether a request is within the rate of its address, or of those of its address that have its token.
+
+        Behind a proxy all come from one address: who has no token must not use up what is left for those who have. The
+        login form is bounded by its wrong tokens (`Door`).
+        """
+        if scope["path"] == "/login":
+            return True
+        role = self._access.role_of_headers(scope["headers"]) if self._access.asked else None
+        return self._requests.take(f"{client_of(scope)} {role}" if role else client_of(scope))
 
 
 def client_of(scope: Message) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from windsysid._version import __version__
 from windsysid.configuration import parse_toml
+from windsysid.errors import StoreError
 from windsysid.live.page import models
 from windsysid.live.page.newest import Newest
 from windsysid.live.page.states import Engine, TurbineState
@@ -27,6 +28,7 @@ __all__ = [
     "overview_of",
     "results_of",
     "sources_of",
+    "trouble_of",
     "turbine_of",
 ]
 
@@ -51,6 +53,17 @@ def sources_of(sources: Iterable[Source]) -> list[models.Source]:
         models.Source(name=source.describe(), **source.state._asdict())  # a state is of one moment
         for source in sources
     ]
+
+
+def trouble_of(store: Store) -> str:
+    """Why the store takes no blocks at this moment, in one line; empty where it does."""
+    if store.trouble:
+        return store.trouble
+    try:
+        store.last_event()
+    except StoreError as error:
+        return str(error)
+    return ""
 
 
 def overview_of(store: Store, engine: Engine | None, newest: Newest, role: str, login: bool) -> models.Overview:

@@ -85,10 +85,16 @@ class FolderSource:
         """Take files in until `stop` is set."""
         while not stop.is_set():
             for path, face in await asyncio.to_thread(self._complete):
+                until = self._until.get(path)
                 try:
                     await self._take(path, push, stop)
-                except (WindsysidError, OSError) as error:
+                except _UnreadableError as error:
                     self._refuse(str(error))
+                except BaseException:  # the store failed, or the service ends: the file is taken again
+                    self._until.pop(path, None)
+                    if until is not None:
+                        self._until[path] = until
+                    raise
                 if stop.is_set():
                     break
                 self._taken[path] = face
@@ -127,7 +133,7 @@ class FolderSource:
     async def _take(self, path: Path, push: Push, stop: asyncio.Event) -> None:
         waiting: deque[asyncio.Future[None]] = deque()
         blocks = self._blocks(path)
-        while not stop.is_set() and (block := await asyncio.to_thread(next, blocks, None)) is not None:
+        while not stop.is_set() and (block := await asyncio.to_thread(_next, blocks, path.name)) is not None:
             try:
                 future: Future[None] = await asyncio.to_thread(push, block)
                 waiting.append(asyncio.wrap_future(future))
@@ -147,7 +153,7 @@ class FolderSource:
 
     def _refuse(self, why: str) -> None:
         logger.warning("%s: %s", self.describe(), why)
-        self.state = self.state._replace(refused=self.state.refused + 1, text=why)
+        self.state = self.state.refusing(why)
 
     def _blocks(self, path: Path) -> Iterator[Block]:
         until = self._until.get(path)
@@ -162,6 +168,19 @@ class FolderSource:
             if fresh is not None:
                 yield from blocks_of(fresh, self.turbine, begin, seconds=BLOCK)
                 self._until[path] = float(fresh.time[-1])
+
+
+class _UnreadableError(RecordError):
+    """A file that cannot be read, whatever it is that its reader says."""
+
+
+def _next(blocks: Iterator[Block], name: str) -> Block | None:
+    try:
+        return next(blocks, None)
+    except (WindsysidError, OSError) as error:
+        raise _UnreadableError(str(error)) from error
+    except Exception as error:
+        raise _UnreadableError(f"{name}: cannot be read ({type(error).__name__}: {error})") from error
 
 
 def _behind(record: Record, until: float) -> Record | None:

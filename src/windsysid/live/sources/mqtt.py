@@ -17,7 +17,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from windsysid.live.block import Block
-from windsysid.live.codec import BlockRefused, Limits, decode
+from windsysid.live.codec import BlockRefused, Limits, decode, refusing
 from windsysid.live.source_settings import Broker
 from windsysid.live.sources.broker import LONGEST_PAYLOAD, TOPIC, Marks, Topics, connect, marks_of, new_client
 from windsysid.live.sources.source import Push, SourceState, retries, stopped_within
@@ -128,7 +128,7 @@ class MqttSource:
             if not refused:
                 self.state = state._replace(blocks=state.blocks + 1)
                 return
-            self.state = state._replace(refused=state.refused + 1)
+            self.state = state.refusing(refused)
             speak = time.monotonic() - self._said >= QUIET
             if speak:
                 self._said = time.monotonic()
@@ -260,13 +260,15 @@ class _Session:
             self._client.unsubscribe(message.topic)
             self._client.ack(message.mid, message.qos)
             return
-        marks = marks_of(message)
+        marks = Marks()
         try:
-            block = decode(message.payload, turbine=turbine, limits=Limits(payload=LONGEST_PAYLOAD))
+            with refusing("read"):
+                marks = marks_of(message)
+                block = decode(message.payload, turbine=turbine, limits=Limits(payload=LONGEST_PAYLOAD))
             future = self._push(block)
         except BlockRefused as error:
             self._refuse(message, turbine, marks, str(error))
-        except Exception as error:  # the service ends, or its store is away: the broker keeps the block
+        except Exception as error:  # the service ends, or its store fails: the broker keeps the block
             self._lose(f"a block was not taken ({error})")
         else:
             future.add_done_callback(lambda done: self._taken(message, block, marks, done))

@@ -110,7 +110,7 @@ class Replay:
 
     def _refused(self, error: BlockRefused) -> None:
         logger.warning("%s: block refused: %s", self.describe(), error)
-        self.state = self.state._replace(refused=self.state.refused + 1, text=str(error))
+        self.state = self.state.refusing(str(error))
 
 
 def paced(blocks: Iterator[Block], speed: float) -> Iterator[Block]:

@@ -8,6 +8,7 @@ from concurrent.futures import Future
 from typing import NamedTuple, Protocol
 
 from windsysid.live.block import Block
+from windsysid.live.limits import printable
 
 __all__ = ["Push", "Source", "SourceState", "retries", "stopped_within"]
 
@@ -32,12 +33,19 @@ class SourceState(NamedTuple):
         That were taken in.
     refused
         Blocks, messages or files that can never be taken.
+    refusal
+        Why the last of them was refused.
     """
 
     state: str = "waiting"
     text: str = ""
     blocks: int = 0
     refused: int = 0
+    refusal: str = ""
+
+    def refusing(self, why: str) -> "SourceState":
+        """The state after one more refusal."""
+        return self._replace(refused=self.refused + 1, refusal=printable(why))
 
 
 class Source(Protocol):

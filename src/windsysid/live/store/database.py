@@ -19,12 +19,15 @@ class Database(Protocol):
         For messages: without its password.
     errors
         What its driver raises.
+    content_errors
+        Of these, the errors of what was to be written: a number that is too large, text that it cannot hold.
     begin
         The statement that begins to write.
     """
 
     name: str
     errors: type[Exception]
+    content_errors: type[Exception]
     begin: str
 
     def sql(self, statement: str) -> str:

@@ -54,6 +54,7 @@ class Postgres:
             raise StoreError("a store in PostgreSQL needs psycopg: pip install 'windsysid[live]'") from None
         self._driver = psycopg
         self.errors: type[Exception] = psycopg.Error
+        self.content_errors: type[Exception] = psycopg.DataError
         self._read_only = read_only
         self._idle: list[Any] = []
         self._guard = threading.Lock()

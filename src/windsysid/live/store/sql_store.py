@@ -17,6 +17,7 @@ from windsysid.live.store.contents import Alarm, Commit, Event, Health, Level, R
 from windsysid.live.store.database import Database
 from windsysid.live.store.encoding import block_of, levels_of, pack_text, row_of
 from windsysid.live.store.keep import DAY, Keep, span
+from windsysid.live.store.store import ContentError
 
 __all__ = ["SqlStore"]
 
@@ -25,6 +26,9 @@ MOST = 1000
 
 PAUSE, LONGEST = 0.05, 2.0
 """Between attempts while the database refuses, doubled from the first to the second [s]."""
+
+SLOW = 5.0
+"""After which a commit that is being written counts as one that is not taken [s]."""
 
 SLICE = 1000
 """Rows that thinning takes away in one transaction, so that commits need not wait for it."""
@@ -60,6 +64,7 @@ class SqlStore:
         self._database = database
         self._keep = keep
         self._trouble = ""
+        self._since: float | None = None
         self._jobs: deque[_Job] = deque()
         self._changed = threading.Condition()
         self._closing = read_only
@@ -74,7 +79,11 @@ class SqlStore:
     @property
     def trouble(self) -> str:
         """Why nothing can be written at this moment; empty where nothing hinders."""
-        return self._trouble
+        since = self._since
+        waited = 0.0 if since is None else time.monotonic() - since
+        if self._trouble or waited < SLOW:
+            return self._trouble
+        return f"{self._database.name} cannot be written: a commit has waited for {waited:.0f} s"
 
     def submit(self, commit: Commit) -> "Future[None]":
         """Queue a commit; the future ends when it is on disk. Its callbacks run in the writer: they must not wait."""
@@ -114,8 +123,14 @@ class SqlStore:
                     and isinstance(self._jobs[0].work, Prepared)
                 ):
                     jobs.append(self._jobs.popleft())
-            self._attempt(jobs)
+            self._write(jobs)
         self._disconnect()
+
+    def _write(self, jobs: Sequence[_Job]) -> None:
+        """Write jobs, and let `trouble` know since when the writer is at them."""
+        self._since = time.monotonic()
+        self._attempt(jobs)
+        self._since = None
 
     def _attempt(self, jobs: Sequence[_Job]) -> None:
         """Write jobs as one transaction, now or as soon as the database takes it."""
@@ -174,10 +189,12 @@ class SqlStore:
             return not self._changed.wait_for(lambda: self._closing, pause)
 
     def _fail(self, jobs: Sequence[_Job], error: Exception) -> None:
+        why = f"{self._database.name} cannot be written: {self._database.explain(error)}"
+        of_content = isinstance(error, (self._database.content_errors, ValueError, TypeError, OverflowError))
+        if not of_content:
+            self._trouble = why
         for job in jobs:
-            job.done.set_exception(
-                StoreError(f"{self._database.name} cannot be written: {self._database.explain(error)}")
-            )
+            job.done.set_exception(ContentError(why) if of_content else StoreError(why))
 
     def _disconnect(self) -> None:
         connection, self._connection = self._connection, None

@@ -42,6 +42,7 @@ class Sqlite:
     """
 
     errors: type[Exception] = sqlite3.Error
+    content_errors: type[Exception] = sqlite3.DataError
     begin = "BEGIN IMMEDIATE"
 
     def __init__(self, path: Path | None, *, read_only: bool = False) -> None:

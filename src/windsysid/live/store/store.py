@@ -4,10 +4,15 @@ from collections.abc import Iterator
 from concurrent.futures import Future
 from typing import Any, Protocol
 
+from windsysid.errors import StoreError
 from windsysid.live.block import Block
 from windsysid.live.store.contents import Alarm, Commit, Event, Health, Level, Result, Status
 
-__all__ = ["Store"]
+__all__ = ["ContentError", "Store"]
+
+
+class ContentError(StoreError):
+    """A commit that no database of this kind can hold: trying again does not help, and other commits are written."""
 
 
 class Store(Protocol):
@@ -23,13 +28,15 @@ class Store(Protocol):
     def trouble(self) -> str:
         """Why nothing can be written at this moment, in one line; empty where nothing hinders.
 
-        While the disk is full or the database restarts, what was submitted waits.
+        While the disk is full or the database restarts, what was submitted waits. It is empty again after the first
+        commit that is written.
         """
         ...
 
     def submit(self, commit: Commit) -> Future[None]:
         """Queue a commit; the future ends when it is on disk. Its callbacks run in the writer: they must not wait.
 
+        The future has a ContentError where the commit can never be written, another StoreError where the store fails.
         Several that wait are one transaction, in their order. What is there already (block, result) is left as it is,
         so that a commit may come again. A result takes the blocks of its window away.
         """

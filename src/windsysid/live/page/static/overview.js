@@ -15,7 +15,11 @@ const TROUBLES = {
 
 export function overviewPage(overview) {
   const { turbines } = overview;
-  const sources = overview.sources.filter((one) => one.state in TROUBLES).map(trouble);
+  const sources = [
+    overview.store ? h("p", { class: "note bad", role: "alert" }, `The store takes no blocks: ${overview.store}. What comes waits.`) : null,
+    ...overview.sources.filter((one) => one.state in TROUBLES).map(trouble),
+    ...overview.sources.filter((one) => one.refused).map(refusals),
+  ];
   if (!turbines.length) {
     return [h("h1", {}, "Turbines"), sources, overview.service?.compiling ? h("p", { class: "note", role: "status" }, COMPILING) : null, h("p", { class: "note" },
       "No turbine has sent anything yet. Once the first block of samples is here, its turbine is listed, and its first estimate comes when its first window has ended.")];
@@ -43,6 +47,10 @@ function trouble(source) {
   const [tone, what] = TROUBLES[source.state];
   const why = source.text ? `: ${source.text}` : "";
   return h("p", { class: `note ${tone}`, role: "status" }, `${what}. ${source.name}${why}`);
+}
+
+function refusals(source) {
+  return h("p", { class: "note warn", role: "status" }, `${plural(source.refused, "block")} refused, the last: ${source.refusal}. ${source.name}`);
 }
 
 function row(one, now) {
