@@ -21,7 +21,7 @@ from windsysid.records.record import Record
 from windsysid.spectral.images import with_images
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.spectral.mode_description import described, named, with_neighbours, with_references, without_flanks
-from windsysid.spectral.mode_search import modes_of, search_modes
+from windsysid.spectral.mode_search import covered_note, modes_of, search_modes
 from windsysid.spectral.oma_data import prepare_readings, transforms
 from windsysid.spectral.oma_result import Single, result_of
 from windsysid.spectral.operational import Doubt, OperationalModes
@@ -135,6 +135,7 @@ def _analysed(
             f"modes were sought up to {found.reached:.4g} Hz: peaks go on beyond it, give --range LOW HIGH for them"
         )
         readings = readings._replace(high=found.reached, notes=(*readings.notes, further))
+    readings = readings._replace(notes=(*readings.notes, *map(covered_note, found.covered)))
     progress("checks", None)
     parts = [[transforms(readings, part) for part in _parts(readings.samples, count)] for count in (2, 4)]
     parted = without_flanks([described(one, parts, readings) for one in found.bands if modes_of(one)])
