@@ -109,8 +109,8 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     ConfigurationError, RecordError
         If channels are missing, dead or copies of each other, or the record is too short.
     """
-    chosen = choose_sensors(record, sensors)
-    notes: list[str] = []
+    chosen, left_out = choose_sensors(record, sensors)
+    notes: list[str] = [*left_out]
     channels = [sensor.channel for sensor in chosen]
     helpers = [name for name in ("rotor_azimuth", "rotor_speed") if name in record and name not in channels]
     record = _without_gaps(record.select([*channels, *helpers]), channels, notes)
