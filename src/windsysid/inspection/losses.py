@@ -16,10 +16,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.inspection.health import Finding
+from windsysid.inspection.health import Finding, sampled_every
 from windsysid.records.record import Record
 
 __all__ = ["lost_rows"]
@@ -31,38 +30,45 @@ many modes."""
 MIN_ROWS = 1000
 """Rows below which no model is fitted."""
 
-MAX_ROWS = 500_000
+MAX_ROWS = 100_000
 """Rows from the beginning that are examined."""
 
-MIN_PERIOD, MAX_PERIOD = 3, 64
+MAX_ALONE = 8
+"""Channels that are also examined one by one."""
+
+MIN_PERIOD, MAX_PERIOD = 4, 64
 """Rows from one loss to the next: models cannot but learn from losses that are nearer; those farther apart are lost
 buffers (`continuity.lost_samples`)."""
 
 SIGMAS = 7.0
-"""Of a remainder's sum: exceeded by chance in one of 10⁸ records, over all 2 000 remainders."""
+"""Of a remainder's sum: exceeded by chance in one of 10⁷ records, over all 2 000 remainders, models and channels."""
 
-LEAST_GAIN = 0.3
+LEAST_GAIN = 0.4
 """Of g after a loss: 1 for one row that is lost, less as the model has learnt from the losses."""
 
 OTHERS_GAIN, GAIN_BEFORE = 0.6, 0.3
 """Greatest |g| at any other remainder, and at the one before, relative to g after a loss, which falls from row to row.
 A sinusoid at a multiple of the rate over 2k gives a g that goes up and down by the same."""
 
+EQUAL = 0.5
+"""Least share of the sum after one loss in that after another: where only every second or third is one, k is larger."""
+
 
 class _Prediction(NamedTuple):
-    """x̂₂ − x̂₁ and x − x̂₁ of a record (T, n), whitened over the channels."""
+    """x̂₂ − x̂₁ and x − x̂₁ (T, n), whitened over the channels."""
 
     ahead: Array
     error: Array
 
 
 def lost_rows(record: Record, channels: Sequence[str]) -> list[Finding]:
-    """Rows that were lost though the times go on evenly, in these channels together."""
+    """Rows that were lost though the times go on evenly, in these channels together or in one of them."""
     values = np.column_stack([record[name][:MAX_ROWS] for name in channels]) if channels else np.empty((0, 0))
-    values = values[:, np.isfinite(values).all(axis=0)]
+    usable = [np.isfinite(column).all() and sampled_every(column)[0] == 1 for column in values.T]
+    values = values[:, usable]
     if len(values) < MIN_ROWS or not values.shape[1]:
         return []
-    period = max(_every(_predict(values, order)) for order in ORDERS)[1]
+    period = max(_agreed(_predictions(values, order)) for order in ORDERS)[1]
     if not period:
         return []
     text = (
@@ -73,13 +79,15 @@ def lost_rows(record: Record, channels: Sequence[str]) -> list[Finding]:
     return [Finding("", "lost rows", "warning", text, record.samples, spans)]
 
 
-def _predict(values: Array, order: int) -> _Prediction:
-    """One and two steps ahead, by an autoregressive model of each channel, from row `order` on."""
+def _predictions(values: Array, order: int) -> list[_Prediction]:
+    """One and two steps ahead, by an autoregressive model of each channel, from row `order` on: all channels together,
+    and some alone, as others may be rough."""
     pairs = [_predicted(column - column.mean(), order) for column in values.T]
     ahead, error = (np.column_stack(each)[order:] for each in zip(*pairs, strict=True))
     own, into = np.linalg.eigh(error.T @ error / len(error))
     into = into[:, own > 1e-9 * own[-1]] / np.sqrt(own[own > 1e-9 * own[-1]])
-    return _Prediction(ahead @ into, error @ into)
+    alone = [_Prediction(ahead[:, [i]], error[:, [i]]) for i in range(min(MAX_ALONE, values.shape[1]))]
+    return [_Prediction(ahead @ into, error @ into), *(alone if values.shape[1] > 1 else [])]
 
 
 def _predicted(x: Array, order: int) -> tuple[Array, Array]:
@@ -95,36 +103,56 @@ def _predicted(x: Array, order: int) -> tuple[Array, Array]:
     return (second - first) / size, error / size
 
 
+def _agreed(predictions: Sequence[_Prediction]) -> tuple[float, int]:
+    """What all channels together say, or else two that are examined alone: a row is lost in all of them, and one alone
+    may be computed anew at every k-th row only."""
+    together, *alone = map(_every, predictions)
+    periods = [period for _, period in alone]
+    return max([together, *(one for one in alone if periods.count(one[1]) > 1)])
+
+
 def _every(prediction: _Prediction) -> tuple[float, int]:
     """How clearly rows are lost at a regular distance [standard deviations], and the number of rows from one loss to
     the next; zeros where none are."""
     found = (0.0, 0)
-    for period in range(MIN_PERIOD, min(MAX_PERIOD, len(prediction.error) // 50) + 1):
-        sure = _sure(prediction, period)
-        if sure > max(SIGMAS, found[0]) and _sure(_without_cycle(prediction, period), period) > SIGMAS:
+    terms = _terms(prediction)
+    for period in range(MIN_PERIOD, min(MAX_PERIOD, len(terms) // 50) + 1):
+        sure = _sure(terms, period)
+        if sure > max(SIGMAS, found[0]) and _sure(_terms(_without_cycle(prediction, period)), period) > SIGMAS:
             found = (sure, period)
     return found
 
 
-def _sure(prediction: _Prediction, period: int) -> float:
-    """How far g after a loss is from 0 [standard deviations]; 0 where it does not fall from there on."""
+def _terms(prediction: _Prediction) -> Array:
+    """e·a, its square and |a|² (T, 3)."""
     product = np.sum(prediction.error * prediction.ahead, axis=1)
-    power = np.sum(prediction.ahead**2, axis=1)
-    place: NDArray[np.int64] = np.arange(len(product)) % period
-    sums, squares, powers = (np.bincount(place, each, period) for each in (product, product**2, power))
+    return np.column_stack([product, product**2, np.sum(prediction.ahead**2, axis=1)])
+
+
+def _sure(terms: Array, period: int) -> float:
+    """How far g after a loss is from 0 [standard deviations]; 0 where it does not fall from there on, or is not the
+    same after the next loss and the one after that."""
+    cycles = 2 * (len(terms) // (2 * period))
+    sums, squares, powers = terms[: cycles * period].reshape(cycles, period, 3).sum(axis=0).T
     gain = sums / np.maximum(powers, 1e-300)
     after = int(np.argmax(gain))
-    return float(sums[after] / np.sqrt(max(squares[after], 1e-300))) if _falls_off(np.roll(gain, -after)) else 0.0
+    if not _falls_off(np.roll(gain, -after)):
+        return 0.0
+    for losses in (2, 3):
+        at = terms[after : after + losses * period * ((cycles - 1) // losses) : period]
+        each = at[: len(at) // losses * losses].reshape(-1, losses, 3).sum(axis=0)
+        if each[:, 0].min() < EQUAL * each[:, 0].max():
+            return 0.0
+    return float(sums[after] / np.sqrt(max(squares[after], 1e-300)))
 
 
 def _without_cycle(prediction: _Prediction, period: int) -> _Prediction:
     """The same without what repeats every so many rows, as blows of a machine do that runs in step with the logger."""
-    place: NDArray[np.int64] = np.arange(len(prediction.error)) % period
-    number = np.bincount(place, minlength=period)
+    cycles = len(prediction.error) // period
     parts = []
     for part in prediction:
-        mean = np.column_stack([np.bincount(place, column, period) / number for column in part.T])
-        parts.append(part - mean[place])
+        each = part[: cycles * period].reshape(cycles, period, -1)
+        parts.append((each - each.mean(axis=0)).reshape(cycles * period, -1))
     return _Prediction(*parts)
 
 
