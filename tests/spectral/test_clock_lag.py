@@ -89,3 +89,10 @@ def test_a_velocity_among_displacements_is_no_lag():
     y[:, 2] = 0.05 * np.gradient(y[:, 2]) * RATE
     found = ws.oma(record_of(y, RATE))
     assert not any("its phases grow" in note for note in found.notes)
+
+
+def test_a_channel_that_is_late_in_one_of_two_records_is_put_on_time_before_they_are_joined():
+    found = ws.oma([record_of(floors(seed, lags), RATE) for seed, lags in ((7, (0, 0, 1, 0)), (8, (0, 0, 0, 0)))])
+    assert found.trusted, found.reasons
+    assert max(mode.complexity for mode in found.modes) < 1e-3
+    assert sum("its phases grow with frequency" in note for note in found.notes) == 1
