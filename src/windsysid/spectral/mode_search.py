@@ -186,7 +186,7 @@ def covered_note(band: tuple[float, float]) -> str:
     """The note on a band in which lines leave too few bins."""
     return (
         f"{band[0]:.4g} to {band[1]:.4g} Hz was left out: rotor harmonics of a varying speed, or other lines, cover it;"
-        " choose a section of steadier rotor speed, or a wider band"
+        " choose a steadier section or a wider band"
     )
 
 
