@@ -4,9 +4,10 @@ import re
 from collections.abc import Sequence
 from typing import Literal
 
+from windsysid.inspection.bodies import body_of
 from windsysid.records.record import AS_WRITTEN, Record
 
-__all__ = ["VIBRATION", "Kind", "in_rotating_frame", "kind_of", "kinds", "most_telling"]
+__all__ = ["VIBRATION", "Kind", "kind_of", "kinds", "most_telling"]
 
 Kind = Literal[
     "azimuth", "rotor speed", "wind speed", "direction", "yaw", "pitch", "power",
@@ -61,25 +62,19 @@ def kinds(record: Record) -> dict[str, Kind]:
 
 
 def most_telling(record: Record, first: Sequence[str] = ()) -> list[str]:
-    """Vibration channels, those in `first` before the others, then accelerometers on tower, nacelle and blades."""
+    """Vibration channels, those in `first` before the others, then accelerometers on tower, nacelle and blades; last
+    what reads water, air or mooring lines."""
     known = kinds(record)
     order = {name: i for i, name in enumerate(first)}
 
-    def rank(channel: str) -> tuple[int, int, int, int]:
+    def rank(channel: str) -> tuple[int, bool, int, int, int]:
         ours = channel.startswith(("tower", "nacelle", "blade")) and "kinematic" not in channel
         return (
             order.get(channel, len(order)),
+            body_of(channel) not in ("structure", "rotor"),
             VIBRATION.index(known[channel]),
             0 if ours else 1,
             record.channels.index(channel),
         )
 
     return sorted((name for name in record.channels if known[name] in VIBRATION), key=rank)
-
-
-def in_rotating_frame(channel: str) -> bool:
-    """Whether the instrument turns with the rotor: our blade channels, and OpenFAST's whose names end in a number."""
-    return (
-        channel.startswith("blade_")
-        or re.fullmatch(r"QD?_B\d.*|(Tip|Root|Spn|OoP|IP)\w*[A-Za-z]\d", channel) is not None
-    )

@@ -15,6 +15,7 @@ from windsysid.errors import RecordError
 from windsysid.inspection.channels import VIBRATION, Kind, kinds
 from windsysid.inspection.continuity import copied_channels, copied_passages, lost_samples, overrun
 from windsysid.inspection.health import SEVERITIES, Finding, channel_faults, clock_faults
+from windsysid.inspection.losses import lost_rows
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, TIME, Rotor, implausible, rotor_of
 from windsysid.inspection.silence import silent_stretches
 from windsysid.records.record import Record
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["doubted", "examine", "findings_of", "noted", "read_besides", "screen"]
 
 _DEAD = ("constant", "frozen")
-_FALSE = frozenset({"copied passage", "copy", "lost samples", "overrun"})
+_FALSE = frozenset({"copied passage", "copy", "lost rows", "lost samples", "overrun"})
 """Kinds of findings that make estimates or their bands wrong."""
 _JUMPING = frozenset({"clipping", "frozen", "held", "interpolated", "missing", "overrun", "silent", "spikes"})
 """Kinds of findings that jumps of a channel come from."""
@@ -67,7 +68,8 @@ def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], d
     findings += silent_stretches(record, moving)
     jumping = {finding.channel for finding in findings if finding.kind in _JUMPING}
     if not any(finding.kind in ("gaps", "short gaps", "repeated rows") for finding in findings):
-        findings += lost_samples(record, [channel for channel in moving if channel not in jumping])
+        whole = [channel for channel in moving if channel not in jumping]
+        findings += lost_samples(record, whole) or lost_rows(record, whole)
     rotor = rotor_of(record, set(usable))
     findings += implausible(record, usable, rotor, turbine)
     findings.sort(key=lambda f: (SEVERITIES.index(f.severity), f.channel != ""))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.inspection.channels import in_rotating_frame
+from windsysid.inspection.bodies import body_of
 from windsysid.inspection.health import Finding
 from windsysid.inspection.plausibility import Rotor
 from windsysid.records.checks import refuse_gaps
@@ -179,7 +179,7 @@ def lines_in(
     An instrument that turns sees a mode shifted by 1P.
     """
     lines = []
-    turning = in_rotating_frame(channel)
+    turning = body_of(channel) == "rotor"
     once = rotor.mean / (2.0 * np.pi) if rotor is not None and rotor.turns else 0.0
     spread = 2.0 * rotor.variation if rotor is not None else 0.0
     for n in range(1, 2 * blades + 1):

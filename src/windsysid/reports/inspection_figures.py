@@ -10,7 +10,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from windsysid._types import Array
-from windsysid.inspection.channels import in_rotating_frame
+from windsysid.inspection.bodies import body_of
 from windsysid.inspection.health import Finding
 from windsysid.inspection.spectra import Line, Spectrogram, Spectrum, seen_from
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, envelope, tidy
@@ -272,7 +272,7 @@ def _over_speed(inspection: "Inspection", picture: Spectrogram, line: Line) -> t
     for speed, modes in inspection.modes_over_speed:
         if line.number <= len(modes):
             name, frequency, _ = modes[line.number - 1]
-            turning = in_rotating_frame(picture.channel)
+            turning = body_of(picture.channel) == "rotor"
             seen = {said: f for f, said in seen_from(name, frequency, speed / (2.0 * np.pi), turning)}
             if line.name in seen:
                 speeds.append(speed * RPM)

@@ -9,10 +9,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
+from windsysid.inspection.bodies import body_of
 from windsysid.inspection.channels import VIBRATION, kind_of
+from windsysid.inspection.plausibility import rotor_of
 from windsysid.mechanics.sensor_lists import first_problem, parse_sensors, read_sensor_tables
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.spectral.multiblade import is_blade
 
 __all__ = ["ModalSensor", "choose_sensors", "derivative_order", "read_modal_sensors"]
 
@@ -91,8 +94,15 @@ def as_modal(sensors: Sequence[Sensor | ModalSensor | str]) -> tuple[ModalSensor
     return tuple(found)
 
 
-def choose_sensors(record: Record, sensors: Sequence[Sensor | ModalSensor | str] | None) -> tuple[ModalSensor, ...]:
-    """The sensors that were asked for, or the record's: its accelerometers, or else its most telling kind of channels.
+def choose_sensors(
+    record: Record, sensors: Sequence[Sensor | ModalSensor | str] | None
+) -> tuple[tuple[ModalSensor, ...], tuple[str, ...]]:
+    """The sensors that are listed, or the structure's own: accelerometers, or else the most telling kind of channels.
+
+    Returns
+    -------
+    tuple of tuple of ModalSensor, and tuple of str
+        The sensors, and notes on channels that were left out.
 
     Raises
     ------
@@ -100,22 +110,7 @@ def choose_sensors(record: Record, sensors: Sequence[Sensor | ModalSensor | str]
         If a channel is missing, listed twice or no vibration, or there is none.
     """
     if sensors is None:
-        known = {name: kind_of(name, unit) for name, unit in zip(record.channels, record.units, strict=True)}
-        live = {name: kind for name, kind in known.items() if _moves(record[name])}
-        for kind in VIBRATION:
-            names = [name for name, what in live.items() if what == kind and not _has_measured_twin(name, live)]
-            if names:
-                return tuple(ModalSensor(channel=name) for name in names[:MOST_SENSORS])
-        still = [name for name, kind in known.items() if kind in VIBRATION and name not in live]
-        if still:
-            raise ConfigurationError(
-                f"{record.name}: {', '.join(still[:3])}: constant or empty, which no structure is: expected vibration;"
-                " check sensors and file"
-            )
-        raise ConfigurationError(
-            f"{record.name}: expected channels that show vibration (acceleration, strain, load, displacement, "
-            f"velocity), got none: list them (--sensors)"
-        )
+        return _of_the_structure(record)
     found = as_modal(sensors)
     channels = [sensor.channel for sensor in found]
     for sensor in found:
@@ -128,7 +123,65 @@ def choose_sensors(record: Record, sensors: Sequence[Sensor | ModalSensor | str]
                 f"channel '{sensor.channel}' is listed {channels.count(sensor.channel)} times: list it once"
             )
         derivative_order(sensor, record)
-    return found
+    return found, ()
+
+
+def _of_the_structure(record: Record) -> tuple[tuple[ModalSensor, ...], tuple[str, ...]]:
+    """The channels of the most telling kind that read the structure, and notes on those that read something else."""
+    known = {name: kind_of(name, unit) for name, unit in zip(record.channels, record.units, strict=True)}
+    shaking = [name for name, kind in known.items() if kind in VIBRATION and not _has_measured_twin(name, known)]
+    live = [name for name in shaking if _moves(record[name])]
+    media = [name for name in live if body_of(name) not in ("structure", "rotor")]
+    blades = _turning_blades(record, [name for name in live if name not in media])
+    for kind in VIBRATION:
+        of_kind = [name for name in live if known[name] == kind]
+        names = [name for name in of_kind if name not in media and name not in blades]
+        if names:
+            notes = _left_out(
+                [name for name in blades if known[name] in VIBRATION[: VIBRATION.index(kind) + 1]],
+                [name for name in media if name in of_kind],
+            )
+            return tuple(ModalSensor(channel=name) for name in names[:MOST_SENSORS]), notes
+    still = [name for name in shaking if name not in live and body_of(name) in ("structure", "rotor")]
+    if blades or not still:
+        got = "got none" if not live else f"got only {_listed(live)} of blades, water, air or mooring lines"
+        raise ConfigurationError(
+            f"{record.name}: expected channels that show the structure's vibration (acceleration, strain, load, "
+            f"displacement, velocity), {got}: list them (--sensors)"
+        )
+    raise ConfigurationError(
+        f"{record.name}: {', '.join(still[:3])}: constant or empty, which no structure is: expected vibration;"
+        " check sensors and file"
+    )
+
+
+def _turning_blades(record: Record, names: Sequence[str]) -> list[str]:
+    """Channels of blades that cannot be turned into the fixed frame: those that do not name their blade as
+    ``blade_1_…`` where the rotor turns; all of them, if others are fixed, where nothing tells whether it does."""
+    blades = [name for name in names if body_of(name) == "rotor"]
+    rotor = rotor_of(record)
+    if rotor is not None and rotor.turns:
+        return [name for name in blades if not is_blade(name)]
+    return blades if rotor is None and len(blades) < len(names) else []
+
+
+def _left_out(blades: Sequence[str], media: Sequence[str]) -> tuple[str, ...]:
+    """Notes on channels that were not analysed."""
+    notes = []
+    if blades:
+        notes.append(
+            f"left out: {_listed(blades)}: on a blade that turns modes show at f ± 1P; map every blade's to blade_1_… "
+            "and record rotor_azimuth, or list them (--sensors)"
+        )
+    if media:
+        notes.append(
+            f"left out: {_listed(media)}: water, air or mooring lines, not the structure; list them to use them"
+        )
+    return tuple(notes)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def derivative_order(sensor: ModalSensor, record: Record) -> int:

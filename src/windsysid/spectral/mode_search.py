@@ -14,7 +14,18 @@ from windsysid.spectral.modal_checks import is_flank
 from windsysid.spectral.oma_data import Readings, transforms
 from windsysid.spectral.order import BandFit, fit_band
 
-__all__ = ["Found", "band_bins", "fit_between", "is_hump", "modes_inside", "modes_of", "search_again", "search_modes"]
+__all__ = [
+    "MIN_BINS",
+    "Found",
+    "band_bins",
+    "covered_note",
+    "fit_between",
+    "is_hump",
+    "modes_inside",
+    "modes_of",
+    "search_again",
+    "search_modes",
+]
 
 MOST_MODES = 5
 """In one band."""
@@ -44,6 +55,10 @@ EXPLAINED = 5.0
 LEAST_EVIDENCE = 10.0
 """2 ln of the evidence for a mode against none."""
 
+MIN_BINS = 8
+"""Frequency bins that a band needs when those of lines are left out: with fewer, the halves of a record cannot be
+compared either."""
+
 
 class Found(NamedTuple):
     """What was found in a record.
@@ -58,6 +73,8 @@ class Found(NamedTuple):
         Bands that were asked for and hold no mode.
     reached
         Up to where modes were sought [Hz], where peaks go on beyond; else None.
+    covered
+        Bands in which rotor harmonics and other lines leave too few bins [Hz]: they were not analysed.
     """
 
     frequency: Array
@@ -65,6 +82,7 @@ class Found(NamedTuple):
     bands: tuple[BandFit, ...]
     empty: tuple[tuple[float, float], ...]
     reached: float | None = None
+    covered: tuple[tuple[float, float], ...] = ()
 
 
 def search_modes(
@@ -98,11 +116,13 @@ def search_modes(
     else:
         seen = []
         wanted = [_checked_band(band, readings, step) for band in bands]
-    found: list[BandFit] = []
+    fits: list[BandFit | None] = []
     for i, (low, high, count) in enumerate(wanted):
         progress(f"modes from {low:.4g} to {high:.4g} Hz", i / len(wanted))
         most = count if bands is None else MOST_MODES
-        found.append(fit_between(frequency, values, readings, low, high, count, most))
+        fits.append(fit_between(frequency, values, readings, low, high, count, most))
+    covered = tuple((low, high) for (low, high, _), one in zip(wanted, fits, strict=True) if one is None)
+    found = [one for one in fits if one is not None]
     for again in range(AGAIN if bands is None else 0):
         progress("bands around what was found", None)
         found = search_again(found, frequency, values, readings, [] if again else seen, keep=again > 0)
@@ -115,10 +135,10 @@ def search_modes(
         found = search_again(found, frequency, values, readings, [], keep=True)
     empty = [
         (low, high)
-        for (low, high, _), one in zip(wanted, found, strict=False)
-        if bands is not None and not modes_inside(one, 1.0 / step)
+        for (low, high, _), one in zip(wanted, fits, strict=True)
+        if bands is not None and (one is None or not modes_inside(one, 1.0 / step))
     ]
-    return Found(frequency, values, tuple(found), tuple(empty), reached)
+    return Found(frequency, values, tuple(found), tuple(empty), reached, covered)
 
 
 def _checked_band(band: tuple[float, float], readings: Readings, step: float) -> tuple[float, float, int]:
@@ -145,9 +165,12 @@ def fit_between(
     count: int,
     most: int,
     known: Sequence[tuple[float, float]] = (),
-) -> BandFit:
-    """The modes of one band, its lines left out; `known` are modes to begin with, as `fit_band` has them."""
+) -> BandFit | None:
+    """The modes of one band, its lines left out, or None where fewer than `MIN_BINS` bins remain; `known` are modes to
+    begin with, as `fit_band` has them."""
     bins = band_bins(frequency, readings, low, high)
+    if len(bins) < MIN_BINS:
+        return None
     return fit_band(values[bins], bins, readings.samples, readings.rate, count, most, known)
 
 
@@ -155,10 +178,16 @@ def band_bins(frequency: Array, readings: Readings, low: float, high: float) -> 
     """The bins of a band, those of lines left out."""
     inside = (frequency >= low) & (frequency <= high)
     for line in readings.lines:
-        off = np.abs(frequency - line.frequency)
-        if off[inside].size and off[inside].min() < line.half_width and inside.sum() > 16:
-            inside &= off > line.half_width
+        inside &= np.abs(frequency - line.frequency) > line.half_width
     return np.flatnonzero(inside)
+
+
+def covered_note(band: tuple[float, float]) -> str:
+    """The note on a band in which lines leave too few bins."""
+    return (
+        f"{band[0]:.4g} to {band[1]:.4g} Hz was left out: rotor harmonics of a varying speed, or other lines, cover it;"
+        " choose a steadier section or a wider band"
+    )
 
 
 def modes_of(found: BandFit) -> int:
@@ -214,12 +243,13 @@ def search_again(
             if peak.frequency in modes and low < peak.frequency < high
         ]
         one = same[0] if same else fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
-        if known and not modes_inside(one, 1.0 / step):  # too narrow to tell: neighbours' flanks are let in
+        if known and (one is None or not modes_inside(one, 1.0 / step)):  # too narrow: neighbours' flanks are let in
             inside = [peak for peak in single if low < peak.frequency < high]
             low, high = widened(inside, [peak for peak in single if peak not in inside], low, high, step)
             low, high = max(low, readings.low), min(high, readings.high)
             one = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
-        again.append(one)
+        if one is not None:
+            again.append(one)
     return again
 
 

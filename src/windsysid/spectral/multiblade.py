@@ -13,7 +13,7 @@ import numpy as np
 
 from windsysid._types import Array, Complex
 
-__all__ = ["BladeSet", "blade_sets", "multiblade"]
+__all__ = ["BladeSet", "blade_sets", "is_blade", "multiblade"]
 
 _BLADE = re.compile(r"blade_(\d+)_(.+)")
 
@@ -23,6 +23,11 @@ class BladeSet(NamedTuple):
 
     what: str
     columns: tuple[int, ...]
+
+
+def is_blade(name: str) -> bool:
+    """Whether a channel's name says which blade it reads, as `blade_sets` needs it."""
+    return _BLADE.fullmatch(name) is not None
 
 
 def blade_sets(names: list[str], blades: int | None = None) -> tuple[list[BladeSet], list[int]]:

@@ -18,11 +18,12 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
+from windsysid.spectral.clock_lag import clock_lags, lag_doubt, on_time
 from windsysid.spectral.images import with_images
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.spectral.mode_description import described, named, with_neighbours, with_references, without_flanks
-from windsysid.spectral.mode_search import modes_of, search_modes
-from windsysid.spectral.oma_data import prepare_readings, transforms
+from windsysid.spectral.mode_search import covered_note, modes_of, search_modes
+from windsysid.spectral.oma_data import Readings, prepare_readings, transforms
 from windsysid.spectral.oma_result import Single, result_of
 from windsysid.spectral.operational import Doubt, OperationalModes
 from windsysid.spectral.several import join
@@ -129,17 +130,37 @@ def _analysed(
         sensors = [sensor for sensor in machine.sensors if sensor.channel in used] or None
     progress("lines and multi-blade coordinates", None)
     readings = prepare_readings(used, sensors)
+    single = _searched(whole, readings, bands, limits, progress)
+    lags = clock_lags(single.modes, readings)
+    sure = [lag for lag in lags if not lag.others]
+    if sure:
+        progress("late channels put right", None)
+        single = _searched(whole, on_time(readings, sure), bands, limits, progress)
+    unsure = [lag_doubt(single.readings.names[lag.channel], lag) for lag in lags if lag.others]
+    return single._replace(readings=single.readings._replace(doubts=(*single.readings.doubts, *unsure)))
+
+
+def _searched(
+    whole: Record,
+    readings: Readings,
+    bands: Sequence[tuple[float, float]] | None,
+    limits: tuple[float, float] | None,
+    progress: Progress,
+) -> Single:
+    """The modes in readings of a record, and why not to trust them."""
     found = search_modes(readings, bands, limits, progress)
+    told = readings
     if found.reached is not None:
         further = (
             f"modes were sought up to {found.reached:.4g} Hz: peaks go on beyond it, give --range LOW HIGH for them"
         )
-        readings = readings._replace(high=found.reached, notes=(*readings.notes, further))
+        told = told._replace(high=found.reached, notes=(*told.notes, further))
+    told = told._replace(notes=(*told.notes, *map(covered_note, found.covered)))
     progress("checks", None)
     parts = [[transforms(readings, part) for part in _parts(readings.samples, count)] for count in (2, 4)]
-    parted = without_flanks([described(one, parts, readings) for one in found.bands if modes_of(one)])
+    parted = without_flanks([described(one, parts, told) for one in found.bands if modes_of(one)])
     modes = sorted((mode for band in parted for mode in with_neighbours(band)), key=lambda mode: mode.frequency)
-    return Single(whole, readings, found, tuple(with_images(modes, found.frequency, found.values)))
+    return Single(whole, told, found, tuple(with_images(modes, found.frequency, found.values)))
 
 
 def _parts(samples: int, count: int) -> list[slice]:

@@ -19,7 +19,7 @@ from windsysid.signals.condition import resample
 from windsysid.signals.short_gaps import fill_short_gaps
 from windsysid.spectral.dft import transform
 from windsysid.spectral.modal_sensors import ModalSensor, choose_sensors, derivative_order
-from windsysid.spectral.multiblade import blade_sets, multiblade
+from windsysid.spectral.multiblade import BladeSet, blade_sets, multiblade
 from windsysid.spectral.tonal import find_lines, without_harmonics, without_line
 
 __all__ = ["Line", "Readings", "prepare_readings", "transforms"]
@@ -115,8 +115,8 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     ConfigurationError, RecordError
         If channels are missing, dead or copies of each other, or the record is too short.
     """
-    chosen = choose_sensors(record, sensors)
-    notes: list[str] = []
+    chosen, left_out = choose_sensors(record, sensors)
+    notes: list[str] = [*left_out]
     channels = [sensor.channel for sensor in chosen]
     helpers = [name for name in ("rotor_azimuth", "rotor_speed") if name in record and name not in channels]
     record = _without_gaps(record.select([*channels, *helpers]), channels, notes)
@@ -126,89 +126,115 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     notes += noted(findings) + ((_bridged_spikes(few, record.samples),) if few else ())
     doubts = [_doubt_of(finding) for finding in findings if finding.kind in TELLING] + list(doubted(findings))
     values = np.column_stack([_bridged(_without_spikes(record, name, few)) for name in channels])
-    copies = copies_among(values)
-    if copies and sensors is not None:
-        i, j = copies[0]
-        raise RecordError(
-            f"{record.name}: channel '{channels[j]}' is a copy of '{channels[i]}': leave one of them out of the sensors"
-        )
-    for i, j in copies:
-        notes.append(f"{channels[j]} is a copy of {channels[i]} and is left out")
-    kept = [i for i in range(len(channels)) if i not in {j for _, j in copies}]
+    kept = _without_copies(record, channels, values, notes, refuse=sensors is not None)
     chosen, values = tuple(chosen[i] for i in kept), values[:, kept]
-    rate = record.rate
+    high = _highest(record, chosen, values, notes)
+    azimuth, rotor_hz, harmonics = _rotor(record, high, notes, doubts)
     low = LOWEST_BINS / record.duration
-    high = HIGHEST * rate
-    if LOW_PASS in record.attributes:
-        high = min(high, LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
-    slowest = max((sampled_every(column)[0], one.channel) for column, one in zip(values.T, chosen, strict=True))
-    if slowest[0] > 1 and HIGHEST * rate / slowest[0] < high:
-        high = HIGHEST * rate / slowest[0]
-        read = f"{rate / slowest[0]:.4g} times a second and filled in between"
-        notes.append(f"{slowest[1]} was read {read}: modes are sought below {high:.4g} Hz")
-    azimuth, rotor_hz, lines = _rotor(record, high, notes, doubts)
-    values = values - values.mean(axis=0)
-    if azimuth is not None:
-        values = without_harmonics(values, azimuth)
-    elif rotor_hz:
-        for line in lines:
-            values = without_line(values, rate, line.frequency)
-    machines = [
-        f
-        for f in find_lines(values, rate, low, high)
-        if all(abs(f - line.frequency) > 2.0 * line.half_width for line in lines)
-    ]
-    for f in machines:
-        values = without_line(values, rate, f)
-        lines.append(Line("line", f, 2.0 * rate / len(values)))
-    if machines:
-        listed = ", ".join(f"{f:.4g}" for f in machines[:8]) + (" …" if len(machines) > 8 else "")
-        notes.append(f"steady lines were taken out at {listed} Hz: no vibration under random loads looks like that")
+    values, lines = _without_lines(values - values.mean(axis=0), record.rate, azimuth, harmonics, (low, high), notes)
     doubts += _transient(values)
-    names = [sensor.channel for sensor in chosen]
-    sets, incomplete = blade_sets(names)
-    on_blades = [c for found in sets for c in found.columns]
-    turns = rotor_hz > 0.0
-    if (sets or incomplete) and turns and azimuth is None:
-        notes.append(
-            "rotor_azimuth is missing: the blades' channels are left out, since their frequencies are shifted by the "
-            "turning"
-        )
-        incomplete, sets = [*incomplete, *on_blades], []
-    elif incomplete and turns:
-        notes.append(
-            f"left out: {', '.join(names[i] for i in incomplete)}: multi-blade coordinates need every blade's sensor"
-        )
-    elif not turns:
-        sets, incomplete, on_blades = [], [], []
-    still = [i for i in range(len(names)) if i not in on_blades and i not in incomplete]
+    still, sets = _frames([sensor.channel for sensor in chosen], azimuth, rotor_hz, notes)
     if not still and not sets:
         raise RecordError(
             f"{record.name}: no channel is left: record rotor_azimuth and a sensor on every blade, or one on the tower"
         )
-    columns, turning = [values[:, i] for i in still], []
-    found_names = [names[i] for i in still]
+    fixed, turning = [values[:, i] for i in still], []
     for found in sets:
         assert azimuth is not None
         mean, z = multiblade(values[:, list(found.columns)], azimuth)
-        columns.append(mean)
+        fixed.append(mean)
         turning.append(z)
-        found_names.append(f"blades_{found.what} collective")
-    for found in sets:
-        found_names += [f"blades_{found.what} forward", f"blades_{found.what} backward"]
-    of = (
-        [chosen[i] for i in still]
-        + [chosen[s.columns[0]] for s in sets]
-        + [chosen[s.columns[0]] for s in sets for _ in range(2)]
-    )
-    units = [record.unit(sensor.channel) for sensor in of]
-    orders = [derivative_order(sensor, record) for sensor in of]
-    z_all = np.column_stack(turning) if turning else np.empty((len(values), 0), dtype=np.complex128)
+    names = [chosen[i].channel for i in still] + [f"blades_{found.what} collective" for found in sets]
+    names += [f"blades_{found.what} {way}" for found in sets for way in ("forward", "backward")]
+    of = [chosen[i] for i in still] + [chosen[found.columns[0]] for found in sets]
+    of += [chosen[found.columns[0]] for found in sets for _ in range(2)]
     return Readings(
-        tuple(found_names), tuple(units), tuple([chosen[i] for i in still] + [None] * (3 * len(sets))), tuple(orders),
-        np.column_stack(columns), z_all,
-        rate, low, high, tuple(lines), rotor_hz, tuple(notes), tuple(doubts), record,
-    )  # fmt: skip
+        names=tuple(names),
+        units=tuple(record.unit(sensor.channel) for sensor in of),
+        sensors=tuple([chosen[i] for i in still] + [None] * (3 * len(sets))),
+        orders=tuple(derivative_order(sensor, record) for sensor in of),
+        fixed=np.column_stack(fixed),
+        turning=np.column_stack(turning) if turning else np.empty((len(values), 0), dtype=np.complex128),
+        rate=record.rate,
+        low=low,
+        high=high,
+        lines=tuple(lines),
+        rotor_hz=rotor_hz,
+        notes=tuple(notes),
+        doubts=tuple(doubts),
+        used=record,
+    )
+
+
+def _without_copies(
+    record: Record, channels: Sequence[str], values: Array, notes: list[str], *, refuse: bool
+) -> list[int]:
+    """Which columns of values (T, n) are no copies of others; a copy is refused, or else noted."""
+    copies = copies_among(values)
+    if copies and refuse:
+        i, j = copies[0]
+        raise RecordError(
+            f"{record.name}: channel '{channels[j]}' is a copy of '{channels[i]}': leave one of them out of the sensors"
+        )
+    notes += [f"{channels[j]} is a copy of {channels[i]} and is left out" for i, j in copies]
+    return [i for i in range(len(channels)) if i not in {j for _, j in copies}]
+
+
+def _highest(record: Record, chosen: Sequence[ModalSensor], values: Array, notes: list[str]) -> float:
+    """Up to where modes are sought [Hz]: below the rate of the slowest channel and the record's low-pass."""
+    high = HIGHEST * record.rate
+    if LOW_PASS in record.attributes:
+        high = min(high, LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
+    slowest = max((sampled_every(column)[0], one.channel) for column, one in zip(values.T, chosen, strict=True))
+    if slowest[0] > 1 and HIGHEST * record.rate / slowest[0] < high:
+        high = HIGHEST * record.rate / slowest[0]
+        read = f"{record.rate / slowest[0]:.4g} times a second and filled in between"
+        notes.append(f"{slowest[1]} was read {read}: modes are sought below {high:.4g} Hz")
+    return high
+
+
+def _without_lines(
+    values: Array, rate: float, azimuth: Array | None, harmonics: Sequence[Line], limits: tuple[float, float],
+    notes: list[str],
+) -> tuple[Array, list[Line]]:  # fmt: skip
+    """Values (T, n) without the rotor's harmonics and other sinusoids, and all these lines."""
+    if azimuth is not None:
+        values = without_harmonics(values, azimuth)
+    else:
+        for line in harmonics:
+            values = without_line(values, rate, line.frequency)
+    machines = [
+        f
+        for f in find_lines(values, rate, *limits)
+        if all(abs(f - line.frequency) > 2.0 * line.half_width for line in harmonics)
+    ]
+    for f in machines:
+        values = without_line(values, rate, f)
+    if machines:
+        listed = ", ".join(f"{f:.4g}" for f in machines[:8]) + (" …" if len(machines) > 8 else "")
+        notes.append(f"steady lines were taken out at {listed} Hz: no vibration under random loads looks like that")
+    return values, [*harmonics, *(Line("line", f, 2.0 * rate / len(values)) for f in machines)]
+
+
+def _frames(
+    names: list[str], azimuth: Array | None, rotor_hz: float, notes: list[str]
+) -> tuple[list[int], list[BladeSet]]:
+    """Columns that are in the fixed frame, and sets of blades that turn and can be turned into it."""
+    if rotor_hz <= 0.0:
+        return list(range(len(names))), []
+    sets, incomplete = blade_sets(names)
+    on_blades = [c for found in sets for c in found.columns]
+    if (sets or incomplete) and azimuth is None:
+        notes.append(
+            "rotor_azimuth is missing: the blades' channels are left out, since their frequencies are shifted by the "
+            "turning"
+        )
+        sets = []
+    elif incomplete:
+        notes.append(
+            f"left out: {', '.join(names[i] for i in incomplete)}: multi-blade coordinates need every blade's sensor"
+        )
+    return [i for i in range(len(names)) if i not in on_blades and i not in incomplete], sets
 
 
 def transforms(readings: Readings, part: slice = slice(None)) -> tuple[Array, Complex]:

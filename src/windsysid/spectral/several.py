@@ -26,7 +26,7 @@ from windsysid.spectral.modal_scoring import Fit, score_together
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.spectral.modal_start import modes_at
 from windsysid.spectral.mode_description import mode_of, with_neighbours
-from windsysid.spectral.mode_search import band_bins, is_hump
+from windsysid.spectral.mode_search import MIN_BINS, band_bins, covered_note, is_hump
 from windsysid.spectral.oma_result import Single, drawn, result_of
 from windsysid.spectral.operational import Doubt, DoubtKind, OperationalMode, OperationalModes, Part
 from windsysid.spectral.order import BandFit, full_shapes, principal_directions
@@ -79,15 +79,19 @@ def join(singles: Sequence[Single]) -> OperationalModes:
     kept = [track for track in tracks if _is_mode(track, singles)]
     left = [track for track in tracks if track not in kept]
     modes: list[tuple[OperationalMode, dict[int, int]]] = []
-    bands = []
+    bands, covered = [], []
     for low, high, group in _groups(kept, singles):
         fits = _together(singles, group, low, high)
+        if fits is None:
+            covered.append((low, high))
+            continue
         bands.append(drawn(fits[0]))
         described = [_described(fits, j, track, singles, sensors) for j, track in enumerate(group)]
         modes += zip(with_neighbours(described), group, strict=True)
     modes.sort(key=lambda pair: pair[0].frequency)
     whole = _result(singles, results, sensors, modes, left)
-    return replace(whole, bands=tuple(bands), doubts=(*find_repeated(singles), *whole.doubts))
+    notes = [*whole.notes, *(covered_note(band) for band in covered)]
+    return replace(whole, bands=tuple(bands), notes=tuple(notes), doubts=(*find_repeated(singles), *whole.doubts))
 
 
 def _all_sensors(results: Sequence[OperationalModes]) -> _Sensors:
@@ -155,8 +159,10 @@ def _groups(
     return found
 
 
-def _together(singles: Sequence[Single], group: Sequence[dict[int, int]], low: float, high: float) -> list[BandFit]:
-    """The modes of one band from all records."""
+def _together(
+    singles: Sequence[Single], group: Sequence[dict[int, int]], low: float, high: float
+) -> list[BandFit] | None:
+    """The modes of one band from all records; None where lines leave too few bins in one of them."""
     known = []
     for track in group:
         of = [singles[s].modes[j] for s, j in track.items()]
@@ -166,6 +172,8 @@ def _together(singles: Sequence[Single], group: Sequence[dict[int, int]], low: f
     parts = []
     for single in singles:
         bins = band_bins(single.found.frequency, single.readings, low, high)
+        if len(bins) < MIN_BINS:
+            return None
         values = single.found.values[bins]
         directions, back = principal_directions(values, min(values.shape[1], len(group) + 2))
         band = band_data(values @ back.T, bins, single.readings.samples, single.readings.rate)

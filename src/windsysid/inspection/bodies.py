@@ -1,0 +1,62 @@
+"""Which body or medium a channel reads: the structure, or blades, water, air and mooring lines beside it.
+
+Only the name tells. Known are the output lists of OpenFAST (ElastoDyn, BeamDyn, AeroDyn, SeaState, HydroDyn, MoorDyn),
+HAWC2's sensors with their main bodies and coordinates, Bladed's variables, windsysid's own names, and plain words.
+"""
+
+import re
+from typing import Literal
+
+__all__ = ["Body", "body_of"]
+
+Body = Literal["structure", "rotor", "water", "air", "mooring"]
+"""What a channel is attached to: ``rotor`` for blades, and for hub and shaft in coordinates that turn with them."""
+
+_OPENFAST: tuple[tuple[Body, str], ...] = (
+    ("rotor", r"QD?2?_B\d.*"),  # ElastoDyn: degrees of freedom of blades
+    ("rotor", r"(Tip|Spn\d)(D|AL|TD|RD|ML|FL)g?[xyz][bc]\d"),  # TipALxb1, Spn3ALxb1
+    ("rotor", r"TipClrnc\d|(OoP|IP|Twst|Roll|Ptch)Defl\d|Root[FM][A-Za-z]{1,5}\d"),  # RootMxc2, RootMEdg1
+    ("rotor", r"(LSShft|LSSGag|LSSTip)[FM][yz]a"),  # shaft in rotating coordinates
+    ("rotor", r"A?B\d(N\d+|_?Z\d+|Tip|Root|Fld|Aero)\w*"),  # nodes of BeamDyn, ElastoDyn and AeroDyn: B1N001_TAxl
+    ("water", r"Wave\d?(Elev|Elv\d|[VA]\w*|DynP)\w*|W\d+[VA][xyz]i"),  # HydroDyn, SeaState: Wave1Elev
+    ("water", r"F(Vel|Acc|AccMCF)\d+[xyz]i|FDynP\d+"),  # SeaState: FAcc1xi
+    ("water", r"M\d+N\d+(F[VA]|FAMCF)[xyz]i|[MJ]\d+(N\d+)?F?DynP"),  # HydroDyn: M1N1FAxi
+    ("water", r"(Hydro|Waves?|Rdtn|HdrStc|Add)[FM]\d?[xyz]i|B\d(Wvs|HdS|Rdt|Add)[FM]\w*"),  # loads of the water
+    ("air", r"Wind(Hub)?(\d|Vel|Mag|Acc|Dir)\w*|RtVAvg\w*|TwN\d+[VF]\w*|(Rt|Twr)(Fld|Aero)[FM]\w*"),
+    ("mooring", r"L(ine)?\d+N\d+([PVAF][xyz]|T\w*)|(Con(nect)?|Point)\d+[PVAFT]\w*|(Fair|Anch)Ten\d*|T\[\d.*"),
+)
+"""Names of OpenFAST's channels, whole and in any case."""
+
+_WORDS: tuple[tuple[Body, str], ...] = (
+    ("water", r"\bwaves?\b|\bfluid\b|^(sea|water) level\b"),
+    ("water", r"\b(sea|water) (surface|particle|elevation|vel|velocity|acc|acceleration|height|pressure)\b"),
+    ("air", r"\bwind (speed|velocity|dir|direction|v[xyz])\b|\bwsp\b|\bfree wind\b|^induc|\bvrel\b|\banemometer\b"),
+    ("rotor", r"\bblades?\b|\bbld ?[a-c\d]?\b|\bcoo: *(blade|hub|shaft)(?! ?non)|\brotating hub\b"),
+    ("mooring", r"\bmooring\b|\bfairlead\b"),
+)
+"""Words in names that people and other programs write: HAWC2 ``Mbdy:blade1 … coo: blade1``, Bladed ``Blade 1 …``."""
+
+
+def body_of(channel: str) -> Body:
+    """The body or medium that a channel reads, by its name; ``structure`` where the name does not say another.
+
+    Examples
+    --------
+    >>> body_of("Spn3ALxb1"), body_of("FAcc1xi"), body_of("YawBrTAxp")
+    ('rotor', 'water', 'structure')
+    """
+    bare = channel.lstrip("-_ ")
+    for body, names in _OPENFAST:
+        if re.fullmatch(names, bare, re.IGNORECASE):
+            return body
+    words = _in_words(bare)
+    for body, pattern in _WORDS:
+        if re.search(pattern, words):
+            return body
+    return "structure"
+
+
+def _in_words(name: str) -> str:
+    """A name in small letters, its words apart: ``Blade1AccX`` is ``blade 1 acc x``."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Za-z])(?=\d)|(?<=\d)(?=[A-Za-z])", " ", name)
+    return re.sub(r"[^a-z0-9:]+", " ", apart.lower()).strip()
