@@ -104,6 +104,7 @@ def propose_mapping(path: str | Path, mapping: str | Path | Mapping | None = Non
         If the file cannot be read even without the units of its channels; or it is OpenFAST's and needs no mapping.
     """
     given = mapping if isinstance(mapping, Mapping) else Mapping() if mapping is None else load_mapping(mapping)
+    given = _with_format(Path(path), given)
     whole, texts = _as_it_is(Path(path), given)
     record = read_record(path, mapping=whole)
     if record.attributes.get("source") == "OpenFAST":
@@ -113,6 +114,15 @@ def propose_mapping(path: str | Path, mapping: str | Path | Mapping | None = Non
     guesses = [_guess(record, name, known[name], rotor) for name in record.channels]
     left = (f"Left out, because they hold text: {', '.join(texts)}.",) if texts else ()
     return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*_about(record), remark, *left))
+
+
+def _with_format(path: Path, given: Mapping) -> Mapping:
+    """The mapping with the format of the dates in a text, where only one fits."""
+    if format_of(path) is not csv.FORMAT:
+        return given
+    with named_after(path):
+        found = csv.format_of_dates(path, given)
+    return given if found is None else replace(given, time=replace(given.time, format=found))
 
 
 def _as_it_is(path: Path, given: Mapping) -> tuple[Mapping, tuple[str, ...]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["grid_behind"]
+__all__ = ["grid_behind", "near_step", "rhythm"]
 
 ENOUGH = 8.0
 """Log likelihood by which readings have to be smoother on the grid than at their stamps."""
@@ -53,7 +53,7 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
         The grid's beginning [s] and step [s], and the place of each sample on it; None where two samples fall on one
         place though some were lost, or where readings are not clearly smoother there than at their stamps.
     """
-    begin, step = _rhythm(time, step)
+    begin, step = rhythm(time, step)
     for _ in range(2):
         index = np.rint((time - begin) / step)
         step, begin = map(float, np.polyfit(index, time, 1))
@@ -69,7 +69,16 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
     return begin + step * float(index[0]), step, index - index[0]
 
 
-def _rhythm(time: Array, step: float) -> tuple[float, float]:
+def near_step(time: Array) -> float:
+    """Mean [s] of the steps that are nearer to the median step than to a gap: times written with few digits scatter
+    about the step, so that the median alone is wrong by that scatter."""
+    steps = np.diff(time)
+    median = np.median(steps)
+    near = steps[np.abs(steps - median) < 0.5 * median]
+    return float(np.mean(near)) if near.size else float(median)
+
+
+def rhythm(time: Array, step: float) -> tuple[float, float]:
     """Beginning and step [s] of the grid that times keep to best, near a step: where the sum of their phases is longest
     (Rayleigh's periodogram), over ever longer parts from the beginning on."""
     reach, samples = NEAR, FIRST

@@ -22,6 +22,7 @@ from windsysid.records.record import AS_WRITTEN
 from windsysid.units import is_same_quantity, si_unit, to_si
 
 __all__ = [
+    "COUNTER_NAMES",
     "DATE_NAMES",
     "SUFFIXES",
     "TIME_NAMES",
@@ -53,6 +54,9 @@ DATE_NAMES = ("date", "datum", "dato", "fecha", "data", "day")
 
 TIME_NAMES = ("time", "t", "timestamp", "datetime", "date time", "date/time", "zeit", "tid", "uhrzeit", "hora")
 """Names of a time column, in any case."""
+
+COUNTER_NAMES = ("count", "counter", "sample", "samples", "index", "scan", "record", "row", "no", "no.", "nr", "n", "#")
+"""Names of a column that counts samples, in any case: with the mapping's `rate` it is the time."""
 
 
 @dataclass(frozen=True)
@@ -110,21 +114,22 @@ def _is_meant(name: str, suffix: str, unit: str) -> bool:
 
 
 def find_times(cells: Sequence[Cell], mapping: Mapping) -> tuple[int, ...]:
-    """The columns of the time: none where the mapping says the rate; two where date and time of day stand apart.
+    """The columns of the time: two where date and time of day stand apart; where the mapping gives the rate, none
+    unless the first one is called as a time or a counter is.
 
     Raises
     ------
     RecordError, ConfigurationError
         As `find_time`.
     """
-    if mapping.time.rate is not None:
-        return ()
     wanted = mapping.time.column
     if isinstance(wanted, tuple):
         return tuple(find_time(cells, replace(mapping, time=replace(mapping.time, column=name))) for name in wanted)
     names = [cell.name.lower() for cell in cells[:2]]
     if wanted is None and len(names) == 2 and names[0] in DATE_NAMES and names[1] in TIME_NAMES:
         return 0, 1
+    if wanted is None and mapping.time.rate is not None:
+        return (0,) if names and names[0] in (*TIME_NAMES, *COUNTER_NAMES) else ()
     return (find_time(cells, mapping),)
 
 
@@ -152,8 +157,8 @@ def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
     if not cells or cells[0].name.lower() not in TIME_NAMES:
         first = cells[0].written if cells else ""
         raise RecordError(
-            f"the first column is '{first[:40]}', expected 'time [s]'; put the time first, or name its column in the "
-            "mapping file: [time] column"
+            f"the first column is '{first[:40]}', expected 'time [s]'; put the time first, or write [time] column"
+            " into a mapping file, or [time] rate where none is a time"
         )
     return 0
 

@@ -27,8 +27,9 @@ import numpy as np
 import numpy.typing as npt
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.clock import Clock, make_clock, start_of
+from windsysid.records.formats.clock import Clock, counted_clock, make_clock, start_of
 from windsysid.records.formats.columns import Column, find_times, plan_columns
+from windsysid.records.formats.dates import fitting_formats, is_stamp
 from windsysid.records.formats.dialect import Layout, find_layout, is_number, split
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
@@ -36,12 +37,13 @@ from windsysid.records.formats.source import Block, Source
 from windsysid.records.formats.text import LineBlock, encoding_of, last_line, line_blocks
 from windsysid.records.record import Array, Record
 
-__all__ = ["FORMAT", "columns_of_text"]
+__all__ = ["FORMAT", "columns_of_text", "format_of_dates"]
 
 Numbers = npt.NDArray[np.int64]
 
 _TRUTHS = (b"True", b"TRUE", b"true", b"False", b"FALSE", b"false")
 _HEAD = 1 << 18  # bytes that tell how a file is written
+_NUMBERS, _DATES = 20, 1000  # rows that show what a time counts, or how a date is written
 _SHORT = 1 << 23
 """Bytes of a file that NumPy reads in less time than pandas takes to be imported; of longer ones pandas reads a number
 in a sixth of the time."""
@@ -55,8 +57,7 @@ def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     if not head:
         raise RecordError("holds only blank lines; expected a header line and rows of numbers")
     rate = mapping.time.rate
-    layout = find_layout(head, mapping.csv, timed=rate is None)
-    times = find_times(layout.cells, mapping)
+    layout, times = _layout_and_times(head, mapping)
     rows = [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
     columns = plan_columns(
         layout.cells, times, mapping, lambda i: _numbers(rows, i, layout), "write '{}' in the header"
@@ -66,35 +67,64 @@ def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     if not keep:
         attributes["cut_off"] = "the last line has no end and may be cut off; it is left out"
     width = max(1, len(layout.cells))
-    first = [(number, " ".join(cells[i] for i in times)) for number, cells in rows[:20] if len(cells) >= width]
+    first = _stamps(rows, times, width)
     if not first:
         raise RecordError(
             f"line {rows[0][0] if rows else layout.first_row} has {len(rows[0][1]) if rows else 0} cells, expected"
             f" {width} as in the header; complete or remove that line"
         )
-    if rate is not None:
-        clock = Clock()
-    else:
+    if not layout.headed and times and mapping.time.column is None:
+        _check_headless_time(first, layout.decimal)
+    clock = Clock()
+    if times:
         unit, cells = layout.cells[times[0]].unit, [cell for _, cell in first]
-        clock = make_clock(cells, unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
+        make = make_clock if rate is None else counted_clock
+        found = make(cells, unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
+        times, clock = ((), clock) if found is None else (times, found)
     if len(times) == 2 and not clock.textual:
         raise RecordError(
             f"the date '{first[0][1][:40]}' in two columns is a number; name the columns of date and time in the"
             ' mapping file: [time] column = ["Date", "Time"]'
         )
-    if not layout.headed and times and mapping.time.column is None:
-        _check_headless_time(first, layout.decimal)
     reader = _Reader(path, encoding, layout, times, columns, clock, keep, rate or 1.0)
     names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
     start = reader.first_time(first[0][1]) if times else 0.0
-    return Source(path.name, names, units, reader.blocks, attributes, start, start_of(mapping.time, clock.start))
+    began = start_of(mapping.time, clock.start)
+    return Source(path.name, names, units, reader.blocks, attributes, start, began, rate if times else None)
+
+
+def _layout_and_times(head: list[tuple[int, str]], mapping: Mapping) -> tuple[Layout, tuple[int, ...]]:
+    """How a file is written and which columns are its time; with a `rate`, a headless first column that counts is."""
+    layout = find_layout(head, mapping.csv, timed=mapping.time.rate is None)
+    if mapping.time.rate is not None and not layout.headed:
+        cells = [split(text, layout.delimiter)[0] for number, text in head[:20] if number >= layout.first_row]
+        if counted_clock(cells, None, mapping.time, "row {}".format, layout.decimal) is not None:
+            return find_layout(head, mapping.csv, timed=True), (0,)
+    return layout, find_times(layout.cells, mapping)
+
+
+def _stamps(rows: list[tuple[int, list[str]]], times: tuple[int, ...], width: int) -> list[tuple[int, str]]:
+    """Lines and times of the first rows: few of numbers, more of dates, which tell day and month apart."""
+    some = [(number, " ".join(cells[i] for i in times)) for number, cells in rows[:_DATES] if len(cells) >= width]
+    dated = bool(times) and bool(some) and not is_number(some[0][1].replace(",", "."))
+    return some if dated else some[:_NUMBERS]
+
+
+def format_of_dates(path: Path, mapping: Mapping) -> str | None:
+    """The only strptime pattern that fits the dates in the first lines; None where the time needs none."""
+    head = list(_head(path, encoding_of(path, mapping.csv.encoding)))
+    layout, times = _layout_and_times(head, mapping)
+    rows = [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
+    cells = [cell for _, cell in _stamps(rows, times, len(layout.cells))] if times else []
+    needed = mapping.time.format is None and cells and not any(map(is_stamp, cells))
+    fitting = fitting_formats(cells) if needed else ()
+    return fitting[0] if len(fitting) == 1 else None
 
 
 def columns_of_text(path: Path, mapping: Mapping) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of the columns that hold numbers in the first lines, and of those that hold text; the time is neither."""
     head = list(_head(path, encoding_of(path, mapping.csv.encoding)))
-    layout = find_layout(head, mapping.csv, timed=mapping.time.rate is None)
-    times = find_times(layout.cells, mapping)
+    layout, times = _layout_and_times(head, mapping)
     rows = [split(text, layout.delimiter) for number, text in head if number >= layout.first_row]
     numbers: list[str] = []
     texts: list[str] = []
@@ -156,8 +186,8 @@ def _check_headless_time(first: list[tuple[int, str]], decimal: str) -> None:
         return  # dates, or a bad cell that is named later
     if any(b <= a for a, b in itertools.pairwise(values)):
         raise RecordError(
-            "has no header line, and its first column does not increase as time does; write 'time,name [unit],...'"
-            ' above, or in the mapping file [time] column = "column_1"'
+            "has no header line, and its first column does not increase as time does; write 'time [s],name [unit],...'"
+            " above, or [time] rate = … [Hz] into a mapping file"
         )
 
 
@@ -279,6 +309,8 @@ class _Reader:
             cells = split(line, mark)
             if len(cells) != self.width:
                 continue  # named with its width below
+            if self.clock.textual and mark == ",":
+                cells = [re.sub(r"(:\d\d),(\d)", r"\1.\2", c) if k in self.times else c for k, c in enumerate(cells)]
             for index, cell in enumerate(cells):
                 if index in self.wanted and (mark in cell or '"' in cell):
                     self._refuse(index, first + i, cell)
