@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numpy.lib.stride_tricks import sliding_window_view
 
 from windsysid._types import Array
-from windsysid.records.stamps import near_step, rhythm
+from windsysid.records.stamps import lost_rows, near_step, rhythm
 
 __all__ = ["Placed", "is_even", "place_packets", "shares_stamps"]
 
@@ -29,19 +28,6 @@ MIN_FULL_SHARE = 0.5
 
 MAX_SPREAD_STEPS = 2.0
 """Range of 98 % of the stamps about the grid at most, in long steps (the 99th percentile of the steps of stamps)."""
-
-MIN_SHIFT_ROWS = 1.5
-"""Rows by which stamps are shifted where rows were lost: rounding alone makes a shift of one."""
-
-SHIFT_SCATTERS = 6.0
-"""Standard deviations of the stamps' scatter that a shift must exceed: 1e-9 a packet, if it is normal."""
-
-NEIGHBOURS = 5
-"""Packets before and after a shift whose median is compared."""
-
-LEVEL = 50
-"""Packets before and after a shift whose mean tells how many rows were lost: stamps that are rounded to a step scatter
-by 0.3 rows."""
 
 MAX_UNEVENNESS = 2.0
 """Greatest ratio of the mean difference of neighbours across packets to that within packets, or its inverse; of 50
@@ -64,19 +50,24 @@ def shares_stamps(time: Array) -> bool:
 
 def is_even(time: Array, values: Array) -> bool:
     """Whether each channel (T, m) changes as much within packets as from one packet to the next."""
-    across, change = np.diff(time) > 0.0, np.abs(np.diff(values, axis=0))
-    for one in change.T:
-        known = np.isfinite(one) & (one > 0.0) if np.any(one > 0.0) else np.isfinite(one)
-        if not known.any():
-            continue
-        clipped = np.minimum(one, 10.0 * np.median(one[known]))  # one spike or jump of an angle counts little
-        inside, outside = (clipped[np.isfinite(one) & at] for at in (~across, across))
-        if min(inside.size, outside.size) < MIN_PACKETS:
-            continue
-        low, high = sorted((float(np.mean(inside)), float(np.mean(outside))))
-        if high > MAX_UNEVENNESS * low:
-            return False
-    return True
+    across = np.diff(time) > 0.0
+    return all(_changes_evenly(change, across) for change in np.diff(values, axis=0).T)
+
+
+def _changes_evenly(change: Array, across: npt.NDArray[np.bool_]) -> bool:
+    """Whether steps of a channel (T − 1,) have the same size and the same mean within packets and `across` them."""
+    known = np.isfinite(change)
+    moved = np.abs(change[known & (change != 0.0)])
+    if not moved.size:
+        return True
+    most = 10.0 * float(np.median(moved))  # one spike or jump of an angle counts little
+    clipped = np.clip(change, -most, most)
+    inside, outside = clipped[known & ~across], clipped[known & across]
+    if min(inside.size, outside.size) < MIN_PACKETS:
+        return True
+    low, high = sorted(float(np.mean(np.abs(one))) for one in (inside, outside))
+    apart = abs(float(np.mean(inside) - np.mean(outside)))
+    return high <= MAX_UNEVENNESS * low and apart <= 0.5 * (low + high)
 
 
 def place_packets(time: Array) -> Placed | None:
@@ -117,13 +108,11 @@ def _by_count(stamps: Array, first: Rows) -> tuple[float, float, Rows] | None:
     stamps, counted = stamps[1:], first[1:]  # the record may begin inside the first packet
     reach = max(1, min(64, len(stamps) // 8))
     step = float(np.median((stamps[reach:] - stamps[:-reach]) / (counted[reach:] - counted[:-reach])))
-    lost = np.zeros(len(stamps), dtype=np.int64)
     for _ in range(3):
-        off = stamps - step * (counted + lost)
-        more = _lost_rows(off, step)
-        if more is None:
+        each = lost_rows(stamps - step * counted, step)
+        if each is None:
             return None
-        lost += np.cumsum(more)
+        lost = np.cumsum(each)
         step, begin = map(float, np.polyfit(counted + lost, stamps, 1))
         if not step > 0.0:
             return None
@@ -131,23 +120,3 @@ def _by_count(stamps: Array, first: Rows) -> tuple[float, float, Rows] | None:
     if np.ptp(np.percentile(off, [1.0, 99.0])) > MAX_SPREAD_STEPS * np.percentile(np.diff(stamps), 99.0):
         return None
     return begin, step, np.concatenate([[0], counted + lost])
-
-
-def _lost_rows(off: Array, step: float) -> Rows | None:
-    """Rows that are missing before each packet (n,), from its stamp's distance [s] to where counting puts it; None
-    where stamps are shifted backwards."""
-    padded = np.concatenate([np.full(NEIGHBOURS - 1, off[0]), off, np.full(NEIGHBOURS - 1, off[-1])])
-    medians = np.median(sliding_window_view(padded, NEIGHBOURS), axis=1)  # one that ends at each packet, and more
-    shift = np.concatenate([[0.0], medians[NEIGHBOURS:] - medians[: len(off) - 1]])
-    lost = np.zeros(len(off), dtype=np.int64)
-    scatter = 1.4826 * float(np.median(np.abs(shift - np.median(shift))))
-    clear = np.flatnonzero(np.abs(shift) > max(MIN_SHIFT_ROWS * step, SHIFT_SCATTERS * scatter))
-    if not clear.size:
-        return lost
-    jump = np.diff(off, prepend=off[0])
-    groups = np.split(clear, 1 + np.flatnonzero(np.diff(clear) > 1))
-    at = np.array([group[np.argmax(np.abs(jump[group]))] for group in groups])
-    edges = np.concatenate([[0], at, [len(off)]])
-    for low, k, high in zip(edges[:-2], at, edges[2:], strict=True):
-        lost[k] = round(float(np.mean(off[k : min(high, k + LEVEL)]) - np.mean(off[max(low, k - LEVEL) : k])) / step)
-    return None if np.any(lost < 0) else lost

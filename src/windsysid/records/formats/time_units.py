@@ -33,6 +33,9 @@ RECENT = (946_684_800, 2_082_758_400)
 TOLERANCE = 0.01
 """Relative deviation within which a step is a usual one; usual steps in seconds and in minutes are 4 % apart."""
 
+MAX_LOST_SHARE = 0.2
+"""Share of steps of two and more above which times are rounded, and no rows are lost."""
+
 _DAY_NUMBERS = ((30_000.0, 80_000.0), (693_960.0, 760_000.0))
 _STEPS = (1, 2, 5, 10, 15, 20, 30, 60, 120, 300, 600, 900, 1200, 1800, 3600)  # s
 _RATES = (1, 1.024, 1.25, 1.28, 1.6, 2, 2.048, 2.5, 2.56, 3.125, 3.2, 4, 4.096, 5, 5.12, 6.25, 6.4, 8, 8.192, 10)
@@ -82,9 +85,12 @@ def _is_usual_elsewhere(numbers: Array, step: float) -> bool:
     """Whether the step, or the mean of all steps, is a usual one in minutes, hours or days, to the rounding that the
     steps show."""
     steps = np.diff(numbers)
-    rounding = np.ptp(steps[steps < 2.5 * np.median(steps[steps > 0.0])]) / np.sum(steps)
-    for one, unit in itertools.product((step, float(np.mean(steps))), ("min", "h", "d")):
-        seconds, tolerance = one * to_si(1.0, unit), TOLERANCE + float(rounding)
+    off = steps - step * np.maximum(np.rint(steps / step), 1.0)  # lost rows make multiples of a step
+    rounded = np.any(steps == 0.0) or np.mean(steps > 1.5 * step) > MAX_LOST_SHARE
+    rounding = float(max(np.ptp(off), np.min(steps[steps > 0.0]) if rounded else 0.0))
+    mean = float(np.mean(steps)) if rounding > TOLERANCE * step else step
+    for one, unit in itertools.product((step, mean), ("min", "h", "d")):
+        seconds, tolerance = one * to_si(1.0, unit), TOLERANCE + rounding / float(np.sum(steps))
         usual = np.array(_STEPS) if seconds > 1.0 else 1.0 / (np.array(_RATES) * 10.0 ** np.floor(-np.log10(seconds)))
         if np.any(np.abs(seconds / usual - 1.0) < tolerance):
             return True
