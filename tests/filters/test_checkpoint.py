@@ -71,7 +71,7 @@ def test_a_damaged_checkpoint_is_refused_or_harmless(tmp_path: Path):
 def test_files_that_are_no_checkpoints_are_refused(tmp_path: Path):
     model = chain_with()
     text, array, archive = tmp_path / "a.txt", tmp_path / "b.npy", tmp_path / "c.npz"
-    text.write_text("time,tower_x_acceleration\n0,1\n")
+    text.write_text("time [s],tower_x_acceleration\n0,1\n")
     np.save(array, np.zeros(3))
     np.savez(archive, mean=np.zeros(6))
     for path in (text, array, archive, tmp_path):

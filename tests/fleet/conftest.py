@@ -22,8 +22,8 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
         start = f"2026-03-{1 + minute // 60:02d}T{(23 + minute // 60) % 24:02d}:{minute % 60:02d}:00Z"
         record = simulate_record("tower", duration=300.0, rate=10.0, seed=seed)
         write_record(replace(record, start=start, name=name), folder / name)
-    (folder / "T01" / "d_2026-03-02.csv").write_text("time,tower_x_acceleration [m/s^2]\n0,1\n1,wet\n")
-    (folder / "scada.csv").write_text("time,wind_speed [m/s]\n2026-03-01T23:00:00Z,8\n2026-03-02T00:00:00Z,9\n")
+    (folder / "T01" / "d_2026-03-02.csv").write_text("time [s],tower_x_acceleration [m/s^2]\n0,1\n1,wet\n")
+    (folder / "scada.csv").write_text("time [s],wind_speed [m/s]\n2026-03-01T23:00:00Z,8\n2026-03-02T00:00:00Z,9\n")
     return folder
 
 

@@ -83,6 +83,6 @@ def test_scada_is_read_as_records_are(tmp_path: Path):
     path.write_text("time,oil [degC]\n2026-03-01T00:00:00Z,1500\n2026-03-01T00:10:00Z,1600\n")
     with pytest.raises(ConfigurationError, match="expected one of wind_speed, power"):
         read_scada(path)
-    path.write_text("time,power [kW]\n0,1500\n600,1600\n")
+    path.write_text("time [s],power [kW]\n0,1500\n600,1600\n")
     with pytest.raises(ConfigurationError, match="no dates"):
         read_scada(path)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from windsysid.errors import RecordError
+from windsysid.records import stamps
 from windsysid.records.record import Record
 
 RATE = 50.0
@@ -101,3 +102,33 @@ def test_noise_does_not_tell(seed):
     assert not still.has_grid
     constant = still.with_channels({"tower_speed": (np.full(3000, 3.0), "m/s")})
     assert not constant.has_grid
+
+
+@pytest.mark.parametrize(("late", "taken"), [(4.0, True), (7.0, False)])
+def test_the_last_stamp_may_be_late_by_five_steps(late, taken):
+    grid, _ = times(3, 0.0)
+    stamps = np.maximum.accumulate(grid + 0.3 / RATE * np.random.default_rng(3).exponential(size=3000))
+    stamps += 1e-6 * np.arange(3000) / RATE
+    stamps[-1] = grid[-1] + late / RATE
+    assert record(grid, stamps, 3).has_grid is taken
+
+
+@pytest.mark.parametrize(
+    ("evidence", "taken"), [([7.0], False), ([9.0], True), ([20.0, -7.0], True), ([20.0, -9.0], False)]
+)
+def test_a_grid_needs_a_likelihood_ratio_of_eight_in_logarithm(monkeypatch, evidence, taken):
+    grid, scattered = times(4, 0.3)
+    monkeypatch.setattr(stamps, "_log_ratio", lambda *_: np.array(evidence))
+    assert record(grid, scattered, 4).has_grid is taken
+
+
+@pytest.mark.parametrize("lost", [2, 4, 30])
+def test_samples_that_were_lost_where_stamps_are_late_are_missing(lost):
+    grid, _ = times(5, 0.0)
+    late = np.maximum.accumulate(grid + 0.3 / RATE * np.random.default_rng(5).exponential(size=3000))
+    late += 1e-6 * np.arange(3000) / RATE
+    kept = np.delete(np.arange(3000), np.arange(1500, 1500 + lost))
+    found = record(grid, late, 5)
+    found = Record(found.time[kept], found.values[kept], found.channels, found.units).on_uniform_grid()
+    assert found.samples == 3000
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found.values[:, 0])), np.arange(1500, 1500 + lost))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Mask
 from windsysid.inspection.channels import VIBRATION, Kind, kinds
-from windsysid.records.record import AS_WRITTEN, Record
+from windsysid.records.record import AS_WRITTEN, STAMPS, Record
 from windsysid.units import unit_text
 
 __all__ = [
@@ -135,6 +135,8 @@ def clock_faults(record: Record) -> list[Finding]:
                 int(off.sum()), spans_of(record.time[1:], off),
             )
         )  # fmt: skip
+    if STAMPS in record.attributes:
+        found.append(Finding("", "shared time stamps", "note", record.attributes[STAMPS], 0, np.empty((0, 2))))
     return found + _repeated_rows(record)
 
 

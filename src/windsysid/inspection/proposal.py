@@ -109,6 +109,7 @@ def propose_mapping(path: str | Path, mapping: str | Path | Mapping | None = Non
         If the file cannot be read even without the units of its channels.
     """
     given = mapping if isinstance(mapping, Mapping) else Mapping() if mapping is None else load_mapping(mapping)
+    given = _with_format(Path(path), given)
     whole, texts = _as_it_is(Path(path), given)
     record = read_record(path, mapping=whole)
     if record.attributes.get("source") == "OpenFAST":
@@ -133,6 +134,15 @@ def _of_openfast(record: Record, given: Mapping) -> MappingProposal:
         guesses.append(Guess(name, ours, units[0] if units else None, evidence, () if units else (why,)))
     remark = "OpenFAST's names, units and signs are known: only what is to be changed needs lines without a #."
     return MappingProposal(record.name, tuple(guesses), given, (*_about(record), remark), optional=True)
+
+
+def _with_format(path: Path, given: Mapping) -> Mapping:
+    """The mapping with the format of the dates in a text, where only one fits."""
+    if format_of(path) is not csv.FORMAT:
+        return given
+    with named_after(path):
+        found = csv.format_of_dates(path, given)
+    return given if found is None else replace(given, time=replace(given.time, format=found))
 
 
 def _as_it_is(path: Path, given: Mapping) -> tuple[Mapping, tuple[str, ...]]:

@@ -81,7 +81,11 @@ def check_block(
         before = previous if k == 0 else float(time[k - 1])
         usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
         back = np.count_nonzero(steps < 0.0) == 1 and steps[k] < -SET_BACK * usual < 0.0
-        what_to_do = "a clock was set back? shift what follows" if back else "sort the rows and drop the repeated ones"
+        what_to_do = "a clock was set back? shift what follows" if back else "sort the rows"
+        if steps[k] == 0.0:
+            what_to_do = (
+                "regular readings? write [time] rate = … [Hz] into a mapping file; was the row written twice? drop it"
+            )
         raise RecordError(
             f"the time {what} at {place(k)} ({before!r} s, then {float(time[k])!r} s): "
             f"expected strictly increasing; {what_to_do}"

@@ -24,20 +24,23 @@ from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows,
 from windsysid.records.labelled import Labelled, of_dataset, of_frame
 from windsysid.records.moments import tidy
 from windsysid.records.quantities import implied_unit, missing_units
-from windsysid.records.stamps import grid_behind
+from windsysid.records.stamps import grid_behind, near_step
 from windsysid.units import UNITS, canonical, si_unit, to_si
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["AS_WRITTEN", "LOW_PASS", "Array", "Record"]
+__all__ = ["AS_WRITTEN", "LOW_PASS", "STAMPS", "Array", "Record"]
 
 AS_WRITTEN = "as written: "
 """Prefix of a unit that windsysid does not know: the values are as the file has them, not converted."""
 
 LOW_PASS = "low_pass_hz"
 """Attribute of a record that went through a low-pass when its rate was lowered: the frequency [Hz]."""
+
+STAMPS = "time_stamps"
+"""Attribute of a record whose rows shared time stamps: how they were placed."""
 
 FINENESS = 64
 """Ticks per median step to which the times of an unequally sampled record are rounded: 0.08 ms at 100 Hz, at most."""
@@ -127,7 +130,7 @@ class Record:
     @cached_property
     def rate(self) -> float:
         """Sampling rate [Hz]: the mean of all steps that are nearer to the median step than to a gap."""
-        return 1.0 / _step(self.time)
+        return 1.0 / near_step(self.time)
 
     @cached_property
     def is_uniform(self) -> bool:
@@ -188,7 +191,7 @@ class Record:
         """
         low, high = np.searchsorted(self.time, (start, end), side="left")
         first, last = float(self.time[0]), float(self.time[-1])
-        refuse_outside(start, end, int(high - low), first, last, _step(self.time))
+        refuse_outside(start, end, int(high - low), first, last, near_step(self.time))
         return replace(self, time=self.time[low:high], values=self.values[low:high])
 
     def select(self, channels: Iterable[str]) -> Record:
@@ -245,7 +248,7 @@ class Record:
         """
         if self.is_uniform:
             return self
-        step = _step(self.time)
+        step = near_step(self.time)
         elapsed = self.time - self.time[0]
         index = np.rint(elapsed / step)
         step = float(elapsed @ index / (index @ index))  # least squares through the first sample
@@ -284,7 +287,7 @@ class Record:
         try:
             return self.on_uniform_grid()
         except RecordError:
-            tick = _step(self.time) / FINENESS
+            tick = near_step(self.time) / FINENESS
         index = np.rint((self.time - self.time[0]) / tick).astype(np.int64)
         first = np.concatenate([[True], np.diff(index) > 0])
         row = np.cumsum(first) - 1
@@ -297,7 +300,7 @@ class Record:
         """The sampling intervals that occur (S,) [s], and which of them led to each sample (T,); 0 for the first."""
         if self.is_uniform:
             return np.array([1.0 / self.rate]), np.zeros(self.samples, dtype=np.int64)
-        grain = 1e-6 * _step(self.time)
+        grain = 1e-6 * near_step(self.time)
         steps, which = np.unique(np.rint(np.diff(self.time) / grain).astype(np.int64), return_inverse=True)
         return np.asarray(grain * steps, dtype=np.float64), np.concatenate([[0], which.ravel()]).astype(np.int64)
 
@@ -425,14 +428,6 @@ def _checked_unit(unit: str, channel: str) -> str:
             "convert the values, or add them by with_channels, which does"
         )
     return si
-
-
-def _step(time: Array) -> float:
-    steps = np.diff(time)
-    median = np.median(steps)
-    # Times written with few digits scatter about the step, so the median alone is wrong by that scatter.
-    near = steps[np.abs(steps - median) < 0.5 * median]
-    return float(np.mean(near)) if near.size else float(median)
 
 
 def _table(columns: list[Array], samples: int) -> Array:

@@ -4,13 +4,16 @@ An instrument's converter ticks regularly, and a computer that is busy stamps wh
 record look alike in their times; they differ in how well each reading continues its neighbours.
 """
 
+import itertools
 import math
 
 import numpy as np
+import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from windsysid._types import Array
 
-__all__ = ["grid_behind"]
+__all__ = ["grid_behind", "lost_rows", "near_step", "rhythm"]
 
 ENOUGH = 8.0
 """Log likelihood by which readings have to be smoother on the grid than at their stamps."""
@@ -22,13 +25,26 @@ FIRST = 256
 """Samples at the beginning from which the step of a grid is taken first."""
 
 LATE = 5.0
-"""Steps by which the last stamp may be off where no sample was lost."""
+"""Steps by which the last stamp may be off the grid of counted samples."""
 
 FINER = 4
 """Steps that are tried for each one that times tell apart."""
 
 SPIKE = 100.0
 """Of the median square, beyond which a reading tells no more: one spike would speak for the whole channel."""
+
+MIN_SHIFT_ROWS = 1.5
+"""Rows by which stamps are shifted where rows were lost: rounding alone makes a shift of one."""
+
+SHIFT_SCATTERS = 6.0
+"""Standard deviations of the stamps' scatter that a shift must exceed: 1e-9 a packet, if it is normal."""
+
+NEIGHBOURS = 11
+"""Stamps before and after a shift whose median is compared."""
+
+LEVEL = 50
+"""Stamps before and after a shift whose mean tells how many rows were lost: stamps that are rounded to a step scatter
+by 0.3 rows."""
 
 _ROUNDING = 1e-18
 
@@ -53,12 +69,16 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
         The grid's beginning [s] and step [s], and the place of each sample on it; None where two samples fall on one
         place though some were lost, or where readings are not clearly smoother there than at their stamps.
     """
-    begin, step = _rhythm(time, step)
+    begin, step = rhythm(time, step)
     for _ in range(2):
         index = np.rint((time - begin) / step)
         step, begin = map(float, np.polyfit(index, time, 1))
     if np.any(np.diff(index) < 1.0) or np.any(np.abs(time - begin - step * index) > 0.5 * step):
-        index = np.arange(len(time), dtype=np.float64)  # stamps are late by more than a step now and then
+        counted = np.arange(len(time))  # stamps are late by more than a step now and then
+        lost = lost_rows(time - step * counted, step)
+        if lost is None:
+            return None
+        index = (counted + np.cumsum(lost)).astype(np.float64)
         if abs((time[-1] - time[0]) / step - index[-1]) > LATE:
             return None
         step, begin = map(float, np.polyfit(index, time, 1))
@@ -69,7 +89,16 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
     return begin + step * float(index[0]), step, index - index[0]
 
 
-def _rhythm(time: Array, step: float) -> tuple[float, float]:
+def near_step(time: Array) -> float:
+    """Mean [s] of the steps that are nearer to the median step than to a gap: times written with few digits scatter
+    about the step, so that the median alone is wrong by that scatter."""
+    steps = np.diff(time)
+    median = np.median(steps)
+    near = steps[np.abs(steps - median) < 0.5 * median]
+    return float(np.mean(near)) if near.size else float(median)
+
+
+def rhythm(time: Array, step: float) -> tuple[float, float]:
     """Beginning and step [s] of the grid that times keep to best, near a step: where the sum of their phases is longest
     (Rayleigh's periodogram), over ever longer parts from the beginning on."""
     reach, samples = NEAR, FIRST
@@ -82,6 +111,37 @@ def _rhythm(time: Array, step: float) -> tuple[float, float]:
         if samples >= len(time):
             return float(time[0] + step * np.angle(sums[best]) / (2.0 * np.pi)), step
         reach, samples = 1.0 / samples, 4 * samples
+
+
+def lost_rows(off: Array, step: float) -> npt.NDArray[np.int64] | None:
+    """Rows that are missing before each packet (n,), from its stamp's distance [s] to where counting puts it; None
+    where stamps are shifted backwards."""
+    lost = np.zeros(len(off), dtype=np.int64)
+    if len(off) < 2 * NEIGHBOURS:
+        return lost
+    medians = np.median(sliding_window_view(off, NEIGHBOURS), axis=1)
+    shift = np.zeros(len(off))
+    shift[NEIGHBOURS : 1 - NEIGHBOURS] = medians[NEIGHBOURS:] - medians[:-NEIGHBOURS]
+    scatter = 1.4826 * float(np.median(np.abs(shift - np.median(shift))))
+    clear = np.flatnonzero(np.abs(shift) > max(MIN_SHIFT_ROWS * step, SHIFT_SCATTERS * scatter))
+    if not clear.size:
+        return lost
+    jump = np.diff(off, prepend=off[0])
+    groups = np.split(clear, 1 + np.flatnonzero(np.diff(clear) > 1))
+    at = np.array([group[np.argmax(np.abs(jump[group]))] for group in groups])
+    edges = np.concatenate([[0], at, [len(off)]])
+    for low, k, high in zip(edges[:-2], at, edges[2:], strict=True):
+        lost[k] = round(float(np.mean(off[k : min(high, k + LEVEL)]) - np.mean(off[max(low, k - LEVEL) : k])) / step)
+    return _without_late_stamps(lost)
+
+
+def _without_late_stamps(lost: npt.NDArray[np.int64]) -> npt.NDArray[np.int64] | None:
+    """Lost rows without shifts that go back soon after; None where more go back than came."""
+    changes = np.flatnonzero(lost)
+    for before, k in itertools.pairwise(changes):
+        if lost[k] < 0 and k - before < LEVEL and lost[before] + lost[k] >= 0:
+            lost[before], lost[k] = lost[before] + lost[k], 0
+    return None if np.any(lost < 0) else lost
 
 
 def _log_ratio(at_stamps: Array, on_grid: Array) -> Array:

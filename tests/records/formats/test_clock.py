@@ -61,7 +61,7 @@ def test_days_without_a_unit_are_recognised_only_where_seconds_are_out_of_the_qu
     fast = of(tmp_path, [f"{44384.5 + k * step:.12f}" for k in range(9)])
     np.testing.assert_allclose(fast.time, np.arange(9) * 0.5, atol=1e-5)
     assert fast.start == "2021-07-07T12:00:00"
-    with pytest.raises(ValueError, match=r"in seconds or days.*mapping file"):
+    with pytest.raises(ValueError, match=r"has no unit.*mapping file"):
         of(tmp_path, [f"{44384.5 + k / 144:.12f}" for k in range(9)])
     seconds = of(tmp_path, [f"{44384.5 + k / 100:.2f}" for k in range(9)])
     assert seconds.time[0] == 44384.5
@@ -141,7 +141,7 @@ def test_an_elapsed_time_may_say_its_zero(tmp_path):
     ],
 )
 def test_a_mapping_says_the_start_that_the_file_does_not(tmp_path, mapping, start):
-    assert of(tmp_path, ["0", "1"], mapping=f"[time]\n{mapping}").start == start
+    assert of(tmp_path, ["0", "1"], "time [s]", f"[time]\n{mapping}").start == start
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ def test_a_mapping_says_the_start_that_the_file_does_not(tmp_path, mapping, star
 )  # fmt: skip
 def test_a_start_that_is_in_doubt_is_refused(tmp_path, cells, mapping, message):
     with pytest.raises(WindsysidError, match=message) as caught:
-        of(tmp_path, cells, mapping=f"[time]\n{mapping}")
+        of(tmp_path, cells, "time [s]" if cells[0] == "0" else "time", f"[time]\n{mapping}")
     assert "\n" not in str(caught.value)
 
 

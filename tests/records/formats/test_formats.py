@@ -95,14 +95,14 @@ def test_csv_units_come_from_brackets_then_from_endings(tmp_path):
     assert record.name == "x.csv"
 
 
-@pytest.mark.parametrize(("header", "step"), [("time", 1), ("t", 1), ("Time [ms]", 1e-3), ("time (min)", 60)])
+@pytest.mark.parametrize(("header", "step"), [("time [s]", 1), ("t (s)", 1), ("Time [ms]", 1e-3), ("time (min)", 60)])
 def test_the_time_column_has_many_names(tmp_path, header, step):
     record = read_record(csv_file(tmp_path, f"{header},a [m]\n0,1\n1,2\n"))
     assert record.time[1] == pytest.approx(step)
 
 
 def test_empty_cells_are_missing_and_blank_lines_and_a_byte_order_mark_are_nothing(tmp_path):
-    path = csv_file(tmp_path, b"\xef\xbb\xbf\r\ntime,a [m],b [m]\r\n0, ,1\r\n\r\n1,NaN,\r\n")
+    path = csv_file(tmp_path, b"\xef\xbb\xbf\r\ntime [s],a [m],b [m]\r\n0, ,1\r\n\r\n1,NaN,\r\n")
     values = read_record(path).values
     assert np.isnan(values[:, 0]).all()
     assert np.array_equal(values[:, 1], [1.0, np.nan], equal_nan=True)
@@ -113,28 +113,28 @@ def test_empty_cells_are_missing_and_blank_lines_and_a_byte_order_mark_are_nothi
     [
         ("", "the file is empty"),
         ("\n \n", "only blank lines"),
-        ("time,a [m]\n", "0 rows under the header"),
-        ("time,a [m]\n0,1\n", "at least 2 samples, got 1"),
-        ("time,a [m],b [m]\n0,1,2\n\n1,x1,3\n2,y,3\n", r"column 'a \[m\]', line 4: 'x1' is not a number"),
-        ("time,a [m]\n0,1\n1,2\n2,inf\n", "channel 'a' is infinite at line 4"),
-        ("time,a [m]\n0,1\n1,1e999\n", "channel 'a' is infinite at line 3"),
-        ("time,a [m]\n0,1\n2,2\n1,2\n", "backwards at line 4"),
-        ("time,a [m]\n0,1\n0,2\n1,2\n", "repeated at line 3"),
-        ("time,a [m]\n,1\n,2\n", "time is missing or infinite everywhere"),
-        ("time,a [m]\n0,1\n,2\n", "time at line 3 is nan"),
-        ("time,a [furlong]\n0,1\n1,2\n", r"column 'a \[furlong\]': unknown unit 'furlong'"),
+        ("time [s],a [m]\n", "0 rows under the header"),
+        ("time [s],a [m]\n0,1\n", "at least 2 samples, got 1"),
+        ("time [s],a [m],b [m]\n0,1,2\n\n1,x1,3\n2,y,3\n", r"column 'a \[m\]', line 4: 'x1' is not a number"),
+        ("time [s],a [m]\n0,1\n1,2\n2,inf\n", "channel 'a' is infinite at line 4"),
+        ("time [s],a [m]\n0,1\n1,1e999\n", "channel 'a' is infinite at line 3"),
+        ("time [s],a [m]\n0,1\n2,2\n1,2\n", "backwards at line 4"),
+        ("time [s],a [m]\n0,1\n0,2\n1,2\n", "repeated at line 3"),
+        ("time [s],a [m]\n,1\n,2\n", "time is missing or infinite everywhere"),
+        ("time [s],a [m]\n0,1\n,2\n", "time at line 3 is nan"),
+        ("time [s],a [furlong]\n0,1\n1,2\n", r"column 'a \[furlong\]': unknown unit 'furlong'"),
         ("time [m],a [m]\n0,1\n1,2\n", "not in a unit of time"),
         ("a [m],time\n0,1\n1,2\n", "first column is 'a"),
-        ("time,a [m],a [m]\n0,1,1\n1,2,3\n", "'a' is listed twice"),
-        ("time,a [m],\n0,1,1\n1,2,2\n", "column 3 has no name"),
-        ("time,a [m],b [m]\n0,1,1\n1,2\n", "line 3 has 2 cells, expected 3"),
-        ("time,a [m]\n0,1,5\n1,2,5\n", "line 2 has 3 cells, expected 2"),
+        ("time [s],a [m],a [m]\n0,1,1\n1,2,3\n", "'a' is listed twice"),
+        ("time [s],a [m],\n0,1,1\n1,2,2\n", "column 3 has no name"),
+        ("time [s],a [m],b [m]\n0,1,1\n1,2\n", "line 3 has 2 cells, expected 3"),
+        ("time [s],a [m]\n0,1,5\n1,2,5\n", "line 2 has 3 cells, expected 2"),
         ("1,1\n0,2\n", "has no header line, and its first column does not increase"),
         ("hello\nworld\n", "one column"),
         ('"TOA5","logger"\n"TIMESTAMP","a"\n', "TOA5"),
-        ('time,a [m]\n0,"1,5"\n1,"2,5"\n', "'1,5' is not a number"),
+        ('time [s],a [m]\n0,"1,5"\n1,"2,5"\n', "'1,5' is not a number"),
         (bytes(range(256)) * 20, "is binary, not text"),
-        ("time,a\n".encode("utf-16"), "0 rows under the header"),
+        ("time [s],a\n".encode("utf-16"), "0 rows under the header"),
     ],
 )
 def test_a_bad_csv_is_refused_in_one_line(tmp_path, text, message):
@@ -147,7 +147,7 @@ def test_a_bad_csv_is_refused_in_one_line(tmp_path, text, message):
 def test_what_is_not_a_file_is_refused(tmp_path):
     refused(tmp_path, "is a folder")
     refused(tmp_path / "nothing.csv", "no such file")
-    refused(csv_file(tmp_path, "time,a\n", "x.xlsx"), "unknown ending '.xlsx'")
+    refused(csv_file(tmp_path, "time [s],a\n", "x.xlsx"), "unknown ending '.xlsx'")
 
 
 def test_nothing_is_overwritten_silently(tmp_path, record):
@@ -199,7 +199,7 @@ def test_where_nothing_can_be_written_is_said(tmp_path, record, name, message):
 def test_a_bad_netcdf_is_refused_in_one_line(tmp_path, record):
     import xarray as xr
 
-    refused(csv_file(tmp_path, "time,a\n0,1\n1,2\n", "x.nc"), "is not netCDF-4")
+    refused(csv_file(tmp_path, "time [s],a\n0,1\n1,2\n", "x.nc"), "is not netCDF-4")
     refused(csv_file(tmp_path, b"CDF\x01" + bytes(100), "y.nc"), "classic netCDF")
     refused(csv_file(tmp_path, b"\x89HDF\r\n\x1a\n" + bytes(range(200)), "z.nc"), "damaged")
     write_record(record, tmp_path / "good.nc")
@@ -214,7 +214,9 @@ def test_netcdf_packed_elsewhere_reads_as_xarray_unpacks_it(tmp_path):
 
     value = np.array([-1.5, 0.25, np.nan, 700.125])
     station = {"station": 7.0, "height": ("time", np.ones(4))}  # coordinates that are no channel
-    dataset = xr.Dataset({"u": ("time", value, {"units": "m/s"})}, {"time": ("time", np.arange(4.0)), **station})
+    dataset = xr.Dataset(
+        {"u": ("time", value, {"units": "m/s"})}, {"time": ("time", np.arange(4.0), {"units": "s"}), **station}
+    )
     packing = {"dtype": "int16", "scale_factor": 0.125, "add_offset": 300.0, "_FillValue": -32768}
     dataset.to_netcdf(tmp_path / "x.nc", engine="h5netcdf", encoding={"u": packing})
     record = read_record(tmp_path / "x.nc")
@@ -395,7 +397,7 @@ def test_a_bad_outb_is_refused_in_one_line(tmp_path, content, message):
         (out(ROWS[:0]), "at least 2 samples, got 0"),
         (out(ROWS[:1]), "at least 2 samples, got 1"),
         (out(step=0.0), "repeated at line 10"),
-        ("time,a\n0,1\n1,2\n", "not OpenFAST text"),
+        ("time [s],a\n0,1\n1,2\n", "not OpenFAST text"),
         (bytes(range(256)) * 20, "is binary, not text"),
     ],
 )

@@ -56,14 +56,14 @@ def test_how_text_is_written_can_be_said(tmp_path):
     )
     record = mapped(tmp_path, path, toml)
     np.testing.assert_array_equal(record.values, np.column_stack([table()[1][:, 0], table()[1][:, 1] * 1e3]))
-    missing = mapped(tmp_path, write(tmp_path, "time,a\n0,-9999\n1,2\n"), '[csv]\nmissing = ["-9999"]\n')
+    missing = mapped(tmp_path, write(tmp_path, "time [s],a\n0,-9999\n1,2\n"), '[csv]\nmissing = ["-9999"]\n')
     assert np.isnan(missing["a"][0])
-    thousands = mapped(tmp_path, write(tmp_path, "time;a\n0;1,234\n1;2,345\n"), '[csv]\ndecimal = ","\n')
+    thousands = mapped(tmp_path, write(tmp_path, "time [s];a\n0;1,234\n1;2,345\n"), '[csv]\ndecimal = ","\n')
     assert thousands["a"].tolist() == [1.234, 2.345]
 
 
 def test_text_columns_that_are_not_listed_may_hold_the_delimiter_in_quotes(tmp_path):
-    path = write(tmp_path, 'time,a,note\n0,1,"ok, then"\n1,2,"a ""b"""\n')
+    path = write(tmp_path, 'time [s],a,note\n0,1,"ok, then"\n1,2,"a ""b"""\n')
     record = mapped(tmp_path, path, "only_listed = true\n[channels.a]\n")
     assert record["a"].tolist() == [1.0, 2.0]
 

@@ -97,7 +97,7 @@ def test_values_that_are_plausible_in_si_alone_are_refused_too(tmp_path):
 
 
 def test_every_channel_without_a_unit_is_named_at_once(tmp_path):
-    path = write(tmp_path, "time,rotor_speed,wind_speed,mast,pitch\n0,12,8,1,2\n1,12.1,9,1,2\n")
+    path = write(tmp_path, "time [s],rotor_speed,wind_speed,mast,pitch\n0,12,8,1,2\n1,12.1,9,1,2\n")
     refused(path, "channel 'rotor_speed' has no unit.*without a unit too: wind_speed, pitch$")
     listed = 'only_listed = true\n[channels.rotor_speed]\nunit = "rpm"\n'
     assert read_record(path, mapping=write(tmp_path, listed, "m.toml")).channels == ("rotor_speed",)
@@ -106,8 +106,8 @@ def test_every_channel_without_a_unit_is_named_at_once(tmp_path):
 def test_empty_brackets_and_empty_attributes_are_no_unit(tmp_path):
     import xarray as xr
 
-    refused(write(tmp_path, "time,rotor_speed []\n0,12\n1,12\n"), "has no unit")
-    refused(write(tmp_path, "time,rotor_speed\ns,\n0,12\n1,12\n"), "has no unit")
+    refused(write(tmp_path, "time [s],rotor_speed []\n0,12\n1,12\n"), "has no unit")
+    refused(write(tmp_path, "time [s],rotor_speed\ns,\n0,12\n1,12\n"), "has no unit")
     data = {"rotor_speed": ("time", [12.0, 12.0], {"units": ""})}
     xr.Dataset(data, {"time": [0.0, 1.0]}).to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
     refused(tmp_path / "x.nc", "has no unit")

@@ -67,7 +67,7 @@ def test_a_changed_byte_is_found(tmp_path, record):
     data[2000] ^= 4
     refused(write(tmp_path, bytes(data), "y.parquet"), "damaged")
     refused(write(tmp_path, bytes(data[:-9]), "y.parquet"), "damaged")
-    refused(write(tmp_path, "time,a\n0,1\n1,2\n", "y.parquet"), "is not Parquet")
+    refused(write(tmp_path, "time [s],a\n0,1\n1,2\n", "y.parquet"), "is not Parquet")
 
 
 def test_no_changed_bit_changes_a_file_of_windsysid(tmp_path, record):

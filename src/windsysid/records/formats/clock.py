@@ -6,9 +6,9 @@ they are in the file; elapsed days and absolute times become seconds from the fi
 kept as ISO text: with the zone as it was given, or without one where nobody said which zone the clock was in.
 An elapsed time may say its zero in its unit, as in the CF conventions: ``s since 2021-07-07T12:00:00Z``.
 
-A number could be seconds or days. Its unit says; if it has none, days are taken only where seconds are out of the
-question (a step below 20 µs), and refused where both could be meant. A number that is a moment of the years 2000 to
-2036 in milliseconds, microseconds or nanoseconds since 1970, and 30 000 years or more in seconds, is that moment.
+The unit of a number is that of the header or of the mapping; without one, `time_units` tells whether seconds are
+confirmed. A number that is a moment of the years 2000 to 2036 in milliseconds, microseconds or nanoseconds since 1970,
+and 30 000 years or more in seconds, is that moment.
 """
 
 import re
@@ -17,17 +17,19 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.records.formats.dates import Moments, fitting_formats, is_stamp, is_zoned, parse_column
 from windsysid.records.formats.mapping import TimeRule
+from windsysid.records.formats.time_units import RECENT, confirmed_unit, usual_step
 from windsysid.records.moments import SINCE, has_zone, moment_text, tidy, zone_offset
 from windsysid.records.record import Array
 from windsysid.units import si_unit, to_si
 
-__all__ = ["Clock", "Moments", "exact_seconds", "is_stamp", "make_clock", "moments_clock", "split_since", "start_of"]
-
-Moments = npt.NDArray[np.int64]
+__all__ = [
+    "Clock", "Moments", "counted_clock", "exact_seconds", "is_stamp", "make_clock", "moments_clock", "split_since",
+    "start_of",
+]  # fmt: skip
 
 _DAY = 86_400_000_000_000  # ns
 _SECOND = 1_000_000_000
@@ -39,13 +41,11 @@ _EPOCHS = {  # name: (ns per count, the count's zero in days since 1970)
 }
 _EXCEL = (36_526.0, 49_700.0)  # 2000 to 2036; above, it could as well be a modified Julian day
 _MATLAB = (730_486.0, 743_700.0)  # the same years
-_RECENT = (946_684_800, 2_082_758_400)  # s since 1970: the same years
-_DAY_NUMBERS = ((30_000.0, 80_000.0), (693_960.0, 760_000.0))
-_TOO_FAST = 2e-5  # s: nobody records a turbine at more than 50 kHz
-_USUAL = np.array([1, 2, 5, 10, 15, 20, 30, 60, 120, 300, 600, 900, 1200, 1800, 3600]) / 86_400.0  # steps in days
 
-_ISO = re.compile(r"\d{4}-\d{2}-\d{2}[ T]\d{2}:\d{2}(?::\d{2}(?:[.,]\d{1,9})?)?")
-_ISO_ZONED = re.compile(_ISO.pattern + r" ?(?:Z|[+-]\d{2}(?::?\d{2})?)")
+_IRREGULAR = 0.25  # of a step, by which stamps may be off multiples of it and still be a clock
+_SAME_RATE = 0.02  # relative, within which a rate and a column of times agree
+_ROUNDED = 1e-6  # of a step, by which a count may be off an integer
+
 _NOTHING = ("", "nan", "na", "n/a", "null", "none")
 _UTC = ("utc", "gmt", "z")
 
@@ -102,19 +102,18 @@ class Clock:
                 return zeroed if self.factor == 1.0 else np.asarray(zeroed * self.factor)
         moments = self._moments(raw, place)
         seconds = (moments - self.origin) / 1e9
-        back = np.flatnonzero(np.diff(moments) <= 0)
+        back = np.flatnonzero(np.diff(moments) < 0)  # repeated ones may be packets
         if self.textual and back.size:
             k = int(back[0]) + 1
-            what = "is repeated" if moments[k] == moments[k - 1] else "runs backwards"
             raise RecordError(
-                f"the time {what} at {place(k)} ('{raw[k - 1]}', then '{raw[k]}'); if the clock was put back there,"
-                " name its zone in the mapping file ([time] zone)"
+                f"the time runs backwards at {place(k)} ('{raw[k - 1]}', then '{raw[k]}'); if the clock was put back"
+                " there, name its zone in the mapping file ([time] zone)"
             )
         return np.asarray(seconds)
 
     def _moments(self, raw: Any, place: Callable[[int], str]) -> Moments:
         if self.textual:
-            moments = _parsed(list(raw), self.pattern, self.zoned, place)
+            moments = parse_column(list(raw), self.pattern, self.zoned, place)
         elif self.count == 1 and np.asarray(raw).dtype.kind == "i":
             moments = np.asarray(raw, dtype=np.int64) + self.epoch  # float64 would round to 256 ns
         else:
@@ -130,11 +129,6 @@ class Clock:
             part = np.rint((number - whole) * self.count).astype(np.int64)
             moments = (whole + zero).astype(np.int64) * self.count + part
         return moments if not self.zone else _to_utc(moments, self.zone, place)
-
-
-def is_stamp(cell: str) -> bool:
-    """Whether a cell is an ISO date and time, with or without a zone."""
-    return bool(_ISO.fullmatch(cell) or _ISO_ZONED.fullmatch(cell))
 
 
 def make_clock(
@@ -176,13 +170,65 @@ def make_clock(
                 f"the time '{cell}' at {place(0)} has no date; write date and time into one column, or name both in the"
                 ' mapping file: [time] column = ["Date", "Time"]'
             )
+        fitting = " or ".join(f'"{one}"' for one in fitting_formats(cells)) or '"%d.%m.%Y %H:%M:%S" or the like'
         raise RecordError(
             f"the time '{cell}' at {place(0)} is neither a number nor ISO (2021-07-07T12:00:00Z); give its format in"
-            ' the mapping file: [time] format = "%d.%m.%Y %H:%M:%S"'
+            f" a mapping file: [time] format = {fitting}"
         )
-    zoned = bool(_ISO_ZONED.fullmatch(stamps[0]))
+    zoned = is_zoned(stamps[0])
     zone = "" if zoned else rule.zone or ("UTC" if (unit or "").lower() in _UTC else "")
     return _absolute(Clock(textual=True, zoned=zoned, zone=zone), stamps[:1], place)
+
+
+def counted_clock(
+    cells: Sequence[str], unit: str | None, rule: TimeRule, place: Callable[[int], str], decimal: str
+) -> Clock | None:
+    """The clock of a time column whose `rate` the mapping gives; parameters as of `make_clock`.
+
+    The rate tells which unit the column has, or what a count is worth, so that lost rows stay gaps. None for stamps
+    that show no regular step: then rows are counted.
+
+    Raises
+    ------
+    ConfigurationError
+        If the column says its unit, and another rate.
+    """
+    rate = rule.rate or 1.0
+    numbers = np.array([value for value in (_number(cell, decimal) for cell in cells) if value is not None])
+    if len(numbers) < max(2, len(cells)):
+        return _dated_clock(cells, unit, rule, place, decimal)
+    step, steps = usual_step(numbers), np.diff(numbers)
+    if not np.all(steps > 0.0) or np.any(np.abs(steps / step - np.rint(steps / step)) > _IRREGULAR):
+        return None
+    said = [unit] if unit is not None and _is_of_time(unit) else []
+    for name in said or ("s", "ms", "µs", "min", "h", "d"):
+        if abs(step * to_si(1.0, str(split_since(name)[0])) * rate - 1.0) < _SAME_RATE:
+            return make_clock(cells, name, TimeRule(zone=rule.zone), place, decimal)
+    if said:
+        raise ConfigurationError(
+            f"time.rate is {rate:g} Hz, but the time column has steps of {step:.4g} {unit}; correct or remove the rate"
+        )
+    if np.any(np.abs(steps / step - np.rint(steps / step)) > _ROUNDED):
+        return None
+    return Clock(factor=1.0 / (rate * step), zero=float(numbers[0]))
+
+
+def _dated_clock(
+    cells: Sequence[str], unit: str | None, rule: TimeRule, place: Callable[[int], str], decimal: str
+) -> Clock | None:
+    """The clock of dates that all increase; None for others, and for text that is no date."""
+    try:
+        clock = make_clock(cells, unit, TimeRule(zone=rule.zone), place, decimal)
+        return clock if np.all(np.diff(clock.seconds(cells, place)) > 0.0) else None
+    except RecordError:
+        return None
+
+
+def _is_of_time(unit: str) -> bool:
+    try:
+        return si_unit(str(split_since(unit)[0])) == "s"
+    except ConfigurationError:
+        return False
 
 
 def moments_clock(first: int, zone: str | None, rule: TimeRule) -> Clock:
@@ -249,18 +295,18 @@ def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
     count = _since_1970(float(numbers[0]), unit) if since is None else 0
     if count:
         return _absolute(Clock(count=count, zoned=True), numbers[:1], str)
-    with np.errstate(over="ignore"):  # too large a time is named by whoever checks the rows
-        first, steps = float(numbers[0]), np.diff(numbers)
+    first = float(numbers[0])
     if unit is None:
-        unit = _unit_of(first, float(np.median(steps)) if steps.size else np.nan)
+        with np.errstate(over="ignore"):  # too large a time is named by whoever checks the rows
+            unit = confirmed_unit(numbers)
     try:
         factor = to_si(1.0, unit)
         if si_unit(unit) != "s":
             raise ConfigurationError
     except ConfigurationError:
         raise RecordError(
-            f"the time is in '{unit}', not in a unit of time; expected 'time [s]', or its unit in the mapping file: "
-            "[time] unit"
+            f"the time is in '{unit}', not in a unit of time; expected 'time [s]', or in a mapping file [time] unit, or"
+            " for a count of samples [time] rate = … [Hz]"
         ) from None
     if factor != 86_400.0 or since is not None:
         return Clock(factor=factor, start=since)
@@ -273,24 +319,10 @@ def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
 def _since_1970(first: float, unit: str | None) -> int:
     """Nanoseconds per count of a time that counts from 1970 in less than seconds; 0 where it does not."""
     for count, names in ((1_000_000, ("ms", "milliseconds")), (1000, ("µs", "us")), (1, ("ns",))):
-        low, high = (moment * _SECOND / count for moment in _RECENT)
+        low, high = (moment * _SECOND / count for moment in RECENT)
         if low <= first < high and (unit is None or unit in names):
             return count
     return 0
-
-
-def _unit_of(first: float, step: float) -> str:
-    """The unit of a time that has none: seconds, unless they cannot be meant."""
-    if not any(low <= first < high for low, high in _DAY_NUMBERS) or not step > 0.0:
-        return "s"
-    if step < _TOO_FAST:
-        return "d"
-    if np.any(np.abs(step / _USUAL - 1.0) < 0.01):
-        raise RecordError(
-            f"the time starts at {first:.9g} in steps of {step:.3g}, in seconds or days; write 'time [s]' or"
-            " 'time [d]' in the header, or [time] unit in the mapping file"
-        )
-    return "s"
 
 
 def _absolute(clock: Clock, first: Any, place: Callable[[int], str], zone: str = "") -> Clock:
@@ -312,40 +344,6 @@ def _written_offset(cell: str) -> int:
     if found is None:
         return 0
     return (-60 if found[1] == "-" else 60) * (60 * int(found[2]) + int(found[3] or 0))
-
-
-def _parsed(cells: list[str], pattern: str, zoned: bool, place: Callable[[int], str]) -> Moments:
-    import pandas as pd
-
-    if not pattern:
-        shape = _ISO_ZONED if zoned else _ISO
-        for k, cell in enumerate(cells):
-            if not isinstance(cell, str) or not shape.fullmatch(cell):
-                shown = cell[:40] if isinstance(cell, str) else ""
-                wanted = "with a zone" if zoned else "without a zone"
-                raise RecordError(
-                    f"the time '{shown}' at {place(k)} is not an ISO time {wanted} as in the first row; "
-                    "remove that row or write its time"
-                )
-        if any("," in cell for cell in cells):
-            cells = [cell.replace(",", ".") for cell in cells]
-    try:
-        dates = pd.to_datetime(pd.Series(cells, dtype="object"), format=pattern or "ISO8601", utc=True)
-        if dates.isna().any():
-            raise ValueError
-        return np.asarray(dates.astype("datetime64[ns, UTC]").astype(np.int64).to_numpy())
-    except (ValueError, OverflowError, TypeError):
-        for k, cell in enumerate(cells):
-            one = pd.to_datetime(
-                pd.Series([cell], dtype="object"), format=pattern or "ISO8601", utc=True, errors="coerce"
-            )
-            if one.isna().any():
-                wanted = f"'{pattern}'" if pattern else "a date that exists"
-                raise RecordError(
-                    f"the time '{str(cell)[:40]}' at {place(k)} does not fit, expected {wanted}; correct that row, or "
-                    "the format in the mapping file"
-                ) from None
-        raise RecordError("the time holds dates that are too far away, expected years 1678 to 2262") from None
 
 
 def _to_utc(moments: Moments, zone: str, place: Callable[[int], str]) -> Moments:

@@ -24,6 +24,7 @@ from windsysid.records.record import AS_WRITTEN
 from windsysid.units import canonical, is_same_quantity, si_unit, to_si
 
 __all__ = [
+    "COUNTER_NAMES",
     "DATE_NAMES",
     "SUFFIXES",
     "TIME_NAMES",
@@ -71,6 +72,9 @@ _TIME_WITH_UNIT = re.compile(
 _CAMEL_TIME = re.compile(r"(?P<name>[Tt]ime|[Tt]imestamp)(?P<unit>Ms|Us|Ns|Sec|Seconds|Millis|Milliseconds|Micros)")
 """Names that end in a unit of time: ``time_ms``, ``t_us``, ``timestamp_ns``, ``Time in ms``, ``timeMs``; ``t_min`` and
 ``t_d`` may be something else."""
+
+COUNTER_NAMES = ("count", "counter", "sample", "samples", "index", "scan", "record", "row", "no", "no.", "nr", "n", "#")
+"""Names of a column that counts samples, in any case: with the mapping's `rate` it is the time."""
 
 
 @dataclass(frozen=True)
@@ -156,21 +160,22 @@ def _is_meant(name: str, suffix: str, unit: str) -> bool:
 
 
 def find_times(cells: Sequence[Cell], mapping: Mapping) -> tuple[int, ...]:
-    """The columns of the time: none where the mapping says the rate; two where date and time of day stand apart.
+    """The columns of the time: two where date and time of day stand apart; where the mapping gives the rate, none
+    unless the first one is called as a time or a counter is.
 
     Raises
     ------
     RecordError, ConfigurationError
         As `find_time`.
     """
-    if mapping.time.rate is not None:
-        return ()
     wanted = mapping.time.column
     if isinstance(wanted, tuple):
         return tuple(find_time(cells, replace(mapping, time=replace(mapping.time, column=name))) for name in wanted)
     names = [cell.name.lower() for cell in cells[:2]]
     if wanted is None and len(names) == 2 and names[0] in DATE_NAMES and is_called_time(names[1]):
         return 0, 1
+    if wanted is None and mapping.time.rate is not None:
+        return (0,) if cells and (is_called_time(cells[0].name) or names[0] in COUNTER_NAMES) else ()
     return (find_time(cells, mapping),)
 
 
@@ -198,8 +203,8 @@ def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
     if not cells or not is_called_time(cells[0].name):
         first = cells[0].written if cells else ""
         raise RecordError(
-            f"the first column is '{first[:40]}', expected 'time [s]'; put the time first, or name its column in the "
-            "mapping file: [time] column"
+            f"the first column is '{first[:40]}', expected 'time [s]'; put the time first, or write [time] column"
+            " into a mapping file, or [time] rate where none is a time"
         )
     return 0
 

@@ -27,8 +27,9 @@ import numpy as np
 import numpy.typing as npt
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.clock import Clock, make_clock, start_of
+from windsysid.records.formats.clock import Clock, counted_clock, make_clock, start_of
 from windsysid.records.formats.columns import Cell, Column, find_times, plan_columns
+from windsysid.records.formats.dates import fitting_formats, is_stamp
 from windsysid.records.formats.dialect import Layout, counts_rows, find_layout, is_number, split
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
@@ -36,12 +37,13 @@ from windsysid.records.formats.source import Block, Source
 from windsysid.records.formats.text import LineBlock, encoding_of, last_line, line_blocks
 from windsysid.records.record import Array, Record
 
-__all__ = ["FORMAT", "columns_of_text"]
+__all__ = ["FORMAT", "columns_of_text", "format_of_dates"]
 
 Numbers = npt.NDArray[np.int64]
 
 _TRUTHS = (b"True", b"TRUE", b"true", b"False", b"FALSE", b"false")
 _HEAD = 1 << 18  # bytes that tell how a file is written
+_NUMBERS, _DATES = 20, 1000  # rows that show what a time counts, or how a date is written
 _SHORT = 1 << 23
 """Bytes of a file that NumPy reads in less time than pandas takes to be imported; of longer ones pandas reads a number
 in a sixth of the time."""
@@ -55,9 +57,7 @@ def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     if not head:
         raise RecordError("holds only blank lines; expected a header line and rows of numbers")
     rate = mapping.time.rate
-    layout = find_layout(head, mapping.csv, timed=rate is None)
-    rows = [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
-    times, counter = _times_and_counter(layout.cells, [cells for _, cells in rows], mapping)
+    layout, rows, times, counter = _read_head(head, mapping)
     columns = plan_columns(
         layout.cells, (*times, *counter), mapping, lambda i: _numbers(rows, i, layout), "write '{}' in the header"
     )
@@ -68,36 +68,73 @@ def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
     if not keep:
         attributes["cut_off"] = "the last line has no end and may be cut off; it is left out"
     width = max(1, len(layout.cells))
-    first = [(number, " ".join(cells[i] for i in times)) for number, cells in rows[:20] if len(cells) >= width]
+    first = _stamps(rows, times, width)
     if not first:
         raise RecordError(
             f"line {rows[0][0] if rows else layout.first_row} has {len(rows[0][1]) if rows else 0} cells, expected"
             f" {width} as in the header; complete or remove that line"
         )
-    if rate is not None:
-        clock = Clock()
-    else:
+    if not layout.headed and times and mapping.time.column is None:
+        _check_headless_time(first, layout.decimal)
+    clock = Clock()
+    if times:
         unit, cells = layout.cells[times[0]].unit, [cell for _, cell in first]
-        clock = make_clock(cells, unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
+        make = make_clock if rate is None else counted_clock
+        found = make(cells, unit, mapping.time, lambda k: f"line {first[k][0]}", layout.decimal)
+        times, clock = ((), clock) if found is None else (times, found)
     if len(times) == 2 and not clock.textual:
         raise RecordError(
             f"the date '{first[0][1][:40]}' in two columns is a number; name the columns of date and time in the"
             ' mapping file: [time] column = ["Date", "Time"]'
         )
-    if not layout.headed and times and mapping.time.column is None:
-        _check_headless_time(first, layout.decimal)
     reader = _Reader(path, encoding, layout, times, columns, clock, keep, rate or 1.0)
     names, units = tuple(column.name for column in columns), tuple(column.unit for column in columns)
     start = reader.first_time(first[0][1]) if times else 0.0
-    return Source(path.name, names, units, reader.blocks, attributes, start, start_of(mapping.time, clock.start))
+    began = start_of(mapping.time, clock.start)
+    return Source(path.name, names, units, reader.blocks, attributes, start, began, rate if times else None)
+
+
+def _read_head(
+    head: list[tuple[int, str]], mapping: Mapping
+) -> tuple[Layout, list[tuple[int, list[str]]], tuple[int, ...], tuple[int, ...]]:
+    """How a file is written, the cells of its first rows, its columns of time, and the one that only counts rows; with
+    a `rate`, a headless first column that counts is the time."""
+
+    def rows(layout: Layout) -> list[tuple[int, list[str]]]:
+        return [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
+
+    layout = find_layout(head, mapping.csv, timed=mapping.time.rate is None)
+    if mapping.time.rate is not None and not layout.headed:
+        cells = [row[0] for _, row in rows(layout)[:20]]
+        if counted_clock(cells, None, mapping.time, "row {}".format, layout.decimal) is not None:
+            layout = find_layout(head, mapping.csv, timed=True)
+            return layout, rows(layout), (0,), ()
+    found = rows(layout)
+    return layout, found, *_times_and_counter(layout.cells, [cells for _, cells in found], mapping)
+
+
+def _stamps(rows: list[tuple[int, list[str]]], times: tuple[int, ...], width: int) -> list[tuple[int, str]]:
+    """Lines and times of the first rows: few of numbers, more of dates, which tell day and month apart."""
+    some = [(number, " ".join(cells[i] for i in times)) for number, cells in rows[:_DATES] if len(cells) >= width]
+    dated = bool(times) and bool(some) and not is_number(some[0][1].replace(",", "."))
+    return some if dated else some[:_NUMBERS]
+
+
+def format_of_dates(path: Path, mapping: Mapping) -> str | None:
+    """The only strptime pattern that fits the dates in the first lines; None where the time needs none."""
+    head = list(_head(path, encoding_of(path, mapping.csv.encoding)))
+    layout, rows, times, _ = _read_head(head, mapping)
+    cells = [cell for _, cell in _stamps(rows, times, len(layout.cells))] if times else []
+    needed = mapping.time.format is None and cells and not any(map(is_stamp, cells))
+    fitting = fitting_formats(cells) if needed else ()
+    return fitting[0] if len(fitting) == 1 else None
 
 
 def columns_of_text(path: Path, mapping: Mapping) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of the columns that hold numbers in the first lines, and of those that hold text; the time is neither."""
     head = list(_head(path, encoding_of(path, mapping.csv.encoding)))
-    layout = find_layout(head, mapping.csv, timed=mapping.time.rate is None)
-    rows = [split(text, layout.delimiter) for number, text in head if number >= layout.first_row]
-    times, counter = _times_and_counter(layout.cells, rows, mapping)
+    layout, numbered, times, counter = _read_head(head, mapping)
+    rows = [cells for _, cells in numbered]
     numbers: list[str] = []
     texts: list[str] = []
     for index, cell in enumerate(layout.cells):
@@ -111,11 +148,13 @@ def columns_of_text(path: Path, mapping: Mapping) -> tuple[tuple[str, ...], tupl
 def _times_and_counter(
     cells: Sequence[Cell], rows: list[list[str]], mapping: Mapping
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The columns of the time, and the first one where it only counts rows and the mapping does not mention it."""
+    """The columns of the time, and the first one where it only counts rows and the mapping does not mention it; with a
+    `rate` and no other time, what counts rows is the time, so that lost rows stay gaps."""
     mentioned = mapping.time.column == cells[0].written or cells[0].written in mapping.channels
     if mentioned or not counts_rows(cells, rows):
         return find_times(cells, mapping), ()
-    return tuple(1 + index for index in find_times(cells[1:], mapping)), (0,)
+    times = tuple(1 + index for index in find_times(cells[1:], mapping))
+    return (times, (0,)) if times or mapping.time.rate is None else ((0,), ())
 
 
 def write_csv(record: Record, file: BinaryIO) -> None:
@@ -168,8 +207,8 @@ def _check_headless_time(first: list[tuple[int, str]], decimal: str) -> None:
         return  # dates, or a bad cell that is named later
     if any(b <= a for a, b in itertools.pairwise(values)):
         raise RecordError(
-            "has no header line, and its first column does not increase as time does; write 'time,name [unit],...'"
-            ' above, or in the mapping file [time] column = "column_1"'
+            "has no header line, and its first column does not increase as time does; write 'time [s],name [unit],...'"
+            " above, or [time] rate = … [Hz] into a mapping file"
         )
 
 
@@ -292,6 +331,8 @@ class _Reader:
             cells = split(line, mark)
             if len(cells) != self.width:
                 continue  # named with its width below
+            if self.clock.textual and mark == ",":
+                cells = [re.sub(r"(:\d\d),(\d)", r"\1.\2", c) if k in self.times else c for k, c in enumerate(cells)]
             for index, cell in enumerate(cells):
                 if index in self.wanted and (mark in cell or '"' in cell):
                     self._refuse(index, first + i, cell)

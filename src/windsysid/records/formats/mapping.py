@@ -58,7 +58,8 @@ class TimeRule(_Strict):
     column
         Name of the time column; in text two names, of the columns with the date and the time of day.
     rate
-        Samples per second [Hz] of a file without a time column: sample k is at k/rate.
+        Samples per second [Hz] of a file without a time column, or whose time column says no unit or counts samples:
+        sample k is at k/rate. Where the column has a regular step, rows that it shows to be lost are gaps.
     unit
         Unit of a time that is a number: ``s``, ``ms``, ``min``, ``h``, ``d``.
     format
@@ -79,8 +80,8 @@ class TimeRule(_Strict):
     def __post_init__(self) -> None:
         if self.rate is not None and not 0.0 < self.rate < math.inf:
             raise ValueError(f"rate {self.rate} is not a number of samples per second above 0")
-        if self.rate is not None and (self.column, self.unit, self.format) != (None, None, None):
-            raise ValueError("rate is for files without a time; remove it, or column, unit and format")
+        if self.rate is not None and (self.unit, self.format) != (None, None):
+            raise ValueError("rate is for files without a time or its unit; remove it, or unit and format")
         if self.unit is not None and si_unit(self.unit) != "s":
             raise ValueError(f"unit '{self.unit}' is not a unit of time, expected s, ms, min, h or d")
         if self.format is not None and self.format not in NAMED_FORMATS and "%" not in self.format:

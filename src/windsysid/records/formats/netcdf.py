@@ -25,6 +25,7 @@ from windsysid.records.formats.hdf5_tree import check_tree
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import probe
 from windsysid.records.formats.source import Block, Source, doubles, indexed_source
+from windsysid.records.formats.time_units import confirmed_unit
 from windsysid.records.moments import has_zone, split_start
 from windsysid.records.record import Array, Record
 from windsysid.units import si_unit, to_si
@@ -242,14 +243,18 @@ def unpacked(variable: Any, rows: Any) -> Array:
 
 def _seconds(variable: "h5netcdf.Variable", name: str, mapping: Mapping) -> Array:
     _check_variable(variable, name, *variable.dimensions)
-    unit = mapping.time.unit or str(split_since(_unit(variable) or "s")[0])
+    time = unpacked(variable, slice(None))
+    unit = (
+        mapping.time.unit
+        or split_since(_unit(variable) or None)[0]
+        or confirmed_unit(time[:20][np.isfinite(time[:20])])
+    )
     try:
         factor = to_si(1.0, unit) if si_unit(unit) == "s" else None
     except ConfigurationError as error:
         raise RecordError(f"time: {error}") from error
     if factor is None:
         raise RecordError(f"time is in '{unit}', expected seconds; convert it first")
-    time = unpacked(variable, slice(None))
     return time if factor == 1.0 else np.asarray(time * factor)
 
 

@@ -20,9 +20,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from windsysid.configuration import parse_json
-from windsysid.errors import OutputError, RecordError
-from windsysid.records.formats.clock import Clock, exact_seconds, make_clock, moments_clock, start_of
-from windsysid.records.formats.columns import Cell, find_time, is_called_time, name_and_unit, plan_columns
+from windsysid.errors import ConfigurationError, OutputError, RecordError
+from windsysid.records.formats.clock import Clock, counted_clock, exact_seconds, make_clock, moments_clock, start_of
+from windsysid.records.formats.columns import Cell, find_times, is_called_time, name_and_unit, plan_columns
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
@@ -73,10 +73,11 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
         first = next(file.iter_batches(20, columns=[schema.field(times[0] if times else 0).name]), None)
         if first is None or not first.num_rows:
             raise RecordError("expected at least 2 samples, got 0; give a longer record")
-        clock = _clock(first.column(0), cells[times[0]].unit, mapping) if times else Clock()
-        start = float(_seconds(clock, first.column(0))[0]) if times else 0.0
+        clock = _clock(first.column(0), cells[times[0]].unit, mapping) if times else None
+        times = times if clock is not None else ()
+        start = 0.0 if clock is None else float(_seconds(clock, first.column(0))[0])
         said, attributes = split_start(attributes, start)
-    except RecordError:
+    except (RecordError, ConfigurationError):
         raise
     except (ValueError, OSError, AttributeError, KeyError, TypeError) as error:
         raise _damaged(error) from error
@@ -91,7 +92,7 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
         done, total, waiting = 0, max(file.metadata.num_rows, 1), None
         for rows in _batches(file, wanted):
             counted = np.arange(done, done + len(rows[0])) / (rate or 1.0)
-            seconds = _seconds(clock, rows[0]) if times else counted
+            seconds = counted if clock is None else _seconds(clock, rows[0])
             done += seconds.size
             values = [column.values(_numbers(rows[i])) for i, column in enumerate(columns, len(times))]
             first = done - seconds.size
@@ -111,7 +112,8 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
         blocks,
         attributes,
         start,
-        start_of(mapping.time, clock.start or said),
+        start_of(mapping.time, (None if clock is None else clock.start) or said),
+        None if clock is None else rate,
     )
 
 
@@ -257,19 +259,17 @@ def _pandas_index(notes: dict[str, str], names: list[str]) -> int | None:
 def _times_and_counter(
     cells: list[Cell], index: int | None, mapping: Mapping
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The column of the time, none where the mapping says the rate; and pandas' index where it only counts rows."""
+    """The columns of the time; and pandas' index where it only counts rows and the time comes from elsewhere."""
     counter: tuple[int, ...] = ()
     if index is not None and _UNNAMED.fullmatch(cells[index].written) and _has_other_time(cells, index, mapping):
         counter, index = (index,), None
-    if mapping.time.rate is not None:
-        return (), counter
-    return (index if index is not None and mapping.time.column is None else find_time(cells, mapping),), counter
+    if index is not None and mapping.time.column is None:
+        return (index,), counter
+    return find_times(cells, mapping), counter
 
 
 def _has_other_time(cells: list[Cell], index: int, mapping: Mapping) -> bool:
-    """Whether the time comes from elsewhere than the index: a rate, the mapping's column, or one called so."""
-    if mapping.time.rate is not None:
-        return True
+    """Whether the time comes from elsewhere than the index: the mapping's column, or one called so."""
     if mapping.time.column is not None:
         return mapping.time.column != cells[index].written
     return is_called_time(cells[0].name)
@@ -284,12 +284,13 @@ def _check_type(field: Any, *, dates: bool) -> None:
     raise RecordError(f"column '{field.name}' holds {kind}, expected numbers; leave it out or convert it")
 
 
-def _clock(column: Any, unit: str | None, mapping: Mapping) -> Clock:
+def _clock(column: Any, unit: str | None, mapping: Mapping) -> Clock | None:
     import pyarrow as pa  # type: ignore[import-untyped,unused-ignore]
 
     if pa.types.is_timestamp(column.type):
         return moments_clock(int(_moments(column)[0]), column.type.tz, mapping.time)
-    return make_clock([repr(v) for v in _numbers(column).tolist()], unit, mapping.time, "sample {}".format, ".")
+    make = make_clock if mapping.time.rate is None else counted_clock
+    return make([repr(v) for v in _numbers(column).tolist()], unit, mapping.time, "sample {}".format, ".")
 
 
 def _seconds(clock: Clock, column: Any) -> Array:

@@ -11,13 +11,13 @@ that the series themselves say; a series called ``time``.
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.checks import UNIFORM
-from windsysid.records.formats.clock import Moments, exact_seconds, make_clock, moments_clock, start_of
+from windsysid.records.formats.clock import Moments, counted_clock, exact_seconds, make_clock, moments_clock, start_of
 from windsysid.records.formats.columns import Cell, Column, find_time, is_called_time, name_and_unit, plan_columns
 from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.formats.placing import Rows, coinciding
@@ -148,7 +148,7 @@ def source_of_series(
                 found[k] = _placed(columns[k], chosen[k], place, low, high)
         return np.column_stack([found[k] for k in range(len(columns))])
 
-    return indexed_source(
+    source = indexed_source(
         name,
         tuple(column.name for column in columns),
         tuple(column.unit for column in columns),
@@ -158,6 +158,7 @@ def source_of_series(
         rows_at_once=max(1, _VALUES // len(columns)),
         start=start_of(mapping.time, said or noted),
     )
+    return source if at is None else replace(source, rate=mapping.time.rate)
 
 
 def _values(column: Column, raw: Array, low: int, high: int) -> Array:
@@ -191,11 +192,13 @@ def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | 
         raise ConfigurationError(f"{mapping.place}: time.rate: the file itself says its times; remove the key")
     if timed and (mapping.time.unit, mapping.time.format) != (None, None):
         raise ConfigurationError(f"{mapping.place}: time: the file itself says its times; leave only zone and start")
-    if timed or mapping.time.rate is not None:
+    if timed:
         return None
     called = [i for i, cell in enumerate(cells) if is_called_time(cell.name)]
     if len(called) == 1:
         return called[0]
+    if mapping.time.rate is not None:
+        return None
     found = f"{len(called)} are called so" if called else "none is called so"
     found += f"; {hint}" if hint else ""
     raise RecordError(
@@ -278,10 +281,12 @@ def _times(series: Sequence[Series], at: int | None, first: Series, mapping: Map
     if at is not None:
         raw = series[at].numbers(0, series[at].samples)
         cells = [repr(value) for value in raw[:20].tolist()]
-        clock = make_clock(cells, series[at].cell.unit, mapping.time, "sample {}".format, ".")
-        if clock.textual:
+        make = make_clock if mapping.time.rate is None else counted_clock
+        clock = make(cells, series[at].cell.unit, mapping.time, "sample {}".format, ".")
+        if clock is not None and clock.textual:
             raise RecordError("the time is a number, but the mapping says that it is text; correct [time] format")
-        return clock.seconds(raw, "sample {}".format), clock.start
+        if clock is not None:
+            return clock.seconds(raw, "sample {}".format), clock.start
     return np.arange(first.samples) / (mapping.time.rate or 1.0), None
 
 

@@ -15,11 +15,12 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.checks import Array, check_block, check_channels, refuse_outside
-from windsysid.records.record import Record
+from windsysid.records.packets import is_even, place_packets, shares_stamps
+from windsysid.records.record import STAMPS, Record
 
 __all__ = [
     "Block", "Progress", "Source", "doubles", "gather", "gather_section", "indexed_source", "pieces", "reading_notes",
-    "shifted", "without_repeats",
+    "shifted", "with_regular_times", "without_repeats",
 ]  # fmt: skip
 
 Progress = Callable[[float], None]
@@ -76,6 +77,8 @@ class Source:
         Time of the first sample [s], NaN if only reading tells.
     start : str or None
         The moment of time 0, as `Record.start`.
+    rate : float or None
+        The rate [Hz] at which rows are counted where their times do not increase, because the mapping gives it.
     """
 
     name: str
@@ -85,6 +88,7 @@ class Source:
     attributes: Mapping[str, str] = field(default_factory=dict)
     first: float = np.nan
     start: str | None = None
+    rate: float | None = None
 
 
 def reading_notes(attributes: Mapping[str, str]) -> list[str]:
@@ -144,6 +148,7 @@ def _differing(name: str, what: str) -> RecordError:
 def gather(source: Source, progress: Progress | None = None) -> Record:
     """The whole file as one record."""
     time, values = [], []
+    source = with_regular_times(source)
     for block in _checked(source, -np.inf, np.inf, progress):
         time.append(block.time)
         values.append(block.values)
@@ -158,6 +163,7 @@ def gather_section(source: Source, start: float, end: float, progress: Progress 
     RecordError
         If the section is empty, holds a single sample, or reaches outside the record.
     """
+    source = with_regular_times(source, start, end)
     blocks = list(_within(source, start, end, progress))
     return _record(source, [block.time for block in blocks], [block.values for block in blocks])
 
@@ -190,6 +196,7 @@ def pieces(
         open_time.clear()
         open_values.clear()
 
+    source = with_regular_times(source, *(section or (-np.inf, np.inf)))
     blocks = _checked(source, -np.inf, np.inf, progress) if section is None else _within(source, *section, progress)
     for block in blocks:
         origin = block.time[0] if np.isnan(origin) else origin
@@ -235,6 +242,47 @@ def indexed_source(
 def shifted(place: Callable[[int], str], first: int) -> Callable[[int], str]:
     """Names the places of rows that are counted from row `first` of the file."""
     return lambda row: place(first + row)
+
+
+def with_regular_times(source: Source, start: float = -np.inf, end: float = np.inf) -> Source:
+    """The source, to be read once from `start` to `end` [s]; rows that share a time stamp in its first block are placed
+    evenly (`windsysid.records.packets`), which an attribute says."""
+    blocks = source.blocks(start, end)
+    held = list(itertools.islice(blocks, 1))
+    if held and (source.rate is not None or shares_stamps(held[0].time)):
+        times = np.concatenate([block.time for block in source.blocks(-np.inf, np.inf)])
+        placed = place_packets(times) if is_even(held[0].time, held[0].values) else None
+        if placed is not None:
+            shared = int(np.count_nonzero(np.diff(times) == 0.0))
+            note = (
+                f"{shared} of {times.size} rows have the time stamp of the row before; all are placed evenly, at"
+                f" {1.0 / placed.step:.6g} Hz, with {placed.lost} lost"
+            )
+            return _timed(source, placed.time, {**source.attributes, STAMPS: note})
+        if source.rate is not None and not np.all(np.diff(times) > 0.0):
+            return _timed(source, np.arange(times.size) / source.rate, source.attributes)
+
+    def resumed(_start: float, _end: float) -> Iterator[Block]:
+        while held:
+            yield held.pop()
+        yield from blocks
+
+    return replace(source, blocks=resumed)
+
+
+def _timed(source: Source, times: Array, attributes: Mapping[str, str]) -> Source:
+    """The source with other times (T,) [s]."""
+
+    def blocks(_start: float, end: float) -> Iterator[Block]:
+        low = 0
+        for block in source.blocks(-np.inf, np.inf):
+            high = low + block.time.size
+            yield block._replace(time=times[low:high])
+            if high > low and times[high - 1] >= end:
+                return
+            low = high
+
+    return replace(source, blocks=blocks, attributes=attributes, first=float(times[0]))
 
 
 def _checked(source: Source, start: float, end: float, progress: Progress | None) -> Iterator[Block]:

@@ -1,0 +1,141 @@
+"""Dates as text: which strptime pattern fits them, and their fractions of a second.
+
+A pattern is proposed and never applied unasked: ``03/04/2024`` is in March or in April. The fraction of a second may
+have a point or a comma and any number of digits, and may be missing at whole seconds, whatever the pattern says.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from windsysid.errors import RecordError
+
+__all__ = ["Moments", "fitting_formats", "is_stamp", "is_zoned", "parse_column"]
+
+Moments = npt.NDArray[np.int64]
+
+_ISO = re.compile(r"\d{4}-\d{2}-\d{2}[ T]\d{2}:\d{2}(?::\d{2}(?:[.,]\d{1,9})?)?")
+_ISO_ZONED = re.compile(_ISO.pattern + r" ?(?:Z|[+-]\d{2}(?::?\d{2})?)")
+_FRACTION = re.compile(r"(\d{1,2}:\d{2}:\d{2})[.,](\d{1,9})(?!\d)")
+_SECONDS = re.compile(r"%S[.,]%f|%T[.,]%f")
+_DATES = (
+    (r"\d{4}(?P<s>[-/.])\d{1,2}(?P=s)\d{1,2}", ("%Y{s}%m{s}%d",)),
+    (r"\d{8}", ("%Y%m%d",)),
+    (r"\d{1,2}\.\d{1,2}\.\d{4}", ("%d.%m.%Y",)),
+    (r"\d{1,2}\.\d{1,2}\.\d{2}", ("%d.%m.%y",)),
+    (r"\d{1,2}(?P<s>[-/])\d{1,2}(?P=s)\d{4}", ("%d{s}%m{s}%Y", "%m{s}%d{s}%Y")),
+    (r"\d{1,2}(?P<s>[-/])\d{1,2}(?P=s)\d{2}", ("%d{s}%m{s}%y", "%m{s}%d{s}%y")),
+    (r"\d{1,2}(?P<s>[- ])[A-Za-z]{3}(?P=s)\d{4}", ("%d{s}%b{s}%Y",)),
+    (r"[A-Za-z]{3} \d{1,2}(?P<s>,?) \d{4}", ("%b %d{s} %Y",)),
+)
+_TIME = re.compile(
+    r"(?P<sep>[T _]|, )\d{1,2}:\d{2}(?P<second>:\d{2}(?P<fraction>[.,]\d{1,9})?)?(?P<half> ?[AaPp][Mm])?"
+    r"(?P<zone> ?(?:Z|[+-]\d{2}:?\d{2}))?"
+)
+
+
+def fitting_formats(cells: Sequence[str]) -> tuple[str, ...]:
+    """strptime patterns that fit all of these dates with a time of day; two where day or month may be first.
+
+    Patterns are for the first form that the first cell has; empty where it has none, or other cells have another.
+    """
+    found: list[str] = []
+    for date, patterns in _DATES:
+        match = re.match(date, cells[0]) if cells else None
+        clock = _TIME.fullmatch(cells[0][match.end() :]) if match else None
+        if match and clock:
+            mark = match.groupdict().get("s") or ""
+            found = [pattern.format(s=mark) + _clock_pattern(clock, cells) for pattern in patterns]
+            break
+    return tuple(pattern for pattern in found if _fits(pattern, cells))
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell is an ISO date and time, with or without a zone."""
+    return bool(_ISO.fullmatch(cell) or _ISO_ZONED.fullmatch(cell))
+
+
+def is_zoned(cell: str) -> bool:
+    """Whether a cell is an ISO date and time with a zone."""
+    return bool(_ISO_ZONED.fullmatch(cell))
+
+
+def parse_column(cells: list[str], pattern: str, zoned: bool, place: Callable[[int], str]) -> Moments:
+    """Moments (n,) [ns since 1970, UTC] of a column of dates: in a strptime `pattern`, or ISO, `zoned` or not.
+
+    Raises
+    ------
+    RecordError
+        If a cell is another, named by its `place`.
+    """
+    if not pattern:
+        shape = _ISO_ZONED if zoned else _ISO
+        for k, cell in enumerate(cells):
+            if not isinstance(cell, str) or not shape.fullmatch(cell):
+                shown = cell[:40] if isinstance(cell, str) else ""
+                wanted = "with a zone" if zoned else "without a zone"
+                raise RecordError(
+                    f"the time '{shown}' at {place(k)} is not an ISO time {wanted} as in the first row; "
+                    "remove that row or write its time"
+                )
+        if any("," in cell for cell in cells):
+            cells = [cell.replace(",", ".") for cell in cells]
+    try:
+        return _parse(cells, pattern)
+    except (ValueError, OverflowError, TypeError):
+        for k, cell in enumerate(cells):
+            try:
+                _parse([cell], pattern)
+            except (ValueError, OverflowError, TypeError):
+                wanted = f"'{pattern}'" if pattern else "a date that exists"
+                raise RecordError(
+                    f"the time '{str(cell)[:40]}' at {place(k)} does not fit, expected {wanted}; correct that row, or "
+                    "the format in the mapping file"
+                ) from None
+        raise RecordError("the time holds dates that are too far away, expected years 1678 to 2262") from None
+
+
+def _parse(cells: Sequence[str], pattern: str) -> Moments:
+    """Moments (n,) [ns since 1970, UTC] of dates in a strptime pattern.
+
+    Raises
+    ------
+    ValueError, OverflowError, TypeError
+        If some cell does not fit.
+    """
+    import pandas as pd
+
+    nanoseconds = np.zeros(len(cells), dtype=np.int64)
+    if pattern:
+        bare = _SECONDS.sub(lambda found: found[0][:2], pattern)
+        split = [_FRACTION.search(cell) for cell in cells] if bare != pattern or pattern.find("%f") < 0 else []
+        if any(split):
+            digits = [found[2] if found else "0" for found in split]
+            nanoseconds = np.array([int(one.ljust(9, "0")) for one in digits], dtype=np.int64)
+        cells = [_FRACTION.sub(r"\1", cell, count=1) for cell in cells] if split else cells
+        pattern = bare if split else pattern
+    dates = pd.to_datetime(pd.Series(list(cells), dtype="object"), format=pattern or "ISO8601", utc=True)
+    if dates.isna().any():
+        raise ValueError
+    return np.asarray(dates.astype("datetime64[ns, UTC]").astype(np.int64).to_numpy()) + nanoseconds
+
+
+def _clock_pattern(clock: re.Match[str], cells: Sequence[str]) -> str:
+    """The pattern of the time of day, with the mark of its fraction where some cell has one."""
+    mark = next((found[0][-len(found[2]) - 1] for cell in cells if (found := _FRACTION.search(cell))), "")
+    seconds = f":%S{mark}%f" if mark else ":%S" if clock["second"] else ""
+    half, zone = clock["half"] or "", clock["zone"] or ""
+    return "".join((
+        clock["sep"], "%I" if half else "%H", ":%M", seconds, " " * half.startswith(" "), "%p" if half else "",
+        " " * zone.startswith(" "), "%z" if zone else "",
+    ))  # fmt: skip
+
+
+def _fits(pattern: str, cells: Sequence[str]) -> bool:
+    try:
+        _parse(cells, pattern)
+    except (ValueError, OverflowError, TypeError):
+        return False
+    return True

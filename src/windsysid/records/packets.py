@@ -1,0 +1,122 @@
+"""Readings that share a time stamp: a logger took them regularly and stamped them packet by packet, or wrote their
+times with few digits.
+
+Rows keep their order and are placed on a regular grid, so that no reading is lost and none is aliased. Packets of one
+size are placed by their stamps, which may scatter by half a packet; lost packets stay gaps. Packets of several sizes
+are counted: the row number times the step follows the stamps, and where all later stamps are shifted by more than they
+scatter, rows were lost. Readings that were not taken evenly (bursts, rows of two loggers in turn, rows written twice)
+differ more within packets than across them, or less, and are left to the caller.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from windsysid._types import Array
+from windsysid.records.stamps import lost_rows, near_step, rhythm
+
+__all__ = ["Placed", "is_even", "place_packets", "shares_stamps"]
+
+Rows = npt.NDArray[np.int64]
+
+MIN_PACKETS = 8
+"""Packets that show a grid at least."""
+
+MIN_FULL_SHARE = 0.5
+"""Share of packets with the greatest size, above which smaller ones have lost rows."""
+
+MAX_SPREAD_STEPS = 2.0
+"""Range of 98 % of the stamps about the grid at most, in long steps (the 99th percentile of the steps of stamps)."""
+
+MAX_UNEVENNESS = 2.0
+"""Greatest ratio of the mean difference of neighbours across packets to that within packets, or its inverse; of 50
+packets of a regular record it is 1 ± 0.2."""
+
+
+class Placed(NamedTuple):
+    """Regular times (T,) [s] of all rows, the step [s], and how many rows are missing between them."""
+
+    time: Array
+    step: float
+    lost: int
+
+
+def shares_stamps(time: Array) -> bool:
+    """Whether some rows share a time stamp, and no time runs backwards."""
+    steps = np.diff(time)
+    return bool(np.all(steps >= 0.0) and np.any(steps == 0.0))
+
+
+def is_even(time: Array, values: Array) -> bool:
+    """Whether each channel (T, m) changes as much within packets as from one packet to the next."""
+    across = np.diff(time) > 0.0
+    return all(_changes_evenly(change, across) for change in np.diff(values, axis=0).T)
+
+
+def _changes_evenly(change: Array, across: npt.NDArray[np.bool_]) -> bool:
+    """Whether steps of a channel (T − 1,) have the same size and the same mean within packets and `across` them."""
+    known = np.isfinite(change)
+    moved = np.abs(change[known & (change != 0.0)])
+    if not moved.size:
+        return True
+    most = 10.0 * float(np.median(moved))  # one spike or jump of an angle counts little
+    clipped = np.clip(change, -most, most)
+    inside, outside = clipped[known & ~across], clipped[known & across]
+    if min(inside.size, outside.size) < MIN_PACKETS:
+        return True
+    low, high = sorted(float(np.mean(np.abs(one))) for one in (inside, outside))
+    apart = abs(float(np.mean(inside) - np.mean(outside)))
+    return high <= MAX_UNEVENNESS * low and apart <= 0.5 * (low + high)
+
+
+def place_packets(time: Array) -> Placed | None:
+    """Place all rows on the grid that their stamps (T,) [s] show; None where they show none."""
+    if not (np.isfinite(time).all() and shares_stamps(time)):
+        return None
+    first = np.flatnonzero(np.concatenate([[True], np.diff(time) > 0.0]))
+    sizes = np.diff(np.append(first, time.size))
+    if len(first) < MIN_PACKETS or np.count_nonzero(sizes > 1) < MIN_PACKETS:
+        return None
+    stamps = time[first]
+    found = _by_stamps(stamps, sizes) or _by_count(stamps, first)
+    if found is None:
+        return None
+    begin, step, row = found
+    index = np.repeat(row, sizes) + np.arange(time.size) - np.repeat(first, sizes)
+    return Placed(begin + step * index, step, int(index[-1] - index[0]) + 1 - time.size)
+
+
+def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
+    """Beginning and step [s] of the grid and the row of each packet (n,), for packets of one size or less."""
+    size = int(sizes.max())
+    if np.mean(sizes[1:-1] == size) < MIN_FULL_SHARE:
+        return None
+    begin, period = rhythm(stamps, near_step(stamps))
+    for _ in range(2):
+        index = np.rint((stamps - begin) / period)
+        period, begin = map(float, np.polyfit(index, stamps, 1))
+    if np.any(np.diff(index) < 1.0) or np.any(np.abs(stamps - begin - period * index) > 0.5 * period):
+        return None
+    row = size * (index - index[0]).astype(np.int64)
+    row[0] = size - sizes[0]  # a packet that the record begins in has lost its first rows
+    return begin + period * float(index[0]), period / size, row
+
+
+def _by_count(stamps: Array, first: Rows) -> tuple[float, float, Rows] | None:
+    """The same for packets of any size: rows are counted, and lost where all later stamps are shifted."""
+    stamps, counted = stamps[1:], first[1:]  # the record may begin inside the first packet
+    reach = max(1, min(64, len(stamps) // 8))
+    step = float(np.median((stamps[reach:] - stamps[:-reach]) / (counted[reach:] - counted[:-reach])))
+    for _ in range(3):
+        each = lost_rows(stamps - step * counted, step)
+        if each is None:
+            return None
+        lost = np.cumsum(each)
+        step, begin = map(float, np.polyfit(counted + lost, stamps, 1))
+        if not step > 0.0:
+            return None
+    off = stamps - begin - step * (counted + lost)
+    if np.ptp(np.percentile(off, [1.0, 99.0])) > MAX_SPREAD_STEPS * np.percentile(np.diff(stamps), 99.0):
+        return None
+    return begin, step, np.concatenate([[0], counted + lost])
