@@ -247,3 +247,27 @@ def test_no_number_is_broken_over_two_lines(monkeypatch: pytest.MonkeyPatch, col
     assert all(len(line) <= columns for line in text.splitlines())
     for number in ("1.78083e+06", "-1.90012e-03", "1.7497e+06 …", "1.8124e+06"):
         assert number in text
+
+
+@pytest.mark.parametrize("name", ["nic\udce9$a$.csv", "a\n[red]b\x1b[31m.csv", "<b>x.csv"])
+def test_any_name_of_a_file_is_shown_and_saved(run, tmp_path: Path, name: str):
+    path = tmp_path / name
+    try:
+        path.write_text("time [s],tower_x_acceleration [m/s^2]\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(300)))
+    except OSError:
+        pytest.skip("this file system has other names")
+    ended = run("inspect", path, "--output", tmp_path / "out\udce9\n")
+    assert ended.code == 0, ended.err
+    assert all(line.isprintable() for line in ended.out.split("\n"))
+    page = (tmp_path / "out\udce9\n" / "report.html").read_text(encoding="utf-8")
+    assert "<b>x.csv" not in page
+    ended = run("oma", tmp_path / f"gone{name}", "--output", tmp_path / "modes")
+    assert ended.code == 2
+    assert len(ended.err) == 1
+    assert ended.err[0].isprintable()
+
+
+def test_a_page_holds_any_text():
+    from windsysid.reports.html import Section, report_page
+
+    assert b"\\udce9" in report_page("nic\udce9", "", [Section("title", ["text"])])

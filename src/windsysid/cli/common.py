@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from windsysid.errors import ConfigurationError
+from windsysid.output.console import printable
 
 if TYPE_CHECKING:
     from windsysid.output.progress import Shown
@@ -104,7 +105,7 @@ def print_and_save(found: _Answer, output: Path | None, write: Write, *, json: b
             progress("writing the report")
             write(found.files())
         if not json:
-            print(f"report: {output / 'report.html'}")
+            print(f"report: {printable(output / 'report.html')}")
 
 
 def rotor_speeds(option: str, given: tuple[str, str] | None) -> tuple[float, float] | None:

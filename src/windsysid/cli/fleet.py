@@ -17,6 +17,7 @@ from windsysid.cli.common import (
     show_progress,
 )
 from windsysid.errors import ConfigurationError
+from windsysid.output.console import printable
 
 __all__ = ["watch_archive"]
 
@@ -63,7 +64,8 @@ def batch(
                 limit=seconds, progress=progress,
             )  # fmt: skip
     except KeyboardInterrupt:
-        print(f"interrupted: what was found is in {output}; the same command goes on from there", file=sys.stderr)
+        told = f"interrupted: what was found is in {output}; the same command goes on from there"
+        print(printable(told), file=sys.stderr)
         raise typer.Exit(130) from None
     print(found)
 

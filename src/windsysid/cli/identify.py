@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from windsysid.errors import ConfigurationError
+from windsysid.output.console import printable
+from windsysid.output.files import path_text
 
 if TYPE_CHECKING:
     from windsysid.identification.prior import Prior
@@ -123,7 +125,7 @@ def identify(
             )  # fmt: skip
             used = data.section(*section) if section else data
             if found.provenance is not None:
-                traced = found.provenance.with_options(file=str(record), mapping=mapping_tables(rules))
+                traced = found.provenance.with_options(file=path_text(record), mapping=mapping_tables(rules))
                 if add_noise != 0.0:
                     traced = traced.with_options(add_noise_percent=add_noise, seed=seed)
                     traced = replace(traced, record_hash=record_hash(recorded))
@@ -141,7 +143,7 @@ def identify(
         _checkpoint(output).unlink(missing_ok=True)
     print(
         f"{found.samples} samples in {found.elapsed:.2f} s; results:"
-        f" {output / ('summary.json' if no_report else 'report.html')}"
+        f" {printable(output / ('summary.json' if no_report else 'report.html'))}"
     )
 
 
@@ -188,7 +190,7 @@ def _identify_in_pieces(
 
     try:
         told = {
-            "file": str(record), "in_pieces_s": length, "section": None if section is None else list(section),
+            "file": path_text(record), "in_pieces_s": length, "section": None if section is None else list(section),
             "mapping": mapping_tables(mapping),
         }  # fmt: skip
         with hear(progress, f"{record}, search for the mode"):
@@ -197,7 +199,8 @@ def _identify_in_pieces(
                 checkpoint=checkpoint, keep_checkpoint=True, progress=taken, options=told,
             )  # fmt: skip
     except KeyboardInterrupt:
-        print(f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})", file=sys.stderr)
+        where = f"interrupted at {reached:.0f} s: the same command goes on from there ({checkpoint})"
+        print(printable(where), file=sys.stderr)
         raise typer.Exit(130) from None
     return found, last[0]
 

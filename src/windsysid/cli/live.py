@@ -8,6 +8,7 @@ import typer
 
 from windsysid.cli.common import app
 from windsysid.errors import ConfigurationError
+from windsysid.output.console import printable
 
 if TYPE_CHECKING:
     from windsysid.live.settings import Settings
@@ -69,7 +70,7 @@ def live(
 
     fed: list[Source] = sources_of(settings)
     if check:
-        print(f"{config}: nothing is wrong; {_count(len(settings.turbines))}, store {settings.store}")
+        print(printable(f"{config}: nothing is wrong; {_count(len(settings.turbines))}, store {settings.store}"))
         print(*(f"source: {source.describe()}" for source in fed), sep="\n")
         return
     start_log(settings.log)
@@ -102,7 +103,7 @@ def export(
         opened.close()
     for turbine, rows in added.items():
         print(f"{turbine}: {rows} rows added")
-    print(f"archive: {output}" + ("" if levels is None else f"; levels: {levels}"))
+    print(printable(f"archive: {output}" + ("" if levels is None else f"; levels: {levels}")))
 
 
 def _settings(config: Path) -> "Settings":
@@ -113,7 +114,7 @@ def _settings(config: Path) -> "Settings":
         return read_settings(config)
     except SettingsError as error:
         for line in error.lines:
-            print(f"windsysid: {''.join(sign if sign.isprintable() else '?' for sign in line)}", file=sys.stderr)
+            print(f"windsysid: {printable(line)}", file=sys.stderr)
         raise typer.Exit(2) from None
 
 

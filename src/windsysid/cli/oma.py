@@ -9,6 +9,7 @@ from typer.core import TyperCommand
 
 from windsysid.cli.common import Mapping, Overwrite, app, claim_output, show_progress
 from windsysid.errors import ConfigurationError
+from windsysid.output.console import printable
 
 __all__ = []
 
@@ -109,7 +110,7 @@ def oma(
         progress("writing the report")
         write({"summary.json": found.to_json().encode(), **kept(found)} if no_report else found.files())
     if not json:
-        print(f"results: {output / ('summary.json' if no_report else 'report.html')}")
+        print(f"results: {printable(output / ('summary.json' if no_report else 'report.html'))}")
 
 
 def _band(text: str) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import typer
 
 from windsysid._version import __version__
 from windsysid.errors import WindsysidError
-from windsysid.output.console import show_what_can_be_shown
+from windsysid.output.console import printable, show_what_can_be_shown
 
 if TYPE_CHECKING:
     pass
@@ -44,8 +44,7 @@ def main() -> None:
 
 def _refuse(message: str) -> NoReturn:
     """Say in one line what was wrong."""
-    shown = "".join(sign if sign.isprintable() else "?" for sign in " ".join(message.split()))
-    print(f"windsysid: {shown}", file=sys.stderr)
+    print(f"windsysid: {printable(' '.join(message.split()))}", file=sys.stderr)
     sys.exit(2)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from windsysid.output.console import printable
 from windsysid.units import RPM
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def study(
     with show_progress("study") as progress:
         progress("writing the report")
         write(study_files(found))
-    print(f"report: {output / 'report.html'}")
+    print(f"report: {printable(output / 'report.html')}")
 
 
 @app.command(cls=ListsLoads)
@@ -83,7 +84,7 @@ def simulate(
         progress(f"writing {output}")
         write(record)
     print(record)
-    print(f"record: {output}")
+    print(f"record: {printable(output)}")
 
 
 @app.command(name="inspect")
@@ -132,7 +133,7 @@ def _write_mapping(record: Path, mapping: Path | None, target: Path, *, overwrit
             found = propose_mapping(record, mapping)
         print(found)
         write(lambda file: file.write(found.to_toml().encode()))
-    print(f"mapping: {target}; correct it, then: windsysid inspect {record} --mapping {target}")
+    print(printable(f"mapping: {target}; correct it, then: windsysid inspect {record} --mapping {target}"))
 
 
 @app.command()

@@ -17,9 +17,12 @@ from windsysid.fleet.engine import run_here, run_on_dask, share
 from windsysid.fleet.guard import DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.joining import check_clocks, join_late, read_scadas
 from windsysid.fleet.members import Member, member_of, read_fleet, single
-from windsysid.fleet.remote import is_remote, list_remote, size_of
+from windsysid.fleet.paths import is_file_or_broken_link, size_or_unknown
+from windsysid.fleet.remote import is_remote, list_remote
 from windsysid.fleet.scada import Scada
 from windsysid.fleet.tasks import Task
+from windsysid.output.console import printable
+from windsysid.output.files import path_text
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.formats import FORMATS
 from windsysid.turbine.file import load_turbine
@@ -83,7 +86,7 @@ class Batch:
         told += f"; {self.known} were there already" if self.known else ""
         told += f"; {self.unmatched} files fit no pattern" if self.unmatched else ""
         told += f"; SCADA joined to {self.joined} of them" if self.joined else ""
-        return "\n".join((f"{told}; archive: {self.archive}", *self.notes))
+        return "\n".join(map(printable, (f"{told}; archive: {self.archive}", *self.notes)))
 
 
 def batch(
@@ -233,7 +236,10 @@ def _settings(member: Member, formulation: str) -> str:
 
 
 def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[str]:
-    """The files that sources name, absolute, each once, in order; of folders those with the ending of a format."""
+    """The files that sources name, absolute, each once, in order; of folders those with the ending of a format.
+
+    A link to a file that is not there is listed, so that its row says so; a device or a named pipe is no record.
+    """
     listed = [sources] if isinstance(sources, str | Path) else list(sources)
     found: dict[str, None] = {}
     for source in listed:
@@ -242,15 +248,27 @@ def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[st
             below = list_remote(source)
         elif path.is_dir():
             below = _walk(path.resolve(), archive)
-        elif path.is_file():
-            below = [str(path.resolve())]
+        elif is_file_or_broken_link(path):
+            below = [str(_absolute(path))]
         else:
-            named = [Path(name).resolve() for name in glob.glob(str(source), recursive=True)]
-            below = [each for one in named for each in (_walk(one, archive) if one.is_dir() else [str(one)])]
+            named = [_absolute(Path(name)) for name in glob.glob(str(source), recursive=True)]
+            below = [each for one in named for each in _below(one, archive)]
         if not below:
             raise ConfigurationError(f"source {source}: expected a file, a folder or a pattern with records, got none")
-        found |= dict.fromkeys(below)
+        found |= dict.fromkeys(map(path_text, below))
     return sorted(found)
+
+
+def _absolute(path: Path) -> Path:
+    """The file itself where a link leads to one, else the link."""
+    return path.resolve() if os.path.exists(path) else path.absolute()
+
+
+def _below(path: Path, archive: Path) -> list[str]:
+    """What may be records of a path that a pattern names."""
+    if path.is_dir():
+        return _walk(path, archive)
+    return [str(path)] if is_file_or_broken_link(path) else []
 
 
 def _walk(folder: Path, archive: Path) -> list[str]:
@@ -260,7 +278,9 @@ def _walk(folder: Path, archive: Path) -> list[str]:
         here = Path(place)
         folders[:] = [name for name in folders if not name.startswith(".") and here / name != archive]
         paths = (here / name for name in names if not name.startswith("."))
-        found += [str(path) for path in paths if any(one.is_named(path) for one in FORMATS)]
+        found += [
+            str(path) for path in paths if any(one.is_named(path) for one in FORMATS) and is_file_or_broken_link(path)
+        ]
     return found
 
 
@@ -299,7 +319,7 @@ def _new(paths: Sequence[str], known: dict[str, Known]) -> list[str]:
     found = []
     for path in paths:
         row = known.get(path)
-        if row is None or row.size != size_of(path) or (row.status == "failed" and row.tries < RUNS):
+        if row is None or row.size != size_or_unknown(path) or (row.status == "failed" and row.tries < RUNS):
             found.append(path)
     return found
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from windsysid.fleet.archive import add_rows
 from windsysid.fleet.guard import DEATHS, DeadWorkerError, HangingWorkerError, Worker
 from windsysid.fleet.members import Member
-from windsysid.fleet.remote import size_of
+from windsysid.fleet.paths import size_or_unknown
 from windsysid.fleet.rows import Row, failed_row
 
 __all__ = ["FLUSH_SECONDS", "Filing", "Task", "Tell", "run_task", "take"]
@@ -120,8 +120,4 @@ def _ask(task: Task, source: str, worker: Worker) -> Row:
             break
         except DeadWorkerError as error:
             why = f"{error}, {DEATHS} times"
-    try:
-        size = size_of(source)
-    except OSError:
-        size = -1
-    return failed_row(source, size, task.settings, why)
+    return failed_row(source, size_or_unknown(source), task.settings, why)

@@ -23,6 +23,7 @@ import numpy as np
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.fleet.joining import join
 from windsysid.fleet.members import Member
+from windsysid.fleet.paths import size_or_unknown, why_missing
 from windsysid.fleet.remote import fetched, size_of
 from windsysid.fleet.rows import Row, empty_row, failed_row, row_of
 from windsysid.fleet.scada import Scada, read_scada
@@ -90,8 +91,10 @@ def _start_of(source: str, member: Member) -> str | None:
 
 def take(source: str, member: Member, formulation: str, settings: str, say: Say) -> Row:
     """The row of a record, whatever happens."""
-    size = -1
+    size = size_or_unknown(source)
     try:
+        if (why := why_missing(source)) is not None:
+            return failed_row(source, size, settings, why)
         size = size_of(source)
         row = empty_row(source, size, settings)
         machine = _turbine(member.turbine)

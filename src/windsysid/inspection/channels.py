@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from typing import Literal
 
 from windsysid.inspection.bodies import body_of
+from windsysid.inspection.tags import words_of
 from windsysid.records.record import AS_WRITTEN, Record
 
-__all__ = ["VIBRATION", "Kind", "kind_of", "kinds", "most_telling"]
+__all__ = ["VIBRATION", "Kind", "is_position", "is_torque", "kind_of", "kinds", "most_telling"]
 
 Kind = Literal[
     "azimuth", "rotor speed", "wind speed", "direction", "yaw", "pitch", "power",
@@ -31,21 +32,45 @@ _BY_WORD: tuple[tuple[tuple[str, ...], Kind], ...] = (
 )
 
 
+_OPERATION = frozenset(
+    (
+        "generator", "gen", "brake", "temperature", "humidity", "pressure", "density", "demand", "command", "cmd",
+        "setpoint", "reference", "controller", "servo", "clearance", "clrnc", "wave", "waves", "elevation", "elev",
+    )
+)  # fmt: skip
+"""Words of what a machine is set to, of its surroundings and of distances: no vibration of a structure."""
+
+_DRIVE_TRAIN = frozenset(("speed", "rpm", "omega", "lss", "hss", "hs", "ls", "lssh", "shaft"))
+"""Words that make an angular velocity [rad/s] that of a shaft."""
+
+_FLOATER = frozenset(("ptfm", "platform", "floater", "tower", "twr", "nacelle", "nac", "barge", "spar", "buoy"))
+"""Words of bodies whose pitch and yaw are motions, and no set angles; a nacelle's yaw is set."""
+
+_POSITION = frozenset(("position", "pos", "coordinate", "ptfm", "platform", "surge", "sway", "heave"))
+"""Words of lengths that may be many metres long: places in a fixed frame, motions of a floater."""
+
+_AIR = re.compile(r"^RtV|^(AB|B)\d+N\d+(V|Alpha|Phi|Theta|AxInd|TnInd)", re.IGNORECASE)
+"""OpenFAST's channels of AeroDyn: velocities and angles of the air at the rotor."""
+
+
 def kind_of(channel: str, unit: str) -> Kind:
-    """The kind of one channel, ``other`` where neither name nor unit tells."""
-    words = re.split(r"[^a-z0-9]+", channel.lower())
+    """The kind of one channel, ``other`` where neither name nor unit tells, or where it shows no vibration."""
+    words = _words(channel)
     if "azimuth" in words:
         return "azimuth"
-    if "rotor" in words and ("speed" in words or "rpm" in words):
+    if words & {"rotor", "rot"} and words & {"speed", "rpm"}:
         return "rotor speed"
     if "direction" in words:
         return "direction"
-    if words[0].startswith(("wind", "wave")):
-        return "wind speed" if "speed" in words else "other"
-    for word in ("yaw", "pitch", "power"):
-        if word in words and unit in ("rad", "W", "1"):
-            return word
-    if any(word in words for word in ("generator", "temperature", "humidity", "pressure", "density")):
+    if _of_the_air(channel, words, unit):
+        return "wind speed" if channel.lower().startswith("wind") and "speed" in words else "other"
+    if words & {"power", "pwr"} and unit in ("rad", "W", "1"):
+        return "power"
+    angle = _set_angle(words) if unit in ("rad", "rad/s", "1", "W") else None
+    if angle is not None:
+        return "other" if unit == "rad/s" else angle
+    accelerometer = unit in ("m/s^2", "rad/s^2") and not words & {"wave", "waves"}
+    if not accelerometer and (words & _OPERATION or (unit == "rad/s" and words & _DRIVE_TRAIN)):
         return "other"
     if unit in _BY_UNIT:
         return _BY_UNIT[unit]
@@ -54,6 +79,35 @@ def kind_of(channel: str, unit: str) -> Kind:
             if any(word in words for word in listed):
                 return kind
     return "other"
+
+
+def _words(channel: str) -> set[str]:
+    """The words of a name in small letters, as signs part them, and as capitals and digits do."""
+    return {*re.split(r"[^a-z0-9]+", channel.lower()), *words_of(channel)}
+
+
+def _of_the_air(channel: str, words: set[str], unit: str) -> bool:
+    """Whether a channel is wind, or the air's velocity or angle at a blade."""
+    return channel.lower().startswith("wind") or ("wind" in words and unit == "m/s") or bool(_AIR.match(channel))
+
+
+def _set_angle(words: set[str]) -> Kind | None:
+    """``pitch`` or ``yaw`` where a drive sets the angle; None for motions of a floater or a tower."""
+    if "pitch" in words and not words & _FLOATER:
+        return "pitch"
+    if words & {"yaw", "yawpzn"} and not words & (_FLOATER - {"nacelle", "nac"}) and "br" not in words:
+        return "yaw"
+    return None
+
+
+def is_torque(channel: str) -> bool:
+    """Whether a channel is a torque of the drive train, which a controller limits."""
+    return bool(_words(channel) & {"torque", "torq", "tq"})
+
+
+def is_position(channel: str) -> bool:
+    """Whether a length may be many metres long: a place in a fixed frame, or a motion of a floater."""
+    return bool(_words(channel) & _POSITION)
 
 
 def kinds(record: Record) -> dict[str, Kind]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Mask
-from windsysid.inspection.channels import VIBRATION, Kind, kinds
+from windsysid.inspection.channels import VIBRATION, Kind, is_torque, kinds
 from windsysid.records.record import AS_WRITTEN, STAMPS, Record
 from windsysid.units import unit_text
 
@@ -183,12 +183,12 @@ def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = Fa
     turn = 0.0 if not turning else (360.0 if spread > 1.1 * _TURN else _TURN)
     spike = _spikes(x, adjacent, lsb, step, turn, kind)
     if spike.any():
-        found.append(_spikes_found(channel, x, time, spike, unit))
+        found.append(_spikes_found(channel, kind, x, time, spike, unit))
     clipped = np.zeros(x.size, dtype=np.bool_)
     if kind in VIBRATION:
         clipped = _clipped(x, lsb, ~spike)
         if clipped.any():
-            found.append(_clipping_found(channel, x, time, clipped, unit))
+            found.append(_clipping_found(channel, kind, x, time, clipped, unit))
     if kind not in ("pitch", "yaw", "direction", "power", "other"):
         found += _frozen(channel, kind, x, time, step, lsb, clipped, standing)
     if kind in VIBRATION and lsb > 0.0:
@@ -254,7 +254,7 @@ def _missing(record: Record, channel: str, known: Mask) -> list[Finding]:
 
 
 def _constant(channel: str, kind: Kind, x: Array, unit: str) -> Finding:
-    value = f"{x[0]:.5g} {unit_text(unit)}".removesuffix(" 1")
+    value = _amount(f"{x[0]:.5g}", unit)
     if kind in VIBRATION or kind in ("azimuth", "wind speed"):
         text = (
             f"is {value} from the first sample to the last: disconnected, or a motion that a simulator holds; leave"
@@ -322,7 +322,7 @@ def _local_scale(steps: Array, step: float) -> Array:
     return np.concatenate([np.repeat(scale, block), np.full(steps.size - whole * block, scale[-1])])
 
 
-def _spikes_found(channel: str, x: Array, time: Array, spike: Mask, unit: str) -> Finding:
+def _spikes_found(channel: str, kind: Kind, x: Array, time: Array, spike: Mask, unit: str) -> Finding:
     spans = spans_of(time, spike)
     quartile = np.percentile(x, (25.0, 75.0))
     usual = 0.7413 * float(quartile[1] - quartile[0])
@@ -330,9 +330,13 @@ def _spikes_found(channel: str, x: Array, time: Array, spike: Mask, unit: str) -
     share = float(spike.mean())
     relative = f", {largest / usual:.2g} × the usual rms" if usual > 0.0 else ""
     text = (
-        f"{count_of(len(spans), 'spike')} ({count_of(int(spike.sum()), 'sample')}) up to {largest:.3g}"
-        f" {unit_text(unit)} off the median{relative}, {when(spans)}: remove them (despike) before anything else"
+        f"{count_of(len(spans), 'spike')} ({count_of(int(spike.sum()), 'sample')}) up to"
+        f" {_amount(f'{largest:.3g}', unit)} off the median{relative}, {when(spans)}: "
     )
+    if kind == "other":  # a counter, a state or a figure of a solver may jump
+        text += "if a sensor reads it, remove them (despike)"
+        return Finding(channel, "spikes", "note", text, int(spike.sum()), spans)
+    text += "remove them (despike) before anything else"
     return Finding(channel, "spikes", "unusable" if share > 0.1 else "warning", text, int(spike.sum()), spans)
 
 
@@ -352,16 +356,31 @@ def _clipped(x: Array, lsb: float, healthy: Mask) -> Mask:
     return clipped
 
 
-def _clipping_found(channel: str, x: Array, time: Array, clipped: Mask, unit: str) -> Finding:
+def _clipping_found(channel: str, kind: Kind, x: Array, time: Array, clipped: Mask, unit: str) -> Finding:
     ends = sorted({float(f"{x[clipped].min():.4g}"), float(f"{x[clipped].max():.4g}")})
     spans = spans_of(time, clipped)
     share = float(clipped.mean())
     text = (
         f"{count_of(int(clipped.sum()), 'sample')} ({_percent(share)}) sit at"
-        f" {' and '.join(f'{end:g}' for end in ends)} {unit_text(unit)}, {when(spans)}: the amplifier is overdriven;"
-        " what is larger is lost, so amplitudes and damping come out wrong"
+        f" {_amount(' and '.join(f'{end:g}' for end in ends), unit)}, {when(spans)}: "
+    )
+    if _has_limits(channel, kind, x, clipped, unit):
+        text += "an end stop, a controller's limit, or the end of the sensor's range"
+        return Finding(channel, "limit", "note", text, int(clipped.sum()), spans)
+    text += (
+        "the range of the sensor or its amplifier ends there; what is larger is lost, so amplitudes and damping come"
+        " out wrong"
     )
     return Finding(channel, "clipping", "unusable" if share > 0.05 else "warning", text, int(clipped.sum()), spans)
+
+
+def _has_limits(channel: str, kind: Kind, x: Array, clipped: Mask, unit: str) -> bool:
+    """Whether the quantity itself has limits: an angle, a torque that is controlled, or what cannot be negative and
+    rests at zero, such as the tension of a line."""
+    if is_torque(channel) or (kind == "displacement" and unit == "rad"):
+        return True
+    at_zero = not x[clipped].any() and not (x.min() < 0.0 < x.max())
+    return at_zero and kind in ("load", "displacement")
 
 
 def _frozen(
@@ -469,6 +488,11 @@ def spans_of(time: Array, mask: Mask) -> Array:
 
 def count_of(count: int, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
+
+
+def _amount(number: str, unit: str) -> str:
+    """A number with its unit; pure numbers have none."""
+    return f"{number} {unit_text(unit)}".removesuffix(" 1")
 
 
 def _percent(share: float) -> str:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.inspection.channels import Kind
+from windsysid.inspection.channels import Kind, is_position
 from windsysid.inspection.health import Finding, Severity, when
 from windsysid.records.record import Record
 from windsysid.signals.azimuth import MAX_SCATTER, steadied
@@ -95,7 +95,7 @@ def implausible(
         unit = record.unit(channel)
         if kind == "acceleration" and unit == "m/s^2":
             found += _acceleration(record, channel, values, x, rotor)
-        elif kind == "displacement" and unit == "m" and np.std(x) > 10.0:
+        elif kind == "displacement" and unit == "m" and np.std(x) > 10.0 and not is_position(channel):
             found.append(_unit(channel, f"rms {np.std(x):.3g} m is no deflection of a structure: mm marked as m?"))
         elif unit == "rad":
             found += _angle(record, channel, kind, values, x)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-__all__ = ["plain", "render", "show_what_can_be_shown"]
+__all__ = ["plain", "printable", "render", "show_what_can_be_shown"]
 
 WIDTH = 120
 """Columns where there is no terminal: a pipe, a file or a notebook gets the same text everywhere."""
@@ -66,6 +66,11 @@ def show_what_can_be_shown() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="windsysid")
+
+
+def printable(text: object) -> str:
+    """Text on one line, such as a path, with ? for signs that a terminal would obey or no file can hold."""
+    return "".join(sign if sign.isprintable() else "?" for sign in str(text))
 
 
 _CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")

@@ -13,7 +13,9 @@ from typing import BinaryIO
 from windsysid.errors import OutputError
 from windsysid.output.locks import LOCK, PART, release, remove_abandoned, try_lock
 
-__all__ = ["claim_file", "explain_errors", "make_folders", "place_file", "remove_empty", "replace_file", "sync"]
+__all__ = [
+    "claim_file", "explain_errors", "make_folders", "path_text", "place_file", "remove_empty", "replace_file", "sync",
+]  # fmt: skip
 
 Write = Callable[[BinaryIO], object]
 
@@ -100,6 +102,11 @@ def explain_errors(what: str, remedy: str) -> Iterator[None]:
 
 
 # file system
+
+
+def path_text(path: str | Path) -> str:
+    """A path as text that UTF-8 can hold, with ``\\xe9`` for each byte that is no character."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 
 def place_file(source: Path, target: Path, *, overwrite: bool) -> None:

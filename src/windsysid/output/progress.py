@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, TypeAlias
 
+from windsysid.output.console import printable
 from windsysid.units import spell
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ class Shown:
 
         times = self.times()
         end = f" ({times})" if times else ""
-        text = f"{self.title}: {self.doing}" if self.doing else self.title
+        text = printable(f"{self.title}: {self.doing}" if self.doing else self.title)
         room = max(width - cell_len(end), 1)
         return (text if cell_len(text) <= room else f"{text[: room - 1]}…") + end
 

@@ -35,6 +35,10 @@ def check_channels(channels: Iterable[str]) -> None:
             raise RecordError(
                 f"{str(name)[:40]!r} is not a channel name: expected text on one line without spaces around it"
             )
+        if not _is_utf8(name):
+            raise RecordError(
+                f"{name[:40]!r} is not a channel name: expected characters that UTF-8 can hold; rename it"
+            )
         if len(name) > _LONGEST_NAME:
             raise RecordError(
                 f"the channel name '{name[:40]}…' has {len(name)} characters; expected {_LONGEST_NAME} at most"
@@ -44,6 +48,15 @@ def check_channels(channels: Iterable[str]) -> None:
         if name in seen:
             raise RecordError(f"channel '{name}' occurs twice: expected each name once; rename one of them")
         seen.add(name)
+
+
+def _is_utf8(name: str) -> bool:
+    """Whether a name has no half of a surrogate pair, as bytes of an unknown encoding leave them."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def check_rows(

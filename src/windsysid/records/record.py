@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.output.console import printable
 from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows, refuse_gaps, refuse_outside
 from windsysid.records.labelled import Labelled, of_dataset, of_frame
 from windsysid.records.moments import tidy
@@ -65,7 +66,7 @@ class Record:
         SI units, one per channel, ``"1"`` for a ratio. A unit that windsysid does not know is spelt
         ``"as written: <unit>"`` and means that nothing was converted.
     name : str
-        What it is, the file name for instance.
+        What it is, the file name for instance; signs that cannot be printed become ``?``.
     attributes : mapping of str to str
         Free text about the record, kept in netCDF.
     start : str, optional
@@ -108,6 +109,7 @@ class Record:
         set_field = object.__setattr__  # the dataclass is frozen
         set_field(self, "time", time)
         set_field(self, "values", values)
+        set_field(self, "name", printable(self.name))
         set_field(self, "channels", channels)
         set_field(self, "units", tuple(map(_checked_unit, units, channels)))
         set_field(self, "attributes", {str(key): str(text) for key, text in self.attributes.items()})

@@ -1,13 +1,36 @@
-"""Where a picture is drawn: on a figure of its own, or in the place of somebody's axes."""
+"""Where a picture is drawn, on a figure of its own or in the place of somebody's axes, and how it shows names."""
 
+from functools import cache
 from typing import cast
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 
 from windsysid.errors import ConfigurationError
 
-__all__ = ["canvas", "single"]
+__all__ = ["MAX_TICK_CHARACTERS", "canvas", "label", "single"]
+
+MAX_LABEL_CHARACTERS, MAX_TICK_CHARACTERS = 60, 24
+"""Longest name in a figure, and beside a tick; a longer one is shown without its middle."""
+
+
+def label(text: str, most: int = MAX_LABEL_CHARACTERS) -> str:
+    """A name of a user's (channel, turbine, unit) as a figure can show it.
+
+    Matplotlib takes text between two dollar signs for a formula, and warns of characters that its font lacks.
+    """
+    known = _characters()
+    seen = "".join(sign if sign.isprintable() and ord(sign) in known else "?" for sign in " ".join(text.split()))
+    if len(seen) > most:
+        seen = f"{seen[: most // 2 - 1]} … {seen[-(most // 2 - 2) :]}"
+    return seen.replace("$", r"\$")
+
+
+@cache
+def _characters() -> frozenset[int]:
+    """Code points that Matplotlib's font has."""
+    return frozenset(get_font(findfont(FontProperties())).get_charmap())
 
 
 def canvas(size: tuple[float, float], ax: Axes | None) -> Figure:

@@ -11,7 +11,7 @@ from windsysid.fleet.overview import OUTLIER_CHANCE, Overview
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY
 from windsysid.output.table import Table
-from windsysid.reports.canvas import canvas
+from windsysid.reports.canvas import MAX_TICK_CHARACTERS, canvas, label
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 
@@ -55,7 +55,12 @@ def _levels(ax: Axes, overview: Overview, name: str, named: set[str]) -> None:
         ax.plot(days[some], change[some], color=ERROR if mine else MEASURED, lw=1.4 if mine else 0.7, zorder=2 + mine)
         if mine:
             ax.annotate(
-                turbine, (days[-1], change[-1]), xytext=(3, 0), textcoords="offset points", fontsize=8, va="center"
+                label(turbine, MAX_TICK_CHARACTERS),
+                (days[-1], change[-1]),
+                xytext=(3, 0),
+                textcoords="offset points",
+                fontsize=8,
+                va="center",
             )
     tidy(ax)
     ax.tick_params(axis="x", labelsize=8)
@@ -78,7 +83,12 @@ def _sisters(ax: Axes, overview: Overview, name: str) -> None:
         ax.errorbar(at, s.percent, yerr=s.high - s.percent, fmt="o", ms=4, color=colour, elinewidth=1.2, zorder=2)
     ax.axhline(0.0, color=REFERENCE, lw=0.6)
     every = max(1, -(-len(mine) // 12))
-    ax.set_xticks(range(0, len(mine), every), [s.turbine for s in mine[::every]], fontsize=7, rotation=45)
+    ax.set_xticks(
+        range(0, len(mine), every),
+        [label(s.turbine, MAX_TICK_CHARACTERS) for s in mine[::every]],
+        fontsize=7,
+        rotation=45,
+    )
     tidy(ax)
 
 
@@ -92,7 +102,7 @@ def _availability(overview: Overview) -> Figure:
     ax = drawn.subplots()
     ax.imshow(share, vmin=0.0, vmax=1.0, aspect="auto", cmap=LinearSegmentedColormap.from_list("", ["#fff", ESTIMATE]))
     ax.set_xticks(range(len(months)), months, fontsize=8, rotation=45)
-    ax.set_yticks(range(len(share)), list(overview.glances), fontsize=8)
+    ax.set_yticks(range(len(share)), [label(name, MAX_TICK_CHARACTERS) for name in overview.glances], fontsize=8)
     for (row, column), value in np.ndenumerate(share):
         text = f"{100.0 * value:.0f}"
         ax.text(column, row, text, ha="center", va="center", fontsize=7, color="white" if value > 0.55 else "black")

@@ -44,7 +44,7 @@ def report_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes
         }
         for section in sections
     ]
-    return _template("report").render(title=title, subtitle=subtitle, sections=shown).encode()
+    return _template("report").render(title=title, subtitle=subtitle, sections=shown).encode(errors="backslashreplace")
 
 
 def fragment(contents: Sequence[Table | str]) -> str:

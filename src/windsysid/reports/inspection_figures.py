@@ -13,7 +13,17 @@ from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.health import Finding
 from windsysid.inspection.spectra import Line, Spectrogram, Spectrum, seen_from
-from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, envelope, tidy
+from windsysid.reports.canvas import label
+from windsysid.reports.plots import (
+    BAND,
+    ERROR,
+    ESTIMATE,
+    MAX_UNIT_CHARACTERS,
+    MEASURED,
+    REFERENCE,
+    envelope,
+    tidy,
+)
 from windsysid.units import RPM, unit_text
 
 if TYPE_CHECKING:
@@ -25,6 +35,8 @@ __all__ = ["overview", "spectra_figure", "spectrogram_figure"]
 MOST_PANELS = 12
 MOST_MARKS = 200
 SMALL = 7.5
+MAX_TITLE_CHARACTERS = 40
+"""Longest name over one of three spectra side by side."""
 
 _DRAWN = {
     "rad/s": ("rpm", RPM),
@@ -57,7 +69,7 @@ def overview(inspection: "Inspection") -> Figure:
                 ax.axvline(edge, color=REFERENCE, lw=0.8, ls="--")
         ax.fill_between(time, low, high, color=MEASURED, lw=0.6, edgecolor=MEASURED)
         said = _mark_faults(ax, inspection, channel, record.time, values)
-        ax.set_title(channel.replace("_", " "), fontsize=8.5, loc="left", pad=2)
+        ax.set_title(label(channel.replace("_", " ")), fontsize=8.5, loc="left", pad=2)
         if said:
             ax.set_title(said, fontsize=8, loc="right", pad=2, color=ERROR)
         ax.set_ylabel(f"[{unit}]", fontsize=8)
@@ -91,7 +103,7 @@ def _unit_drawn(channel: str, unit: str) -> tuple[str, float]:
         return "°", 180.0 / np.pi
     if unit == "1" and "strain" in channel:
         return "10⁻⁶", 1e6
-    return _DRAWN.get(unit, (unit_text(unit), 1.0))
+    return _DRAWN.get(unit, (label(unit_text(unit), MAX_UNIT_CHARACTERS), 1.0))
 
 
 def _mark_faults(ax: Axes, inspection: "Inspection", channel: str, time: Array, values: Array) -> str:
@@ -149,7 +161,7 @@ def _spectrum(ax: Axes, spectrum: Spectrum, inspection: "Inspection") -> None:
         ax.set_ylim(max(density.min(), 1e-9 * density.max()) / 2.0, density.max() * 5.0)
     _mark_lines(ax, _drawn_lines(spectrum.lines, inspection.blades, top), top)
     ax.set_title(
-        spectrum.channel.replace("_", " "),
+        label(spectrum.channel.replace("_", " "), MAX_TITLE_CHARACTERS),
         fontsize=8.5,
         loc="left",
         pad=24 if any(line.mode for line in spectrum.lines) else 13 if spectrum.lines else 4,
@@ -200,7 +212,7 @@ def _mode_legend(figure: Figure, inspection: "Inspection") -> None:
         return
     listed = " · ".join(f"{i} {name} {frequency:.3g} Hz" for i, (name, frequency, _) in enumerate(inspection.modes, 1))
     figure.suptitle(
-        f"orange, expected modes of {inspection.turbine}: {listed}\n"
+        f"orange, expected modes of {label(inspection.turbine or '')}: {listed}\n"
         "(in the fixed frame; instruments on a blade see them shifted by 1P)",
         fontsize=8.5, color=ERROR, x=0.01, ha="left",
     )  # fmt: skip
@@ -261,7 +273,7 @@ def _spectrogram(figure: Figure, ax: Axes, picture: Spectrogram, inspection: "In
     )
     ax.set_xlabel("rotor speed [rpm]" if campbell else "time [s]", fontsize=8.5)
     ax.set_ylabel("frequency [Hz]", fontsize=8.5)
-    ax.set_title(picture.channel.replace("_", " "), fontsize=9, loc="left", pad=3)
+    ax.set_title(label(picture.channel.replace("_", " ")), fontsize=9, loc="left", pad=3)
     ax.spines[["top", "right"]].set_visible(False)
     ax.tick_params(labelsize=8)
 

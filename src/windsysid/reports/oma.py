@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from windsysid.output.table import Table
-from windsysid.reports.canvas import canvas
+from windsysid.reports.canvas import MAX_TICK_CHARACTERS, canvas, label
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
 from windsysid.spectral.operational import OperationalMode, OperationalModes
@@ -85,7 +85,8 @@ def _bars(ax: Axes, found: OperationalModes, mode: OperationalMode, named: bool)
     for part, offset, colour in ((turned.real, -0.17, ESTIMATE), (turned.imag, 0.17, MEASURED)):
         ax.barh(at + offset, part, 0.32, color=colour)
         ax.errorbar(part, at + offset, xerr=2.0 * mode.shape_std, fmt="none", ecolor=REFERENCE, elinewidth=0.7)
-    ax.set_yticks(at, found.channels if named else [""] * len(at), fontsize=7)
+    names = [label(name, MAX_TICK_CHARACTERS) for name in found.channels]
+    ax.set_yticks(at, names if named else [""] * len(at), fontsize=7)
     ax.invert_yaxis()
     ax.set_xlim(-1.3, 1.3)
     ax.axvline(0.0, color=REFERENCE, lw=0.6)

@@ -9,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from windsysid.identification.planning import Plan, percent
 from windsysid.output.table import Table
-from windsysid.reports.canvas import single
+from windsysid.reports.canvas import label, single
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
 from windsysid.results.directions import standard_deviations
@@ -42,11 +42,11 @@ def figure(plan: Plan, place: Axes | None = None) -> Figure:
         kind = name.partition("_")[0]
         colour = {"k": ESTIMATE, "c": ERROR}.get(kind, MEASURED)
         ax.loglog(time, curve, color=colour, lw=1.2, alpha=0.8)
-        label = symbol(name) if kind in ("k", "c") else name
+        shown = symbol(name) if kind in ("k", "c") else label(name)
         if groups and groups[-1][0] == colour and curve[-1] < LABEL_SHARE_FACTOR * groups[-1][1]:
-            groups[-1][2].append(label)
+            groups[-1][2].append(shown)
         else:
-            groups.append((colour, float(curve[-1]), [label]))
+            groups.append((colour, float(curve[-1]), [shown]))
     for colour, end, labels in groups:
         text = ", ".join(sorted(labels))
         ax.annotate(text, (time[-1], end), (6, 0), textcoords="offset points", color=colour, va="center", fontsize=9)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.records.record import Record
-from windsysid.reports.canvas import canvas
+from windsysid.reports.canvas import canvas, label
 from windsysid.results.diagnosis import PEAK_MAX_LEVEL
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
@@ -37,6 +37,8 @@ __all__ = [
 
 ESTIMATE, BAND, REFERENCE, MEASURED, ERROR = "#1764ab", "#a9cbe8", "#111111", "#9a9a9a", "#d1661b"
 MOST_POINTS = 4000
+MAX_UNIT_CHARACTERS = 16
+"""Longest unit in a figure, which may be a text that a file has for one."""
 GREEK = (
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "rho", "sigma",
     "tau", "omega",
@@ -46,8 +48,9 @@ GREEK = (
 def symbol(name: str) -> str:
     """A name as formulas have it, ``k_beta_1`` → k_β1, ``k_side_side`` → k side-side; words stay words."""
     letter, *words = name.split("_")
-    if len(letter) > 1 and letter not in GREEK:
-        return name.replace("_", " ")
+    plain = name.isascii() and name.isidentifier() and all((letter, *words))
+    if not plain or (len(letter) > 1 and letter not in GREEK):
+        return label(name.replace("_", " "))
     letter = rf"\{letter}" if letter in GREEK else letter
     if len([word for word in words if len(word) > 1 and word not in GREEK]) > 1:
         return f"${letter}$ {'-'.join(words)}"
@@ -111,7 +114,7 @@ def _panels(
 
 def _name(ax: Axes, text: str) -> None:
     """A channel's name over its axes."""
-    ax.set_title(text.replace("_", " "), fontsize=9, loc="left", y=1.0, pad=2)
+    ax.set_title(label(text.replace("_", " ")), fontsize=9, loc="left", y=1.0, pad=2)
 
 
 def _history(ax: Axes, identification: Identification, name: str) -> None:
@@ -163,7 +166,7 @@ def record_overview(record: Record, channels: Sequence[str], section: tuple[floa
             ax.axvspan(*section, color=BAND, alpha=0.6, lw=0)
         unit = record.units[record.channels.index(channel)]
         _name(ax, channel)
-        ax.set_ylabel(f"[{unit_text(unit)}]")
+        ax.set_ylabel(f"[{label(unit_text(unit), MAX_UNIT_CHARACTERS)}]")
         tidy(ax)
     if section is not None:
         axes[0].text(
