@@ -177,11 +177,13 @@ class Reference:
 
     def __init__(self, model: StateSpace, library: Path, flags: Iterable[str]) -> None:
         blocks, self.model = model.blocks, model
-        diagonal = [np.diag(np.diag(matrix)) for matrix in (blocks.load_transition[0], blocks.load_noise[0])]
+        within = blocks.load_within[0] @ blocks.load_within[0].T
+        of_loads = [blocks.load_transition[0], blocks.load_noise[0], within]
+        diagonal = [np.diag(np.diag(matrix)) for matrix in of_loads]
         fits = (
             len(blocks.step) == 1 and np.array_equal(blocks.load_output,
             np.eye(blocks.sizes[1])[None]) and blocks.sizes[2] == 0
-            and np.array_equal(diagonal, [blocks.load_transition[0], blocks.load_noise[0]]) and not blocks.walk.any()
+            and np.array_equal(diagonal, of_loads) and not blocks.walk.any()
         )  # fmt: skip
         if not fits:
             raise ValueError(
@@ -231,7 +233,7 @@ class _Outputs(ctypes.Structure):
 class _Model(ctypes.Structure):
     _fields_ = [
         ("step", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("p", "chosen", "scale", "logarithmic", "phi", "q", "r")),
+        *((name, ctypes.c_void_p) for name in ("p", "chosen", "scale", "logarithmic", "phi", "q", "within", "r")),
     ]
 
 
