@@ -2,10 +2,11 @@
 
     python -m validation.mutation [--only MODULE] [--list] [--sample N] [--jobs N] [--full]
 
-Every mutant of `validation.mutants` and `validation.recent_mutants` is put into a copy of the sources, and the tests most likely to notice it run on
-that copy until the first one fails. With --full those that survive meet the whole default suite. What was found is kept
-in results/mutation/results.jsonl under a hash of the mutant, the sources and the tests that ran, so that an interrupted
-run goes on, and only what changed runs again; the test that noticed a mutant last time goes first.
+Every mutant of `validation.mutants` and `validation.recent_mutants` is put into a copy of the sources, and the tests
+most likely to notice it run on that copy until the first one fails. With --full those that survive meet the whole
+default suite. What was found is kept in results/mutation/results.jsonl under a hash of the mutant, the sources and the
+tests that ran, so that an interrupted run goes on, and only what changed runs again; the test that noticed a mutant
+last time goes first.
 
 In the end all tests that noticed something run without any fault. Each job has a folder for its copy, which stays, and
 a cache of kernels: Numba finds kernels by where their sources lie. Mutants of sources that kernels hold come last, for

@@ -697,7 +697,8 @@ _FLEET_AND_MODES = (
     ),
     Mutant(
         "modes of several records", "modal_scoring.py",
-        "shared += found.fisher[: 2 * r, : 2 * r] - across @ inner @ across.T", "shared += found.fisher[: 2 * r, : 2 * r]",
+        "shared += found.fisher[: 2 * r, : 2 * r] - across @ inner @ across.T",
+        "shared += found.fisher[: 2 * r, : 2 * r]",
         "modes that records have in common are known better than they are",
     ),
     Mutant(
