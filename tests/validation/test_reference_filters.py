@@ -1,4 +1,4 @@
-"""The filters that benchmarks compare with are the same filters: in C, and on the model in the form of other libraries."""
+"""The filters that benchmarks compare with are windsysid's: in C, and on the model as other libraries take it."""
 
 import importlib
 import shutil
