@@ -90,3 +90,15 @@ def test_too_few_parts_say_nothing_of_their_scatter(count: int):
     found = judged(parts_of(np.random.default_rng(5), np.zeros(3), parts=count))
     assert not found.freedom.any()
     assert found.apart.any() == (count > 1)
+
+
+def test_halves_of_which_one_tells_nearly_all_differ_by_chance():
+    """A decay: the mode has moved with its first half, which leaves that half little to say against it."""
+    rng = np.random.default_rng(20261126)
+    fisher, found = (9.0, 1.0, 1.0, 1.0), []
+    for _ in range(2000):
+        own = [f * (0.3 + rng.standard_normal() / np.sqrt(f)) for f in fisher]
+        step = np.array([sum(own) / (sum(fisher) + 1e-6)])
+        parts = [Part(10, np.array([g]), np.array([[f]])) for g, f in zip(own, fisher, strict=True)]
+        found.append(judge_constancy(parts, np.array([[1e6]]), step).apart[0])
+    assert np.std(found) == pytest.approx(1.0, abs=0.06)
