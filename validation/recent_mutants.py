@@ -427,11 +427,6 @@ _LIVE = (
         "block 7.9 is block 7",
     ),
     Mutant(
-        "infinite readings", "codec.py",
-        "np.where(np.isinf(values), values.dtype.type(np.nan), values)", "values",
-        "an infinite reading gets to the estimate",
-    ),
-    Mutant(
         "units of a stream", "codec.py",
         "values.astype(np.float64) * scale", "values.astype(np.float64) / scale",
         "g of a stream are a hundredth of m/s²",
@@ -463,7 +458,7 @@ _LIVE = (
     ),
     Mutant(
         "a clock that was set back", "timeline.py",
-        "if step < 0 and not _repeats(blocks, index, k, end + step):", "if step < -1000000:",
+        "if step < 0 and not", "if step < -1000000 and not",
         "blocks of a clock that was set back lie upon others",
     ),
     Mutant(
