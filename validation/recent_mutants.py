@@ -534,8 +534,8 @@ _LIVE = (
     ),
     Mutant(
         "a jump that takes back another", "alarms.py",
-        "earlier.size * jump.size < 0.0 and", "",
-        "a second loss is said to take back the first",
+        "return earlier.found < jump.found and", "return",
+        "a loss is said to take back a rise that came after it",
     ),
     Mutant(
         "wander of a slow drift", "slow_drifts.py",
