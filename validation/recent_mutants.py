@@ -30,7 +30,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "narrow_bands.py": ("test_narrow_bands.py",),
     "offsets.py": ("test_offsets.py",),
     "open_alarms.py": ("test_engine.py", "test_streams.py"),
-    "operational.py": ("test_oma.py", "test_modes.py"),
+    "operational.py": ("test_operational.py", "test_oma.py"),
     "order.py": ("test_oma.py",),
     "outliers.py": ("test_outliers.py", "test_gate.py"),
     "own_information.py": ("test_comparison.py",),
@@ -101,11 +101,6 @@ _READINGS = (
         "offset and gravity", "offsets.py",
         "- _mean(at_rest[:, i], psi[some])", "",
         "gravity in a sensor's axis is taken for its offset",
-    ),
-    Mutant(
-        "offset and turning", "offsets.py",
-        "terms += [f(n * psi) for n in (1, 2)", "terms += [f(n * psi) for n in ()",
-        "part of a turn of gravity is taken for an offset",
     ),
     Mutant(
         "size of an offset", "offsets.py",
