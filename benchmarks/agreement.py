@@ -4,12 +4,12 @@ settings.
     python benchmarks/agreement.py [--samples 500]        in an environment made from benchmarks/peers.txt
 
 The model is the filters' own: 25 states (5 displacements, 5 velocities, 5 loads, 10 coefficients), 5 accelerometers,
-100 Hz. Both peers know additive noise only, so that the load noise η, which reaches the motion inside its step, becomes
-a part of the state that is forgotten and drawn anew at every sample: exactly the same model with 30 states. filterpy
-gets the step and the readings as black boxes, and the Jacobians by differences; dynamax gets the SymPy equations
-lambdified for JAX, and differentiates them itself. States and readings are scaled to unit size for the peers, because
-dynamax adds 1e-9 to the diagonal of every matrix it solves with. That is all of its difference: with 1e-12 instead it
-falls a thousandfold.
+100 Hz. Both peers know additive noise only, so that the load noise η and the deviation ξ of the loads from straight
+lines within a step, which both reach the motion inside the step, become a part of the state that is forgotten and drawn
+anew at every sample: exactly the same model with 35 states. filterpy gets the step and the readings as black boxes, and
+the Jacobians by differences; dynamax gets the SymPy equations lambdified for JAX, and differentiates them itself.
+States and readings are scaled to unit size for the peers, because dynamax adds 1e-9 to the diagonal of every matrix it
+solves with. That is all of its difference: with 1e-12 instead it falls a thousandfold.
 
 Differences are the largest over all samples and states: of the means in standard deviations, of the standard deviations
 as a ratio.
@@ -33,57 +33,35 @@ from dynamax.nonlinear_gaussian_ssm import (
 from dynamax.nonlinear_gaussian_ssm.inference_ukf import UKFHyperParams
 from dynamax.utils.utils import psd_solve
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
+from models import Problem
 from rich.console import Console
 from rich.table import Table
 
-from filters import joint_model, record, scenarios
-from windsysid import EKF, UKF, Belief, StateSpace, Turbine, load_turbine, smooth
+from windsysid import EKF, UKF, Belief, StateSpace, load_turbine, smooth
 
 jax.config.update("jax_enable_x64", True)
 
 Function = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-class Problem:
-    """The model in the peers' form.
-
-    Its state is [x | z | θ | η] over `size`; its readings are over the standard deviation of their noise.
-    """
-
-    def __init__(self, turbine: Turbine, samples: int) -> None:
-        machine, start, lead_in, motion = scenarios(turbine)["reference"]
-        self.model: StateSpace = joint_model(machine, motion, seed=0)
-        self.inputs, self.readings = (array[:samples] for array in record(machine, start, lead_in, seed=0))
-        self.turbine = machine
-        blocks = self.model.blocks
-        self.n, self.eta = len(self.model.states), len(blocks.load_noise[0])
-        self.Q = np.zeros((self.n + self.eta,) * 2)
-        self.Q[self.n :, self.n :] = blocks.load_noise[0]
-        self.unit = np.sqrt(blocks.noise)
-        self.mean = np.concatenate([self.model.mean, np.zeros(self.eta)])
-        self.cov = self.Q.copy()
-        self.cov[: self.n, : self.n] = self.model.cov
-        _, info = EKF.run(self.model, EKF.init(self.model), self.inputs, self.readings)
-        self.size = np.concatenate([info.std[-1], np.sqrt(np.diag(blocks.load_noise[0]))])
-
-    def scaled(self, cov: np.ndarray) -> np.ndarray:
-        return cov / np.outer(self.size, self.size)
-
-
 def black_boxes(problem: Problem) -> tuple[Function, Function]:
     """Step and readings by our own kernels, by value: a prediction and an innovation without any uncertainty."""
     model, n = problem.model, problem.n
-    still = model.blocks._replace(load_noise=np.zeros_like(model.blocks.load_noise))
+    blocks = model.blocks
+    still = blocks._replace(load_noise=0.0 * blocks.load_noise, load_within=0.0 * blocks.load_within)
     still_model = StateSpace(**{**model.__dict__, "blocks": still})
-    H, nx, nothing = model.blocks.load_output[0], len(model.compiled.states), np.zeros((n, n))
+    H, R, nothing = blocks.load_output[0], blocks.load_within[0], np.zeros((n, n))
+    nx, nz, first = len(model.compiled.states), len(R), len(model.compiled.inputs)
 
     def step(state: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         state = state * problem.size
-        eta, pushed = state[n:], after.copy()
-        pushed[len(model.compiled.inputs) :] += H @ eta
-        end = EKF.predict(still_model, Belief(state[:n], nothing, before, 1), pushed).mean
-        end[nx : nx + problem.eta] += eta
-        return np.concatenate([end, np.zeros(problem.eta)]) / problem.size
+        eta, xi = np.split(state[n:], [nz])
+        early, late = before.copy(), after.copy()
+        early[first:] += H @ (R @ xi)
+        late[first:] += H @ (eta + R @ xi)
+        end = EKF.predict(still_model, Belief(state[:n], nothing, early, 1), late).mean
+        end[nx : nx + nz] += eta
+        return np.concatenate([end, np.zeros(problem.drawn)]) / problem.size
 
     def read(state: np.ndarray, _: np.ndarray, at: np.ndarray) -> np.ndarray:
         belief = Belief((state * problem.size)[:n], nothing, at, 1)
@@ -102,8 +80,9 @@ def in_jax(problem: Problem) -> tuple[Callable, Callable]:
     rates = sp.lambdify((*arguments, equations.accelerations), list(equations.rates), modules="jax")
     readings = problem.turbine.model.readings(problem.turbine.sensors)
     reading = sp.lambdify((*arguments, equations.accelerations), readings, modules="jax")
-    nx, nz, nu = len(equations.states), problem.eta, len(equations.inputs)
+    nx, nz, nu, n = len(equations.states), int(blocks.sizes[1]), len(equations.inputs), problem.n
     h, phi, H = blocks.step[0], jnp.asarray(blocks.load_transition[0]), jnp.asarray(blocks.load_output[0])
+    R = jnp.asarray(blocks.load_within[0])
     size, unit = jnp.asarray(problem.size), jnp.asarray(problem.unit)
 
     def parameters(theta: jax.Array) -> jax.Array:
@@ -120,20 +99,20 @@ def in_jax(problem: Problem) -> tuple[Callable, Callable]:
     def step(state: jax.Array, inputs: jax.Array) -> jax.Array:
         before, after = jnp.split(inputs, 2)
         state = state * size
-        x, z, theta, eta = jnp.split(state, [nx, nx + nz, problem.n])
-        p, z1 = parameters(theta), phi @ z + eta
-        w0, w1 = before[nu:] + H @ z, after[nu:] + H @ z1
+        x, z, theta, eta, xi = jnp.split(state, [nx, nx + nz, n, n + nz])
+        p, z1, within = parameters(theta), phi @ z + eta, R @ xi
+        w0, w1 = before[nu:] + H @ (z + within), after[nu:] + H @ (z1 + within)
         middle, w = 0.5 * (before[:nu] + after[:nu]), 0.5 * (w0 + w1)
         k1 = slope(x, before[:nu], p, w0)
         k2 = slope(x + 0.5 * h * k1, middle, p, w)
         k3 = slope(x + 0.5 * h * k2, middle, p, w)
         k4 = slope(x + h * k3, after[:nu], p, w1)
         end = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        return jnp.concatenate([end, z1, theta, jnp.zeros(nz)]) / size
+        return jnp.concatenate([end, z1, theta, jnp.zeros(problem.drawn)]) / size
 
     def read(state: jax.Array, inputs: jax.Array) -> jax.Array:
         _, at = jnp.split(inputs, 2)
-        x, z, theta, _ = jnp.split(state * size, [nx, nx + nz, problem.n])
+        x, z, theta, _ = jnp.split(state * size, [nx, nx + nz, n])
         p, w = parameters(theta), at[nu:] + H @ z
         return jnp.array(reading(x, at[:nu], p, w, accelerations(x, at[:nu], p, w))) / unit
 

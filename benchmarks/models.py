@@ -1,10 +1,10 @@
 """Both formulations in the form that other libraries take, with windsysid's own compiled equations and exact Jacobians
 for those that call Python.
 
-*Joint*: `agreement.Problem`, 25 states. Its load noise η reaches the motion inside its step. A filter that takes a new
-Q at every step gets Γ Q Γᵀ; one that knows a constant Q only, or draws sigma points, gets η as five states more that
-are forgotten and drawn anew (30 states). *Force balance*: ten constant coefficients, five readings s_k = Φ_k θ + noise;
-a linear model.
+*Joint*: `Problem`, 25 states. The noise (η, ξ) of its loads, at and between samples, reaches the motion
+inside the step. A filter that takes a new Q at every step gets Γ Q Γᵀ; one that knows a constant Q only, or draws sigma
+points, gets η and ξ as ten states more that are forgotten and drawn anew (35 states). *Force balance*: ten constant
+coefficients, five readings s_k = Φ_k θ + noise; a linear model.
 """
 
 import warnings
@@ -14,10 +14,10 @@ from typing import Any
 import numba
 import numpy as np
 import sympy as sp
-from agreement import Problem
 from numba import types
 
-from windsysid import EKF, Prior, Turbine
+from filters import joint_model, record, scenarios
+from windsysid import EKF, Prior, StateSpace, Turbine
 from windsysid.identification.force_balance import analysis_band, balance_forces, balance_statespace, measured_motion
 from windsysid.identification.prior import identifiable
 from windsysid.kernels.jit import JACOBIAN, VALUE, compiled, inlined
@@ -25,12 +25,48 @@ from windsysid.signals import rotor_inputs
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.workspace import BLOCKS
 
-__all__ = ["Balance", "Differences", "Kernels", "Written"]
+__all__ = ["Balance", "Differences", "Kernels", "Problem", "Written"]
 
 Array = np.ndarray
 
 TINY = 1e-30
 """Length of a complex step: the imaginary part over it is the derivative, without a difference that cancels."""
+
+
+class Problem:
+    """The model in the peers' form.
+
+    Its state is [x | z | θ | η | ξ] over `size`; its readings are over the standard deviation of their noise. `noise`
+    is the covariance of (η, ξ).
+    """
+
+    def __init__(self, turbine: Turbine, samples: int) -> None:
+        machine, start, lead_in, motion = scenarios(turbine)["reference"]
+        self.model: StateSpace = joint_model(machine, motion, seed=0)
+        self.inputs, self.readings = (array[:samples] for array in record(machine, start, lead_in, seed=0))
+        self.turbine = machine
+        blocks = self.model.blocks
+        self.n, self.noise = len(self.model.states), noise_of(self.model)
+        self.drawn = len(self.noise)
+        self.Q = np.zeros((self.n + self.drawn,) * 2)
+        self.Q[self.n :, self.n :] = self.noise
+        self.unit = np.sqrt(blocks.noise)
+        self.mean = np.concatenate([self.model.mean, np.zeros(self.drawn)])
+        self.cov = self.Q.copy()
+        self.cov[: self.n, : self.n] = self.model.cov
+        _, info = EKF.run(self.model, EKF.init(self.model), self.inputs, self.readings)
+        self.size = np.concatenate([info.std[-1], np.sqrt(np.diag(self.noise))])
+
+    def scaled(self, cov: np.ndarray) -> np.ndarray:
+        return cov / np.outer(self.size, self.size)
+
+
+def noise_of(model: StateSpace) -> np.ndarray:
+    """Covariance of the noise (η, ξ) that reaches the motion within a step: the loads' Q, and the identity."""
+    nz, rough = model.blocks.load_within[0].shape
+    noise = np.eye(nz + rough)
+    noise[:nz, :nz] = model.blocks.load_noise[0]
+    return noise
 
 
 class Balance:
@@ -69,7 +105,8 @@ class Written:
         model = problem.model
         equations = problem.turbine.model.equations()
         arguments = (equations.states, equations.inputs, equations.parameters, equations.loads)
-        self.n, self.eta, self.m = problem.n, problem.eta, len(model.readings)
+        self.n, self.drawn, self.m = problem.n, problem.drawn, len(model.readings)
+        self.noise = problem.noise
         self.blocks, self.sizes = model.blocks, (len(equations.states), len(equations.inputs))
         self._motion = sp.lambdify(arguments, [*equations.mass, *equations.force], "numpy", cse=True)
         self._rates = sp.lambdify((*arguments, equations.accelerations), list(equations.rates), "numpy", cse=True)
@@ -77,8 +114,8 @@ class Written:
         self._reading = sp.lambdify((*arguments, equations.accelerations), readings, "numpy", cse=True)
 
     def step(self, state: Array, before: Array, after: Array) -> tuple[Array, Array, Array]:
-        """The state one step on (n,), F (n, n), Γ (n, n_η)."""
-        whole = np.concatenate([state, np.zeros(self.eta)])
+        """The state one step on (n,), F (n, n), Γ (n, n_η + n_ξ)."""
+        whole = np.concatenate([state, np.zeros(self.drawn)])
         end, slopes = self._linearised(lambda points: self._moved(points, before, after), whole)
         return end, slopes[:, : self.n], slopes[:, self.n :]
 
@@ -91,12 +128,13 @@ class Written:
         return values[:, 0].real.copy(), values.imag / TINY
 
     def _moved(self, points: Array, before: Array, after: Array) -> Array:
-        """Points (n + n_η, k) one step on (n, k)."""
+        """Points (n + n_η + n_ξ, k) one step on (n, k)."""
         nx, nu = self.sizes
-        nz, h, H = self.eta, self.blocks.step[0], self.blocks.load_output[0]
-        x, z, theta, eta = np.split(points, [nx, nx + nz, self.n])
-        p, z1 = self._parameters(theta), self.blocks.load_transition[0] @ z + eta
-        w0, w1 = before[nu:, None] + H @ z, after[nu:, None] + H @ z1
+        h, H, R = self.blocks.step[0], self.blocks.load_output[0], self.blocks.load_within[0]
+        nz = len(R)
+        x, z, theta, eta, xi = np.split(points, [nx, nx + nz, self.n, self.n + nz])
+        p, z1, within = self._parameters(theta), self.blocks.load_transition[0] @ z + eta, R @ xi
+        w0, w1 = before[nu:, None] + H @ (z + within), after[nu:, None] + H @ (z1 + within)
         middle, w = 0.5 * (before[:nu] + after[:nu]), 0.5 * (w0 + w1)
         k1 = self._slope(x, before[:nu], p, w0)
         k2 = self._slope(x + 0.5 * h * k1, middle, p, w)
@@ -107,7 +145,7 @@ class Written:
     def _readings(self, points: Array, at: Array) -> Array:
         """Readings (m, k) of points (n, k)."""
         nx, nu = self.sizes
-        x, z, theta = np.split(points, [nx, nx + self.eta])
+        x, z, theta = np.split(points, [nx, nx + int(self.blocks.sizes[1])])
         p, w = self._parameters(theta), at[nu:, None] + self.blocks.load_output[0] @ z
         return _rows(self._reading(x, at[:nu], p, w, self._accelerations(x, at[:nu], p, w)), points)
 
@@ -159,7 +197,8 @@ class Kernels:
 
     def __init__(self, model: Any) -> None:
         blocks, of = model.blocks, model.compiled
-        self.n, self.eta, self.m = len(model.states), len(model.blocks.load_noise[0]), len(model.readings)
+        self.n, self.m, self.noise = len(model.states), len(model.readings), noise_of(model)
+        self.drawn = len(self.noise)
         jacobian, value = types.FunctionType(JACOBIAN), types.FunctionType(VALUE)
         vector, matrix = types.float64[::1], types.float64[:, ::1]
         step = compiled(_step, types.void(jacobian, BLOCKS, *(vector,) * 4, matrix, matrix))
@@ -167,7 +206,7 @@ class Kernels:
         step_points = compiled(_step_points, types.void(value, BLOCKS, matrix, vector, vector, matrix))
         read_points = compiled(_read_points, types.void(value, BLOCKS, matrix, vector, matrix))
         rates_jacobian, reading_jacobian, rates, reading = of.rates_jacobian, of.reading_jacobian, of.rates, of.reading
-        # with the model as a constant a call takes 5 µs; handing over its fourteen arrays takes 30 more
+        # with the model as a constant a call takes 5 µs; handing over its fifteen arrays takes 30 more
         warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
         self._step = numba.njit(lambda *rest: step(rates_jacobian, blocks, *rest))
         self._read = numba.njit(lambda *rest: read(reading_jacobian, blocks, *rest))
@@ -175,8 +214,8 @@ class Kernels:
         self._read_points = numba.njit(lambda *rest: read_points(reading, blocks, *rest))
 
     def step(self, state: Array, before: Array, after: Array) -> tuple[Array, Array, Array]:
-        """The state one step on (n,), F (n, n), Γ (n, n_η)."""
-        end, F, gain = np.empty(self.n), np.zeros((self.n, self.n)), np.zeros((self.n, self.eta))
+        """The state one step on (n,), F (n, n), Γ (n, n_η + n_ξ)."""
+        end, F, gain = np.empty(self.n), np.zeros((self.n, self.n)), np.zeros((self.n, self.drawn))
         self._step(state, before, after, end, F, gain)
         return end, F, gain
 
@@ -187,13 +226,13 @@ class Kernels:
         return y, H
 
     def step_points(self, points: Array, before: Array, after: Array) -> Array:
-        """Points (k, n + n_η) one step on; their η end at zero."""
+        """Points (k, n + n_η + n_ξ) one step on; their η and ξ end at zero."""
         ends = np.zeros(points.shape)
         self._step_points(np.ascontiguousarray(points), before, after, ends)
         return ends
 
     def read_points(self, points: Array, at: Array) -> Array:
-        """The readings (k, m) of points (k, n + n_η)."""
+        """The readings (k, m) of points (k, n + n_η + n_ξ)."""
         y = np.empty((len(points), self.m))
         self._read_points(np.ascontiguousarray(points), at, y)
         return y
@@ -215,13 +254,14 @@ def _parameters(blocks: Any, theta: Any, p: Any, slope: Any) -> None:
 def _step(rates_jacobian: Any, blocks: Any, state: Any, before: Any, after: Any, end: Any, F: Any, gain: Any) -> None:
     nx, nz, _, nt, nu, nw = blocks.sizes
     n, rest, h = state.size, state.size - nt, blocks.step[0]
-    phi, H = blocks.load_transition[0], blocks.load_output[0]
+    phi, H, R = blocks.load_transition[0], blocks.load_output[0], blocks.load_within[0]
+    wide = n + nz + R.shape[1]
     p, slope = np.empty(blocks.p.size), np.empty(nt)
     _parameters(blocks, state[rest:], p, slope)
-    # the loads at either end, and all derivatives along (state, η)
+    # the loads at either end, and all derivatives along (state, η, ξ)
     end[nx:] = state[nx:]
     w0, w1 = before[nu:].copy(), after[nu:].copy()
-    dw0, dw1 = np.zeros((nw, n + nz)), np.zeros((nw, n + nz))
+    dw0, dw1 = np.zeros((nw, wide)), np.zeros((nw, wide))
     for i in range(nz):
         end[nx + i] = 0.0
         for j in range(nz):
@@ -234,9 +274,12 @@ def _step(rates_jacobian: Any, blocks: Any, state: Any, before: Any, after: Any,
             dw1[i, n + j] = H[i, j]
             for k in range(nz):
                 dw1[i, nx + k] += H[i, j] * phi[j, k]
+            for k in range(R.shape[1]):
+                dw0[i, n + nz + k] += H[i, j] * R[j, k]
+                dw1[i, n + nz + k] += H[i, j] * R[j, k]
     x, rate, total = state[:nx].copy(), np.empty(nx), np.zeros(nx)
     A, B, G = np.zeros((nx, nx)), np.zeros((nx, nt)), np.zeros((nx, nw))
-    dx, dk, dtotal = np.zeros((nx, n + nz)), np.zeros((nx, n + nz)), np.zeros((nx, n + nz))
+    dx, dk, dtotal = np.zeros((nx, wide)), np.zeros((nx, wide)), np.zeros((nx, wide))
     for i in range(nx):
         dx[i, i] = 1.0
     for stage in range(4):
@@ -246,22 +289,22 @@ def _step(rates_jacobian: Any, blocks: Any, state: Any, before: Any, after: Any,
         u = before[:nu] + at * (after[:nu] - before[:nu])
         rates_jacobian(x, u, p, w0 + at * (w1 - w0), rate, A, B, G)
         for i in range(nx):
-            for c in range(n + nz):
+            for c in range(wide):
                 dk[i, c] = 0.0
             for j in range(nt):
                 dk[i, rest + j] = B[i, j] * slope[j]
             for j in range(nw):
                 if G[i, j] != 0.0:
-                    for c in range(nx, n + nz):
+                    for c in range(nx, wide):
                         dk[i, c] += G[i, j] * ((1.0 - at) * dw0[j, c] + at * dw1[j, c])
             for j in range(nx):
                 if A[i, j] != 0.0:
-                    for c in range(n + nz):
+                    for c in range(wide):
                         dk[i, c] += A[i, j] * dx[j, c]
         for i in range(nx):
             total[i] += weight * rate[i]
             x[i] = state[i] + ahead * rate[i]
-            for c in range(n + nz):
+            for c in range(wide):
                 dtotal[i, c] += weight * dk[i, c]
                 dx[i, c] = ahead * dk[i, c]
             dx[i, i] += 1.0
@@ -300,10 +343,10 @@ def _read(reading_jacobian: Any, blocks: Any, state: Any, at: Any, y: Any, slope
 
 def _step_points(rates: Any, blocks: Any, points: Any, before: Any, after: Any, ends: Any) -> None:
     nx, nz, _, nt, nu, nw = blocks.sizes
-    n, h = points.shape[1] - nz, blocks.step[0]
-    phi, H = blocks.load_transition[0], blocks.load_output[0]
+    phi, H, R = blocks.load_transition[0], blocks.load_output[0], blocks.load_within[0]
+    n, h = nx + nz + nt, blocks.step[0]
     p, slope, rate, x = np.empty(blocks.p.size), np.empty(nt), np.empty(nx), np.empty(nx)
-    w0, w1, w = np.empty(nw), np.empty(nw), np.empty(nw)
+    w0, w1, w, within = np.empty(nw), np.empty(nw), np.empty(nw), np.empty(nz)
     u0, u1, middle = before[:nu], after[:nu], 0.5 * (before[:nu] + after[:nu])
     for k in range(points.shape[0]):
         state, end = points[k], ends[k]
@@ -313,11 +356,15 @@ def _step_points(rates: Any, blocks: Any, points: Any, before: Any, after: Any, 
             end[nx + i] = state[n + i]
             for j in range(nz):
                 end[nx + i] += phi[i, j] * state[nx + j]
+        within[:] = 0.0
+        for j in range(nz):
+            for c in range(R.shape[1]):
+                within[j] += R[j, c] * state[n + nz + c]
         for i in range(nw):
             w0[i], w1[i] = before[nu + i], after[nu + i]
             for j in range(nz):
-                w0[i] += H[i, j] * state[nx + j]
-                w1[i] += H[i, j] * end[nx + j]
+                w0[i] += H[i, j] * (state[nx + j] + within[j])
+                w1[i] += H[i, j] * (end[nx + j] + within[j])
             w[i] = 0.5 * (w0[i] + w1[i])
         x[:] = state[:nx]
         for stage in range(4):
@@ -332,7 +379,7 @@ def _step_points(rates: Any, blocks: Any, points: Any, before: Any, after: Any, 
 
 def _read_points(reading: Any, blocks: Any, points: Any, at: Any, y: Any) -> None:
     nx, nz, _, nt, nu, nw = blocks.sizes
-    n, H = points.shape[1] - nz, blocks.load_output[0]
+    n, H = nx + nz + nt, blocks.load_output[0]
     p, slope, w = np.empty(blocks.p.size), np.empty(nt), np.empty(nw)
     for k in range(points.shape[0]):
         state = points[k]

@@ -27,7 +27,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pykalman.unscented
-from agreement import Problem, in_jax
+from agreement import in_jax
 from cuthbert import filter as cuthbert_filter
 from cuthbert.gaussian import moments
 from cuthbertlib.kalman import filter_update
@@ -35,7 +35,7 @@ from dynamax.linear_gaussian_ssm.inference import lgssm_filter, make_lgssm_param
 from dynamax.nonlinear_gaussian_ssm import ParamsNLGSSM, extended_kalman_filter, unscented_kalman_filter
 from dynamax.nonlinear_gaussian_ssm.inference_ukf import UKFHyperParams
 from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
-from models import Balance, Differences, Kernels, Written
+from models import Balance, Differences, Kernels, Problem, Written
 from sheets import Sheet, medians, number, present
 from stonesoup.models.base import GaussianModel, LinearModel
 from stonesoup.models.measurement.base import MeasurementModel
@@ -187,7 +187,7 @@ def dynamax_linear_unscented(balance: Balance) -> Callable[[int], Moments]:
 
 
 def filterpy_extended(problem: Problem, kernels: Kernels | Written, samples: int) -> Moments:
-    model, Q = problem.model, problem.model.blocks.load_noise[0]
+    model, Q = problem.model, problem.noise
     peer = ExtendedKalmanFilter(dim_x=problem.n, dim_z=kernels.m)
     peer.x, peer.P, peer.R = model.mean, model.cov, np.diag(model.blocks.noise)
     expected = np.empty(0)
@@ -223,7 +223,7 @@ def stonesoup_extended(problem: Problem, kernels: Kernels | Written, samples: in
     model = problem.model
     transition, reading = _Transition(), _Reading(ndim_state=problem.n, mapping=None)
     transition.kernels = reading.kernels = kernels
-    transition.load_noise, reading.noise = model.blocks.load_noise[0], np.diag(model.blocks.noise)
+    transition.load_noise, reading.noise = problem.noise, np.diag(model.blocks.noise)
     predictor, updater = ExtendedKalmanPredictor(transition), ExtendedKalmanUpdater(reading)
     return _stonesoup(problem, samples, predictor, updater, GaussianState(model.mean[:, None], model.cov))
 
@@ -253,8 +253,8 @@ def dynamax_joint(problem: Problem, unscented: bool) -> Callable[[int], Moments]
 
 def cuthbert_extended(problem: Problem) -> Callable[[int], Moments]:
     step, read = in_jax(problem)
-    n, eta = problem.n, problem.eta
-    none, unit = jnp.zeros(eta), jnp.eye(len(problem.unit))
+    n = problem.n
+    none, unit = jnp.zeros(problem.drawn), jnp.eye(len(problem.unit))
     load_root = jnp.linalg.cholesky(jnp.asarray(problem.scaled(problem.Q)[n:, n:]))
 
     def moved(state: Any, at: Any) -> Any:
@@ -402,7 +402,7 @@ class _Reading(_Noise, MeasurementModel, GaussianModel):
 
 
 class _PointTransition(_Transition):
-    """The step of 30 states, for all sigma points (30, 61) at once."""
+    """The step of 35 states, for all sigma points (35, 71) at once."""
 
     Q: Array
 

@@ -2,8 +2,8 @@
 
    The state is [x | z | θ]: NX mechanical states (displacements, then velocities), NZ first-order Gauss–Markov loads, one on each degree
    of freedom, and NT parameters in filter coordinates, p = scale · exp(θ) or scale · θ. x goes through RK4 with its sensitivities to
-   x₀, w₀, w₁ and p; the load noise reaches it through w₁, inside its own step. Readings are taken in one at a time by Joseph's form
-   written out; NaN is a missing reading.
+   x₀, w₀, w₁ and p; the load noise reaches it through w₁, inside its own step, and the deviation of each load from a straight line
+   within the step through w₀ and w₁. Readings are taken in one at a time by Joseph's form written out; NaN is a missing reading.
 
    benchmarks/speed.py writes model.h: the sizes NX, NZ, NT, NU, NP, M, and windsysid's equations of motion and readings in C. It also
    compiles and runs this file. All sizes are known to the compiler; rows are padded to whole registers, so that its loops have no remainder.
@@ -29,7 +29,8 @@ typedef struct {
     const long *chosen;      /* NT: which of them are identified, */
     const double *scale;     /* NT: what they are at θ = 0 or 1, */
     const long *logarithmic; /* NT: and whether p = scale · exp(θ) */
-    const double *phi, *q;   /* NZ: transition of each load, and the variance of its noise */
+    const double *phi, *q;   /* NZ: transition of each load, and the variance of its noise, */
+    const double *within;    /* NZ: and the variance of its deviation from a straight line within a step */
     const double *r;         /* M: variance of each reading's noise */
 } Model;
 
@@ -121,26 +122,32 @@ static void predict(const Model *model, Belief *b, const double *before, const d
     }
     for (int i = 0; i < NZ; i++) b->mean[NX + i] *= model->phi[i];
 
-    /* the mechanical rows of F, and [F | Γ]ᵀ */
-    double F[NX][N], Ft[N + NZ][WX] ALIGNED = {{0}}, FP[NX + NZ][W + PADDED(NZ)] ALIGNED;
+    /* the mechanical rows of F, and [F | Γ | V]ᵀ */
+    double F[NX][N], Ft[N + 2 * NZ][WX] ALIGNED = {{0}}, FP[NX + NZ][W + PADDED(2 * NZ)] ALIGNED;
     for (int i = 0; i < NX; i++) {
         for (int j = 0; j < NX; j++) F[i][j] = sum[i][j];
         for (int j = 0; j < NZ; j++) F[i][NX + j] = sum[i][NX + j] + sum[i][NX + NZ + j] * model->phi[j];
         for (int j = 0; j < NT; j++) F[i][NX + NZ + j] = sum[i][NX + 2 * NZ + j] * b->slope[j];
         for (int j = 0; j < N; j++) Ft[j][i] = F[i][j];
-        for (int j = 0; j < NZ; j++) Ft[N + j][i] = sum[i][NX + NZ + j];
+        for (int j = 0; j < NZ; j++) {
+            Ft[N + j][i] = sum[i][NX + NZ + j];
+            Ft[N + NZ + j][i] = sum[i][NX + j] + sum[i][NX + NZ + j];
+        }
     }
-    /* F P, and Γ Q beside it */
+    /* F P, with Γ Q and V R next to it */
     for (int i = 0; i < NX; i++) {
         COMBINE(FP[i], F[i], N, b->P, W);
-        for (int j = 0; j < NZ; j++) FP[i][N + j] = sum[i][NX + NZ + j] * model->q[j];
+        for (int j = 0; j < NZ; j++) {
+            FP[i][N + j] = Ft[N + j][i] * model->q[j];
+            FP[i][N + NZ + j] = Ft[N + NZ + j][i] * model->within[j];
+        }
     }
     for (int i = 0; i < NZ; i++)
         for (int c = 0; c < W; c++) FP[NX + i][c] = model->phi[i] * b->P[NX + i][c];
-    /* P ← F P Fᵀ + Γ Q Γᵀ */
+    /* P ← F P Fᵀ + Γ Q Γᵀ + V R Vᵀ */
     for (int i = 0; i < NX; i++) {
         double row[WX] ALIGNED;
-        COMBINE(row, FP[i], N + NZ, Ft, WX);
+        COMBINE(row, FP[i], N + 2 * NZ, Ft, WX);
         for (int j = 0; j < NX; j++) b->P[i][j] = row[j];
         for (int j = 0; j < NZ; j++) b->P[i][NX + j] = FP[i][NX + j] * model->phi[j] + FP[i][N + j];
         for (int j = NX + NZ; j < N; j++) b->P[i][j] = FP[i][j];

@@ -1,4 +1,4 @@
-"""120 deliberate faults: sign flips, wrong factors and indices, lost terms, wrong units, steps in time, widths of
+"""121 deliberate faults: sign flips, wrong factors and indices, lost terms, wrong units, steps in time, widths of
 priors.
 
 Each changes a number that a user would read. None is equivalent to the code as it is, and none moves a constant that

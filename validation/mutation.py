@@ -2,10 +2,11 @@
 
     python -m validation.mutation [--only MODULE] [--list] [--sample N] [--jobs N] [--full]
 
-Every mutant of `validation.mutants` is put into a copy of the sources, and the tests most likely to notice it run on
-that copy until the first one fails. With --full those that survive meet the whole default suite. What was found is kept
-in results/mutation/results.jsonl under a hash of the mutant, the sources and the tests that ran, so that an interrupted
-run goes on, and only what changed runs again; the test that noticed a mutant last time goes first.
+Every mutant of `validation.mutants` and `validation.recent_mutants` is put into a copy of the sources, and the tests
+most likely to notice it run on that copy until the first one fails. With --full those that survive meet the whole
+default suite. What was found is kept in results/mutation/results.jsonl under a hash of the mutant, the sources and the
+tests that ran, so that an interrupted run goes on, and only what changed runs again; the test that noticed a mutant
+last time goes first.
 
 In the end all tests that noticed something run without any fault. Each job has a folder for its copy, which stays, and
 a cache of kernels: Numba finds kernels by where their sources lie. Mutants of sources that kernels hold come last, for
@@ -29,8 +30,24 @@ from queue import SimpleQueue
 from typing import Any
 
 from validation.mutants import MUTANTS, TESTS, Mutant
+from validation.recent_mutants import RECENT_MUTANTS, RECENT_TESTS
 
-__all__ = ["NotFoundOnceError", "locate", "main"]
+__all__ = ["EVERY_MUTANT", "LIKELY_TESTS", "NotFoundOnceError", "locate", "main"]
+
+EVERY_MUTANT: tuple[Mutant, ...] = (*MUTANTS, *RECENT_MUTANTS)
+"""Of old modules and of those that version 0.1.0 did not have."""
+
+
+def _joined_tests() -> dict[str, tuple[str, ...]]:
+    """Test files by module, of both lists: two modules may have one base name."""
+    return {
+        name: tuple(dict.fromkeys((*TESTS.get(name, ()), *RECENT_TESTS.get(name, ()))))
+        for name in (*TESTS, *RECENT_TESTS)
+    }
+
+
+LIKELY_TESTS = _joined_tests()
+"""For each module the test files most likely to notice a mutant."""
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "results" / "mutation"
@@ -162,7 +179,7 @@ def files_of_tests(mutant: Mutant, *, full: bool) -> list[str]:
     every = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py"))
     if full:
         return every
-    found = [path for name in TESTS[mutant.module] for path in every if path.rpartition("/")[2] == name]
+    found = [path for name in LIKELY_TESTS[mutant.module] for path in every if path.rpartition("/")[2] == name]
     room = f"tests/{locate(mutant).parent.name}/"
     return sorted(found, key=lambda path: not path.startswith(room))  # the tests of its own room know it best
 
@@ -259,7 +276,7 @@ def main() -> None:
     parser.add_argument("--full", action="store_true", help="the whole default suite on what survives")
     asked = parser.parse_args()
     mutants = [
-        m for m in MUTANTS if not asked.only or {m.module, m.module.removesuffix(".py"), m.name} & set(asked.only)
+        m for m in EVERY_MUTANT if not asked.only or {m.module, m.module.removesuffix(".py"), m.name} & set(asked.only)
     ]
     if asked.sample is not None:
         chosen = random.sample(mutants, min(asked.sample, len(mutants)))

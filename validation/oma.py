@@ -305,7 +305,7 @@ def main() -> None:
     if given.runs > 0:
         table("close modes", HEADINGS, close_modes(4 * given.runs))
         table("modes apart", HEADINGS, modes_apart(runs=2 * given.runs))
-        table("one load", HEADINGS, shared_loads(given.runs // 2))
+        table("one load", HEADINGS, shared_loads(-(-given.runs // 2)))
         table("one mode", HEADINGS, single_modes(given.runs))
         table("several records together", HEADINGS, several_records(given.runs))
     print(f"{time.time() - began:.0f} s")

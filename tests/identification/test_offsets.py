@@ -1,11 +1,14 @@
 """Accelerometers that are off by a constant which nobody has told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
 from windsysid.identification.identify import identify
 from windsysid.identification.offsets import with_offsets
+from windsysid.mechanics.sensors import Accelerometer
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
@@ -51,6 +54,19 @@ def test_sensors_that_read_right_keep_what_they_have(name: str):
         sensors, said = with_offsets(made, turbine, turbine.sensors)
         assert sensors == turbine.sensors
         assert not said
+
+
+def test_the_pull_outwards_and_gravity_are_no_offset_of_a_sensor_that_feels_them(verne555: Turbine):
+    """An accelerometer along a blade reads Ω² r all the time, one that stands upright reads gravity."""
+    about = {"noise": 0.05, "feels_gravity": True}
+    outwards = Accelerometer(channel="blade_1_span_acceleration", point="blade_1", axis="span", frame="blade", **about)
+    upright = Accelerometer(channel="tower_y_acceleration", point="tower", axis="y", **about)
+    machine = replace(verne555, sensors=(outwards, upright))
+    made = simulate_record(machine, duration=60.0, rate=50.0, seed=5)
+    assert min(abs(float(np.mean(made[sensor.channel]))) for sensor in machine.sensors) > 5.0
+    found = with_offsets(made, machine, machine.sensors)[0]
+    assert found[1] == upright
+    assert found[0].bias < 0.03 * abs(float(np.mean(made[outwards.channel])))  # what blades swing pulls, too
 
 
 def test_a_vibration_that_is_cut_off_is_no_offset(verne555: Turbine):

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 import windsysid as ws
+from windsysid.inspection.continuity import copies_among
 from windsysid.inspection.screening import doubted, examine, noted, screen
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -108,6 +109,11 @@ def test_few_readings_a_period_are_no_overrun(every):
         values = vibration(seed)[::every]
         slow = Record(np.arange(len(values)) * every / RATE, values, NAMES, units=("m/s^2",) * 3)
         assert "overrun" not in {finding.kind for finding in examine(slow, None)[0]}
+
+
+def test_a_copy_may_have_another_scale_offset_and_sign():
+    first, second = vibration(1, 60.0)[:, 0], vibration(2, 60.0)[:, 0]
+    assert copies_among(np.column_stack([first, second, 3.0 - 2.0 * first, 0.5 * second])) == [(0, 2), (1, 3)]
 
 
 def test_a_copy_of_a_sensor_is_a_doubt_and_two_sensors_close_by_are_not():

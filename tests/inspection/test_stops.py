@@ -35,6 +35,15 @@ def test_a_stop_and_its_decay_are_found():
     assert "dies away" in str(stop)
 
 
+def test_a_decay_is_measured_from_right_after_the_stop_to_the_second_half_of_its_section():
+    time = np.arange(6000) / RATE
+    left = np.where(time < 218.0, 1.0, np.exp(-(time - 218.0) / 150.0))
+    (stop,) = inspect_record(made(falling(20.0), left)).stops
+    early, late = (time > 218.0) & (time < 228.0), time > 0.5 * (218.0 + 599.9)
+    expected = np.sqrt(np.mean(left[early] ** 2) / np.mean(left[late] ** 2))
+    assert stop.decay == pytest.approx(expected, rel=0.05)  # the sensor has noise, too
+
+
 def test_a_section_ends_where_the_rotor_turns_again_and_every_stop_is_listed_once():
     speed = falling(20.0, length=400.0)
     flicker = np.where(np.arange(4000) % 7 == 0, 0.02, 0.0)

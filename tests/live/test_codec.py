@@ -56,6 +56,12 @@ def test_a_start_may_be_a_moment_and_a_sequence_may_be_missing():
     assert block.start == block.sequence == NOON + 123_456_789
 
 
+@pytest.mark.parametrize(("fraction", "nanoseconds"), [("5", 500_000_000), ("25", 250_000_000), ("000001", 1000)])
+def test_a_fraction_of_a_second_may_have_any_number_of_digits(fraction: str, nanoseconds: int):
+    told = json.loads(encode_json(a_block())) | {"start": f"2026-01-01T12:00:00.{fraction}Z"}
+    assert decode(json.dumps(told).encode(), turbine="T01").start == NOON + nanoseconds
+
+
 def test_other_units_are_converted_and_infinite_values_are_missing():
     values = np.array([[1.0, np.inf], [2.0, 3.0]])
     block = check(Block("T01", 0, NOON, 20.0, ("tower_x_acceleration", "power"), ("g", "kW"), values))
@@ -196,6 +202,15 @@ def test_columns_that_are_compressed_are_refused_before_they_are_unpacked():
     assert len(sink.getvalue()) < 2000  # it would be 3.2 MB
     with pytest.raises(BlockRefused, match="compressed"):
         decode(bytes(sink.getvalue()), turbine="T01")
+
+
+def test_a_column_that_is_shorter_than_its_rows_is_refused():
+    """Its numbers would go on in the column after it."""
+    payload = encode_arrow(a_block(values=np.zeros((50, 2))))
+    whole, cut = struct.pack("<qq", 0, 400), struct.pack("<qq", 0, 392)  # where the first column begins, and its bytes
+    assert whole in payload
+    with pytest.raises(BlockRefused, match="a column is cut"):
+        decode(payload.replace(whole, cut, 1), turbine="T01")
 
 
 def test_arrow_without_units_or_of_texts_is_refused():

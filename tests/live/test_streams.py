@@ -91,6 +91,19 @@ def test_a_slow_channel_is_healthy():
     assert watched(replace(given, values=values)) == []
 
 
+def test_a_channel_of_few_samples_is_not_dead_between_them():
+    given = record(45_000, RATE, seed=3)
+    values = given.values.copy()
+    values[np.arange(45_000) % 750 != 0, 1] = np.nan  # one in 15 s
+    assert watched(replace(given, values=values)) == []
+
+
+def test_a_level_that_jumps_and_stays_is_no_spike():
+    given = record(45_000, RATE, seed=3)
+    jumping = given.values + 40.0 * (np.arange(45_000) // 330 % 2)[:, None]
+    assert watched(replace(given, values=jumping)) == []
+
+
 def test_a_rotor_that_stops_and_starts_again_is_healthy():
     given = record(45_000, RATE, seed=3)
     speed = np.interp(np.arange(45_000) / RATE, [0, 200, 260, 600, 700], [1.2, 1.2, 0.0, 0.0, 1.2])
@@ -142,6 +155,11 @@ def test_a_drift_is_told_after_three_windows_and_ends_when_it_is_back():
     assert [state for _, state in told] == ["drift", "good"]
     assert 300 < told[0][0] < 340
     assert 400 <= told[1][0] < 405
+
+
+def test_one_or_two_odd_windows_are_no_drift():
+    usual = list(0.02 * np.random.default_rng(4).standard_normal(300))
+    assert drifted([*usual, 5.0, *usual[:20], 5.0, 5.0, *usual[:20]]) == []
 
 
 def test_means_that_wander_as_they_always_did_are_no_drift():

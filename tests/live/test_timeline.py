@@ -115,6 +115,26 @@ def test_nan_stays_nan_and_is_filled_by_a_block_that_knows():
     assert same(gathered([*with_holes, replace(blocks[2], sequence=99)]), given)
 
 
+def test_a_block_that_comes_again_with_gaps_takes_nothing_away():
+    given = record(400)
+    blocks = blocks_of(given, 20.0, 20)
+    gaps = blocks[2].values.copy()
+    gaps[3:6, 1] = np.nan
+    assert same(gathered([*blocks, replace(blocks[2], values=gaps, sequence=99)]), given)
+
+
+@pytest.mark.parametrize("early", [0, 20_000])
+def test_a_sample_on_the_boundary_is_in_the_later_window_only(early: int):
+    """Also where its stamp, which is rounded, lies some nanoseconds before."""
+    given, cut = record(400), NOON + 10 * SECOND
+    blocks = blocks_of(given, 20.0, 20, start=NOON - early)
+    first, second = gathered(blocks, NOON, cut).record, gathered(blocks, cut, UNTIL).record
+    assert first is not None
+    assert second is not None
+    assert np.array_equal(np.concatenate([first.values, second.values]), given.values)
+    assert first.samples == 200
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_stamps_that_scatter_within_half_a_sample_move_nothing(seed):
     given = record(12_000)
@@ -183,6 +203,15 @@ def test_two_loggers_share_the_grid_of_the_faster_one():
     assert np.array_equal(found["tower_x_acceleration"], tower.values[:, 0])
     assert np.array_equal(found["power"][::20], scada.values[:, 1])
     assert np.isnan(found["power"]).sum() == 1900
+
+
+def test_samples_of_a_slower_logger_are_put_at_the_nearest_moment():
+    tower, scada = record(2000), record(90, 1.0, seed=1)
+    late = round(0.6 * SECOND / 20.0)  # nearer to the second sample of the tower than to the first
+    slow = [replace(b, channels=("a", "b"), stream="scada") for b in blocks_of(scada, 1.0, 10, start=NOON + late)]
+    found = gathered([*slow, *blocks_of(tower, 20.0, 20)]).record
+    assert found is not None
+    assert np.array_equal(found["a"][1:1800:20], scada.values[:, 0])
 
 
 def test_fewer_than_two_samples_are_no_record():

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
+from windsysid.results.colour import smooth_colour
 from windsysid.results.whiteness import examine
 
 RATE, MODES = 50.0, (1.7, 1.8, 4.0)
@@ -32,3 +33,24 @@ def test_a_level_that_goes_with_frequency_is_seen_where_it_is():
         found = smooth(coloured)
         assert found.ratio > 1.0
         assert found.low_hz < found.high_hz
+
+
+def test_one_level_all_over_is_no_colour():
+    """It moves no coefficient: the statistic says that it is not 1, the slope that it is the same everywhere."""
+    frequency, freedom = np.arange(1.0, 200.0), 4.0
+    spectrum = 1.3 * np.random.default_rng(73).chisquare(freedom, (len(frequency), 2)) / freedom
+    found = smooth_colour(frequency, spectrum, freedom, reach=(1.0, 199.0), chance=1e-3)
+    assert found is not None
+    assert found.statistic > found.bound
+    assert found.ratio < 1.0
+
+
+def test_a_departure_that_is_chance_has_no_size():
+    rng, frequency, freedom = np.random.default_rng(74), np.arange(1.0, 200.0), 4.0
+    found = []
+    for _ in range(40):
+        spectrum = rng.chisquare(freedom, (len(frequency), 2)) / freedom
+        one = smooth_colour(frequency, spectrum, freedom, reach=(1.0, 199.0), chance=1e-3)
+        assert one is not None
+        found.append(one.size)
+    assert np.median(found) < 0.03  # of all values together, chance alone would have 0.07

@@ -122,3 +122,15 @@ def test_the_chance_of_a_false_doubt_is_shared_by_all_parameters(doubt: Callable
 
     assert doubt(names, as_rare_as(0.95 * chance / n))
     assert doubt(names, as_rare_as(1.05 * chance / n)) == []
+
+
+def test_halves_of_which_one_tells_nearly_all_differ_by_chance():
+    """A decay: the mode has moved with its first half, which leaves that half little to say against it."""
+    rng = np.random.default_rng(20261126)
+    fisher, found = (9.0, 1.0, 1.0, 1.0), []
+    for _ in range(2000):
+        own = [f * (0.3 + rng.standard_normal() / np.sqrt(f)) for f in fisher]
+        step = np.array([sum(own) / (sum(fisher) + 1e-6)])
+        parts = [Part(10, np.array([g]), np.array([[f]])) for g, f in zip(own, fisher, strict=True)]
+        found.append(judge_constancy(parts, np.array([[1e6]]), step).apart[0])
+    assert np.std(found) == pytest.approx(1.0, abs=0.06)

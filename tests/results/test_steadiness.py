@@ -5,7 +5,7 @@ import pytest
 from scipy import signal, stats
 
 from windsysid.results.lines import PARABOLA_LOSS, find_line, line_bound, stand_out_of_a_bend
-from windsysid.results.steadiness import how_late
+from windsysid.results.steadiness import how_late, levels, steadiness
 from windsysid.results.whiteness import Whiteness, examine
 
 RATE, NATURAL, NAMES = 50.0, (1.0, 2.0), ("first", "second")
@@ -29,6 +29,16 @@ def test_white_noise_is_steady_without_tails_and_shares_nothing():
     assert tails.std() == pytest.approx(1.0, abs=0.12)
     largest = stats.norm.isf(0.5e-3 / 7.0)  # of seven lags, in one record of 1000
     assert sum(w.shared is not None and w.shared.sigmas > largest for w in found) <= 3
+
+
+def test_short_windows_of_white_noise_have_no_tails_and_one_level():
+    """A mean square of few values scatters, and normal values scaled by it have lighter tails: both are chance."""
+    window, z = 20, white(8, 100_000)
+    sums = levels(z, np.ones(z.shape, dtype=np.bool_), window)
+    for column in zip(*sums, strict=True):
+        found = steadiness(*map(float, column), window=window)
+        assert abs(found.tails) < 0.05
+        assert found.unsteady < 0.1
 
 
 def test_a_level_that_varies_is_measured_and_is_no_tail():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from windsysid.results.straightness import find_bent
+from windsysid.results.straightness import Bending, Law, doubt_bending, find_bent
 
 STEP, OMEGA = 0.02, 2.0 * np.pi
 
@@ -57,3 +57,27 @@ def test_what_rests_or_is_too_short_says_nothing():
     z, q, v = explained(3, 0.5)
     rest = np.zeros_like(q)
     assert find_bent(z, rest, rest, channels=["a"], coordinates=["x"], chance=1e-3) is None
+
+
+def test_the_bound_grows_with_what_is_looked_at():
+    z, q, v = explained(3, 0.0)
+    names = [str(i) for i in range(6)]
+    found = find_bent(np.tile(z, 6), q, v, channels=names, coordinates=["x"], chance=1e-3)
+    assert found is not None
+    assert found.bound == pytest.approx(stats.chi2(4).isf(1e-3 / 6.0))
+
+
+@pytest.mark.parametrize(
+    ("law", "sigmas", "said", "cause"),
+    [
+        ("stiffness", 9.0, "stiffness of x grows with amplitude", "hardens"),
+        ("stiffness", -9.0, "stiffness of x falls with amplitude", "softens"),
+        ("damping", 9.0, "damping of x falls with amplitude", "dry friction"),
+        ("damping", -9.0, "damping of x grows with amplitude", "damper"),
+    ],
+)
+def test_what_goes_with_amplitude_is_said_with_its_direction(law: Law, sigmas: float, said: str, cause: str):
+    (doubt,) = doubt_bending(Bending(law, ("x",), sigmas, 4.0))
+    assert doubt.startswith(said)
+    assert cause in doubt
+    assert doubt_bending(Bending(law, ("x",), 0.4 * sigmas, 4.0)) == []

@@ -248,6 +248,13 @@ def test_an_azimuth_that_is_lost_now_and_then_is_bridged():
     assert np.max(np.abs(np.mod(psi - AZIMUTH + np.pi, 2 * np.pi) - np.pi)) < GLITCH
 
 
+def test_a_glitch_of_an_azimuth_is_put_on_the_rotation_and_moves_nothing_beside_it():
+    glitched = AZIMUTH.copy()
+    glitched[[700, 1500, 2100]] += 0.6
+    psi = steadied(rotor_record(glitched, SPEED))["rotor_azimuth"]
+    assert np.max(np.abs(np.mod(psi - AZIMUTH + np.pi, 2 * np.pi) - np.pi)) < 0.005
+
+
 def test_an_encoder_that_slips_is_left_as_it_is():
     slipped = rotor_record(AZIMUTH + np.where(R_TIME > 30.0, 0.8, 0.0), SPEED)
     assert steadied(slipped) is slipped

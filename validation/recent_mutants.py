@@ -1,0 +1,732 @@
+"""Deliberate faults in modules that version 0.1.0 did not have, as `validation.mutants` has them in the others."""
+
+from validation.mutants import Mutant
+
+__all__ = ["RECENT_MUTANTS", "RECENT_TESTS"]
+
+RECENT_TESTS: dict[str, tuple[str, ...]] = {
+    "alarms.py": ("test_alarms.py", "test_watching.py"),
+    "arrow.py": ("test_codec.py",),
+    "azimuth.py": ("test_signals.py", "test_rotor_sources.py", "test_faulty_readings.py"),
+    "cache.py": ("test_cache.py",),
+    "codec.py": ("test_codec.py",),
+    "colour.py": ("test_colour.py",),
+    "constancy.py": ("test_constancy.py",),
+    "continuity.py": ("test_continuity.py",),
+    "drifting_clocks.py": ("test_drifting_clocks.py",),
+    "drifting_offsets.py": ("test_drifting_offsets.py",),
+    "events.py": ("test_events.py",),
+    "follower.py": ("test_engine.py", "test_turns.py"),
+    "gate.py": ("test_gate.py",),
+    "held_priors.py": ("test_held_priors.py",),
+    "images.py": ("test_oma.py",),
+    "known_modes.py": ("test_known_modes.py", "test_modes.py"),
+    "learning.py": ("test_watch.py", "test_jumps.py", "test_following.py"),
+    "line_dependence.py": ("test_line_dependence.py",),
+    "locating.py": ("test_watch.py", "test_jumps.py", "test_following.py"),
+    "modal_checks.py": ("test_oma.py",),
+    "modal_scoring.py": ("test_modal_model.py", "test_oma.py"),
+    "narrow_band_beside.py": ("test_narrow_band_beside.py",),
+    "narrow_bands.py": ("test_narrow_bands.py",),
+    "offsets.py": ("test_offsets.py",),
+    "open_alarms.py": ("test_open_alarms.py", "test_engine.py"),
+    "operational.py": ("test_operational.py", "test_oma.py"),
+    "order.py": ("test_oma.py",),
+    "outliers.py": ("test_outliers.py", "test_gate.py"),
+    "own_information.py": ("test_comparison.py",),
+    "passing.py": ("test_passing.py",),
+    "scada.py": ("test_scada.py", "test_joining.py", "test_batch.py"),
+    "screening.py": ("test_screening.py",),
+    "sensors.py": ("test_failing_sensors.py", "test_events.py"),
+    "shape_merging.py": ("test_oma.py",),
+    "silence.py": ("test_silence.py",),
+    "sisters.py": ("test_overview.py",),
+    "slow_drifts.py": ("test_slow_drifts.py",),
+    "stamps.py": ("test_stamps.py",),
+    "steadiness.py": ("test_steadiness.py",),
+    "steady_lines.py": ("test_steady_lines.py",),
+    "stillness.py": ("test_stillness.py",),
+    "stops.py": ("test_stops.py",),
+    "straightness.py": ("test_straightness.py",),
+    "streams.py": ("test_streams.py",),
+    "timeline.py": ("test_timeline.py",),
+    "together.py": ("test_together.py",),
+    "tonal.py": ("test_oma.py", "test_steady_lines.py"),
+    "within_step.py": ("test_within_step.py",),
+}
+"""As `validation.mutants.TESTS`."""
+
+_READINGS = (
+    Mutant(
+        "readings that are smoother on the grid", "stamps.py",
+        "said.sum() < ENOUGH or", "said.sum() < -ENOUGH or",
+        "stamps that scatter a little are put on a grid that readings do not show",
+    ),
+    Mutant(
+        "one channel against the grid", "stamps.py",
+        "np.any(said < -ENOUGH)", "np.all(said < -ENOUGH)",
+        "a grid is taken though a channel is much rougher on it",
+    ),
+    Mutant(
+        "samples that were lost among late stamps", "stamps.py",
+        "> LATE:", "> 1000.0 * LATE:",
+        "samples of a record that lost some are numbered as if none were lost",
+    ),
+    Mutant(
+        "spikes in the roughness", "stamps.py",
+        "np.minimum(one, SPIKE * np.nanmedian(one, axis=0))", "one",
+        "one spike decides whether stamps are right",
+    ),
+    Mutant(
+        "glitches of an azimuth", "azimuth.py",
+        "np.where(glitch, near, psi) if", "psi if",
+        "glitches of an azimuth stay",
+    ),
+    Mutant(
+        "a rotor that swings", "azimuth.py",
+        "if not coarse and max(lags, default=0.0) > MAX_CORRELATION * power", "if False",
+        "true swings of a rotor are smoothed away",
+    ),
+    Mutant(
+        "gaps of an azimuth", "azimuth.py",
+        "np.where(known, np.mod(turned + smooth, 2.0 * np.pi), np.nan)", "np.mod(turned + smooth, 2.0 * np.pi)",
+        "azimuths that are missing are made up",
+    ),
+    Mutant(
+        "offset by chance", "offsets.py",
+        "max(SIGMAS * chance, LEAST * sensor.noise)", "LEAST * sensor.noise",
+        "sensors get offsets that are chance",
+    ),
+    Mutant(
+        "offset and gravity", "offsets.py",
+        "- _mean(at_rest[:, i], psi[some])", "",
+        "gravity in a sensor's axis is taken for its offset",
+    ),
+    Mutant(
+        "size of an offset", "offsets.py",
+        'update={"bias": abs(off)}', 'update={"bias": 0.01 * abs(off)}',
+        "an offset that was seen is not allowed for",
+    ),
+    Mutant(
+        "drift at the slowest mode", "drifting_offsets.py",
+        "2.0 * math.pi * at * math.sqrt(0.5 * float(share[-1]))", "2.0 * math.pi * math.sqrt(0.5 * float(share[-1]))",
+        "an offset drifts as strongly at any mode",
+    ),
+    Mutant(
+        "loads of a flat spectrum and drift", "drifting_offsets.py",
+        "np.stack([np.ones_like(f), (f / below) ** 2, (f / below) ** 4])", "np.stack([(f / below) ** 4])",
+        "loads that forget slowly are taken for a drift",
+    ),
+    Mutant(
+        "mean of a trend", "drifting_offsets.py",
+        "readings - terms[:, 1:] @ share[1:]", "readings - terms @ share",
+        "an offset goes with the trend",
+    ),
+    Mutant(
+        "sensors that feel gravity and drift", "drifting_offsets.py",
+        "(leaning or not sensor.feels_gravity)", "True",
+        "slow leaning is taken for a drift",
+    ),
+    Mutant(
+        "spikes that are the rule", "outliers.py",
+        "if np.count_nonzero(spikes) <= MAX_OUTLIER_SHARE * len(values)", "if True",
+        "a tenth of a channel is left out as spikes",
+    ),
+    Mutant(
+        "outliers that are the rule", "outliers.py",
+        "& (self.counts(m) <= MAX_OUTLIER_SHARE * samples)", "& (self.counts(m) <= samples)",
+        "what a wrong model does not explain is left out",
+    ),
+    Mutant(
+        "neighbours of a spike", "outliers.py",
+        "& (beside < ALONE * off)", "",
+        "neighbours of a spike are left out with it",
+    ),
+)  # fmt: skip
+
+_CLOCKS_AND_LINES = (
+    Mutant(
+        "a clock faster than any", "drifting_clocks.py",
+        "< abs(self.rate) < GREATEST", "< abs(self.rate)",
+        "a logger is put back by more than clocks drift",
+    ),
+    Mutant(
+        "direction of a drifting clock", "drifting_clocks.py",
+        "off = -np.angle(amplitudes / usual) / mean", "off = np.angle(amplitudes / usual) / mean",
+        "readings are put back the wrong way",
+    ),
+    Mutant(
+        "a drift that is left", "drifting_clocks.py",
+        "one._replace(rate=before[one.logger].rate + one.rate)", "one",
+        "a second look at a drift forgets the first",
+    ),
+    Mutant(
+        "halves of a drifting record", "drifting_clocks.py",
+        "(late - early) / apart", "(early - late) / apart",
+        "a clock that is late later runs early",
+    ),
+    Mutant(
+        "readings between samples", "drifting_clocks.py",
+        "np.clip(time + late, time[0], time[-1])", "np.clip(time - late, time[0], time[-1])",
+        "readings of a drifting logger are moved away from when they were taken",
+    ),
+    Mutant(
+        "scatter of a sine", "steady_lines.py",
+        "if one.scatter > SCATTER or", "if",
+        "a load that swells and fades is taken out as a sine",
+    ),
+    Mutant(
+        "a sine beside 1P", "steady_lines.py",
+        "abs(seen.frequency - rotor_hz) < APART * step", "False",
+        "a sine at 1P is taken for a machine's",
+    ),
+    Mutant(
+        "sines that turn", "steady_lines.py",
+        "return sine.order * psi", "return psi",
+        "a sine at 2P goes round once in a turn",
+    ),
+    Mutant(
+        "power of a sine and its F", "steady_lines.py",
+        "max(LEAST_STEADINESS, OWN_SHARE * seen.over)", "LEAST_STEADINESS",
+        "a loud narrow-band load is taken out as a sine",
+    ),
+    Mutant(
+        "F of a steady sine", "tonal.py",
+        "(TAPERS - 1) * np.abs(mean) ** 2", "np.abs(mean) ** 2",
+        "steady sines have a sixth of their F",
+    ),
+    Mutant(
+        "harmonics that the steps follow", "tonal.py",
+        "0.8 * np.pi / max(step, 1e-6)", "0.01 * np.pi / max(step, 1e-6)",
+        "rotor harmonics stay in the readings",
+    ),
+    Mutant(
+        "dependence on one frequency", "line_dependence.py",
+        'f"without {line.frequency:.3g} Hz {name}', 'f"without {line.ratio:.3g} Hz {name}',
+        "a doubt names the wrong frequency",
+    ),
+    Mutant(
+        "a line that may be chance", "line_dependence.py",
+        "return bool(name) and off < MOVED", "return bool(name)",
+        "a line is called harmless though a coefficient depends on it",
+    ),
+    Mutant(
+        "what is left beside a sine", "line_dependence.py",
+        "there * (1.0 - np.maximum(over, 1.0) ** -0.5)", "there * 0.0",
+        "what a narrow-band load leaves beside a sine is not seen",
+    ),
+    Mutant(
+        "evidence of a narrow band", "narrow_bands.py",
+        "gain = ends[0].log_evidence - found.log_evidence", "gain = found.log_evidence - ends[0].log_evidence",
+        "a narrow-band load is needed where it explains less",
+    ),
+    Mutant(
+        "a narrow band that matters", "narrow_bands.py",
+        "self.gain > SURE and self.moved > HARDLY", "self.gain > SURE",
+        "loads that move no coefficient condemn a result",
+    ),
+    Mutant(
+        "a rival that explains much worse", "narrow_bands.py",
+        "off * math.exp(min(other.log_evidence - best.log_evidence, 0.0)) < EXPECTED", "off < EXPECTED",
+        "an explanation that is hardly possible is a doubt",
+    ),
+    Mutant(
+        "damping below nothing and a narrow band", "narrow_band_beside.py",
+        "if undamped or far or", "if far or",
+        "a narrow band is asked for beside a structure that drives itself",
+    ),
+    Mutant(
+        "a logger that was put on time", "narrow_band_beside.py",
+        "estimate=one.estimate + late.get(one.name, 0.0)", "estimate=one.estimate",
+        "a logger that was put on time is told as on time",
+    ),
+)  # fmt: skip
+
+_DOUBTS = (
+    Mutant(
+        "a prior that holds from above", "held_priors.py",
+        "(factor**away - 1.0)", "(factor - 1.0)",
+        "a prior that holds damping up is never found",
+    ),
+    Mutant(
+        "a likelihood that rises beyond", "held_priors.py",
+        "> here + GAIN", "> here - GAIN",
+        "any prior is made wider",
+    ),
+    Mutant(
+        "width of a wider prior", "held_priors.py",
+        "spread=WIDER * q.spread", "spread=q.spread",
+        "a prior that holds an estimate is not made wider",
+    ),
+    Mutant(
+        "a prior far from its estimate", "held_priors.py",
+        "if abs(off) > CONFLICT_SIGMAS:", "if off > CONFLICT_SIGMAS:",
+        "an estimate far below its prior is no doubt",
+    ),
+    Mutant(
+        "number of names of halves", "constancy.py",
+        "halves[i] >= CHANCE / len(names)", "halves[i] >= CHANCE",
+        "many coefficients condemn a healthy record more often than few",
+    ),
+    Mutant(
+        "number of names of parts", "constancy.py",
+        "scattered[j] >= CHANCE_OF_SCATTER / len(names)", "scattered[j] >= CHANCE_OF_SCATTER",
+        "parts of a healthy record condemn it more often where it has many coefficients",
+    ),
+    Mutant(
+        "the mode that moves with its halves", "constancy.py",
+        "np.diag(C @ (both.fisher - more @ C @ more) @ C)", "np.diag(C @ both.fisher @ C)",
+        "halves that differ are given too much room",
+    ),
+    Mutant(
+        "the step to the mode", "constancy.py",
+        "C @ (part.gradient - part.fisher @ step)", "C @ part.gradient",
+        "parts are judged where no mode is",
+    ),
+    Mutant(
+        "blades that pass unsteadily", "passing.py",
+        "or scatter > width:", "or scatter > 100.0 * width:",
+        "blades that pass now here and now there are said to pass on the mode",
+    ),
+    Mutant(
+        "turns of the passing blades", "passing.py",
+        "_stands_out(values, blades * azimuth)", "_stands_out(values, azimuth)",
+        "1P is looked for instead of the passing blades",
+    ),
+    Mutant(
+        "blades that pass beside a mode", "passing.py",
+        "> width + BEYOND * step", "> 10.0 * width + BEYOND * step",
+        "blades that pass far from a mode are said to pass on it",
+    ),
+    Mutant(
+        "tails of normal innovations", "steadiness.py",
+        "3.0 * window / (window + 2.0)", "3.0",
+        "short windows have light tails",
+    ),
+    Mutant(
+        "unsteadiness beyond chance", "steadiness.py",
+        "math.sqrt(max(variance - by_chance, 0.0))", "math.sqrt(max(variance, 0.0))",
+        "steady loads are said to swell",
+    ),
+    Mutant(
+        "blades that are late", "steadiness.py",
+        "-np.sin(azimuth + angle) * z[:, tower[0]]", "np.sin(azimuth + angle) * z[:, tower[0]]",
+        "late blades are looked for against the way they turn",
+    ),
+    Mutant(
+        "which of two channels is late", "steadiness.py",
+        "int(lag) - LAGS, correlation", "LAGS - int(lag), correlation",
+        "the channel that is early is said to be late",
+    ),
+    Mutant(
+        "neighbours under Hann's window", "stillness.py",
+        "2.0 * _shape(width), 2.0 * _shape(n - width)", "2.0 * width, 2.0 * (n - width)",
+        "noise is said to vibrate",
+    ),
+    Mutant(
+        "gravity in a dead channel", "stillness.py",
+        "there &= away > np.maximum(", "there &= away > -np.maximum(",
+        "gravity on a blade passes for vibration",
+    ),
+    Mutant(
+        "noise of a power law", "stillness.py",
+        "power / f**slope", "power",
+        "drifting noise is said to vibrate",
+    ),
+    Mutant(
+        "what a straight line explains", "straightness.py",
+        "cubes - basis @ (basis.T @ cubes)", "cubes",
+        "a straight spring is said to be bent",
+    ),
+    Mutant(
+        "number of looks at cubes", "straightness.py",
+        "chance / tested", "min(1.0, chance * tested)",
+        "many channels find a bend by chance",
+    ),
+    Mutant(
+        "friction or a damper", "straightness.py",
+        '(bending.sigmas > 0.0) is (bending.law == "stiffness")', "bending.sigmas > 0.0",
+        "damping that falls with amplitude is said to grow",
+    ),
+    Mutant(
+        "one level all over", "colour.py",
+        "self.slope / self.slope_bound, self.size", "self.size",
+        "loads that are louder than thought condemn a result",
+    ),
+    Mutant(
+        "size beyond chance", "colour.py",
+        "np.square(s - 1.0) - 2.0)", "np.square(s - 1.0))",
+        "short records have a large departure from white",
+    ),
+    Mutant(
+        "alike neighbours of a spectrum", "colour.py",
+        "float(seen.sum()) / alike", "float(seen.sum())",
+        "white innovations are called coloured",
+    ),
+    Mutant(
+        "loads that go on within a step", "within_step.py",
+        "(turned - 1.0) / (turned + 1.0)", "(turned + 1.0) / (turned + 1.0)",
+        "a load that forgets within steps has more power than it has",
+    ),
+    Mutant(
+        "variance within a step", "within_step.py",
+        "rates * step / 12.0", "rates * step / 3.0",
+        "loads within a step have twice their size",
+    ),
+    Mutant(
+        "loads that run smoothly", "within_step.py",
+        "(np.abs(rows @ axes).max(axis=0) > 0.0)", "(np.abs(rows @ axes).max(axis=0) >= 0.0)",
+        "a load that runs smoothly is made rough",
+    ),
+)  # fmt: skip
+
+_LIVE = (
+    Mutant(
+        "texts without end", "arrow.py",
+        "if length > LONGEST_TEXT or begin + length > len(payload):", "if begin + length > len(payload):",
+        "a name of megabytes is taken in",
+    ),
+    Mutant(
+        "texts beyond the payload", "arrow.py",
+        "if length > LONGEST_TEXT or begin + length > len(payload):", "if length > LONGEST_TEXT:",
+        "a text that leads out of the payload is cut in silence",
+    ),
+    Mutant(
+        "batches without end", "arrow.py",
+        "if len(batches) > MOST_BATCHES:", "if len(batches) > 1000 * MOST_BATCHES:",
+        "a block of a million empty batches is taken in",
+    ),
+    Mutant(
+        "values that are null", "arrow.py",
+        "[:rows] == 0, i] = np.nan", "[:rows] == 1, i] = np.nan",
+        "readings that are there are missing, and the other way round",
+    ),
+    Mutant(
+        "a column that is cut", "arrow.py",
+        "or length < size or", "or",
+        "a column that is cut goes on in the next one",
+    ),
+    Mutant(
+        "schemas that are alike but for units", "arrow.py",
+        "if all(payload[begin:end] == piece for begin, end, piece in known.pieces):", "if known:",
+        "a logger that changes its channels keeps the names it had",
+    ),
+    Mutant(
+        "a sequence that is no whole number", "codec.py",
+        "isinstance(sequence, bool | float)", "isinstance(sequence, bool)",
+        "block 7.9 is block 7",
+    ),
+    Mutant(
+        "units of a stream", "codec.py",
+        "values.astype(np.float64) * scale", "values.astype(np.float64) / scale",
+        "g of a stream are a hundredth of m/s²",
+    ),
+    Mutant(
+        "fraction of a second", "codec.py",
+        'int(fraction[1].ljust(9, "0"))', "int(fraction[1])",
+        "a block that starts at half a second starts at 5 ns",
+    ),
+    Mutant(
+        "channels in unlike lengths", "codec.py",
+        "if len(lengths) > 1:", "if len(lengths) > 2:",
+        "channels of unlike lengths end in an error of NumPy",
+    ),
+    Mutant(
+        "samples that came in part", "timeline.py",
+        "np.isnan(values[at : at + n]).all(axis=1)", "np.isnan(values[at : at + n]).any(axis=1)",
+        "samples that came again count as new",
+    ),
+    Mutant(
+        "samples that come again", "timeline.py",
+        "np.where(np.isnan(old), block.values, old)", "block.values",
+        "what comes again replaces what is there",
+    ),
+    Mutant(
+        "a stamp on the boundary", "timeline.py",
+        "math.ceil((until - block.start) / step - EDGE)", "math.ceil((until - block.start) / step + EDGE)",
+        "the first sample of a window is in the one before, too",
+    ),
+    Mutant(
+        "a clock that was set back", "timeline.py",
+        "if step < 0 and not", "if step < -1000000 and not",
+        "blocks of a clock that was set back lie upon others",
+    ),
+    Mutant(
+        "a slower logger", "timeline.py",
+        "np.floor(moments * lead.rate + 0.5)", "np.floor(moments * lead.rate)",
+        "samples of a slower logger are half a sample early",
+    ),
+    Mutant(
+        "a block that did not get to the store", "follower.py",
+        "discard(placed.sequence)", "discard(-1)",
+        "a block that was not kept cannot come again",
+    ),
+    Mutant(
+        "numbers after one that was not kept", "follower.py",
+        "min(stream.committed, placed.sequence - 1)", "stream.committed",
+        "a block that was not kept is said to be",
+    ),
+    Mutant(
+        "numbers of a window that closed", "follower.py",
+        "max(stream.committed or 0, max(numbers))", "stream.committed or 0",
+        "blocks of a closed window are called late when they come again",
+    ),
+    Mutant(
+        "a stamp far ahead", "follower.py",
+        "elif stream.ahead is None:\n            stream.ahead = end",
+        "elif stream.ahead is None:\n            stream.newest = end",
+        "one wrong stamp closes all windows",
+    ),
+    Mutant(
+        "room for the store", "gate.py",
+        "self.inside < self._most and self._bytes < self._most_bytes", "self.inside < self._most",
+        "blocks on their way to the store fill memory",
+    ),
+    Mutant(
+        "end of a drift and of a fault", "open_alarms.py",
+        "f\"{'drift' if state == 'drift' else 'sensor'}:{channel}\"", 'f"sensor:{channel}"',
+        "a spike ends the alarm of a drift",
+    ),
+    Mutant(
+        "a stream that is quiet", "open_alarms.py",
+        "if now - self._heard.get(cause, 0) > QUIET]", "if now - self._heard.get(cause, 0) > 0]",
+        "an alarm of late blocks ends at once",
+    ),
+    Mutant(
+        "a dead channel of a slow logger", "streams.py",
+        "max(DEAD, DEAD_INTERVALS * interval)", "DEAD",
+        "a channel of one sample in a minute is dead",
+    ),
+    Mutant(
+        "spikes that come straight back", "streams.py",
+        "< 0.4 * height:", "< 4.0 * height:",
+        "steps of a channel are spikes",
+    ),
+    Mutant(
+        "windows in a row that drift", "streams.py",
+        "if outside == DRIFT_WINDOWS:", "if outside == 1:",
+        "one odd window is a drift",
+    ),
+    Mutant(
+        "end of a fault", "streams.py",
+        "self.good < RECOVERY:", "self.good < 0.0:",
+        "a loose plug is good and bad in turns",
+    ),
+    Mutant(
+        "an alarm of stiffness", "alarms.py",
+        'cause == "structure" and percent[2] <= -GRAVE_LOSS', 'percent[2] <= -GRAVE_LOSS',
+        "a sensor that failed raises the alarm of the structure",
+    ),
+    Mutant(
+        "a level that came back", "alarms.py",
+        "abs(level - jump.before) + SIGMAS * std <= BACK_MAX_SHARE", "abs(level - jump.before) <= BACK_MAX_SHARE",
+        "a level that nobody knows is said to be back",
+    ),
+    Mutant(
+        "a jump that takes back another", "alarms.py",
+        "return earlier.found < jump.found and", "return",
+        "a loss is said to take back a rise that came after it",
+    ),
+    Mutant(
+        "wander of a slow drift", "slow_drifts.py",
+        "/ math.hypot(std, wander)", "/ std",
+        "what wanders by itself is an alarm",
+    ),
+    Mutant(
+        "a drift that grew", "slow_drifts.py",
+        "abs(jump.size) - SIGMAS * jump.std >= GROWN", "abs(jump.size) >= GROWN",
+        "a drift is told anew for its scatter",
+    ),
+)  # fmt: skip
+
+_FLEET_AND_MODES = (
+    Mutant(
+        "jumps of sisters", "events.py",
+        "max(MIN_SHARED, 0.5 * len(watches))", "max(2, 0.5 * len(watches))",
+        "two turbines that jump in a week are the site's",
+    ),
+    Mutant(
+        "jumps of one coefficient in two directions", "events.py",
+        "if one.name != other.name or one.percent * other.percent <= 0.0:", "if one.name != other.name:",
+        "a rise and a fall of sisters are one event",
+    ),
+    Mutant(
+        "ice in warm weather", "events.py",
+        "if mean > ICE_MAX_TEMPERATURE or levels[top] > 0.0:", "if levels[top] > 0.0:",
+        "what falls and comes back in summer is ice",
+    ),
+    Mutant(
+        "a fall that came back", "events.py",
+        "abs(levels[back]) <= RETURN_MAX_REST * np.max(np.abs(levels[: back + 1]))", "back > 0",
+        "a loss that grew is said to have come back",
+    ),
+    Mutant(
+        "variance of the others", "sisters.py",
+        "(1.0 + 1.0 / (n - 1))", "(1.0 - 1.0 / (n - 1))",
+        "outliers among sisters are more often chance",
+    ),
+    Mutant(
+        "a turbine that knows itself badly", "sisters.py",
+        "max(0.0, sigma[i] ** 2 - float(np.square(sigma[others]).mean()))", "0.0",
+        "a turbine with a wide band is called an outlier",
+    ),
+    Mutant(
+        "weeks in which a sensor fails", "sensors.py",
+        "if runs and number[i] - number[runs[-1][1]] <= 2:", "if runs:",
+        "a sensor that failed twice in a year failed all year",
+    ),
+    Mutant(
+        "records of a week", "sensors.py",
+        "& (mine.records >= MIN_RECORDS)", "",
+        "one record condemns a sensor for a week",
+    ),
+    Mutant(
+        "yaw of SCADA across north", "scada.py",
+        'if name == "yaw":', 'if name == "pitch":',
+        "a nacelle that looks north looks south on the mean",
+    ),
+    Mutant(
+        "lines of SCADA that overlap in part", "scada.py",
+        "float(weight @ values / weight.sum())", "float(values.mean())",
+        "a line that hardly overlaps counts as much as others",
+    ),
+    Mutant(
+        "SCADA of a part of a record", "scada.py",
+        "< MIN_SHARE * seconds", "< 0.0 * seconds",
+        "SCADA of a minute speaks for ten",
+    ),
+    Mutant(
+        "rows that are copied", "continuity.py",
+        "np.add.at(mask, again + PASSAGE, -1)", "np.add.at(mask, again + 1, -1)",
+        "of a copied passage only its beginning is seen",
+    ),
+    Mutant(
+        "copies of a channel upside down", "continuity.py",
+        "1.0 - alike[i, j] ** 2 < COPY", "1.0 - alike[i, j] < COPY",
+        "a channel of the other sign is no copy",
+    ),
+    Mutant(
+        "breaks at odd places", "continuity.py",
+        "max(FEWEST_SEAMS, SHARE_IN_STEP * rows.size)", "FEWEST_SEAMS",
+        "blows are said to be lost samples",
+    ),
+    Mutant(
+        "a converter that ran over", "continuity.py",
+        "* far.size) or np.mean((place > 0.25) & (place < 0.75)) < 0.2:", "* far.size):",
+        "a switch between two values is an overrun",
+    ),
+    Mutant(
+        "a silent channel of a silent machine", "silence.py",
+        "if any(_goes_on(record[other], run) for other in others)]", "]",
+        "a machine that stands still has silent channels",
+    ),
+    Mutant(
+        "vibration that fades", "silence.py",
+        "not (_is_back(before, usual) and _is_back(after, usual))", "not _is_back(before, usual)",
+        "a decay is a silent channel",
+    ),
+    Mutant(
+        "a fall that takes minutes", "stops.py",
+        "time[entry] - time[runs[before]] > MAX_FALL_SECONDS", "False",
+        "a rotor that coasts to rest stops at once",
+    ),
+    Mutant(
+        "where a section after a stop ends", "stops.py",
+        "min(end, float(time[entry]) + MAX_SECTION_SECONDS)", "float(time[entry]) + MAX_SECTION_SECONDS",
+        "a section after a stop goes on when the rotor turns again",
+    ),
+    Mutant(
+        "decay after a stop", "stops.py",
+        "section.time > section.time[0] + 0.5 * section.duration", "section.time > section.time[0]",
+        "a vibration that dies away is said to stay",
+    ),
+    Mutant(
+        "an offset that is allowed for", "screening.py",
+        "> _OFFSET_SIGMAS * offset", "> 0.0 * offset",
+        "a sensor whose offset is known is refused",
+    ),
+    Mutant(
+        "prior of a mode's damping", "known_modes.py",
+        "- centre * spread**-2.0) / information", "+ centre * spread**-2.0) / information",
+        "damping of a record is moved away from its prior twice",
+    ),
+    Mutant(
+        "a prior that is taken out", "own_information.py",
+        "(1.0 / share - 1.0)) @ rows", "(1.0 / share)) @ rows",
+        "priors count twice in a comparison",
+    ),
+    Mutant(
+        "band of a mode's damping", "operational.py",
+        "(z, z / factor, z * factor)", "(z, z - factor, z + factor)",
+        "bands of damping ratios have the width of factors",
+    ),
+    Mutant(
+        "complexity of a shape", "operational.py",
+        "np.exp(-0.5j * np.angle(np.sum(self.shape**2)))", "1.0",
+        "a real shape that is turned as a whole is called complex",
+    ),
+    Mutant(
+        "halves of a mode", "modal_checks.py",
+        "apart = abs(logs[0] - logs[1])", "apart = logs[0] - logs[1]",
+        "a frequency that rises during the record is no doubt",
+    ),
+    Mutant(
+        "a mode at the border", "modal_checks.py",
+        "doubts.append(Doubt(\"border\", \"it sits at the border of its band\"))", "pass",
+        "a mode at the border of its band is trusted",
+    ),
+    Mutant(
+        "overlap of bins in a mode's posterior", "modal_scoring.py",
+        "found.gradient / band.factor, found.fisher / band.factor", "found.gradient, found.fisher",
+        "bands of modes are too narrow by what bins share",
+    ),
+    Mutant(
+        "modes of several records", "modal_scoring.py",
+        "shared += found.fisher[: 2 * r, : 2 * r] - across @ inner @ across.T",
+        "shared += found.fisher[: 2 * r, : 2 * r]",
+        "modes that records have in common are known better than they are",
+    ),
+    Mutant(
+        "a mode more", "order.py",
+        "if now < least - CLEARLY and", "if now < least + 100.0 * CLEARLY and",
+        "noise has modes",
+    ),
+    Mutant(
+        "scale of a merged shape", "shape_merging.py",
+        "slope[:, one.place[largest]] = -expected / base", "slope[:, one.place[largest]] = expected / base",
+        "records of one shape with other sensors do not fit together",
+    ),
+    Mutant(
+        "images of the stronger mode", "images.py",
+        "and its.power > motion.power and", "and its.power < motion.power and",
+        "the mode is the image of its image",
+    ),
+    Mutant(
+        "a wander that is averaged", "together.py",
+        "weight * (std**2 + (level - mean) ** 2)", "weight * std**2",
+        "a level is known better than its wander",
+    ),
+    Mutant(
+        "a scatter that was learned from few", "together.py",
+        "jumped = blocks * np.log1p(jumped / blocks)", "pass",
+        "a scatter learned from few blocks finds jumps by chance",
+    ),
+    Mutant(
+        "growth of a variance", "learning.py",
+        "lowest = -2.0 if logarithmic else 0.0", "lowest = 0.0",
+        "bands of a logarithmic damping grow the wrong way",
+    ),
+    Mutant(
+        "date of a jump", "locating.py",
+        ">= place)[:, None]", "> place)[:, None]",
+        "a jump is dated a block early",
+    ),
+    Mutant(
+        "a cache that was damaged", "cache.py",
+        "return payload if hashlib.sha256(payload).digest() == digest else None", "return payload",
+        "a damaged file of the cache is used",
+    ),
+)  # fmt: skip
+
+RECENT_MUTANTS: tuple[Mutant, ...] = (*_READINGS, *_CLOCKS_AND_LINES, *_DOUBTS, *_LIVE, *_FLEET_AND_MODES)
+"""All of them, by subject."""
