@@ -399,3 +399,34 @@ def test_a_record_of_a_few_samples_is_said_to_be_too_short_and_has_no_good_secti
     assert found.findings[0].text.startswith(f"has {samples} samples: at least 20 needed by identify, 256 by oma")
     assert (found.findings[0].severity, found.proposals) == ("unusable", ())
     assert "no section is good" in found.verdict
+
+
+def with_lost_samples(how, seed=0):
+    """600 s at 20 Hz of two modes of a tower, of which one sample in ten was lost, and the times say so."""
+    rng = np.random.default_rng(seed)
+    time = 0.05 * np.arange(12_000)
+    kernel = np.exp(-0.02 * 2.0 * time[:2000]) * np.sin(2.0 * time[:2000])
+    values = np.convolve(rng.standard_normal(14_000), kernel, "same")[1000:13_000]
+    kept = {"random": rng.random(time.size) > 0.1, "periodic": np.arange(time.size) % 10 != 7}[how]
+    channels = ("rotor_speed", "tower_x_acceleration")
+    table = np.column_stack(
+        [1.26 + 0.001 * rng.standard_normal(time.size), values + 0.1 * rng.standard_normal(time.size)]
+    )
+    return Record(time[kept], table[kept], channels, ("rad/s", "m/s^2"))
+
+
+@pytest.mark.parametrize("how", ["random", "periodic"])
+def test_short_gaps_everywhere_leave_a_record_usable_and_are_said(how):
+    found = inspect_record(with_lost_samples(how))
+    (gaps,) = [finding for finding in found.findings if finding.kind == "short gaps"]
+    assert "(10 %)" in gaps.text
+    assert gaps.severity == "warning"
+    assert found.verdict.endswith("use all of it")
+
+
+def test_a_long_gap_among_short_ones_is_named_with_its_place():
+    record = with_lost_samples("random")
+    keep = (record.time < 100.0) | (record.time > 107.0)
+    found = inspect_record(replace(record, time=record.time[keep], values=record.values[keep]))
+    (gap,) = [finding for finding in found.findings if finding.kind == "gaps"]
+    assert gap.text.startswith("1 gap in the time, the longest 7")

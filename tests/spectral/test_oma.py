@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -170,9 +171,25 @@ def test_a_short_record_is_not_trusted_or_refused():
 def test_missing_samples_are_bridged_or_avoided():
     y = two_modes(16)
     y[2500:2506] = np.nan
+    assert any("filled from the readings around" in note for note in ws.oma(record_of(y, RATE)).notes)
+    y[2500:2520] = np.nan
     assert any("bridged" in note for note in ws.oma(record_of(y, RATE)).notes)
     y[1500:2500, 0] = np.nan
     assert any("without gaps" in note for note in ws.oma(record_of(y, RATE)).notes)
+
+
+@pytest.mark.parametrize("how", ["random", "periodic"])
+def test_one_sample_in_ten_lost_at_known_times_changes_no_mode(how):
+    y = two_modes(17)
+    whole = record_of(y, RATE)
+    rng = np.random.default_rng(3)
+    kept = {"random": rng.random(len(y)) > 0.1, "periodic": np.arange(len(y)) % 10 != 7}[how]
+    lost = replace(whole, time=whole.time[kept], values=whole.values[kept])
+    found, expected = (ws.oma(one, bands=[(0.7, 1.6)]) for one in (lost, whole))
+    assert any("missing in short gaps" in note for note in found.notes)
+    for mode, other in zip(found.modes, expected.modes, strict=True):
+        assert mode.frequency == pytest.approx(other.frequency, rel=1e-3)
+        assert mode.damping == pytest.approx(other.damping, rel=0.1)
 
 
 def whirling(seed, once=0.2, samples=6000):

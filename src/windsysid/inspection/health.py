@@ -38,6 +38,14 @@ STRAIGHT = 0.02
 GAP_MIN_STEPS = 1.5
 """A step longer than this many usual ones is a gap."""
 
+MAX_SHORT_GAP = 10
+"""Samples that a short gap has lost at most: `windsysid.spectral.oma_data` fills it from the readings around."""
+MAX_SEPARATE_GAPS = 20
+"""Short gaps between which a section can still be chosen."""
+MAX_OFF_MULTIPLE = 0.25
+"""Usual steps by which nine steps of ten are off a whole multiple at most where samples were lost on a regular clock;
+it is 0.45 where the clock keeps to none."""
+
 _TURN = 2.0 * np.pi
 
 
@@ -85,16 +93,29 @@ def clock_faults(record: Record) -> list[Finding]:
     steps = np.diff(record.time)
     usual = 1.0 / record.rate
     found = []
-    scatter = float(np.percentile(np.abs(steps / usual - 1.0), 90.0)) / 1.645
+    scatter = _scatter_of_steps(steps / usual)
     gap = steps > max(GAP_MIN_STEPS, 1.0 + 5.0 * scatter) * usual  # a clock that scatters loses no sample by it
-    if gap.any():
-        spans = np.column_stack([record.time[:-1][gap], record.time[1:][gap]])
-        lost = int(np.sum(np.rint(steps[gap] / usual) - 1))
+    short = gap & (steps <= (MAX_SHORT_GAP + 1.5) * usual)
+    if np.count_nonzero(short) > MAX_SEPARATE_GAPS:
+        lost = int(np.sum(np.rint(steps[short] / usual) - 1))
+        found.append(
+            Finding(
+                "", "short gaps", "warning",
+                f"{count_of(lost, 'sample')} lost ({_percent(lost / (lost + record.samples))}) in"
+                f" {np.count_nonzero(short)} short gaps, the longest {steps[short].max():.3g} s: identify takes them as"
+                " missing, oma fills them; no section is better",
+                lost, np.empty((0, 2)),
+            )
+        )  # fmt: skip
+    long = gap & ~short if found else gap
+    if long.any():
+        spans = np.column_stack([record.time[:-1][long], record.time[1:][long]])
+        lost = int(np.sum(np.rint(steps[long] / usual) - 1))
         share = lost / (lost + record.samples)
         found.append(
             Finding(
                 "", "gaps", "unusable" if share > 0.5 else "warning",
-                f"{count_of(len(spans), 'gap')} in the time, the longest {steps[gap].max():.3g} s, "
+                f"{count_of(len(spans), 'gap')} in the time, the longest {steps[long].max():.3g} s, "
                 f"{count_of(lost, 'sample')} lost ({_percent(share)}), {when(spans)}: choose a section between them",
                 lost, spans,
             )
@@ -115,6 +136,15 @@ def clock_faults(record: Record) -> list[Finding]:
             )
         )  # fmt: skip
     return found + _repeated_rows(record)
+
+
+def _scatter_of_steps(steps: Array) -> float:
+    """Standard deviation of the steps of a clock, in usual steps: about whole multiples of one where they keep to
+    those, since lost samples are no scatter."""
+    apart = float(np.percentile(np.abs(steps - np.maximum(np.rint(steps), 1.0)), 90.0))
+    if apart > MAX_OFF_MULTIPLE:
+        apart = float(np.percentile(np.abs(steps - 1.0), 90.0))
+    return apart / 1.645
 
 
 def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = False) -> list[Finding]:

@@ -66,7 +66,7 @@ def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], d
     findings += copied_passages(record, moving)
     findings += silent_stretches(record, moving)
     jumping = {finding.channel for finding in findings if finding.kind in _JUMPING}
-    if not any(finding.kind in ("gaps", "repeated rows") for finding in findings):
+    if not any(finding.kind in ("gaps", "short gaps", "repeated rows") for finding in findings):
         findings += lost_samples(record, [channel for channel in moving if channel not in jumping])
     rotor = rotor_of(record, set(usable))
     findings += implausible(record, usable, rotor, turbine)

@@ -1,6 +1,7 @@
 """From a record to the transforms of its readings: sensors, gaps, lines, multi-blade coordinates."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,12 +10,13 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.inspection.continuity import copies_among
-from windsysid.inspection.health import Finding, sampled_every
+from windsysid.inspection.health import MAX_SHORT_GAP, Finding, sampled_every
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.signals.condition import resample
+from windsysid.signals.short_gaps import fill_short_gaps
 from windsysid.spectral.dft import transform
 from windsysid.spectral.modal_sensors import ModalSensor, choose_sensors, derivative_order
 from windsysid.spectral.multiblade import blade_sets, multiblade
@@ -24,7 +26,11 @@ __all__ = ["Line", "Readings", "prepare_readings", "transforms"]
 
 LEAST_SAMPLES = 256
 MAX_BRIDGED = 0.02
-"""Share of missing samples that are bridged; where more are missing, the longest stretch without gaps is used."""
+"""Share of missing samples that are bridged by straight lines; where more are missing, the longest stretch without gaps
+is used."""
+
+MAX_FILLED = 0.2
+"""Share of missing samples of which those in short gaps are filled from the readings around them."""
 
 MAX_SPIKED = 0.002
 """Share of a channel's samples in spikes that are bridged; where more are, the record is doubtful."""
@@ -231,6 +237,17 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
     if dead:
         raise RecordError(f"{record.name}: channel '{dead[0]}' holds no readings: leave it out of the sensors")
     share = float(missing.mean(axis=0).max())
+    if 0.0 < share <= MAX_FILLED:
+        values = record.values.copy()
+        values[:, columns] = np.column_stack([fill_short_gaps(values[:, i], MAX_SHORT_GAP) for i in columns])
+        record = replace(record, values=values)
+        before, missing = share, np.isnan(values[:, columns])
+        share = float(missing.mean(axis=0).max())
+        if before > share:
+            notes.append(
+                f"{100 * (before - share):.2g} % of a channel is missing in short gaps, which were filled from the"
+                " readings around them"
+            )
     if share > MAX_BRIDGED:
         whole = ~missing.any(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], whole.astype(np.int8), [0]])))
