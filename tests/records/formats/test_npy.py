@@ -106,7 +106,7 @@ def test_what_is_cut_off_or_no_array_is_refused(tmp_path):
         archive.writestr("readme.txt", "none")
     refused(tmp_path / "x.npz", "holds no array")
     np.save(tmp_path / "x.npy", VALUES[:20])
-    refused(tmp_path / "x.npy", "'column' is 20 by 3, which does not show along which axis the time runs")
+    refused(tmp_path / "x.npy", "'column' is 20 by 3, which does not show the axis of the time")
 
 
 def test_an_array_that_is_declared_and_not_there_takes_no_memory(tmp_path):

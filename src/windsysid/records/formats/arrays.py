@@ -95,8 +95,8 @@ def _no_channel(arrays: Sequence[Stored]) -> RecordError:
         )
     size = " by ".join(map(str, matrix.shape))
     return RecordError(
-        f"'{matrix.path}' is {size}, which does not show along which axis the time runs: expected one at least"
-        f" {_LONGER} times the other; save the time as a vector next to it"
+        f"'{matrix.path}' is {size}, which does not show the axis of the time: expected one at least {_LONGER} times"
+        " the other; save the time as a vector next to it"
     )
 
 

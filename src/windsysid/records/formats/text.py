@@ -104,6 +104,15 @@ def _is_utf8(text: bytes) -> bool:
     return True
 
 
+def _is_code_page(text: bytes) -> bool:
+    """Whether the first bytes beyond ASCII are not UTF-8."""
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(text)
+    except UnicodeDecodeError as error:
+        return text[: error.start].isascii()
+    return False
+
+
 def _code_page(text: bytes) -> str:
     """The Windows code page, or Latin-1, which has a letter for every byte."""
     return "latin-1" if any(byte in text for byte in b"\x81\x8d\x8f\x90\x9d") else "cp1252"
@@ -135,8 +144,8 @@ def line_blocks(path: Path, encoding: str, *, size: int = _BLOCK, keep_last: boo
             data = file.read(size)
             read += len(data)
             try:
-                if plain and encoding == "utf-8" and not _is_utf8(data):
-                    encoding = _code_page(data)  # its first letter beyond ASCII comes late
+                if plain and encoding == "utf-8" and _is_code_page(data):  # its first letter comes late
+                    encoding = _code_page(data)
                     decoder = codecs.getincrementaldecoder(encoding)()
                 plain = plain and data.isascii()
                 text = lines.decode(decoder.decode(data) if data else _flushed(decoder), final=not data)
