@@ -143,3 +143,16 @@ def test_the_index_of_a_filtered_frame_is_not_its_time(tmp_path):
     assert record.channels == ("a",)
     assert record.rate == pytest.approx(20.0)
     assert record.attributes["dropped"] == "the index that pandas counted is left out"
+
+
+def test_a_column_that_occurs_twice_is_refused_and_never_read_by_the_wrong_one(tmp_path):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pa.table([pa.array(0.1 * np.arange(50)), pa.array(np.arange(50.0)), pa.array(np.arange(50.0) + 1.0)],
+                     names=["time [s]", "a [m]", "a [m]"])  # fmt: skip
+    pq.write_table(table, tmp_path / "x.parquet")
+    with pytest.raises(RecordError, match=r"column 'a \[m\]' occurs 2 times; rename one"):
+        read_record(tmp_path / "x.parquet")
+    pq.write_table(table.rename_columns(["time [s]", "a [m]", "b [m]"]), tmp_path / "x.parquet")
+    assert read_record(tmp_path / "x.parquet").channels == ("a", "b")

@@ -80,6 +80,11 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
     except (ValueError, OSError, AttributeError, KeyError, TypeError) as error:
         raise _damaged(error) from error
     wanted = [schema.field(i).name for i in (*times, *(column.index for column in columns))]
+    repeated = next((name for name in wanted if schema.names.count(name) > 1), None)
+    if repeated is not None:  # columns are read by their names
+        raise RecordError(
+            f"column '{repeated}' occurs {schema.names.count(repeated)} times; rename one and write it again"
+        )
 
     def blocks(start: float, end: float) -> Iterator[Block]:
         done, total, waiting = 0, max(file.metadata.num_rows, 1), None
