@@ -245,6 +245,6 @@ def test_spectra_doubt_themselves_where_blades_pass_the_tower_at_its_mode():
 def test_a_record_of_six_samples_says_how_many_are_needed():
     values = np.random.default_rng(6).standard_normal((6, 2))
     channels = ("tower_x_acceleration", "tower_z_acceleration")
-    record = Record(0.05 * np.arange(6), values, channels, ("m/s^2", "m/s^2"), name="short")
+    record = Record(0.05 * np.arange(6.0), values, channels, ("m/s^2", "m/s^2"), name="short")
     with pytest.raises(RecordError, match=r"short: 6 samples in 0\.25 s are too few: expected at least 103 at 20 Hz"):
         identify(record, load_turbine("tower"))

@@ -9,6 +9,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 import windsysid as ws
 from windsysid.simulation.record import simulate_record
 from windsysid.spectral.bands import Peak
+from windsysid.spectral.modal_sensors import choose_sensors
 from windsysid.spectral.mode_search import fit_between, search_again
 from windsysid.spectral.multiblade import multiblade
 from windsysid.spectral.oma_data import prepare_readings, transforms
@@ -190,6 +191,15 @@ def test_one_sample_in_ten_lost_at_known_times_changes_no_mode(how):
     for mode, other in zip(found.modes, expected.modes, strict=True):
         assert mode.frequency == pytest.approx(other.frequency, rel=1e-3)
         assert mode.damping == pytest.approx(other.damping, rel=0.1)
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_an_acceleration_without_gravity_is_taken_where_the_measured_one_is_not_there(measured):
+    y = two_modes(18)[:, :2]
+    names = ("nacelle_x_acceleration_kinematic", "nacelle_x_acceleration" if measured else "nacelle_z_acceleration")
+    record = ws.Record(np.arange(len(y)) / RATE, y, names, ("m/s^2",) * 2)
+    chosen = [sensor.channel for sensor in choose_sensors(record, None)[0]]
+    assert chosen == ([names[1]] if measured else list(names))
 
 
 def whirling(seed, once=0.2, samples=6000):

@@ -15,7 +15,7 @@ VALUES = np.random.default_rng(4).standard_normal((200, 3))
 
 def structured(kind="f8"):
     table = np.zeros(200, dtype=[("time", "f8"), ("tower_x_acceleration_mg", kind), ("rotor_speed_rpm", kind)])
-    for name, column in zip(table.dtype.names, (TIME, *VALUES.T), strict=False):
+    for name, column in zip(table.dtype.names or (), (TIME, *VALUES.T), strict=False):
         table[name] = column
     return table
 

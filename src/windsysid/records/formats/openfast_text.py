@@ -47,7 +47,7 @@ class TextOutput:
     @property
     def samples(self) -> int:
         """Number of rows T."""
-        return self.table.shape[0]
+        return len(self.table)
 
     def time(self, low: int, high: int) -> Array:
         """Times [s] of the rows low … high − 1."""
