@@ -25,10 +25,15 @@ EVERY = 0.5
 """Seconds between two looks at the page."""
 
 
-def seconds_until(cache: str, limit: float) -> dict[str, float]:
-    """Seconds from the command to what the page shows, infinite for what it did not show in time."""
+SHOWN = {"page": "page", "estimate": "first estimate", "alarm": "alarm of T2"}
+"""What the page shows, one after the other, by the word that asks for it."""
+
+
+def seconds_until(cache: str, limit: float, last: str) -> dict[str, float]:
+    """Seconds from the command to what the page shows, up to `last`; infinite for what it did not show in time."""
     command = [sys.executable, "-m", "windsysid", "live", "--demo", "--no-browser", "--port", "0"]
-    found = dict.fromkeys(("page", "first estimate", "alarm of T2"), math.inf)
+    names = list(SHOWN.values())
+    found = dict.fromkeys(names[: names.index(last) + 1], math.inf)
     begun = time.monotonic()
     environment = os.environ | {"WINDSYSID_CACHE": cache, "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as demo:
@@ -47,7 +52,7 @@ def seconds_until(cache: str, limit: float) -> dict[str, float]:
                         for alarm in one["alarms"]
                     ),
                 }  # fmt: skip
-                for name in (name for name, there in now.items() if there):
+                for name in (name for name in found if now[name]):
                     found[name] = min(found[name], time.monotonic() - begun)
                 time.sleep(EVERY)
         finally:
@@ -69,9 +74,13 @@ def main() -> int:
     """Print the table; 1 where the demo did not show all of it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--limit", type=float, default=600.0, help="seconds to wait for each start (600)")
+    parser.add_argument("--until", choices=list(SHOWN), default="alarm", help="what ends a start (alarm)")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as cache:
-        starts = {name: seconds_until(cache, options.limit) for name in ("first, nothing compiled", "second")}
+        starts = {
+            name: seconds_until(cache, options.limit, SHOWN[options.until])
+            for name in ("first, nothing compiled", "second")
+        }
     rows = [
         (name, *("none" if math.isinf(one) else f"{one:.0f} s" for one in found.values()))
         for name, found in starts.items()
