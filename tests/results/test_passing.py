@@ -77,5 +77,6 @@ def test_the_blades_are_said_to_pass_on_a_mode_only_where_they_are_near_it(
 def test_what_is_said_of_passing_blades_is_what_was_measured():
     values, azimuth = shaken(1, 0.4, 0.3, 0.44)
     found = find_passing(values, azimuth, rate=RATE, modes=[(F, 0.4)], blades=3)
+    assert found is not None
     assert found == pytest.approx((0.44, F, 0.128, 2.0 * RATE / SAMPLES), abs=1e-4)
     assert "within the half-width of the mode at 0.32 Hz" in found.describe(3)
