@@ -84,6 +84,7 @@ def test_a_quiet_mode_beside_a_loud_ones_flank_is_looked_for_again():
     readings = prepare_readings(record_of(y, 8.0), None)
     frequency, values = transforms(readings)
     first = fit_between(frequency, values, readings, 0.75, 1.07, 1, 1)
+    assert first is not None
     assert first.fit.modes.frequency == pytest.approx([1.04], abs=0.01)
     again = search_again([first], frequency, values, readings, [Peak(0.89, 0.015, 6.0)], keep=False)
     found = sorted(float(f) for one in again for f in one.fit.modes.frequency)

@@ -85,7 +85,7 @@ class _Shapes(NamedTuple):
         return np.asarray(0.5 * (np.sum(np.abs(self.values) ** 2) - along.sum(axis=1)))
 
     def _turned(self, lags: Array) -> Complex:
-        return np.exp(4j * np.pi * self.frequency * lags)
+        return np.asarray(np.exp(4j * np.pi * self.frequency * lags))
 
     @property
     def freedom(self) -> float:
@@ -194,7 +194,7 @@ def _std(shapes: _Shapes, lags: Array, channel: int) -> float:
 def _groups(shapes: _Shapes, lags: Array) -> NDArray[np.bool_]:
     """Which channels (n, n) agree in lag."""
     std = np.array([_std(shapes, lags, channel) for channel in range(len(lags))])
-    return np.abs(lags[:, None] - lags) <= TOGETHER_SIGMAS * np.hypot(std[:, None], std)
+    return np.asarray(np.abs(lags[:, None] - lags) <= TOGETHER_SIGMAS * np.hypot(std[:, None], std))
 
 
 def _common(shapes: _Shapes, lags: Array) -> float:

@@ -185,7 +185,7 @@ def band_bins(frequency: Array, readings: Readings, low: float, high: float) -> 
 def covered_note(band: tuple[float, float]) -> str:
     """The note on a band in which lines leave too few bins."""
     return (
-        f"{band[0]:.4g} to {band[1]:.4g} Hz was left out: rotor harmonics of a varying speed, or other lines, cover it;"
+        f"{band[0]:.4g} to {band[1]:.4g} Hz was left out: rotor harmonics or other lines cover it;"
         " choose a steadier section or a wider band"
     )
 
@@ -242,14 +242,16 @@ def search_again(
             for peak in single
             if peak.frequency in modes and low < peak.frequency < high
         ]
-        one = same[0] if same else fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
-        if known and (one is None or not modes_inside(one, 1.0 / step)):  # too narrow: neighbours' flanks are let in
+        fit: BandFit | None = same[0] if same else None
+        if fit is None:
+            fit = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
+        if known and (fit is None or not modes_inside(fit, 1.0 / step)):  # too narrow: neighbours' flanks are let in
             inside = [peak for peak in single if low < peak.frequency < high]
             low, high = widened(inside, [peak for peak in single if peak not in inside], low, high, step)
             low, high = max(low, readings.low), min(high, readings.high)
-            one = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
-        if one is not None:
-            again.append(one)
+            fit = fit_between(frequency, values, readings, low, high, count, MOST_MODES, known)
+        if fit is not None:
+            again.append(fit)
     return again
 
 
