@@ -84,7 +84,8 @@ def place_packets(time: Array) -> Placed | None:
         return None
     begin, step, row = found
     index = np.repeat(row, sizes) + np.arange(time.size) - np.repeat(first, sizes)
-    return Placed(begin + step * index, step, int(index[-1] - index[0]) + 1 - time.size)
+    digits = 4 - int(np.floor(np.log10(step)))  # a beginning of 1e-14 s is none
+    return Placed(round(begin, digits) + step * index, step, int(index[-1] - index[0]) + 1 - time.size)
 
 
 def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
