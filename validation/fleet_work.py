@@ -75,7 +75,7 @@ def write_records(folder: Path, count: int, *, duration: float = 300.0, rate: fl
             record = replace(record, start=start.isoformat().replace("+00:00", "Z"))
             write_record(record, folder / name / f"{start:%Y%m%d_%H%M}.csv")
     (folder / "fleet.toml").write_text(text)
-    (folder / "T01" / "damaged.csv").write_text("time,tower_x_acceleration [m/s^2]\n0,1\n1,wet\n")
+    (folder / "T01" / "damaged.csv").write_text("time [s],tower_x_acceleration [m/s^2]\n0,1\n1,wet\n")
     return folder / "fleet.toml"
 
 

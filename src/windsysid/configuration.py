@@ -5,6 +5,7 @@ import os
 import re
 import stat
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -30,19 +31,23 @@ def irregular(path: str | Path) -> str:
         return ""
 
 
-def read_toml(path: Path) -> str:
-    """Read the text of a TOML file.
+def _utf_8(data: bytes) -> str:
+    return data.decode("utf-8-sig")
+
+
+def read_toml(path: Path, decode: Callable[[bytes], str] = _utf_8) -> str:
+    """Read the text of a TOML file, in UTF-8 (with or without a byte-order mark) unless another `decode` is given.
 
     Raises
     ------
     OSError, ValueError
-        If it cannot be read, is no regular file, or is not in UTF-8 (with or without a byte-order mark).
+        If it cannot be read, is no regular file, or cannot be decoded.
     """
     kind = irregular(path)
     if kind:
         raise ValueError(f"it is {kind}, expected a file")
-    with path.open(encoding="utf-8-sig") as file:
-        return file.read(MAX_TOML_LENGTH + 1)
+    with path.open("rb") as file:
+        return decode(file.read(4 * MAX_TOML_LENGTH))
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -44,6 +44,8 @@ class Placed(NamedTuple):
 
 def shares_stamps(time: Array) -> bool:
     """Whether some rows share a time stamp, and no time runs backwards."""
+    if not np.isfinite(time).all():
+        return False
     steps = np.diff(time)
     return bool(np.all(steps >= 0.0) and np.any(steps == 0.0))
 
@@ -72,7 +74,7 @@ def _changes_evenly(change: Array, across: npt.NDArray[np.bool_]) -> bool:
 
 def place_packets(time: Array) -> Placed | None:
     """Place all rows on the grid that their stamps (T,) [s] show; None where they show none."""
-    if not (np.isfinite(time).all() and shares_stamps(time)):
+    if not shares_stamps(time):
         return None
     first = np.flatnonzero(np.concatenate([[True], np.diff(time) > 0.0]))
     sizes = np.diff(np.append(first, time.size))
@@ -84,7 +86,12 @@ def place_packets(time: Array) -> Placed | None:
         return None
     begin, step, row = found
     index = np.repeat(row, sizes) + np.arange(time.size) - np.repeat(first, sizes)
-    return Placed(begin + step * index, step, int(index[-1] - index[0]) + 1 - time.size)
+    digits = 4 - int(np.floor(np.log10(step)))  # a beginning of 1e-14 s is none
+    return Placed(
+        np.asarray(round(begin, digits) + step * index, dtype=np.float64),
+        step,
+        int(index[-1] - index[0]) + 1 - time.size,
+    )
 
 
 def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:

@@ -107,7 +107,7 @@ class Clock:
             k = int(back[0]) + 1
             raise RecordError(
                 f"the time runs backwards at {place(k)} ('{raw[k - 1]}', then '{raw[k]}'); if the clock was put back"
-                " there, name its zone in the mapping file ([time] zone)"
+                " there, cut the file in two at that line; else sort the rows"
             )
         return np.asarray(seconds)
 

@@ -29,6 +29,7 @@ from typing import Literal
 
 from windsysid.configuration import parse_toml, read_toml
 from windsysid.errors import ConfigurationError
+from windsysid.records.formats.text import decoded
 from windsysid.records.moments import tidy
 from windsysid.units import canonical, si_unit
 
@@ -261,7 +262,7 @@ def load_mapping(path: str | Path) -> Mapping:
 
     path = Path(path)
     try:
-        data = parse_toml(read_toml(path))
+        data = parse_toml(read_toml(path, decoded))
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read ({error.strerror}); check the name of the mapping") from error
     except ValueError as error:  # neither UTF-8 nor TOML

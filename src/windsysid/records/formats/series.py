@@ -276,8 +276,8 @@ def _times(series: Sequence[Series], at: int | None, first: Series, mapping: Map
     moments = None if at is None else series[at].moments
     if moments is not None:
         instants = moments()
-        clock = moments_clock(int(instants[0]), "UTC", mapping.time)
-        return exact_seconds(clock, instants, "sample {}".format), clock.start
+        dated = moments_clock(int(instants[0]), "UTC", mapping.time)
+        return exact_seconds(dated, instants, "sample {}".format), dated.start
     if at is not None:
         raw = series[at].numbers(0, series[at].samples)
         cells = [repr(value) for value in raw[:20].tolist()]
