@@ -45,6 +45,18 @@ def test_a_uff_header_that_says_more_lines_than_the_file_has_is_refused_at_once(
     refused(path, "cut off|damaged")
 
 
+def test_places_that_no_file_has_are_not_looked_for(tmp_path):
+    path, _ = sample(tmp_path, "UFF 58b")
+    changed(path, b"       400", b"     1e300")
+    changed(path, b"        3200", b"        3111")
+    refused(path, "cut off or damaged")
+    path, _ = sample(tmp_path, "MDF 4")
+    content = bytearray(path.read_bytes())
+    content[64 + 24 : 64 + 32] = b"\xff" * 8
+    path.write_bytes(content)
+    refused(path, "damaged|holds no channel")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
