@@ -218,6 +218,94 @@ def record_input(shop: Workshop, rng: Rng) -> Input:
     return Input("record", argv, {name: damage(content, rng)})
 
 
+def hostile_input(shop: Workshop, rng: Rng) -> Input:
+    """A file that says more than it holds, or settings that no file has."""
+    kind = int(rng.integers(len(HOSTILE)))
+    name, content = HOSTILE[kind](shop, rng)
+    files: dict[str, bytes | Path] = {name: content}
+    if name != "m.toml":
+        return Input("hostile", ["inspect", name], files)
+    files["r.csv"] = shop.records["csv"]
+    return Input("hostile", ["inspect", "r.csv", "--mapping", "m.toml"], files)
+
+
+def _hostile_times(shop: Workshop, rng: Rng) -> tuple[str, bytes]:
+    """A gap or a time that no clock shows."""
+    lines = shop.records["csv"].split(b"\n")
+    row = int(rng.integers(2, len(lines) - 2))
+    low = str(rng.choice(["1e9", "1e12", "1e300", "1e308", "-1e308", "nan", "inf", "1e-320", "1700000000"])).encode()
+    lines[row] = low + lines[row][lines[row].index(b",") :]
+    return "r.csv", b"\n".join(lines[: row + 1] if rng.random() < 0.5 else lines)
+
+
+def _hostile_row(shop: Workshop, rng: Rng) -> tuple[str, bytes]:
+    """A row of very many blanks, digits, quotes or delimiters."""
+    lines = shop.records["csv"].split(b"\n")
+    filling = [b" ", b" \t", b"1", b'"', b",", b"\xc2\xa0", b"'", b"["][int(rng.integers(8))]
+    at = int(rng.integers(min(6, len(lines))))
+    lines[at] = lines[at][:5] + filling * int(rng.integers(10**5, 10**6)) + lines[at][5:]
+    return "r.csv", b"\n".join(lines)
+
+
+def _hostile_mapping(shop: Workshop, rng: Rng) -> tuple[str, bytes]:
+    """A pattern, an encoding or nested keys that are none."""
+    codes = ("idna", "punycode", "undefined", "rot13", "base64", "unicode_escape", "utf-7", "utf-16", "hz", "cp037")
+    texts = [
+        f'[time]\nformat = "{"".join(rng.choice(["%Y", "%", "%d", "%z", "%Q", "[", "(", "%f", "%G"], 4))}"\n',
+        f'[csv]\nencoding = "{rng.choice(codes)}"\n',
+        ".".join("a" * int(rng.integers(10, 10**5))) + " = 1\n",
+        "x = " + str(rng.choice(["[", "{ a = ", '"\\"', "-", "9"])) * int(rng.integers(10, 10**5)),
+    ]
+    return "m.toml", texts[int(rng.integers(len(texts)))].encode()
+
+
+def _hostile_hdf5(shop: Workshop, rng: Rng) -> tuple[str, bytes]:
+    """HDF5 whose groups are a graph, or whose values are nowhere or in another file."""
+    import h5py
+
+    kind = int(rng.integers(6))
+    path = shop.folder / f"h{os.getpid()}.h5"
+    with h5py.File(path, "w") as file:
+        file["time"], file["sway_m"] = shop.record.time, shop.record.values[:, 0]
+        group = file.create_group("g")
+        if kind == 0:
+            for _ in range(30):
+                group["b"] = group.create_group("a")
+                group = group["a"]
+        elif kind == 1:
+            group["up"] = file["/"]
+        elif kind == 2:
+            file.create_dataset("big", (int(10.0 ** rng.uniform(6.0, 12.0)),), "f8", chunks=(1000,))
+        elif kind == 3:
+            file.create_dataset("e", (100,), "u1", external=[("/etc/hostname", 0, 100)])
+        elif kind == 4:
+            file["l"] = h5py.ExternalLink("/etc/hostname", "/d")
+        else:
+            layout = h5py.VirtualLayout((shop.record.samples,), "f8")
+            layout[:] = h5py.VirtualSource("other.h5", "d", (shop.record.samples,))
+            file.create_virtual_dataset("v", layout)
+    content = path.read_bytes()
+    path.unlink()
+    return "r.h5", content
+
+
+def _hostile_counts(shop: Workshop, rng: Rng) -> tuple[str, bytes]:
+    """A header of a universal file with counts that are none."""
+    count = str(rng.choice(["inf", "nan", "1e11", "1e300", "-1", "²", "x", "99999999999"]))
+    head = f"    -1\n    58\n{chr(10).join('NONE' for _ in range(5))}\n    1         0    1         0 a\n"
+    numbers = f"         2{count:>10}         1  0.00000e+00  1.00000e-01  0.00000e+00\n"
+    about = "        17    0    0    0 NONE                 s\n" * 4
+    binary = "    -1\n    58b     1     2" + f"{count:>12}{count:>12}     0     0           0           0\n"
+    text = binary if rng.random() < 0.5 else head + numbers + about + "  1.00000e+00\n    -1\n"
+    return "r.uff", text.encode("latin-1")
+
+
+HOSTILE: tuple[Callable[[Workshop, Rng], tuple[str, bytes]], ...] = (
+    _hostile_times, _hostile_row, _hostile_mapping, _hostile_hdf5, _hostile_counts,
+)  # fmt: skip
+"""Makers of a file's name and content."""
+
+
 def values_input(shop: Workshop, rng: Rng) -> Input:
     """A whole file whose values are wrong: dead, huge, missing, in other units."""
     from windsysid.records.formats import write_record
@@ -348,7 +436,8 @@ def signal_input(shop: Workshop, rng: Rng) -> Input:
 
 
 KINDS: dict[Callable[[Workshop, Rng], Input], float] = {
-    turbine_input: 0.22, sensors_input: 0.12, mapping_input: 0.12, record_input: 0.2, values_input: 0.08,
+    turbine_input: 0.22, sensors_input: 0.12, mapping_input: 0.08, record_input: 0.16, hostile_input: 0.08,
+    values_input: 0.08,
     same_input: 0.04, result_input: 0.08,
     options_input: 0.08, terminal_input: 0.03, signal_input: 0.03,
 }  # fmt: skip

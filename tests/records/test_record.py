@@ -180,7 +180,7 @@ def test_a_gap_of_years_is_refused_before_it_fills_the_memory():
     for use in (Record.on_uniform_grid, inspect_record, lambda one: resample(one, 100.0)):
         with pytest.raises(RecordError, match=told) as caught:
             use(record)
-        low, high = map(float, re.search(r"keep (\S+) to (\S+) s", str(caught.value)).groups())
+        low, high = map(float, re.findall(r"keep (\S+) to (\S+) s", str(caught.value))[0])
         assert record.section(low, high).on_uniform_grid().samples == 3
 
 

@@ -45,6 +45,18 @@ def test_a_uff_header_that_says_more_lines_than_the_file_has_is_refused_at_once(
     refused(path, "cut off|damaged")
 
 
+def test_places_that_no_file_has_are_not_looked_for(tmp_path):
+    path, _ = sample(tmp_path, "UFF 58b")
+    changed(path, b"       400", b"     1e300")
+    changed(path, b"        3200", b"        3111")
+    refused(path, "cut off or damaged")
+    path, _ = sample(tmp_path, "MDF 4")
+    content = bytearray(path.read_bytes())
+    content[64 + 24 : 64 + 32] = b"\xff" * 8
+    path.write_bytes(content)
+    refused(path, "damaged|holds no channel")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
@@ -82,7 +94,7 @@ def test_a_tdms_clock_that_no_instrument_has_is_refused_or_read_as_it_stands(tmp
 )
 def test_notes_of_pandas_that_are_none_are_left_out(tmp_path, notes):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    table = pa.table({"time": [0.0, 1.0, 2.0], "sway [m]": [1.0, 2.0, 4.0]})
+    table = pa.table({"time [s]": [0.0, 1.0, 2.0], "sway [m]": [1.0, 2.0, 4.0]})
     pq.write_table(table.replace_schema_metadata({"pandas": notes}), tmp_path / "x.parquet")
     assert read_record(tmp_path / "x.parquet").samples == 3
     pq.write_table(table.replace_schema_metadata({"windsysid_attributes": notes}), tmp_path / "x.parquet")

@@ -20,6 +20,7 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.formats.columns import Cell
+from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Grid, Series, source_of_series, tidy_step
@@ -142,7 +143,7 @@ def _read_header(path: Path) -> _Header:
     for other in (listing, data):
         if not other.is_file():
             raise RecordError(f"has no {other.name} beside it, where the rest of a Bladed result is; copy it there too")
-    text = decoded(listing.read_bytes()[:_MOST_HEADER])
+    text = decoded(read_start(listing, _MOST_HEADER))
     lines = [tuple(line.split(None, 1)) for line in text.splitlines() if line.strip()]
     found = tuple((whole[0].upper(), whole[1] if len(whole) > 1 else "", " ".join(whole)) for whole in lines)
     if not found or found[0][0] != "FILE":

@@ -281,10 +281,10 @@ class _Reader:
         if mark == b" ":
             text = re.sub(rb"[ \t]+", b" ", text)
         if b" " in text or (b"\t" in text and mark != b"\t"):
-            ends = rb"[\n]" if mark in b" \t" else rb"[\n" + mark + rb"]"
+            edge = rb"[\n]" if mark in b" \t" else rb"[\n" + mark + rb"]"
             # From each blank of a run instead of its first, the time would grow with the square of its length.
-            text = re.sub(rb"(?<![ \t])[ \t]++(?=" + ends + rb")", b"", text)
-            text = re.sub(rb"(?<=" + ends + rb")[ \t]++", b"", text)
+            text = re.sub(rb"(?<![ \t])[ \t]++(?=" + edge + rb")", b"", text)
+            text = re.sub(rb"(?<=" + edge + rb")[ \t]++", b"", text)
             text = text.lstrip(b" ") if mark == b"\t" else text.lstrip(b" \t")
         symbols = np.frombuffer(text, dtype=np.uint8)
         ends = np.flatnonzero(symbols == 10)

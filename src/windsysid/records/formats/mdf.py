@@ -68,7 +68,7 @@ def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
 def _follow(path: Path) -> None:
     """Refuse a file in which a chain of blocks comes back to itself: asammdf would follow it without end."""
     seen: set[int] = set()
-    left = [_FIRST_BLOCK]
+    left, size = [_FIRST_BLOCK], path.stat().st_size
     with path.open("rb") as file:
         while left:
             at = left.pop()
@@ -82,7 +82,8 @@ def _follow(path: Path) -> None:
             seen.add(at)
             count = min(int.from_bytes(head[16:24], "little"), 1 + max(chained))
             links = file.read(8 * count)
-            left += [link for k in chained if (link := int.from_bytes(links[8 * k : 8 * k + 8], "little"))]
+            found = (int.from_bytes(links[8 * k : 8 * k + 8], "little") for k in chained)
+            left += [link for link in found if 0 < link < size]
 
 
 def _opened(path: Path) -> Any:

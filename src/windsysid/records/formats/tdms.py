@@ -51,6 +51,12 @@ def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
                     f"is damaged: its channels need {needed} bytes of numbers, its segments have {numbers}; copy it"
                     " again"
                 )
+        for channel in channels:
+            if len(channel) > numbers:  # each value takes a byte at least, in all kinds of data
+                raise RecordError(
+                    f"is damaged: channel '{channel.name}' says {len(channel)} values for {numbers} bytes;"
+                    " copy it again"
+                )
         names = short_names([(channel.group_name, channel.name) for channel in channels])
         series = [_series(channel, *name) for channel, name in zip(channels, names, strict=True)]
     except Exception as error:

@@ -201,9 +201,10 @@ def _binary(path: Path, file: BinaryIO, number: str) -> _Set:
     one = _Set(path, file.tell(), size, "?", header)
     kind = ("<" if order == 1 else ">") + ("f8" if one.wide else "f4")
     expected = one.stride * one.samples * np.dtype(kind).itemsize
+    most = path.stat().st_size - one.at
     for length in dict.fromkeys((size, expected)):  # some software counts the bytes of complex numbers wrongly
-        file.seek(one.at + max(length, 0))
-        if _is_mark_near(file):
+        file.seek(one.at + min(max(length, 0), most))
+        if 0 <= length <= most and _is_mark_near(file):
             return _Set(path, one.at, length, kind, header)
     raise RecordError("is cut off or damaged: the numbers of a set 58b are not as long as it says; export it again")
 
