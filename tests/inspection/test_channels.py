@@ -100,3 +100,14 @@ def test_jumps_of_a_figure_of_the_solver_need_no_hand():
     (found,) = inspected(ConvError=(values, "1")).findings
     assert (found.kind, found.severity) == ("spikes", "note")
     assert " 1 off" not in found.text
+
+
+def test_a_rotor_that_stands_has_a_constant_azimuth_and_no_fault():
+    found = inspected(
+        rotor_speed=(np.zeros(SAMPLES), "rpm"), rotor_azimuth=(np.full(SAMPLES, 90.0), "deg"),
+        blade_1_pitch=(np.full(SAMPLES, 90.0), "deg"),
+    ).findings  # fmt: skip
+    assert {(f.channel, f.severity) for f in found} == {
+        (name, "note") for name in ("rotor_speed", "rotor_azimuth", "blade_1_pitch")
+    }
+    assert all("the rotor stands still" in f.text for f in found if f.channel.startswith("rotor"))

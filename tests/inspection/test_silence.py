@@ -85,3 +85,29 @@ def test_silent_and_frozen_readings_are_missing_to_an_identification():
     np.testing.assert_array_equal(read.values[~missing], made.values[~missing])
     assert all(fault.text.endswith("taken as missing") for fault in told)
     assert np.isfinite(made.values).all()
+
+
+@pytest.mark.parametrize("seed", [90, 264, 265, 330, 398])
+def test_beats_of_two_close_modes_are_not_silent(seed: int):
+    """Of 400 records these five have a beat that fades below an eighth for more than five periods."""
+    rng = np.random.default_rng(seed)
+    values = np.zeros(24_000)
+    for frequency in (0.572, 0.572 * 1.03):
+        pole = np.exp((-0.001 + 1j * np.sqrt(1.0 - 1e-6)) * 2.0 * np.pi * frequency / RATE)
+        x = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], rng.standard_normal(36_000))[12_000:]
+        values += x / x.std()
+    values += 0.005 * rng.standard_normal(24_000)
+    other = lfilter([1.0], [1.0, -0.9], rng.standard_normal(24_000))
+    assert silent_stretches(record(np.column_stack([values, other])), CHANNELS) == []
+
+
+@pytest.mark.parametrize("broad", [0.0, 0.1])
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_silence_is_found_under_light_damping_and_in_broad_vibration(broad: float, noise: float):
+    found = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        values = vibration(seed, 0.005, 0.4) + broad * rng.standard_normal((SAMPLES, 2))
+        values[2000:2800, 0] = noise * rng.standard_normal(800)
+        found += any(one.channel == CHANNELS[0] for one in silent_stretches(record(values), CHANNELS))
+    assert found >= 7

@@ -14,7 +14,15 @@ from windsysid._types import Array
 from windsysid.inspection.health import Finding, count_of, spans_of, when
 from windsysid.records.record import Record
 
-__all__ = ["copied_channels", "copied_passages", "copies_among", "lost_samples", "overrun"]
+__all__ = [
+    "copied_channels",
+    "copied_passages",
+    "copies_among",
+    "in_usual_size",
+    "lost_samples",
+    "overrun",
+    "prediction_errors",
+]
 
 PASSAGE = 32
 """Rows in a row that are equal to others, in every channel that vibrates, before a passage counts as copied."""
@@ -162,7 +170,7 @@ def lost_samples(record: Record, channels: Sequence[str]) -> list[Finding]:
     values = values[:, np.isfinite(values).all(axis=0)]
     if len(values) < FEWEST or not values.shape[1]:
         return []
-    errors = np.array([_errors_of_prediction(column) for column in values.T])
+    errors = np.array([in_usual_size(prediction_errors(column)) for column in values.T])
     usual = np.clip(errors, -4.0, 4.0)
     own, into = np.linalg.eigh(usual @ usual.T / len(values))
     apart = own > 1e-6 * own[-1]
@@ -199,8 +207,8 @@ def _common_divisor(rows: NDArray[np.int64]) -> int:
     return 0
 
 
-def _errors_of_prediction(x: Array) -> Array:
-    """Errors (T,) of the best linear prediction from the readings before, over their usual size around there."""
+def prediction_errors(x: Array) -> Array:
+    """Errors (T,) of the best linear prediction from the readings before."""
     x = x - x.mean()
     rows = np.arange(PREDICTORS, len(x))
     if rows.size > FITTED:
@@ -216,6 +224,11 @@ def _errors_of_prediction(x: Array) -> Array:
         used = past[error <= 4.0 * np.median(error) / 0.6745]
     errors: Array = np.convolve(x, np.concatenate([[1.0], -weights]))[: len(x)]
     errors[:PREDICTORS] = 0.0
+    return errors
+
+
+def in_usual_size(errors: Array) -> Array:
+    """Errors of prediction (T,) over their usual size around there."""
     return errors / np.maximum(_size_around(np.abs(errors)), 1e-300)
 
 

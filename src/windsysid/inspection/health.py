@@ -175,7 +175,7 @@ def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = Fa
         )  # fmt: skip
     spread = float(np.ptp(x))
     if spread <= 1e-12 * float(np.abs(x).max()):
-        return [*found, _constant(channel, kind, x, unit)]
+        return [*found, _constant(channel, kind, x, unit, standing)]
     step = float(np.median(np.diff(time)))
     adjacent = np.diff(time) < GAP_MIN_STEPS * step
     lsb = _converter_step(x)
@@ -253,8 +253,10 @@ def _missing(record: Record, channel: str, known: Mask) -> list[Finding]:
     return [Finding(channel, "missing", severity, text, count, spans)]
 
 
-def _constant(channel: str, kind: Kind, x: Array, unit: str) -> Finding:
+def _constant(channel: str, kind: Kind, x: Array, unit: str, standing: bool) -> Finding:
     value = _amount(f"{x[0]:.5g}", unit)
+    if standing and kind in ("azimuth", "rotor speed"):
+        return _everywhere(channel, "constant", "note", f"is {value} throughout: the rotor stands still", x.size)
     if kind in VIBRATION or kind in ("azimuth", "wind speed"):
         text = (
             f"is {value} from the first sample to the last: disconnected, or a motion that a simulator holds; leave"

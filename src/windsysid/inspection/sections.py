@@ -9,20 +9,21 @@ to hurt, and the windows are ranked by their sum:
     direction      circular standard deviation / 15°
     faults         share of samples with a fault or missing / 2 %
     excitation     how many times the vibration is below the record's median (log2; a little credit above it), and how
-                   much it grows or fades
+                   much it grows or fades, both beyond chance (`windsysid.inspection.stationarity`)
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.inspection.channels import VIBRATION, Kind
+from windsysid.inspection.channels import VIBRATION, Kind, most_telling
 from windsysid.inspection.health import Finding, joined
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor
+from windsysid.inspection.stationarity import CHANCE, Vibration, changes, vibration_of
 from windsysid.records.record import Record
 from windsysid.units import RPM
 
@@ -30,8 +31,9 @@ __all__ = ["Proposal", "propose", "propose_longest"]
 
 SHORTEST_SECTION = 100.0
 """Of those that nobody asked for by their length [s]: that of the published study."""
-MAX_PENALTY_OF_LENGTH = 0.3
-"""What a longer section may be worse than the best short one: 1.5 % of the rotor's speed, or 6 % of the wind's."""
+MAX_PENALTY_OF_LENGTH = 0.6
+"""Penalty by which a longer section may exceed that of a usual short one: 3 % of the rotor's speed, or 12 % of the
+wind's, since turbulence varies more over a longer time."""
 
 MAX_PROPOSALS = 5
 BLOCKS_PER_SECTION = 40
@@ -40,8 +42,11 @@ BLOCKS_PER_SECTION = 40
 ROTOR_LIMIT, WIND_LIMIT, DIRECTION_LIMIT, FAULT_LIMIT = 0.05, 0.20, np.radians(15.0), 0.02
 MIN_VIBRATION_FACTOR = 0.25
 """Vibration below this many times the record's median is too little to identify from."""
-MAX_VIBRATION_CHANGE = 2.0
-"""Vibration that grows or fades by more than this factor between the halves of a section is not stationary."""
+PENALTY_OF_CHANGE = 0.2
+"""Penalty where vibration changes as much as chance allows: more is an objection."""
+MIN_CYCLES, MIN_DEGREES_OF_FREEDOM = 40.0, 4.0
+"""Least periods of the vibration in a section, as `oma` needs them, and least equivalent degrees of freedom of its
+power, as `identify` needs them: a shorter section is not proposed."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,87 @@ def propose(
     length
         Length of a section [s]; the whole record where it is shorter.
     """
+    judged = _judged(record, known, rotor, findings, length, _vibrations(record, known))
+    return () if judged is None else judged.best()
+
+
+def propose_longest(
+    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding]
+) -> tuple[Proposal, ...]:
+    """The whole record where it is about as good as 100 s of it usually are, else parts of half its length, and so on.
+
+    Twice the time makes bands 1.4 times narrower. Parts that are too short to identify from are not proposed.
+
+    Parameters
+    ----------
+    known
+        The usable channels with their kinds.
+    """
+    vibrations = _vibrations(record, known)
+    length = whole = record.duration + 1.0 / record.rate
+    least = max(SHORTEST_SECTION, whole * min(1.0, _least_share(record, known, vibrations)))
+    short = _judged(record, known, rotor, findings, min(least, whole), vibrations)
+    if short is None:
+        return ()
+    usual = float(np.median(short.penalty))
+    while length > least:
+        found = _judged(record, known, rotor, findings, length, vibrations)
+        if found is not None and (best := found.best())[0].good and best[0].penalty <= usual + MAX_PENALTY_OF_LENGTH:
+            return best
+        length /= 2.0
+    return short.best()
+
+
+def _vibrations(record: Record, known: dict[str, Kind]) -> dict[str, Vibration]:
+    """Power over time of channels that vibrate."""
+    chosen = _few([name for name, kind in known.items() if kind in VIBRATION])
+    return {name: found for name in chosen if (found := vibration_of(record, name)) is not None}
+
+
+def _least_share(record: Record, known: dict[str, Kind], vibrations: dict[str, Vibration]) -> float:
+    """Share of the record that a section needs for `MIN_CYCLES` and `MIN_DEGREES_OF_FREEDOM`, of most of those channels
+    that show vibration best."""
+    telling = [name for name in most_telling(record) if name in vibrations]
+    shares = [
+        max(MIN_CYCLES / max(one.cycles, 1e-9), MIN_DEGREES_OF_FREEDOM / float(one.degrees[0]))
+        for one in (vibrations[name] for name in telling if known[name] == known[telling[0]])
+    ]
+    return float(np.median(shares)) if shares else 0.0
+
+
+class _Judged(NamedTuple):
+    """All windows of one length: start [s], length [s], blocks in a window, penalty, reasons and objections of each."""
+
+    starts: Array
+    length: float
+    blocks: int
+    penalty: Array
+    reasons: list[list[str]]
+    against: list[list[str]]
+
+    def best(self) -> tuple[Proposal, ...]:
+        """At most five that do not overlap, those without objections first, then by penalty."""
+        order = sorted(range(len(self.starts)), key=lambda w: (len(self.against[w]) > 0, self.penalty[w]))
+        chosen: list[int] = []
+        for w in order:
+            if all(abs(w - other) >= self.blocks for other in chosen):
+                chosen.append(w)
+            if len(chosen) == MAX_PROPOSALS:
+                break
+        return tuple(
+            Proposal(
+                round(float(self.starts[w]), 3), round(float(self.starts[w]) + self.length, 3),
+                round(float(self.penalty[w]), 3), tuple(self.reasons[w]), tuple(self.against[w]),
+            )
+            for w in chosen
+        )  # fmt: skip
+
+
+def _judged(
+    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding], length: float,
+    vibrations: dict[str, Vibration],
+) -> _Judged | None:  # fmt: skip
+    """Judge every window of a length [s]; None where the record is too short for one."""
     step = 1.0 / record.rate
     whole = record.duration + step
     length = min(length, whole)
@@ -99,92 +185,69 @@ def propose(
     if count < blocks or np.any(edges[blocks:] - edges[:-blocks] < blocks):
         blocks = min(blocks, count)
         if blocks < 2:
-            return ()
+            return None
     windows = count - blocks + 1
     starts = record.time[0] + size * np.arange(windows)
     cut = _Blocks(edges, blocks)
 
-    penalty, reasons, against = np.zeros(windows), [[] for _ in range(windows)], [[] for _ in range(windows)]  # type: ignore[var-annotated]
+    penalty = np.zeros(windows)
+    reasons: list[list[str]] = [[] for _ in range(windows)]
+    against: list[list[str]] = [[] for _ in range(windows)]
 
-    def judge(scores: Array, words: Sequence[str], complaint: Sequence[str], limit: float = 1.0) -> None:
+    def judge(scores: Array, words: Sequence[str], complaint: Sequence[str], limit: float | Array = 1.0) -> None:
         penalty[:] += scores
+        bad = scores > limit
         for w in range(windows):
-            (against if scores[w] > limit else reasons)[w].append(complaint[w] if scores[w] > limit else words[w])
+            (against if bad[w] else reasons)[w].append(complaint[w] if bad[w] else words[w])
 
     if rotor is not None and rotor.turns:
-        mean, std, drift = cut.moments(rotor.speed, record.time)
-        parked = np.abs(mean) < MIN_ROTOR_SPEED
-        turning = np.where(parked, np.inf, np.abs(mean))
-        spread, drift = std / turning, np.abs(drift) / turning
-        rpm = np.abs(mean) * RPM
-        steady = [
-            (
-                "rotor parked"
-                if p
-                else (
-                    f"rotor speed constant at {v:.3g} rpm"
-                    if s < 1e-6
-                    else f"rotor speed {v:.3g} rpm, steady within {_percent(s)}"
-                )
+        _judge_rotor(record, rotor, cut, judge)
+    _judge_wind(record, known, cut, judge)
+    _judge_faults(record, known, findings, cut, judge)
+    _judge_excitation(vibrations, cut, judge)
+    return _Judged(starts, blocks * size, blocks, penalty, reasons, against)
+
+
+def _judge_rotor(record: Record, rotor: Rotor, cut: "_Blocks", judge: Any) -> None:
+    """How steadily the rotor turns."""
+    mean, std, drift = cut.moments(rotor.speed, record.time)
+    parked = np.abs(mean) < MIN_ROTOR_SPEED
+    turning = np.where(parked, np.inf, np.abs(mean))
+    spread, drift = std / turning, np.abs(drift) / turning
+    rpm = np.abs(mean) * RPM
+    steady = [
+        (
+            "rotor parked"
+            if p
+            else (
+                f"rotor speed constant at {v:.3g} rpm"
+                if s < 1e-6
+                else f"rotor speed {v:.3g} rpm, steady within {_percent(s)}"
             )
-            for v, s, p in zip(rpm, spread, parked, strict=True)
-        ]
-        unsteady = [
-            f"the rotor speed ({v:.3g} rpm) varies by {_percent(s)} and drifts by {_percent(d)}"
-            for v, s, d in zip(rpm, spread, drift, strict=True)
-        ]
-        judge(spread / ROTOR_LIMIT + 0.5 * drift / ROTOR_LIMIT, steady, unsteady, 1.5)
-    for channel in (name for name, kind in known.items() if kind == "wind speed"):
+        )
+        for v, s, p in zip(rpm, spread, parked, strict=True)
+    ]
+    unsteady = [
+        f"the rotor speed ({v:.3g} rpm) varies by {_percent(s)} and drifts by {_percent(d)}"
+        for v, s, d in zip(rpm, spread, drift, strict=True)
+    ]
+    judge(spread / ROTOR_LIMIT + 0.5 * drift / ROTOR_LIMIT, steady, unsteady, 1.5)
+
+
+def _judge_wind(record: Record, known: dict[str, Kind], cut: "_Blocks", judge: Any) -> None:
+    """How steadily the wind blows, in the first channels of its speed and of its direction."""
+    channel = next((name for name, kind in known.items() if kind == "wind speed"), None)
+    if channel is not None:
         mean, std, drift = cut.moments(record[channel], record.time)
         slow = np.maximum(np.abs(mean), 0.5)
         words = [f"wind {m:.3g} ± {s:.2g} m/s" for m, s in zip(mean, std, strict=True)]
         complaint = [f"{text}, drifting by {d:+.2g} m/s" for text, d in zip(words, drift, strict=True)]
         judge(std / slow / WIND_LIMIT + 0.5 * np.abs(drift) / slow / WIND_LIMIT, words, complaint, 2.0)
-        break
-    for channel in (name for name, kind in known.items() if kind == "direction"):
+    channel = next((name for name, kind in known.items() if kind == "direction"), None)
+    if channel is not None:
         spread = cut.circular_spread(record[channel])
         words = [f"direction within ± {np.degrees(s):.2g}°" for s in spread]
         judge(spread / DIRECTION_LIMIT, words, [f"the wind turns ({text})" for text in words])
-        break
-    _judge_faults(record, known, findings, cut, judge)
-    _judge_excitation(record, known, cut, judge)
-
-    order = sorted(range(windows), key=lambda w: (len(against[w]) > 0, penalty[w]))
-    chosen: list[int] = []
-    for w in order:
-        if all(abs(w - other) >= blocks for other in chosen):
-            chosen.append(w)
-        if len(chosen) == MAX_PROPOSALS:
-            break
-    return tuple(
-        Proposal(
-            round(float(starts[w]), 3), round(float(starts[w]) + blocks * size, 3), round(float(penalty[w]), 3),
-            tuple(reasons[w]), tuple(against[w]),
-        )
-        for w in chosen
-    )  # fmt: skip
-
-
-def propose_longest(
-    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding]
-) -> tuple[Proposal, ...]:
-    """The whole record where it is about as good as its best 100 s, else parts of half its length, and so on.
-
-    Twice the time makes bands 1.4 times narrower.
-
-    Parameters
-    ----------
-    known
-        The usable channels with their kinds.
-    """
-    short = propose(record, known, rotor, findings, SHORTEST_SECTION)
-    length = record.duration + 1.0 / record.rate
-    while length > SHORTEST_SECTION and short:
-        found = propose(record, known, rotor, findings, length)
-        if found and found[0].good and found[0].penalty <= short[0].penalty + MAX_PENALTY_OF_LENGTH:
-            return found
-        length /= 2.0
-    return short
 
 
 class _Blocks:
@@ -266,53 +329,46 @@ def _judge_faults(
     judge(share / FAULT_LIMIT, words, words)
 
 
-def _judge_excitation(record: Record, known: dict[str, Kind], cut: _Blocks, judge: Any) -> None:
-    """Vibration of each window against the record's median, in the channels that vibrate."""
-    levels, changes = [], []
-    half = cut.per_window // 2
-    for channel in _few([name for name, kind in known.items() if kind in VIBRATION]):
-        values = record[channel]
-        ok = np.isfinite(values)
-        if not ok.any():
-            continue
-        x = np.where(ok, values - np.median(values[ok]), 0.0)
-        n, sx, sxx = (cut.sums(q) for q in (ok.astype(np.float64), x, x * x))
-
-        def rms(blocks: int | None = None, offset: int = 0, n: Array = n, sx: Array = sx, sxx: Array = sxx) -> Array:
-            number, total, squares = (cut.windows(q, blocks, offset) for q in (n, sx, sxx))
-            number = np.maximum(number, 1.0)
-            return np.sqrt(np.maximum(squares / number - (total / number) ** 2, 0.0))
-
-        whole, first, second = rms(), rms(half), rms(half, half)
-        usual = float(np.median(whole))
-        if usual > 0.0:
-            levels.append(whole / usual)
-            changes.append((second + 1e-9 * usual) / (first + 1e-9 * usual))
-    if not levels:
-        nothing = ["there is no channel in which vibration would show"] * (len(cut.edges) - cut.per_window)
+def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any) -> None:
+    """Vibration of each window against the record's, and whether it changes within the window, both beyond chance."""
+    first, last = cut.edges[: -cut.per_window], cut.edges[cut.per_window :]
+    if not vibrations:
+        nothing = ["there is no channel in which vibration would show"] * len(first)
         judge(np.full(len(nothing), 2.0), nothing, nothing)
         return
-    level = np.exp(np.mean(np.log(np.maximum(levels, 1e-9)), axis=0))
-    growth = np.log(np.maximum(changes, 1e-9))
-    factor = np.exp(np.sqrt(np.mean(growth**2, axis=0)))
-    words = [f"vibration {v:.2g} × the record's usual" if v.size else "" for v in level]
+    level, chance = _levels(list(vibrations.values()), np.stack([first, last], axis=-1))
     weak = -np.log2(level)
     judge(
         np.where(weak > 0.0, weak, np.maximum(0.25 * weak, -0.5)),
-        words,
+        [f"vibration {v:.2g} × the record's usual" for v in level],
         [f"vibration only {v:.2g} × the record's usual" for v in level],
-        -np.log2(MIN_VIBRATION_FACTOR),
+        np.maximum(-np.log2(MIN_VIBRATION_FACTOR), np.log2(chance)),
     )
-    verb = ["grows" if g > 0.0 else "fades" for g in growth.mean(axis=0)]
-    penalty = 0.5 * np.log2(factor) / np.log2(MAX_VIBRATION_CHANGE)
-    judge(
-        penalty,
-        ["equally strong in both halves" if f < 1.2 else f"it {v} by {f:.2g} × between the halves" for f,
-        v in zip(factor, verb, strict=True)],
-        [f"the vibration {v} by {f:.2g} × between its halves (unless a decay is what you want)" for f,
-        v in zip(factor, verb, strict=True)],
-        0.5,
-    )  # fmt: skip
+    found = changes(list(vibrations.values()), first, last)
+    verb = ["grows" if f > 1.0 else "fades" for f in found.factor]
+    size = np.exp(np.abs(np.log(found.factor)))
+    complaint = [
+        f"the vibration {v} by {f:.2g} × between its {'halves' if n == 2 else 'quarters'}, chance makes {most:.2g} × at"
+        " most (unless a decay is what you want)"
+        for f, v, n, most in zip(size, verb, found.segments, found.allowed, strict=True)
+    ]
+    words = [f"stationary (false alarms: {_percent(CHANCE)})"] * len(size)
+    judge(PENALTY_OF_CHANGE * found.excess, words, complaint, PENALTY_OF_CHANGE)
+
+
+def _levels(vibrations: Sequence[Vibration], windows: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Rms of windows (w, 2) over that of the median window, mean over channels, and how far chance takes it from 1."""
+    from scipy.special import chdtri
+
+    power, freedom = (
+        np.array([part[0] for part in parts])
+        for parts in zip(*(vibration.power(windows) for vibration in vibrations), strict=True)
+    )
+    level = np.sqrt(power / np.median(power, axis=1, keepdims=True))
+    least = np.median(freedom, axis=0)
+    rare = chdtri(least, 1.0 - CHANCE) / least, chdtri(least, CHANCE) / least
+    chance = np.sqrt(np.maximum(1.0 / np.maximum(rare[0], 1e-9), rare[1]))
+    return np.exp(np.mean(np.log(np.maximum(level, 1e-9)), axis=0)), chance
 
 
 def _few(channels: Sequence[str], most: int = 12) -> list[str]:
