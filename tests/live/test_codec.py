@@ -260,8 +260,8 @@ def test_texts_are_read_up_to_a_thousand_bytes(where):
     def payload(size: int) -> bytes:
         text = "x" * size
         name, unit = (text if where == "name" else "a"), (text if where == "unit" else "m")
-        marks = {"stream": text} if where == "mark" else {}
-        return sent([pa.field(name, pa.float64(), metadata={"unit": unit})], [A_COLUMN], **marks)
+        stream = text if where == "mark" else ""
+        return sent([pa.field(name, pa.float64(), metadata={"unit": unit})], [A_COLUMN], stream=stream)
 
     read = read_columns(payload(1000), most_rows=10, most_columns=10)
     assert 1000 in (len(read.names[0]), len(read.units[0] or ""), len(read.marks.get("stream", "")))
