@@ -16,12 +16,12 @@ import traceback
 from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
+from unittest import mock
 
 import numpy as np
 
 from windsysid.fleet.members import Member
 from windsysid.fleet.rows import empty_row
-from windsysid.live import engine as engine_module
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, decode, encode_arrow, encode_json
 from windsysid.live.engine import Engine, Followed
@@ -217,11 +217,8 @@ def hostile(messages: int, seed: int, *, tell: Callable[[str], object] = print) 
 
 def _engine(store: Store, now: int) -> Engine:
     turbines = [Followed(Member(name, "tower")) for name in ("T01", "T02")]
-    before, engine_module.estimators = engine_module.estimators, lambda _: [_Joining()]
-    try:
+    with mock.patch("windsysid.live.engine.estimators", return_value=[_Joining()]):
         return Engine(turbines, store, workers=0, now=lambda: now)
-    finally:
-        engine_module.estimators = before
 
 
 def _pushed(engine: Engine, payload: bytes) -> tuple[str, str]:

@@ -275,8 +275,8 @@ def test_texts_are_read_up_to_a_thousand_bytes(where):
     def payload(size: int) -> bytes:
         text = "x" * size
         name, unit = (text if where == "name" else "a"), (text if where == "unit" else "m")
-        marks = {"stream": text} if where == "mark" else {}
-        return sent([pa.field(name, pa.float64(), metadata={"unit": unit})], [A_COLUMN], **marks)
+        stream = text if where == "mark" else ""
+        return sent([pa.field(name, pa.float64(), metadata={"unit": unit})], [A_COLUMN], stream=stream)
 
     read = read_columns(payload(1000), most_rows=10, most_columns=10)
     assert 1000 in (len(read.names[0]), len(read.units[0] or ""), len(read.marks.get("stream", "")))
@@ -314,3 +314,19 @@ def test_schemas_that_are_remembered_are_bounded(monkeypatch):
     for i in range(50):
         decode(sent([pa.field(f"c{'x' * i}", pa.float64(), metadata={"unit": "m"})], [A_COLUMN]), turbine="T01")
     assert 1 < sum(size * len(alike) for size, alike in arrow._schemas.items()) <= 10_000
+
+
+def test_as_many_columns_as_allowed_are_read_and_one_more_is_refused():
+    fields = [pa.field(f"of_{i}", pa.float64(), metadata={"unit": "m"}) for i in range(3)]
+    assert read_columns(sent(fields, [A_COLUMN] * 3), most_rows=10, most_columns=3).values.shape == (1, 3)
+    more = [*fields, pa.field("more", pa.float64(), metadata={"unit": "m"})]
+    with pytest.raises(NotArrowError, match="4 channels: expected 3 at most"):
+        read_columns(sent(more, [A_COLUMN] * 4), most_rows=10, most_columns=3)
+
+
+def test_a_text_that_leads_out_of_the_payload_is_refused():
+    schema = sent([pa.field("leads_out", pa.float64(), metadata={"unit": "m"})], [A_COLUMN], batches=0)[:-8]
+    text = struct.pack("<I", 1) + b"m\0"
+    assert schema.count(text) == 1
+    with pytest.raises(NotArrowError, match="a text of 999 bytes"):
+        read_columns(schema.replace(text, struct.pack("<I", 999) + b"m\0"), most_rows=10, most_columns=3)

@@ -23,6 +23,7 @@ from windsysid.live.engine import Engine, Followed
 from windsysid.live.estimate import Estimated, Here
 from windsysid.live.store.contents import Commit
 from windsysid.live.store.store import ContentError
+from windsysid.live.streams import StreamHealth
 from windsysid.live.timeline import SECOND, Gathered, Windows, gather
 from windsysid.records.record import Record
 from windsysid.results.identification import finite
@@ -388,14 +389,14 @@ def test_blocks_that_can_never_be_taken_are_refused_counted_and_told(site):
 def test_an_error_of_placing_that_nobody_foresaw_refuses_that_block_alone(site, monkeypatch):
     engine = site.start()
     blocks = stream(60.0)
-    take = module.StreamHealth.take
+    take = StreamHealth.take
 
     def broken(health: Any, block: Block) -> Any:
         if block.sequence == 7:
             raise FloatingPointError("no number")
         return take(health, block)
 
-    monkeypatch.setattr(module.StreamHealth, "take", broken)
+    monkeypatch.setattr(StreamHealth, "take", broken)
     push(engine, blocks[:7])
     for _ in range(2):  # also when it comes again
         with pytest.raises(BlockRefused, match=r"^block cannot be placed \(FloatingPointError: no number\)$"):

@@ -264,8 +264,11 @@ def test_a_few_samples_far_apart_make_no_large_table(channels):
 
 def test_a_slow_logger_beside_a_few_fast_samples_makes_no_large_table():
     slow = [at(s, 1.0, 60, channels=200, number=s, stream="scada") for s in range(0, 600, 60)]
-    fast = [at(0.0, 2000.0, 2, channels=1), at(599.0, 2000.0, 2, channels=1, number=1)]
-    assert cells([*slow, *fast]) <= cells_allowed(600 * 200 + 4)
+    fast = [at(0.0, 2000.0, 14_000, channels=1), at(599.0, 2000.0, 2, channels=1, number=1)]
+    assert cells([*slow, *fast]) <= cells_allowed(600 * 200 + 14_002)
+    found = gathered([*slow, *fast])
+    assert found.record is not None
+    assert (found.record.channels, found.cut) == (("c0",), 600)
 
 
 def test_a_gap_of_nine_tenths_is_a_gap_in_a_record_of_usual_size():

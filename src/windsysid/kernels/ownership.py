@@ -59,7 +59,7 @@ def _foreign(folder: Path) -> str:
         fault = _fault(about)
         if fault and (part == place or not about.st_mode & stat.S_ISVTX or about.st_uid not in _owners()):
             return f"{part} {fault}"
-        if part == home and not fault:
+        if part == home:
             return ""
     return ""
 

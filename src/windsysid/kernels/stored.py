@@ -34,7 +34,7 @@ def packed(result: Any) -> bytes | None:
         "code": len(code),
     }
     text = json.dumps(head).encode()
-    return len(text).to_bytes(4, "little") + text + code + bitcode
+    return b"".join((len(text).to_bytes(4, "little"), text, code, bitcode))
 
 
 def unpacked(payload: bytes, target: Any, function: Callable[..., Any], signature: Any) -> Any:

@@ -340,17 +340,12 @@ def test_a_store_that_another_process_holds_is_told_everywhere_until_it_takes_bl
     store.close()
 
 
-def test_a_store_that_cannot_be_read_is_a_failed_service(store):
-    class Gone(type(store)):
-        trouble = ""
+def test_a_store_that_cannot_be_read_is_a_failed_service(store, monkeypatch):
+    def gone() -> int:
+        raise StoreError("the file has gone")
 
-        def __init__(self) -> None:
-            pass
-
-        def last_event(self) -> int:
-            raise StoreError("the file has gone")
-
-    answer = TestClient(app(Gone()), base_url=OWN).get("/health")
+    monkeypatch.setattr(store, "last_event", gone)
+    answer = TestClient(app(store), base_url=OWN).get("/health")
     assert (answer.status_code, answer.json()["status"]) == (503, "failed")
 
 

@@ -93,7 +93,7 @@ def test_wrong_tokens_wait_and_the_right_one_of_the_same_address_never_does(stor
     client = TestClient(app(store, access=Access(READ), limits=Limits(guesses=3)), base_url="http://site")
 
     def status(token: str) -> int:
-        return client.get("/api/overview", headers={"authorization": f"Bearer {token}"}).status_code
+        return int(client.get("/api/overview", headers={"authorization": f"Bearer {token}"}).status_code)
 
     assert [status(token) for token in ["x" * 20] * 4 + [READ] * 3 + ["y" * 20]] == [401] * 3 + [429] + [200] * 3 + [
         429

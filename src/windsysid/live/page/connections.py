@@ -117,8 +117,8 @@ def bounded(connections: Connections) -> type[asyncio.Protocol]:
 
         def connection_lost(self, exc: Exception | None) -> None:
             connections.leave(self)
-            self._request = _cancelled(self._request)
-            self._answer = _cancelled(self._answer)
+            self._request = _cancel(self._request)
+            self._answer = _cancel(self._answer)
             super().connection_lost(exc)
 
         def data_received(self, data: bytes) -> None:
@@ -135,7 +135,7 @@ def bounded(connections: Connections) -> type[asyncio.Protocol]:
 
         def resume_writing(self) -> None:
             super().resume_writing()
-            self._answer = _cancelled(self._answer)
+            self._answer = _cancel(self._answer)
 
         def _watch(self) -> None:
             """Limit the time of a request that has begun, the first one from the connection on."""
@@ -144,13 +144,15 @@ def bounded(connections: Connections) -> type[asyncio.Protocol]:
                 state is h11.IDLE and (self.cycle is None or bool(self.conn.trailing_data[0]))
             )
             if not begun or self.transport.is_closing():
-                self._request = _cancelled(self._request)
+                self._request = _cancel(self._request)
             elif self._request is None:
                 self._request = self.loop.call_later(REQUEST_SECONDS, self.transport.abort)
 
     return Bounded
 
 
-def _cancelled(timer: asyncio.TimerHandle | None) -> None:
+def _cancel(timer: asyncio.TimerHandle | None) -> asyncio.TimerHandle | None:
+    """Cancel a timer; the timer that there is afterwards, none."""
     if timer is not None:
         timer.cancel()
+    return None
