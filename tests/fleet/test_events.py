@@ -18,8 +18,8 @@ AIR = {"T01": (BEGIN.timestamp() + TIME, np.where(TIME < 20.0 * DAY, -6.0, 9.0).
 """Frost for twenty days, then spring."""
 
 
-def events(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> list[Event]:
-    """Of one turbine that has these jumps: day, percent; by how much each is known, 0.1 % unless it is said."""
+def watch_of(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> Watch:
+    """A turbine that has these jumps: day, percent; by how much each is known, 0.1 % unless it is said."""
     column = np.ones((DAYS, 1))
     log = np.zeros(DAYS)
     for day, size in jumps:
@@ -41,7 +41,28 @@ def events(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> list[E
         )
         for (day, size), spread in zip(jumps, spreads, strict=True)
     )  # fmt: skip
-    return events_of({"T01": Watch(blocks, (series,), changes, 0.1, 0, ())}, [], [], AIR)
+    return Watch(blocks, (series,), changes, 0.1, 0, ())
+
+
+def events(*jumps: tuple[float, float], spreads: Sequence[float] = ()) -> list[Event]:
+    """Of one turbine that has these jumps."""
+    return events_of({"T01": watch_of(*jumps, spreads=spreads)}, [], [], AIR)
+
+
+def kinds_of_fleet(*jumps: float) -> list[str]:
+    """Kinds of events where sisters jump by so many percent on one day, and as many more do not."""
+    watches = {f"T{i:02d}": watch_of((50.0, size)) for i, size in enumerate(jumps)}
+    watches |= {f"S{i:02d}": watch_of() for i in range(len(jumps))}
+    return sorted(event.kind for event in events_of(watches, [], [], dict.fromkeys(watches, AIR["T01"])))
+
+
+def test_what_three_sisters_and_half_of_all_have_on_one_day_is_the_sites():
+    assert kinds_of_fleet(-4.0, -4.0, -4.0) == ["shared"]
+    assert kinds_of_fleet(-4.0, -4.0) == ["turbine", "turbine"]
+
+
+def test_jumps_of_sisters_in_two_directions_are_not_one():
+    assert kinds_of_fleet(-4.0, -4.0, 4.0) == ["turbine"] * 3
 
 
 def test_what_fell_in_the_frost_and_came_back_in_the_thaw_is_ice():

@@ -14,7 +14,7 @@ BEGIN = datetime(2026, 3, 1, tzinfo=UTC)
 def during(after: float, seconds: float, **columns: list[float]) -> dict[str, float]:
     """Of lines of ten minutes from `BEGIN` on, what is said of so many seconds that begin `after` [s]."""
     arrays = {name: np.array(values) for name, values in columns.items()}
-    lines = Scada(BEGIN, 600.0 * np.arange(3), 600.0, arrays)
+    lines = Scada(BEGIN, np.array([0.0, 600.0, 1200.0]), 600.0, arrays)
     return lines.during(BEGIN + timedelta(seconds=after), seconds)
 
 

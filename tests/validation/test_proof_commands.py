@@ -119,7 +119,6 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.mismatch": ("--runs 1",),
     "validation.oma": ("--runs 1 --frames 0",),
     "validation.pieces": ("--only -",),
-    "validation.richer": ("--openfast {data}/openfast",),
     "validation.robustness": ("--runs 1 --only clean",),
     "validation.spectral": ("--runs 1 --loads random",),
     "validation.tolerances": ('--runs 1 --jobs 1 --only "as the"',),
@@ -131,6 +130,8 @@ SHORT: dict[str, tuple[str, ...]] = {
 NOT_RUN = {
     "validation.measured": "downloads measured records from a package index",
     "validation.record": "writes a kept result; tests/validation/test_record.py runs it",
+    "validation.richer": "identifies a rotor many times from records that are no part of this repository;"
+    " tests/validation/test_richer.py runs its parts",
     "validation.wheel": "makes environments from a package index",
 }
 """Programs without a short form, and why."""
