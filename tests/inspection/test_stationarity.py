@@ -116,3 +116,12 @@ def test_a_long_record_is_looked_at_in_steps(monkeypatch: pytest.MonkeyPatch):
     assert found is not None
     assert len(found.weight) == 2000
     assert is_whole(record)
+
+
+def test_a_change_that_is_certain_but_small_is_said():
+    record = shaken(0, 0.02, 1200.0)
+    louder = np.linspace(1.0, 2.2, record.samples)[:, None]
+    found = best(Record(record.time, record.values * louder, record.channels, record.units, name="ramp"))
+    assert found.good
+    assert "it grows by 1." in found.reasons[-1]
+    assert "stationary" in best(record).reasons[-1]

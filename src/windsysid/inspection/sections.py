@@ -329,6 +329,9 @@ def _judge_faults(
     judge(share / FAULT_LIMIT, words, words)
 
 
+_NAMES = {2: "halves", 4: "quarters"}
+
+
 def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any) -> None:
     """Vibration of each window against the record's, and whether it changes within the window, both beyond chance."""
     first, last = cut.edges[: -cut.per_window], cut.edges[cut.per_window :]
@@ -348,11 +351,14 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
     verb = ["grows" if f > 1.0 else "fades" for f in found.factor]
     size = np.exp(np.abs(np.log(found.factor)))
     complaint = [
-        f"the vibration {v} by {f:.2g} × between its {'halves' if n == 2 else 'quarters'}, chance makes {most:.2g} × at"
+        f"the vibration {v} by {f:.2g} × between its {_NAMES[n]}, chance makes {most:.2g} × at"
         " most (unless a decay is what you want)"
         for f, v, n, most in zip(size, verb, found.segments, found.allowed, strict=True)
     ]
-    words = [f"stationary (false alarms: {_percent(CHANCE)})"] * len(size)
+    words = [
+        f"stationary (false alarms: {_percent(CHANCE)})" if c else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
+        for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)
+    ]
     judge(PENALTY_OF_CHANGE * found.excess, words, complaint, PENALTY_OF_CHANGE)
 
 

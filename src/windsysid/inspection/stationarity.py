@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid._types import Array
+from windsysid._types import Array, Mask
 from windsysid.records.record import Record
 
 __all__ = ["CHANCE", "MAX_VIBRATION_CHANGE", "Changes", "Vibration", "changes", "vibration_of"]
@@ -99,6 +99,8 @@ class Changes(NamedTuple):
     ----------
     excess
         (w,): logarithm of the largest ratio over the one that is allowed; above 1 the vibration changes.
+    by_chance
+        (w,): whether all ratios are within what chance makes of a stationary vibration.
     factor, allowed
         (w,): between the rms of those two segments, later over earlier, and the largest either way that is allowed.
     segments
@@ -106,6 +108,7 @@ class Changes(NamedTuple):
     """
 
     excess: Array
+    by_chance: Mask
     factor: Array
     allowed: Array
     segments: NDArray[np.int64]
@@ -145,24 +148,30 @@ def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: ND
     from scipy.special import fdtri
 
     comparisons = len(EXPONENTS) * sum(n * (n - 1) // 2 for n in SEGMENTS)
+    sections = len(starts)
     best = Changes(
-        np.zeros(len(starts)), np.ones(len(starts)), np.full(len(starts), np.inf), np.full(len(starts), SEGMENTS[0])
-    )
+        np.zeros(sections), np.ones(sections, dtype=np.bool_), np.ones(sections), np.full(sections, np.inf),
+        np.full(sections, SEGMENTS[0]),
+    )  # fmt: skip
     for segments in SEGMENTS:
         cut = starts[:, None] + (ends - starts)[:, None] * np.arange(segments + 1) // segments
         found = [vibration.power(np.stack([cut[:, :-1], cut[:, 1:]], axis=-1)) for vibration in vibrations]
         power, freedom = (np.array(values) for values in zip(*found, strict=True))  # (m, 3, w, segments)
         least = freedom.min(axis=-1)
-        allowed = np.log(np.maximum(MAX_VIBRATION_CHANGE**2, fdtri(least, least, 1.0 - CHANCE / comparisons)))
+        chance = np.log(fdtri(least, least, 1.0 - CHANCE / comparisons))
+        allowed = np.maximum(chance, 2.0 * np.log(MAX_VIBRATION_CHANGE))
         level = np.log(power)
         for first, second in combinations(range(segments), 2):
             ratio = level[..., second] - level[..., first]
             excess = np.sqrt(np.mean((ratio / allowed) ** 2, axis=0))  # (3, w)
+            by_chance = best.by_chance & np.all(np.mean((ratio / chance) ** 2, axis=0) <= 1.0, axis=0)
+            best = best._replace(by_chance=by_chance)
             for k in range(len(EXPONENTS)):
                 larger = excess[k] > best.excess
                 sign = np.where(ratio[:, k].mean(axis=0) < 0.0, -0.5, 0.5)
                 best = Changes(
                     np.where(larger, excess[k], best.excess),
+                    by_chance,
                     np.where(larger, np.exp(sign * np.sqrt(np.mean(ratio[:, k] ** 2, axis=0))), best.factor),
                     np.where(larger, np.exp(0.5 * allowed[:, k].mean(axis=0)), best.allowed),
                     np.where(larger, segments, best.segments),
