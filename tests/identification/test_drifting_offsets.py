@@ -52,6 +52,19 @@ def test_sensors_that_do_not_wander_keep_what_they_have(name: str, seed: int):
         assert with_drifting_offsets(made, turbine, turbine.sensors, leaning=leaning) == (made, turbine.sensors, ())
 
 
+def test_sensors_that_feel_gravity_drift_only_where_a_caller_asks(verne555: Turbine):
+    """A structure that leans slowly reads like a drift there."""
+    made = walked(simulate_record(verne555, duration=200.0, rate=25.0, seed=1), verne555, 0.1, 1)
+    sensors = tuple(
+        sensor.model_copy(update={"feels_gravity": True}) if sensor.channel.startswith("tower") else sensor
+        for sensor in verne555.sensors
+    )
+    for leaning in (False, True):
+        found = with_drifting_offsets(made, verne555, sensors, leaning=leaning)[1]
+        drifting = {sensor.channel for sensor in found if sensor.drift and sensor.channel.startswith("tower")}
+        assert len(drifting) == (2 if leaning else 0)
+
+
 def test_a_slow_trend_is_taken_out_without_a_drift(verne555: Turbine):
     """One period over the record, twice as strong as the vibration: an identification took minutes."""
     made = simulate_record(verne555, duration=100.0, rate=25.0, seed=5)

@@ -1,11 +1,13 @@
 """Damping far from the file's is found, and the prior that held it is said to be wide now."""
 
-from typing import Literal
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pytest
 
-from windsysid.identification.held_priors import find_held, one_by_one
+from windsysid.identification.held_priors import find_held, note_wide_priors, one_by_one
 from windsysid.identification.identify import identify
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter
@@ -54,3 +56,24 @@ def test_a_prior_holds_what_the_likelihood_wants_elsewhere(likeliest: float, hel
     mode = grid[np.argmax([log_likelihood(np.array([x])) - 0.5 * ((x - 1.0) / 0.1) ** 2 for x in grid])]
     found = find_held(one_by_one(log_likelihood), np.array([mode]), np.array([[0.01]]), [c])
     assert found == tuple("c_x" for _ in held)
+
+
+class _Ended(NamedTuple):
+    """As much of an outcome as the note reads."""
+
+    model: Any
+    priors: tuple[Parameter, ...]
+    theta: np.ndarray
+    cov: np.ndarray
+    notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+
+@pytest.mark.parametrize(("estimate", "doubted"), [(9.0, True), (-5.0, True), (3.2, False), (0.8, False)])
+def test_an_estimate_far_from_the_prior_that_was_given_is_a_doubt_on_either_side(estimate: float, doubted: bool):
+    """Prior 2 ± 1, made four times as wide; the readings know the coefficient to 0.1."""
+    given = Parameter("c_x", 2.0, 1.0, False, 1.0)
+    model = SimpleNamespace(parameters=(replace(given, spread=4.0),))
+    told = note_wide_priors(_Ended(model, (given,), np.array([estimate]), 0.01 * np.eye(1)))  # type: ignore[arg-type]
+    assert len(told.notes) == 1
+    assert bool(told.doubts) is doubted

@@ -85,3 +85,22 @@ def test_blocks_one_by_one_say_what_they_say_together():
     assert math.isfinite(head.progress.evidence)
     assert head.progress.evidence == whole.progress.evidence
     assert whole.excused.max() > 0.0
+
+
+def test_a_level_is_as_uncertain_as_its_wander_leaves_it():
+    """The variance of a mixture: that of each wander, and how far their levels are apart."""
+    _, y = wandering(200, 0.05, 2)
+    r, x = np.full(len(y), SIGMA**2), np.zeros((len(y), 1))
+    prior, _ = first_belief(y[:100], r[:100], 1, "k", True)
+    rates = learn_rates(y[:100], r[:100], x[:100], prior)
+    likely = tuple((SIGMA**2 * share**2, 1.0, 0.0) for share in (1e-3, 0.3))
+    rates = rates._replace(likely=likely, learned_from=0)
+    y[150:] += 3.0 * SIGMA  # of which one wander takes in little and the other much
+    tracks = [track(y, r, x, prior, one) for one, _ in rates.hypotheses()]
+    found, evidence = together(tracks, rates), np.array([one.evidence for one in tracks])
+    weight = np.exp(evidence - evidence.max(axis=0))
+    weight /= weight.sum(axis=0)
+    level, std = (np.array([getattr(one, name) for one in tracks]) for name in ("level", "std"))
+    expected = np.sqrt((weight * (std**2 + level**2)).sum(axis=0) - (weight * level).sum(axis=0) ** 2)
+    assert found.std == pytest.approx(expected)
+    assert np.max(expected / np.sqrt((weight * std**2).sum(axis=0))) > 1.1
