@@ -65,7 +65,8 @@ def test_times_with_few_digits_are_put_right_with_their_gaps(rate, decimals, gap
         kept[slice(*(int(np.searchsorted(time, np.rint(time[k]))) for k in gap))] = False
         kept[gap[0] : int(np.searchsorted(time, np.rint(time[gap[0]])))] = True
         kept[int(np.searchsorted(time, np.rint(time[gap[1]]))) : gap[1]] = True
-    is_placed_as(place_packets(np.floor(time * 10**decimals)[kept] / 10**decimals), time[kept], rate)
+    cut = float(10**decimals)
+    is_placed_as(place_packets(np.floor(time * cut)[kept] / cut), time[kept], rate)
 
 
 def test_stamps_of_a_busy_computer_are_counted():

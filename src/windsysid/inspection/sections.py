@@ -180,7 +180,7 @@ def _judged(
     size = length / blocks
     count = int(whole / size * (1.0 + 1e-12))
     if count > blocks * record.samples:  # most blocks are empty: a gap that dwarfs the samples
-        return ()
+        return None
     edges = np.searchsorted(record.time, record.time[0] - 0.5 * step + size * np.arange(count + 1))
     if count < blocks or np.any(edges[blocks:] - edges[:-blocks] < blocks):
         blocks = min(blocks, count)

@@ -65,10 +65,12 @@ def test_what_is_proposed_for_dates_is_accepted(tmp_path, style, delimiter):
     else:
         with pytest.raises(RecordError) as caught:
             read_record(path)
-        advice = re.search(r'\[time\] (format = "[^"]*")$', str(caught.value))[1]
-        record = read_record(path, mapping=write(tmp_path, f"[time]\n{advice}\n", "m.toml"))
+        found = re.search(r'\[time\] (format = "[^"]*")$', str(caught.value))
+        assert found is not None
+        record = read_record(path, mapping=write(tmp_path, f"[time]\n{found[1]}\n", "m.toml"))
     np.testing.assert_array_equal(record.time, TIME)
     assert moment(record) in (MOMENTS[0], MOMENTS[0] - pd.Timedelta(hours=1 if "+0100" in cells[0] else 0))
+    assert record.start is not None
     assert record.start.endswith(zone)
     mapping = write(tmp_path, propose_mapping(path).to_toml() + '[channels."a"]\nunit = "m"\n', "p.toml")
     mapping.write_text(propose_mapping(path).to_toml())

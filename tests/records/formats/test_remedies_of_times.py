@@ -83,7 +83,9 @@ def test_a_record_whose_clock_was_set_back_is_readable_after_what_the_message_sa
 def test_dates_whose_clock_was_put_back_are_readable_in_two_files(tmp_path):
     body = [f"2021-10-31 02:{59 if k < 30 else 0:02d}:{k % 30:02d},{k}\n" for k in range(60)]
     message = refusal(write(tmp_path, "time,a [m]\n" + "".join(body)))
-    line = int(re.search(r"backwards at line (\d+) .*cut the file in two at that line", message)[1])
+    found = re.search(r"backwards at line (\d+) .*cut the file in two at that line", message)
+    assert found is not None
+    line = int(found[1])
     first, second = body[: line - 2], body[line - 2 :]
     for part in (first, second):
         assert read_record(write(tmp_path, "time,a [m]\n" + "".join(part))).samples == 30

@@ -48,9 +48,9 @@ def test_counters_are_not_taken_for_seconds(first, step):
 
 
 def test_seconds_since_1970_are_known_by_their_size():
-    assert confirmed_unit(1_625_659_200.0 + np.arange(20)) == "s"
+    assert confirmed_unit(1_625_659_200.0 + np.arange(20.0)) == "s"
     with pytest.raises(ValueError, match="no unit"):
-        confirmed_unit(1_625_659_200.0 + 10 * np.arange(20))  # or 18 days in milliseconds
+        confirmed_unit(1_625_659_200.0 + 10.0 * np.arange(20.0))  # or 18 days in milliseconds
 
 
 @pytest.mark.parametrize("name", ["x.csv", "bare.csv", "x.parquet", "x.nc", "x.h5", "x.mat"])
