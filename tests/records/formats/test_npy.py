@@ -80,6 +80,25 @@ def test_dates_become_seconds(tmp_path):
     np.testing.assert_allclose(read_record(tmp_path / "x.npz").time, TIME, atol=1e-9)
 
 
+@pytest.mark.filterwarnings("ignore:Stored array in format 3.0")
+def test_names_beyond_latin_1_are_read(tmp_path):
+    values = np.zeros(200, dtype=[("time", "f8"), ("Ω_rpm", "f8")])
+    values["time"], values["Ω_rpm"] = TIME, VALUES[:, 0]
+    np.save(tmp_path / "x.npy", values)
+    np.savez(tmp_path / "x.npz", x=values)
+    for name in ("x.npy", "x.npz"):
+        record = read_record(tmp_path / name)
+        np.testing.assert_allclose(record["Ω"], VALUES[:, 0] * 2.0 * np.pi / 60.0)
+
+
+def test_dates_in_months_are_no_channel(tmp_path):
+    months = np.arange(200).astype("M8[M]")
+    np.savez(tmp_path / "x.npz", time=TIME, a=VALUES[:, 0], month=months)
+    assert read_record(tmp_path / "x.npz").attributes["left_out"] == "month"
+    np.savez(tmp_path / "y.npz", time=months, a=VALUES[:, 0])
+    refused(tmp_path / "y.npz", "time")
+
+
 def test_pickles_are_never_read(tmp_path):
     class Trap:
         def __reduce__(self):

@@ -1,13 +1,14 @@
 """NumPy's ``.npy`` and ``.npz``: a structured array with a field for each channel, a matrix, or named arrays.
 
 The fields of a structured array are channels by their names. The columns of a matrix are ``column_1``, ``column_2`` …;
-as a text without a header it needs a mapping with the names and the rate. The arrays of an ``.npz`` are those of
-`windsysid.records.formats.arrays`. Headers are read first and held against the size of the file. Pickles are not read:
-they could run any program. Dates become seconds after the first.
+like text without a header it needs a mapping with the names and the rate. The arrays of an ``.npz`` are read by the
+rules of `windsysid.records.formats.arrays`. Headers are read first and compared with the size of the file. Pickles are
+not read: they could run any program. Dates become seconds after the first one.
 
 Source: NumPy, ``numpy.lib.format``.
 """
 
+import math
 import zipfile
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -28,10 +29,11 @@ __all__ = ["FORMAT"]
 
 _MAGIC = b"\x93NUMPY"
 _ENDING = ".npy"
+_COARSE = ("Y", "M", "generic")  # units of dates that have no fixed number of seconds
 
 
 class _Header(NamedTuple):
-    """What stands before the numbers of an array, and how many bytes it and they are."""
+    """Shape and data type of an array, and size of its header and numbers together [bytes]."""
 
     shape: tuple[int, ...]
     kind: np.dtype[Any]
@@ -82,13 +84,12 @@ def _header(file: IO[bytes]) -> _Header:
     if file.read(len(_MAGIC)) != _MAGIC:
         raise RecordError("is no array of NumPy; give the file the ending of what it is")
     file.seek(0)
-    read = {(1, 0): np.lib.format.read_array_header_1_0}.get(
-        np.lib.format.read_magic(file), np.lib.format.read_array_header_2_0
-    )
-    shape, _, kind = read(file)
-    count = 1
-    for size in shape:
-        count *= int(size)
+    version = np.lib.format.read_magic(file)
+    first = version == (1, 0)
+    shape, _, kind = (np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0)(file)
+    if version == (3, 0) and kind.names is not None:  # as 2.0, but for names in UTF-8, which was read as Latin-1
+        kind.names = tuple(name.encode("latin-1").decode() for name in kind.names)
+    count = math.prod(map(int, shape))
     return _Header(shape, kind, file.tell() + count * kind.itemsize)
 
 
@@ -99,7 +100,7 @@ def _check_size(name: str, header: _Header, size: int) -> None:
 
 
 def _stored(path: str, header: _Header, get: Callable[[], Any]) -> list[Stored]:
-    """An array as channels; a structured one has one for each field."""
+    """Channels of an array; a structured array has one for each field."""
     if header.kind.hasobject and header.kind.names is None:
         return [Stored(path, header.shape, lambda index: np.empty(0), numeric=False)]
     if header.kind.hasobject:
@@ -118,18 +119,18 @@ def _field(get: Callable[[], Any], name: str) -> Any:
 
 def _one(path: str, shape: tuple[int, ...], kind: np.dtype[Any], get: Callable[[], Any]) -> Stored:
     kept = tuple(size for size in shape if size != 1)
-    moments = kind.kind in "mM"
+    moments = kind.kind in "mM" and np.datetime_data(kind)[0] not in _COARSE
 
     def read(index: tuple[Any, ...]) -> Array:
         values = np.reshape(get(), kept)
         return doubles(_seconds(values)[index] if moments else values[index])
 
-    numeric = kind.kind in "fiubmM" and kind.subdtype is None
+    numeric = (kind.kind in "fiub" or moments) and kind.subdtype is None
     return Stored(path, kept, read, numeric, "s" if moments else None)
 
 
 def _seconds(moments: Any) -> Array:
-    """Dates as seconds after the first, and durations as seconds; NaN where there is none."""
+    """Dates as seconds after the first one, and durations as seconds; NaN where one is missing."""
     if moments.dtype.kind == "M":
         moments = moments - moments.flat[0]
     return np.asarray(moments / np.timedelta64(1, "s"))
