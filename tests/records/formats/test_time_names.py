@@ -40,6 +40,14 @@ def test_other_names_are_no_times(name):
     assert not is_called_time(name)
 
 
+@pytest.mark.parametrize("header", ["time [s],T_s [degC]", "time,T_s\ns,degC"])
+def test_a_name_like_a_time_in_another_unit_is_a_channel(tmp_path, header):
+    rows = "".join(f"{0.1 * k:.1f},{k}.5\n" for k in range(40))
+    record = read_record(write(tmp_path, f"{header}\n{rows}"))
+    assert record.channels == ("T_s",)
+    assert record.unit("T_s") == "degC"
+
+
 def test_a_second_time_is_a_channel_under_its_whole_name(tmp_path):
     rows = "".join(f"{0.1 * k:.1f},{100 * k},{k}.5\n" for k in range(40))
     record = read_record(write(tmp_path, f"time [s],time_ms,a [m]\n{rows}"))

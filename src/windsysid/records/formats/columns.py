@@ -33,6 +33,7 @@ __all__ = [
     "find_time",
     "find_times",
     "is_called_time",
+    "is_no_time_unit",
     "name_and_unit",
     "occurrences",
     "plan_columns",
@@ -70,11 +71,11 @@ _TIME_WITH_UNIT = re.compile(
     re.IGNORECASE,
 )
 _CAMEL_TIME = re.compile(r"(?P<name>[Tt]ime|[Tt]imestamp)(?P<unit>Ms|Us|Ns|Sec|Seconds|Millis|Milliseconds|Micros)")
-"""Names that end in a unit of time: ``time_ms``, ``t_us``, ``timestamp_ns``, ``Time in ms``, ``timeMs``; ``t_min`` and
-``t_d`` may be something else."""
+"""Names that end in a unit of time: ``time_ms``, ``t_us``, ``timestamp_ns``, ``Time in ms``, ``timeMs``. ``t_min`` and
+``t_d`` are left out: they may be other quantities."""
 
 COUNTER_NAMES = ("count", "counter", "sample", "samples", "index", "scan", "record", "row", "no", "no.", "nr", "n", "#")
-"""Names of a column that counts samples, in any case: with the mapping's `rate` it is the time."""
+"""Names of a column that counts samples, in any case; with the mapping's `rate` such a column is the time."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,9 @@ class Column:
 
 
 def split_unit(written: str) -> Cell:
-    """A header cell with its unit in brackets taken off, and a time with the unit at its end.
+    """Split a header cell into a name and a unit: the one in brackets, or the one at the end of a time's name.
+
+    A name that ends like a time in a unit of another quantity is no time: ``T_s [degC]`` is a temperature.
 
     Raises
     ------
@@ -117,26 +120,36 @@ def split_unit(written: str) -> Cell:
     name, unit = bracketed[1], bracketed[2] if bracketed[2] is not None else bracketed[3]
     bare, said = _time_and_unit(name)
     if said is not None and said != _spelt(unit):
+        if is_no_time_unit(unit):
+            return Cell(written, name, unit)
         raise RecordError(f"column '{written[:40]}' is in {said} and in {unit[:40]}; expected one unit; correct either")
     return Cell(written, bare, unit)
 
 
 def _time_and_unit(name: str) -> tuple[str, str | None]:
-    """The name of a time without the unit that ends it, and that unit; any other name as it is."""
+    """Split the name of a time into the name and the unit at its end; any other name stays whole, without a unit."""
     found = _TIME_WITH_UNIT.fullmatch(name) or _CAMEL_TIME.fullmatch(name)
     return (found["name"], _spelt(found["unit"])) if found else (name, None)
 
 
 def _spelt(unit: str) -> str | None:
-    """The one spelling of a unit of time in any case, None where it is none."""
+    """Canonical spelling of a unit of time, in any case of its letters; None for any other text."""
     for text in (unit, unit.lower()):
         with contextlib.suppress(ConfigurationError):
             return canonical(text) if si_unit(text) == "s" else None
     return None
 
 
+def is_no_time_unit(unit: str) -> bool:
+    """Whether a text is a known unit of another quantity than time."""
+    try:
+        return si_unit(unit) not in ("s", "1")
+    except ConfigurationError:
+        return False
+
+
 def is_called_time(name: str) -> bool:
-    """Whether a column is called as a time is, with or without a unit at the end of its name."""
+    """Whether a column has the name of a time, with or without a unit at its end."""
     return _time_and_unit(name)[0].lower() in TIME_NAMES
 
 
@@ -160,8 +173,9 @@ def _is_meant(name: str, suffix: str, unit: str) -> bool:
 
 
 def find_times(cells: Sequence[Cell], mapping: Mapping) -> tuple[int, ...]:
-    """The columns of the time: two where date and time of day stand apart; where the mapping gives the rate, none
-    unless the first one is called as a time or a counter is.
+    """Find the columns of the time: two where date and time of day are separate columns.
+
+    Where the mapping gives the rate, the first column counts only if it has the name of a time or of a counter.
 
     Raises
     ------
@@ -263,13 +277,14 @@ def plan_columns(
     if not columns:
         raise RecordError("holds no channel but the time; expected at least one")
     names = [column.name for column in columns]
-    # what the file lists several times is compared when it is read (`without_repeats`), what a mapping calls so is not
-    check_channels(names if {*renamed} & {name for name in names if names.count(name) > 1} else dict.fromkeys(names))
+    repeated = {name for name, count in Counter(names).items() if count > 1}
+    # `without_repeats` compares the values of names that the file repeats; names that a mapping repeats are an error
+    check_channels(names if repeated.intersection(renamed) else dict.fromkeys(names))
     return tuple(columns)
 
 
 def occurrences(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
-    """For each cell, the keys ``name#2`` that mean the second column of a name; none where the name occurs once."""
+    """List the keys of each cell, ``name#2`` for the second column of a name; none where the name occurs once."""
     counts, seen = Counter(cell.name for cell in cells), Counter[str]()
     keys: list[tuple[str, ...]] = []
     for cell in cells:

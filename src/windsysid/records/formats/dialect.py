@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.clock import is_stamp
-from windsysid.records.formats.columns import Cell, is_called_time, name_and_unit, split_unit
+from windsysid.records.formats.columns import Cell, is_called_time, is_no_time_unit, name_and_unit, split_unit
 from windsysid.records.formats.mapping import CsvRule
 from windsysid.records.record import AS_WRITTEN
 from windsysid.units import canonical, si_unit
@@ -34,7 +34,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 _NAMES = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
 _SEPARATOR = re.compile(r'"?sep=([,;\t])"?', re.IGNORECASE)
 _LOOK = 100  # lines
-_COUNTERS = ("unnamed: 0", "index", "level_0", "row")  # names of a first column that counts rows, in small letters
+_COUNTERS = ("unnamed: 0", "index", "level_0", "row")  # names of a first column that counts rows, in lower case
 
 Line = tuple[int, str]
 
@@ -236,7 +236,7 @@ def _decimal(rows: list[list[str]], delimiter: str) -> str:
 
 
 def counts_rows(cells: Sequence[Cell], rows: list[list[str]]) -> bool:
-    """Whether the first column only counts the rows, as the index that pandas writes without a name."""
+    """Whether the first column only counts the rows, as an index without a name that pandas writes."""
     return len(cells) > 1 and cells[0].written.lower() in _COUNTERS and _counts(rows)
 
 
@@ -296,6 +296,8 @@ def _with_units(header: list[str], units: list[str], line: int) -> tuple[Cell, .
     for name, unit in zip(header, units, strict=True):
         bare = unit[1:-1].strip() if unit[:1] + unit[-1:] in ("[]", "()") and len(unit) > 1 else unit
         cell = split_unit(name) if bare else name_and_unit(name)
+        if cell.unit is not None and name[-1] not in ")]" and is_no_time_unit(bare):
+            cell = Cell(name, name)  # T_s in degC: the name only looks like a time
         if bare and cell.unit is not None and not _same(cell.unit, bare):
             raise RecordError(f"column '{name}' is in '{bare}' after line {line}; expected one unit; correct either")
         cells.append(Cell(name, cell.name, bare or cell.unit))
