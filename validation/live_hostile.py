@@ -26,7 +26,7 @@ from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, decode, encode_arrow, encode_json
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.estimate import Estimated
-from windsysid.live.limits import FREE_CELLS, Limits
+from windsysid.live.limits import ALWAYS_ALLOWED_CELLS, Limits
 from windsysid.live.sources.broker import LONGEST_PAYLOAD
 from windsysid.live.store.opening import open_store
 from windsysid.live.store.store import Store
@@ -207,7 +207,7 @@ def hostile(messages: int, seed: int, *, tell: Callable[[str], object] = print) 
     rows = [result.row for name in ("T01", "T02") for result in store.results(name)]
     faults += [f"a window failed: {row['why']}" for row in rows if row["status"] == "failed"]
     largest = max(int(str(row["why"]).split()[0]) for row in rows if row["status"] != "failed")
-    tell(f"largest table of a window: {largest} cells (allowed: {FREE_CELLS}, and 8 for each value received)")
+    tell(f"largest table of a window: {largest} cells (allowed: {ALWAYS_ALLOWED_CELLS}, and 8 for each value received)")
     taken = next(one for one in store.statuses() if one.turbine == "T01").counts
     if taken["blocks"] != messages or taken.get("refused") or taken.get("too late") or store.trouble:
         faults.append(f"good blocks: {messages} sent, {dict(taken)}; store: {store.trouble!r}")

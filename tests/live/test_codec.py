@@ -309,7 +309,7 @@ def test_columns_that_share_their_bytes_are_refused():
 
 
 def test_schemas_that_are_remembered_are_bounded(monkeypatch):
-    monkeypatch.setattr(arrow, "KNOWN_BYTES", 10_000)
+    monkeypatch.setattr(arrow, "MAX_SCHEMA_CACHE_BYTES", 10_000)
     arrow._schemas.clear()
     for i in range(50):
         decode(sent([pa.field(f"c{'x' * i}", pa.float64(), metadata={"unit": "m"})], [A_COLUMN]), turbine="T01")

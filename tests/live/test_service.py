@@ -23,7 +23,7 @@ import pytest
 import windsysid as ws
 from windsysid.errors import ConfigurationError, StoreError
 from windsysid.fleet.members import Member
-from windsysid.live.logs import Repeats, event, start_log
+from windsysid.live.logs import RepeatFilter, event, start_log
 from windsysid.live.service import _supply, listen, serve, url_of
 from windsysid.live.settings import LogSettings, PageSettings, Settings
 from windsysid.live.sources.folder import FolderSource
@@ -271,7 +271,7 @@ def test_lines_that_repeat_are_counted_and_not_written(capfd: pytest.CaptureFixt
 
 
 def test_kinds_of_lines_that_are_counted_are_bounded():
-    repeats = Repeats()
+    repeats = RepeatFilter()
     for k in range(5000):
         assert repeats.filter(logging.LogRecord("a", logging.ERROR, "", 0, f"line {k}", None, None))
     assert len(repeats._counted) == 1000

@@ -25,10 +25,10 @@ MOST_MARKS = 100
 """Of a schema or a field."""
 
 MOST_BATCHES = 10_000
-"""Of a stream: a description of a batch takes 100 bytes, however few rows it has."""
+"""Largest number of batches in a stream: each one takes 100 bytes of description, however few rows it has."""
 
-KNOWN_AT_MOST, KNOWN_BYTES = 32, 16_000_000
-"""Lengths of schemas that are remembered, of each length as many, and bytes of them all."""
+KNOWN_AT_MOST, MAX_SCHEMA_CACHE_BYTES = 32, 16_000_000
+"""Largest number of schema lengths in the cache, and of schemas of one length; size of the cache [bytes]."""
 
 SCHEMA, BATCH = 1, 3
 """Kinds of messages (MessageHeader)."""
@@ -116,7 +116,7 @@ def read_columns(payload: bytes, *, most_rows: int, most_columns: int) -> Column
             raise NotArrowError("expected a schema first")
         schema = _known_schema(payload, first) or _schema(payload, first, most_columns)
         fields = schema.fields
-        if len(fields) > most_columns:  # a schema that was read under other bounds
+        if len(fields) > most_columns:  # the cache may hold a schema that was read with other limits
             raise _too_wide(len(fields), most_columns)
         batches = []
         rows = 0
@@ -131,7 +131,7 @@ def read_columns(payload: bytes, *, most_rows: int, most_columns: int) -> Column
             if len(batches) > MOST_BATCHES:
                 raise NotArrowError(f"more than {MOST_BATCHES} batches: send one")
         if rows * sum(field.dtype.itemsize for field in fields) > len(payload):
-            raise NotArrowError("columns share their bytes: expected those of each one by themselves")
+            raise NotArrowError("columns share their bytes: expected separate bytes for each column")
         single = bool(fields) and all(field.dtype.itemsize == 4 for field in fields)
         values = np.empty((rows, len(fields)), dtype=np.float32 if single else np.float64)
         at = 0
@@ -199,11 +199,12 @@ def _schema(payload: bytes, message: _Message, most_columns: int) -> _Schema:
 
 
 def _remember(schema: _Schema, length: int) -> None:
+    """Add a schema of so many bytes to the cache, which is emptied where it would become too large."""
     held = sum(size * len(alike) for size, alike in _schemas.items())
-    if len(_schemas) >= KNOWN_AT_MOST or held + length > KNOWN_BYTES:
+    if len(_schemas) >= KNOWN_AT_MOST or held + length > MAX_SCHEMA_CACHE_BYTES:
         _schemas.clear()
     texts = sum(len(field.name) + len(field.unit or "") for field in schema.fields)
-    if texts <= length <= KNOWN_BYTES:  # else names share their bytes
+    if texts <= length <= MAX_SCHEMA_CACHE_BYTES:  # longer texts would share their bytes
         alike = _schemas.setdefault(length, [])
         alike.insert(0, schema)
         del alike[KNOWN_AT_MOST:]

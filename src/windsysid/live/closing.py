@@ -9,7 +9,7 @@ from windsysid.fleet.rows import Row, failed_row
 from windsysid.live.block import Block
 from windsysid.live.estimate import Estimator, Here
 from windsysid.live.follower import Conclusion, Follower, WindowTask
-from windsysid.live.limits import printable
+from windsysid.live.limits import one_line
 from windsysid.live.store.contents import Result
 from windsysid.live.streams import Drift, drifts
 from windsysid.live.timeline import gather
@@ -34,8 +34,8 @@ def estimate(follower: Follower, task: WindowTask, blocks: Iterable[Block], esti
     followed = follower.followed
     try:
         gathered = gather(blocks, task.window, task.until, source)
-    except Exception as error:  # its blocks would raise for ever, and hold up the windows behind it
-        why = printable(f"the window's blocks cannot be joined ({type(error).__name__}: {error})")
+    except Exception as error:  # a retry would fail as well, and would delay the windows that follow
+        why = one_line(f"the window's blocks cannot be joined ({type(error).__name__}: {error})")
         return Read(failed_row(source, 0, follower.settings, why), {}, time.thread_time() - begun, 0.0)
     joined = time.thread_time()
     found = estimator.take(gathered, source, followed.member, followed.formulation, follower.settings)

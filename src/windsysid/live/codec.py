@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from windsysid.errors import ConfigurationError, RecordError, StoreError, WindsysidError
 from windsysid.live.arrow import NotArrowError, read_columns
 from windsysid.live.block import Block
-from windsysid.live.limits import LAST_MOMENT, Limits, printable
+from windsysid.live.limits import LAST_MOMENT, Limits, one_line
 from windsysid.records.checks import check_channels
 from windsysid.records.moments import moment, tidy
 from windsysid.records.record import AS_WRITTEN
@@ -44,15 +44,18 @@ _STREAM = re.compile(r"[\w.-]{0,40}")
 
 
 class BlockRefused(WindsysidError, ValueError):  # noqa: N818  (it is the sender's error, not ours)
-    """A block that can never be taken: one printable line says what was expected and what came."""
+    """A block that cannot be accepted; the message is one printable line: what was expected and what was received."""
 
     def __init__(self, why: str) -> None:
-        super().__init__(printable(why))
+        super().__init__(one_line(why))
 
 
 @contextmanager
 def refusing(what: str) -> Iterator[None]:
-    """Turn every error inside but one of the store into a refusal: no block may stop those behind it."""
+    """Turn every error inside the context, except of the store, into a `BlockRefused`.
+
+    An unexpected error in one block must not stop the blocks that follow.
+    """
     try:
         yield
     except (BlockRefused, StoreError):
@@ -118,7 +121,7 @@ def encode_json(block: Block) -> bytes:
 
 
 def check(block: Block, limits: Limits = Limits()) -> Block:
-    """The block as the engine takes it: in SI, infinite and absurd values missing, its rate to twelve digits.
+    """Return the block in SI, its rate to twelve digits, with values that are infinite or too large set to missing.
 
     Raises
     ------

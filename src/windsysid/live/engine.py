@@ -167,7 +167,7 @@ class Engine:
         return block
 
     def _count_refusal(self, follower: Follower, error: BlockRefused) -> None:
-        """Count a refusal and show it; it is one though the store should fail just now."""
+        """Count a refusal and open an alarm for it; an error of the store does not replace the refusal."""
         with follower.lock, contextlib.suppress(StoreError):
             follower.counts["refused"] += 1
             self._data_alarm(follower, "refused", "notice", f"a block was refused: {error}")
@@ -199,7 +199,7 @@ class Engine:
         return done
 
     def _commit_of(self, follower: Follower, block: Block, placed: Placed, now: int) -> Commit:
-        """A new block, and what it says of the sensors."""
+        """Build the commit of a new block: the block, the turbine's status, and the health of its sensors."""
         health = follower.streams[block.stream].health
         if health is None:
             health = follower.streams[block.stream].health = StreamHealth()
@@ -222,7 +222,7 @@ class Engine:
     ) -> Future[None]:
         """Done when `stored` is and few windows of its turbine wait: who sends again must not be told sooner.
 
-        `forget` undoes the placing of the block that `stored` is of; without it, `stored` is of another one.
+        `forget` undoes the placement of the block of `stored`; without it, `stored` is of another block.
         """
         done: Future[None] = Future()
 

@@ -137,8 +137,8 @@ class Follower:
         Raises
         ------
         BlockRefused
-            If it is longer than two windows, there are too many loggers, or a window's table would grow far more than
-            by what it brings.
+            If it is longer than two windows, there are too many loggers, or the table of a window would grow by far
+            more cells than the block has values.
         """
         windows = self.windows.of_block(block)
         if len(windows) > LONGEST:
@@ -184,7 +184,7 @@ class Follower:
         self._run_up(block.stream)
 
     def _grown(self, block: Block, window: int) -> "Growth":
-        """Size of a window's table without and with a block; samples of another rate or logger have their own table."""
+        """Size of a window's table without and with a block; each logger and each rate has a table of its own."""
         before = self.tables.get(window, {}).get((block.stream, block.rate))
         return growth(before, block, window, window + self.windows.length)
 

@@ -1,44 +1,46 @@
-"""Bounds of what a sender may send, all in one place; docs/live_sources.md states them.
+"""Limits on blocks from senders, as docs/live_sources.md lists them.
 
-A sender is not trusted. Memory and time that a block costs are bounded by its size, and what a window's table holds is
-bounded by what was received for it.
+A sender is not trusted. The memory and time for a block are bounded by its size, and the size of a window's table by
+the number of values received for it.
 """
 
 from typing import NamedTuple
 
-__all__ = ["LAST_MOMENT", "MAX_TABLE_CHANNELS", "Limits", "cells_allowed", "printable"]
+from windsysid.output.console import printable
+
+__all__ = ["LAST_MOMENT", "MAX_TABLE_CHANNELS", "Limits", "cells_allowed", "one_line"]
 
 LAST_MOMENT = 2**62
-"""In the year 2116 [ns since 1970]: a sample taken later has no date."""
+"""Latest time of a sample [ns since 1970], in the year 2116."""
 
-FREE_CELLS = 4_000_000
-"""Cells of a window's table that nobody has to justify (32 MB): 10 min of 66 channels at 100 Hz."""
+ALWAYS_ALLOWED_CELLS = 4_000_000
+"""Number of cells of a window's table that is always allowed (32 MB): 10 min of 66 channels at 100 Hz."""
 
-CELLS_PER_VALUE = 8
-"""Further cells for each value received: seven of eight samples of a large table may be missing."""
+MAX_CELLS_PER_VALUE = 8
+"""Number of further cells for each value received: seven of eight samples of a large table may be missing."""
 
 MAX_TABLE_CHANNELS = 1000
-"""Channels of a turbine that are followed at once; beyond, those with the fewest or oldest samples are left out."""
+"""Largest number of channels of a turbine; of more, those with the fewest or the oldest samples are left out."""
 
-_MAX_TEXT = 300
-"""Characters of a reason for a refusal."""
+_MAX_REASON_CHARACTERS = 300
+"""Length of the reason for a refusal."""
 
 
 class Limits(NamedTuple):
-    """Largest block that is taken.
+    """Limits on a block.
 
     Attributes
     ----------
     payload
-        [bytes].
+        Size of the message [bytes].
     samples, channels
-        Of a block.
+        Largest numbers in a block.
     rate, lowest_rate
-        [Hz].
+        Highest and lowest sampling rate [Hz].
     name
-        Characters of a channel's name or unit, all of them printable.
+        Length of a channel's name or unit [characters], which must be printable.
     magnitude
-        Largest value in SI; beyond it a sample counts as missing, as an infinite one does.
+        Largest absolute value in SI; a larger or infinite one counts as missing.
     """
 
     payload: int = 8_000_000
@@ -51,11 +53,11 @@ class Limits(NamedTuple):
 
 
 def cells_allowed(values: float) -> float:
-    """Largest number of cells of a window's table for which so many values were received."""
-    return FREE_CELLS + CELLS_PER_VALUE * values
+    """Largest number of cells of a window's table for this number of received values."""
+    return ALWAYS_ALLOWED_CELLS + MAX_CELLS_PER_VALUE * values
 
 
-def printable(text: str, most: int = _MAX_TEXT) -> str:
-    """The text in one line of printable characters, cut to `most` of them."""
-    shown = "".join(sign if sign.isprintable() else "?" for sign in " ".join(text.split()))
+def one_line(text: str, most: int = _MAX_REASON_CHARACTERS) -> str:
+    """Return the text as one line of at most `most` printable characters."""
+    shown = printable(" ".join(text.split()))
     return shown if len(shown) <= most else f"{shown[: most - 1]}…"

@@ -6,11 +6,12 @@ Whatever a client or a broker said is one line of printable characters here.
 import json
 import logging
 import sys
+import threading
 import time
 from collections import OrderedDict
 from datetime import UTC, datetime
 
-from windsysid.live.limits import printable
+from windsysid.live.limits import one_line
 from windsysid.live.settings import LogSettings
 
 __all__ = ["event", "start_log"]
@@ -22,55 +23,57 @@ FIELDS = "fields"
 """Attribute of a log record: what belongs to it, by name."""
 
 LEFT_OUT = "left_out"
-"""Attribute of a log record: how many lines like it were not written."""
+"""Attribute of a log record: number of similar lines that were not written."""
 
-OTHERS = ("uvicorn.error", "asyncio")
-"""Loggers of libraries whose warnings belong to the service's log."""
+LIBRARY_LOGGERS = ("uvicorn.error", "asyncio")
+"""Loggers of libraries whose warnings are part of the service's log."""
 
-ALIKE, ALIKE_SECONDS = 20, 60.0
-"""Lines that say the same of different things, and the time in which so many are written [s]."""
+MAX_SIMILAR_LINES, SIMILAR_LINES_SECONDS = 20, 60.0
+"""Largest number of similar lines that are written in a period, and length of the period [s]."""
 
-KINDS = 1000
-"""Kinds of lines that are counted."""
+MAX_LINE_KINDS = 1000
+"""Largest number of kinds of lines that are counted at a time."""
 
 
 def start_log(settings: LogSettings) -> None:
     """Write what windsysid and its web server log to standard error from now on."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_Json() if settings.format == "json" else _Text())
-    handler.addFilter(Repeats())
-    for name in ("windsysid", *OTHERS):
+    handler.addFilter(RepeatFilter())
+    for name in ("windsysid", *LIBRARY_LOGGERS):
         logger = logging.getLogger(name)
         logger.handlers, logger.propagate = [handler], False
     logging.getLogger("windsysid").setLevel(settings.level.upper())
-    for name in OTHERS:
+    for name in LIBRARY_LOGGERS:
         logging.getLogger(name).setLevel(max(logging.WARNING, logging.getLogger("windsysid").level))
 
 
-class Repeats(logging.Filter):
-    """Lets lines that say the same of different things through `ALIKE` times in a minute, and counts the others.
+class RepeatFilter(logging.Filter):
+    """Filter that writes at most `MAX_SIMILAR_LINES` similar lines in a period, and counts the others.
 
-    Lines are alike that one logger writes at one level from one template. The first of the next minute tells how many
-    were left out.
+    Lines are similar if they have the same logger, level and template. The first one of the next period gives the
+    number of lines that were left out. Threads may log at the same time: `logging` calls filters without its lock.
     """
 
-    def __init__(self, alike: int = ALIKE, seconds: float = ALIKE_SECONDS) -> None:
+    def __init__(self, most: int = MAX_SIMILAR_LINES, seconds: float = SIMILAR_LINES_SECONDS) -> None:
         super().__init__()
-        self._alike, self._seconds = alike, seconds
+        self._most, self._seconds = most, seconds
+        self._guard = threading.Lock()
         self._counted: OrderedDict[tuple[str, int, str], tuple[float, int]] = OrderedDict()
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Whether a line is written."""
         key, now = (record.name, record.levelno, str(record.msg)[:LONGEST]), time.monotonic()
-        begun, count = self._counted.get(key, (now, 0))
-        if now - begun >= self._seconds:
-            setattr(record, LEFT_OUT, max(0, count - self._alike))
-            begun, count = now, 0
-        self._counted[key] = begun, count + 1
-        self._counted.move_to_end(key)
-        if len(self._counted) > KINDS:
-            self._counted.popitem(last=False)
-        return count < self._alike
+        with self._guard:
+            begun, count = self._counted.get(key, (now, 0))
+            if now - begun >= self._seconds:
+                setattr(record, LEFT_OUT, max(0, count - self._most))
+                begun, count = now, 0
+            self._counted[key] = begun, count + 1
+            self._counted.move_to_end(key)
+            if len(self._counted) > MAX_LINE_KINDS:
+                self._counted.popitem(last=False)
+        return count < self._most
 
 
 def event(level: int, message: str, **fields: object) -> None:
@@ -79,7 +82,7 @@ def event(level: int, message: str, **fields: object) -> None:
 
 
 def _clean(text: str) -> str:
-    return printable(text, LONGEST)
+    return one_line(text, LONGEST)
 
 
 def _moment(record: logging.LogRecord) -> str:

@@ -48,7 +48,7 @@ THIN_SECONDS = 6 * 3600.0
 PORTS_TRIED = 20
 
 BACKLOG = 128
-"""Connections that are taken at once, before the oldest can give way."""
+"""Length of the queue of connections that are not accepted yet."""
 
 
 def listen(page: PageSettings, *, any_near: bool = False) -> socket.socket:
@@ -225,7 +225,7 @@ def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[
     import uvicorn
 
     from windsysid.live.page.app import app, streams_of
-    from windsysid.live.page.connections import Connections, bounded, most_connections
+    from windsysid.live.page.connections import Connections, bounded, connection_limit
 
     class Server(uvicorn.Server):
         @contextlib.contextmanager
@@ -236,7 +236,7 @@ def _server(settings: Settings, store: Store, engine: Engine, sources: Sequence[
     certificate, key = settings.page.certificate, settings.page.key
     config = uvicorn.Config(
         page, log_config=None, access_log=False, server_header=False, lifespan="off", ws="none",
-        http=bounded(Connections(most_connections())), backlog=BACKLOG, timeout_keep_alive=30,
+        http=bounded(Connections(connection_limit())), backlog=BACKLOG, timeout_keep_alive=30,
         timeout_graceful_shutdown=STREAM_SECONDS,
         ssl_certfile=certificate, ssl_keyfile=key,
     )  # fmt: skip

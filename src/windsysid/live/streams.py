@@ -367,7 +367,7 @@ def drifts(known: Mapping[str, list[float]], row: Row, window: int, until: int) 
             largest = max(largest, abs(off) if n <= DRIFT_LEARN else min(abs(off), DRIFT_GROWTH * largest))
         if n > DRIFT_LEARN:  # what lies outside must not widen what is usual
             off = math.copysign(min(abs(off), 3.0 * math.sqrt(variance)), off)
-        after.pop(name, None)  # the newest stand last
+        after.pop(name, None)  # the newest come last
         after[name] = [n, centre + weight * off, (1.0 - weight) * (variance + weight * off * off), largest, 0.0]
     while len(after) > MAX_TABLE_CHANNELS:
         del after[next(iter(after))]

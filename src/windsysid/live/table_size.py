@@ -1,8 +1,8 @@
-"""How large the table of a window becomes: between two samples of one logger every moment is a row.
+"""Size of a window's table, which has a row for every sampling instant between the first and the last sample.
 
-Two samples 10 min apart at 20 kHz are a table of 12 million rows. A block is refused where the table would grow far
-more than by the samples that the block brings and those that may still come. So a gap is never refused before its
-window is nearly over, and one wide or fast block does not use up what the blocks behind it may hold.
+Two samples 10 min apart at 20 kHz make a table of 12 million rows. A block is refused if the table would grow by far
+more cells than the block has values and the rest of the window may still have. So a gap is never refused before its
+window is nearly over, and one wide or fast block does not use up the size allowed for the following blocks.
 """
 
 from typing import NamedTuple
@@ -10,15 +10,13 @@ from typing import NamedTuple
 from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused
 from windsysid.live.limits import cells_allowed
+from windsysid.live.timeline import SECOND
 
 __all__ = ["Growth", "TableSize", "growth"]
 
-SECOND = 1_000_000_000
-"""Nanoseconds."""
-
 
 class TableSize(NamedTuple):
-    """The table of one logger's samples at one rate, within one window.
+    """Extent of the table of one logger's samples at one rate, within one window.
 
     Attributes
     ----------
@@ -42,18 +40,18 @@ class TableSize(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """A table without a block and with it."""
+    """Size of a table without and with a block."""
 
     before: TableSize | None
     after: TableSize
 
     def check(self, block: Block, until: int) -> None:
-        """Refuse a block for which the table would grow too much; `until` is the end of the window [ns since 1970].
+        """Refuse a block that makes the table grow too much; `until` is the end of the window [ns since 1970].
 
         Raises
         ------
         BlockRefused
-            With the size of the table.
+            If the table would be too large.
         """
         grown = self.after.cells - (self.before.cells if self.before is not None else 0.0)
         coming = max(0.0, (until - self.after.last) / SECOND * block.rate * len(block.channels))
@@ -66,7 +64,7 @@ class Growth(NamedTuple):
 
 
 def growth(before: TableSize | None, block: Block, window: int, until: int) -> Growth:
-    """The table of a window from `window` to `until` [ns since 1970] without a block and with it."""
+    """Size of the table of a window from `window` to `until` [ns since 1970] without and with a block."""
     first = max(block.start, window)
     last = min(block.start + round(len(block.values) * SECOND / block.rate), until)
     if before is None:

@@ -39,7 +39,7 @@ AVERAGED, MOST_AVERAGED = 10.0, 100
 
 
 MIN_LEAD_SHARE = 0.01
-"""Of the longest logger's samples, in time: the grid of one with fewer would be a record of next to nothing."""
+"""Minimum duration of a logger's samples, relative to the longest logger's, for its grid to be the record's."""
 
 
 class Windows(NamedTuple):
@@ -92,8 +92,8 @@ class Gathered(NamedTuple):
     repeated
         Samples that came more than once.
     cut
-        Samples that were left out, since they have no common grid with the others, or one that is far larger than what
-        was received.
+        Samples that were left out: they have no common grid with the others, or one that is far larger than the number
+        of values received.
     """
 
     record: Record | None
@@ -153,7 +153,7 @@ def _inside(block: Block, window: int, until: int) -> Block | None:
 
 
 def _with_most_channels(blocks: Sequence[Block]) -> Iterable[Block]:
-    """The blocks without the channels of the fewest samples, where there are more than `MAX_TABLE_CHANNELS`."""
+    """Leave out the channels with the fewest samples if there are more than `MAX_TABLE_CHANNELS`."""
     names = {block.channels for block in blocks}
     if len({name for channels in names for name in channels}) <= MAX_TABLE_CHANNELS:
         return blocks
@@ -173,9 +173,9 @@ def _narrowed(block: Block, kept: Container[str]) -> Block | None:
 
 
 def _longest(blocks: Sequence[Block]) -> tuple[_Piece, int, int]:
-    """The longest piece of one logger's blocks on one grid, how many samples had come before, and those left out.
+    """Find the longest piece of one logger's blocks on one grid; count its repeated samples, and those left out.
 
-    Only pieces that may be the longest are filled, one after the other: each is a table.
+    Only pieces that can be the longest are filled, one after the other, since each one is a table.
     """
     parts: list[tuple[float, Sequence[Block], list[int]]] = []
     at = 0
@@ -204,7 +204,7 @@ def _duration(piece: _Piece) -> tuple[float, int]:
 
 
 def _indices(blocks: Sequence[Block], first: int) -> list[int]:
-    """Where on the grid of block `first` it and those behind it begin, as far as they share the grid."""
+    """First rows of block `first` and of the following blocks on its grid, as far as they share the grid."""
     rate, origin = blocks[first].rate, blocks[first].start
     index: list[int] = []
     end = 0  # of what is placed
@@ -240,7 +240,7 @@ def _indices(blocks: Sequence[Block], first: int) -> list[int]:
 
 
 class _Known:
-    """The blocks of a piece that are placed already, by where they begin."""
+    """The blocks of a piece that are placed, sorted by their first rows."""
 
     def __init__(self) -> None:
         self._begins: list[int] = []
@@ -249,7 +249,7 @@ class _Known:
         self._channels: frozenset[str] = frozenset()
 
     def add(self, block: Block, begin: int) -> bool:
-        """Add a block, unless the table would then be far larger than what was received; the first one always fits."""
+        """Add a block, unless the table would become too large for the values received; the first one always fits."""
         rows, values = max(self._rows, begin + len(block.values)), self._values + block.values.size
         new = not self._channels.issuperset(block.channels)
         channels = self._channels.union(block.channels) if new else self._channels
@@ -263,7 +263,7 @@ class _Known:
         return True
 
     def repeats(self, new: Block, begin: int) -> bool:
-        """Whether a block placed at `begin` says of every moment what an earlier one said, or nothing was said."""
+        """Whether a block placed at `begin` has the values of earlier blocks wherever both have a value."""
         end = begin + len(new.values)
         low = bisect.bisect(self._begins, begin - self._longest)
         for j in range(low, bisect.bisect_left(self._begins, end)):
@@ -273,7 +273,7 @@ class _Known:
 
 
 def _agree(old: Block, at: int, new: Block, begin: int) -> bool:
-    """Whether two blocks, placed at `at` and `begin`, say the same where they overlap; NaN says nothing."""
+    """Whether two blocks, placed at `at` and `begin`, have equal values where they overlap; NaN equals any value."""
     low, high = max(begin, at), min(begin + len(new.values), at + len(old.values))
     shared = [name for name in new.channels if name in old.channels]
     if low >= high or not shared:
@@ -309,9 +309,10 @@ def _filled(blocks: Sequence[Block], index: Sequence[int], rate: float, origin: 
 
 
 def _joined(pieces: Sequence[_Piece], name: str) -> tuple[Record | None, float, int]:
-    """One record of the pieces of all loggers, its rate [Hz], and samples of loggers for which there was no room.
+    """Join the pieces of all loggers to one record; its rate [Hz], and the samples of loggers that were left out.
 
-    Its grid is that of the fastest logger, the one with the most samples first; one that sent next to nothing is none.
+    The grid is that of the fastest logger, of several the one with the most samples; loggers with less than
+    `MIN_LEAD_SHARE` do not count.
     """
     least = MIN_LEAD_SHARE * max(piece.there / piece.rate for piece in pieces)
     lead = max(
@@ -347,7 +348,7 @@ def _joined(pieces: Sequence[_Piece], name: str) -> tuple[Record | None, float, 
 
 
 def _on_grid(piece: _Piece, lead: _Piece) -> NDArray[np.float64]:
-    """The samples of a logger at the nearest moments of another one's grid."""
+    """Place the samples of a logger at the nearest instants of another logger's grid."""
     moments = (piece.start - lead.start) / SECOND + np.arange(len(piece.values)) / piece.rate
     at = np.floor(moments * lead.rate + 0.5).astype(np.int64)
     inside = (at >= 0) & (at < len(lead.values))

@@ -351,6 +351,6 @@ def test_a_store_that_cannot_be_read_is_a_failed_service(store, monkeypatch):
 
 def test_what_a_source_refused_is_told_with_its_reason(store):
     source = FolderSource("folder", "T01")
-    source.state = source.state.refusing("a.csv: no\nmoment")
+    source.state = source.state.with_refusal("a.csv: no\nmoment")
     (shown,) = TestClient(app(store, sources=[source]), base_url=OWN).get("/api/overview").json()["sources"]
     assert (shown["refused"], shown["refusal"]) == (1, "a.csv: no moment")

@@ -12,7 +12,7 @@ import uvicorn
 from tests.live.sources.servers import wait_for
 from windsysid.live.page import connections
 from windsysid.live.page.app import app
-from windsysid.live.page.connections import Connections, bounded, most_connections
+from windsysid.live.page.connections import Connections, bounded, connection_limit
 
 HALF = b"GET /health HTTP/1.1\r\nHost: localhost\r\nX-a: "
 POST = b"POST /login HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100\r\n\r\ntoken="
@@ -78,7 +78,7 @@ def test_half_requests_keep_nobody_out_not_even_those_of_their_own_address(serve
 
 @pytest.mark.parametrize("said", [HALF, POST, b"", WHOLE + HALF])
 def test_a_request_that_does_not_come_to_its_end_is_closed(serve, monkeypatch, said):
-    monkeypatch.setattr(connections, "REQUEST_SECONDS", 0.2)
+    monkeypatch.setattr(connections, "MAX_REQUEST_SECONDS", 0.2)
     port = serve(Connections())
     with opened(port, said) as one:
         begun = time.monotonic()
@@ -91,7 +91,7 @@ def test_a_request_that_does_not_come_to_its_end_is_closed(serve, monkeypatch, s
 
 
 def test_a_connection_that_is_kept_alive_between_two_requests_is_left_open(serve, monkeypatch):
-    monkeypatch.setattr(connections, "REQUEST_SECONDS", 0.2)
+    monkeypatch.setattr(connections, "MAX_REQUEST_SECONDS", 0.2)
     with opened(serve(Connections()), WHOLE) as one:
         assert one.recv(4000).startswith(b"HTTP/1.1 200 OK")
         time.sleep(0.5)
@@ -100,7 +100,7 @@ def test_a_connection_that_is_kept_alive_between_two_requests_is_left_open(serve
 
 
 def test_a_client_that_does_not_read_its_answer_is_closed(serve, monkeypatch):
-    monkeypatch.setattr(connections, "ANSWER_SECONDS", 0.2)
+    monkeypatch.setattr(connections, "MAX_READ_SECONDS", 0.2)
     open_ = Connections()
     asks = b"GET /static/uplot.js HTTP/1.1\r\nHost: localhost\r\n\r\n"
     with socket.socket() as one:
@@ -159,6 +159,6 @@ def test_there_are_files_for_all_connections():
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
     try:
         resource.setrlimit(resource.RLIMIT_NOFILE, (512, before[1]))
-        assert most_connections() <= resource.getrlimit(resource.RLIMIT_NOFILE)[0] - 256
+        assert connection_limit() <= resource.getrlimit(resource.RLIMIT_NOFILE)[0] - 256
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, before)

@@ -324,7 +324,7 @@ def test_a_store_that_takes_nothing_says_so_until_it_takes_a_commit_again(tmp_pa
 
 
 def test_a_commit_that_takes_long_is_one_that_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(sql_store, "SLOW", 0.02)
+    monkeypatch.setattr(sql_store, "MAX_COMMIT_SECONDS", 0.02)
     store = open_store(str(tmp_path / "store.sqlite"))
     free, transact = threading.Event(), store._transact
 

@@ -83,7 +83,7 @@ class Access:
         return "operator" if operator else "reader" if reader else None
 
     def role_of_headers(self, headers: Iterable[tuple[bytes, bytes]]) -> Role | None:
-        """The role of a request: of its token, or where it sends none, of its cookie."""
+        """Role of a request, from its token or, without one, from its session cookie."""
         said = {name.lower(): value.decode("latin-1") for name, value in headers}
         scheme, _, token = said.get(b"authorization", "").partition(" ")
         if scheme.lower() == "bearer":

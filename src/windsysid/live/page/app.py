@@ -160,9 +160,9 @@ def _service(store: Store, overview: _Overviews, door: Door, sources: Sequence[S
         """All turbines, the worst first."""
         return overview(role)
 
-    @router.get("/health", responses={503: {"model": models.Health, "description": "the store takes no blocks"}})
+    @router.get("/health", responses={503: {"model": models.Health, "description": "the store accepts no blocks"}})
     def health(response: Response) -> models.Health:
-        """Whether the store takes blocks, and how the sources are; no token is asked for."""
+        """Whether the store accepts blocks, and the states of the sources; needs no token."""
         states = Counter(source.state.state for source in sources)
         status: Literal["ok", "degraded", "failed"] = "degraded" if states["failed"] or states["trying"] else "ok"
         if trouble_of(store):

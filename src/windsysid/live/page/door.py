@@ -74,6 +74,6 @@ class Door:
         return router
 
     def _count_guess(self, request: Request) -> None:
-        """Count a wrong token; HTTPException 429 after too many. The right one is let in however many were wrong."""
+        """Count a wrong token; HTTPException 429 after too many. A correct token is accepted whatever the count."""
         if not self._guesses.take(client_of(request.scope)):
             raise HTTPException(429, "too many wrong tokens: wait a minute", {"Retry-After": "60"})

@@ -130,7 +130,7 @@ class Guard:
             if got <= limit:  # else it is an answer to half of a body
                 await send_guarded(message)
 
-        with suppress(_TooLargeError, ClientDisconnect):  # the second: a request that was broken off
+        with suppress(_TooLargeError, ClientDisconnect):  # ClientDisconnect: the client closed the connection
             await self._app(scope, receive_bounded, send_unless_refused)
         if got > limit:
             await _answer(send_guarded, 413, f"body: expected {limit} bytes or less")
@@ -138,7 +138,7 @@ class Guard:
 
     def _refusal(self, scope: Message) -> tuple[int, str] | None:
         limits = self._limits
-        if not self._may_ask(scope):
+        if not self._is_within_rate(scope):
             return 429, f"too many requests: expected {limits.rate:g} a second or fewer"
         if len(scope.get("raw_path") or b"") + len(scope.get("query_string", b"")) > limits.address:
             return 414, f"address: expected {limits.address} bytes or less"
@@ -156,11 +156,11 @@ class Guard:
             return 403, "origin: expected this page's own"
         return None
 
-    def _may_ask(self, scope: Message) -> bool:
-        """Whether a request is within the rate of its address, or of those of its address that have its token.
+    def _is_within_rate(self, scope: Message) -> bool:
+        """Whether a request is within the rate of its address, counted apart for each role and without a token.
 
-        Behind a proxy all come from one address: who has no token must not use up what is left for those who have. The
-        login form is bounded by its wrong tokens (`Door`).
+        Behind a proxy all requests come from one address: those without a token must not use up the rate of those with
+        one. The login form has a limit of wrong tokens instead (`Door`).
         """
         if scope["path"] == "/login":
             return True

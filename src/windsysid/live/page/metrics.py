@@ -73,7 +73,7 @@ def metrics_text(overview: Overview, sizes: Mapping[str, int], streams: int) -> 
         add(
             "cost_per_sample_seconds", "gauge", "Processor time a sample.", [({}, None if cost is None else cost / 1e6)]
         )
-    add("store_takes_blocks", "gauge", "0 while the store takes no blocks.", [({}, float(not overview.store))])
+    add("store_takes_blocks", "gauge", "0 while the store accepts no blocks.", [({}, float(not overview.store))])
     rows = [({"table": table}, float(count)) for table, count in sizes.items() if table != "bytes"]
     add("store_rows", "gauge", "Rows of the store.", rows)
     add("store_bytes", "gauge", "Size of the store.", [({}, sizes.get("bytes"))])

@@ -57,7 +57,7 @@ class Health(BaseModel):
 
     status: Annotated[
         Literal["ok", "degraded", "failed"],
-        Field(description="degraded: a source failed or cannot be reached; failed: the store takes no blocks"),
+        Field(description="degraded: a source failed or cannot be reached; failed: the store accepts no blocks"),
     ]
     version: str
     sources: Annotated[dict[str, int], Field(description="how many sources are in which state")] = {}
@@ -127,7 +127,7 @@ class Source(BaseModel):
     text: Annotated[str, Field(description="why it does not run; empty where it does")]
     blocks: int
     refused: int
-    refusal: Annotated[str, Field(description="why the last one was refused; empty where none was")] = ""
+    refusal: Annotated[str, Field(description="why the last one was refused; empty if none was")] = ""
 
 
 class Overview(BaseModel):
@@ -139,7 +139,7 @@ class Overview(BaseModel):
     login: Annotated[bool, Field(description="whether tokens are asked for")]
     version: str
     note: Annotated[str, Field(description="what the service wants its readers to know")] = ""
-    store: Annotated[str, Field(description="why the store takes no blocks; empty where it does")] = ""
+    store: Annotated[str, Field(description="why the store accepts no blocks; empty if it does")] = ""
     turbines: list[TurbineSummary]
     service: Service | None
     sources: list[Source] = []

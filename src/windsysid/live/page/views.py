@@ -56,7 +56,7 @@ def sources_of(sources: Iterable[Source]) -> list[models.Source]:
 
 
 def trouble_of(store: Store) -> str:
-    """Why the store takes no blocks at this moment, in one line; empty where it does."""
+    """Reason why the store accepts no blocks at this moment, in one line; empty if it does."""
     if store.trouble:
         return store.trouble
     try:

@@ -90,7 +90,7 @@ class FolderSource:
                     await self._take(path, push, stop)
                 except _UnreadableError as error:
                     self._refuse(str(error))
-                except BaseException:  # the store failed, or the service ends: the file is taken again
+                except BaseException:  # the store failed or the service ends: the file is read again later
                     self._until.pop(path, None)
                     if until is not None:
                         self._until[path] = until
@@ -153,7 +153,7 @@ class FolderSource:
 
     def _refuse(self, why: str) -> None:
         logger.warning("%s: %s", self.describe(), why)
-        self.state = self.state.refusing(why)
+        self.state = self.state.with_refusal(why)
 
     def _blocks(self, path: Path) -> Iterator[Block]:
         until = self._until.get(path)
@@ -171,7 +171,7 @@ class FolderSource:
 
 
 class _UnreadableError(RecordError):
-    """A file that cannot be read, whatever it is that its reader says."""
+    """A file that cannot be read, for any error that its reader raises."""
 
 
 def _next(blocks: Iterator[Block], name: str) -> Block | None:

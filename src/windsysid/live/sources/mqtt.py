@@ -128,7 +128,7 @@ class MqttSource:
             if not refused:
                 self.state = state._replace(blocks=state.blocks + 1)
                 return
-            self.state = state.refusing(refused)
+            self.state = state.with_refusal(refused)
             speak = time.monotonic() - self._said >= QUIET
             if speak:
                 self._said = time.monotonic()

@@ -186,7 +186,7 @@ class OpcuaSource:
                     self.state = self.state._replace(blocks=self.state.blocks + 1)
                 except BlockRefused as error:
                     logger.warning("%s: block refused: %s", self.describe(), error)
-                    self.state = self.state.refusing(str(error))
+                    self.state = self.state.with_refusal(str(error))
                 except Exception as error:
                     logger.warning("%s: block not committed: %s; trying again", self.describe(), error)
                     continue

@@ -110,7 +110,7 @@ class Replay:
 
     def _refused(self, error: BlockRefused) -> None:
         logger.warning("%s: block refused: %s", self.describe(), error)
-        self.state = self.state.refusing(str(error))
+        self.state = self.state.with_refusal(str(error))
 
 
 def paced(blocks: Iterator[Block], speed: float) -> Iterator[Block]:

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from typing import NamedTuple, Protocol
 
 from windsysid.live.block import Block
-from windsysid.live.limits import printable
+from windsysid.live.limits import one_line
 
 __all__ = ["Push", "Source", "SourceState", "retries", "stopped_within"]
 
@@ -34,7 +34,7 @@ class SourceState(NamedTuple):
     refused
         Blocks, messages or files that can never be taken.
     refusal
-        Why the last of them was refused.
+        Reason for the last refusal.
     """
 
     state: str = "waiting"
@@ -43,9 +43,9 @@ class SourceState(NamedTuple):
     refused: int = 0
     refusal: str = ""
 
-    def refusing(self, why: str) -> "SourceState":
-        """The state after one more refusal."""
-        return self._replace(refused=self.refused + 1, refusal=printable(why))
+    def with_refusal(self, why: str) -> "SourceState":
+        """Return the state after one more refusal."""
+        return self._replace(refused=self.refused + 1, refusal=one_line(why))
 
 
 class Source(Protocol):

@@ -20,7 +20,7 @@ class Database(Protocol):
     errors
         What its driver raises.
     content_errors
-        Of these, the errors of what was to be written: a number that is too large, text that it cannot hold.
+        Those of `errors` whose cause is the data to be written: a number too large, text that it cannot hold.
     begin
         The statement that begins to write.
     """

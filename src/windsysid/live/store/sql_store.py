@@ -27,8 +27,8 @@ MOST = 1000
 PAUSE, LONGEST = 0.05, 2.0
 """Between attempts while the database refuses, doubled from the first to the second [s]."""
 
-SLOW = 5.0
-"""After which a commit that is being written counts as one that is not taken [s]."""
+MAX_COMMIT_SECONDS = 5.0
+"""Time for writing a commit [s] beyond which `SqlStore.trouble` reports it."""
 
 SLICE = 1000
 """Rows that thinning takes away in one transaction, so that commits need not wait for it."""
@@ -81,7 +81,7 @@ class SqlStore:
         """Why nothing can be written at this moment; empty where nothing hinders."""
         since = self._since
         waited = 0.0 if since is None else time.monotonic() - since
-        if self._trouble or waited < SLOW:
+        if self._trouble or waited < MAX_COMMIT_SECONDS:
             return self._trouble
         return f"{self._database.name} cannot be written: a commit has waited for {waited:.0f} s"
 
@@ -127,7 +127,7 @@ class SqlStore:
         self._disconnect()
 
     def _write(self, jobs: Sequence[_Job]) -> None:
-        """Write jobs, and let `trouble` know since when the writer is at them."""
+        """Write jobs, and record when the writer began, for `trouble`."""
         self._since = time.monotonic()
         self._attempt(jobs)
         self._since = None

@@ -12,7 +12,7 @@ __all__ = ["ContentError", "Store"]
 
 
 class ContentError(StoreError):
-    """A commit that no database of this kind can hold: trying again does not help, and other commits are written."""
+    """A commit whose content this database cannot hold: a retry would fail too, other commits are not affected."""
 
 
 class Store(Protocol):

@@ -16,7 +16,7 @@ const TROUBLES = {
 export function overviewPage(overview) {
   const { turbines } = overview;
   const sources = [
-    overview.store ? h("p", { class: "note bad", role: "alert" }, `The store takes no blocks: ${overview.store}. What comes waits.`) : null,
+    overview.store ? h("p", { class: "note bad", role: "alert" }, `The store accepts no blocks: ${overview.store}. New blocks wait.`) : null,
     ...overview.sources.filter((one) => one.state in TROUBLES).map(trouble),
     ...overview.sources.filter((one) => one.refused).map(refusals),
   ];
