@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from windsysid.configuration import MAX_TOML_LENGTH, parse_json, parse_toml
+from windsysid.configuration import MAX_TOML_CHARACTERS, parse_json, parse_toml
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.fleet.members import read_fleet
 from windsysid.live.settings import SettingsError, read_settings
@@ -29,7 +29,7 @@ N = 100_000
         'x = "' + '\\"' * N,
         "-" * 10 * N,
         "x = " + "9" * N,
-        "#" * (MAX_TOML_LENGTH + 1),
+        "#" * (MAX_TOML_CHARACTERS + 1),
     ],
 )
 def test_toml_that_is_nested_without_end_is_refused_at_once(text):

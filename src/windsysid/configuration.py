@@ -1,4 +1,4 @@
-"""TOML and JSON from outside as plain values; whatever is wrong with it becomes one ValueError."""
+"""Parsing of TOML and JSON from outside into plain values; every fault becomes a ValueError of one line."""
 
 import json
 import os
@@ -9,13 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-__all__ = ["irregular", "parse_json", "parse_toml", "read_toml"]
+__all__ = ["parse_json", "parse_toml", "read_toml", "special_file_kind"]
 
-MAX_TOML_LENGTH = 1 << 21
-"""Characters of a TOML text; the file of a fleet of 10 000 turbines has 1.5 million."""
+MAX_TOML_CHARACTERS = 1 << 21
+"""Largest length of a TOML text; the file of a fleet of 10 000 turbines has 1.5 million characters."""
 
 MAX_KEY_PARTS = 32
-"""Parts of a dotted key; windsysid's own keys have three. The time that `tomllib` takes grows with their square."""
+"""Largest number of parts of a dotted key; windsysid's own have three. The time of `tomllib` grows with its square."""
 
 _PART = r"""(?:"(?:[^"\\\n]|\\.){0,200}+"|'[^'\n]{0,200}+'|(?<![A-Za-z0-9_-])[A-Za-z0-9_-]++)"""
 _LONG_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}")
@@ -23,8 +23,8 @@ _LONG_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}")
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
 
 
-def irregular(path: str | Path) -> str:
-    """Name the kind of a path that reading could wait for without end, such as a pipe; empty for any other path."""
+def special_file_kind(path: str | Path) -> str:
+    """Kind of a path from which reading may block for ever, such as a pipe; empty for any other path."""
     try:
         return _KINDS.get(stat.S_IFMT(os.stat(path).st_mode), "")
     except (OSError, ValueError):  # opening the path raises the error that fits
@@ -36,18 +36,18 @@ def _utf_8(data: bytes) -> str:
 
 
 def read_toml(path: Path, decode: Callable[[bytes], str] = _utf_8) -> str:
-    """Read the text of a TOML file, in UTF-8 (with or without a byte-order mark) unless another `decode` is given.
+    """Read the text of a TOML file, which is UTF-8 with or without a byte-order mark unless `decode` is given.
 
     Raises
     ------
     OSError, ValueError
-        If it cannot be read, is no regular file, or cannot be decoded.
+        If the file cannot be read or decoded, or is a pipe, a device or a socket.
     """
-    kind = irregular(path)
+    kind = special_file_kind(path)
     if kind:
         raise ValueError(f"it is {kind}, expected a file")
     with path.open("rb") as file:
-        return decode(file.read(4 * MAX_TOML_LENGTH))
+        return decode(file.read(4 * MAX_TOML_CHARACTERS))
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -56,10 +56,10 @@ def parse_toml(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        In one line, if it is no TOML, is longer than `MAX_TOML_LENGTH`, or is nested deeper than Python can follow.
+        If it is no TOML, is longer than `MAX_TOML_CHARACTERS`, or is nested deeper than Python can follow.
     """
-    if len(text) > MAX_TOML_LENGTH:
-        raise ValueError(f"more than {MAX_TOML_LENGTH} characters, expected a short text")
+    if len(text) > MAX_TOML_CHARACTERS:
+        raise ValueError(f"more than {MAX_TOML_CHARACTERS} characters, expected a short text")
     if _LONG_KEY.search(text):
         raise ValueError(f"a dotted key of more than {MAX_KEY_PARTS} parts")
     try:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 __all__ = [
     "ConfigurationError", "NumericalError", "OutputError", "RecordError", "StoreError", "WindsysidError",
-    "one_line_of_numerics",
+    "as_numerical_error",
 ]  # fmt: skip
 
 
@@ -30,22 +30,22 @@ class StoreError(WindsysidError):
 
 
 class NumericalError(WindsysidError, ValueError):
-    """A numerical operation failed on values that were read without complaint."""
+    """A numerical operation failed, although the input was valid."""
 
 
 @contextmanager
-def one_line_of_numerics(what: str) -> Iterator[None]:
-    """Turn errors of arithmetic, of linear algebra and of arrays that leave `what` into a `NumericalError` of one line.
+def as_numerical_error(what: str) -> Iterator[None]:
+    """Turn arithmetic, linear algebra and array errors in `what` into a `NumericalError` of one line.
 
-    Whoever looks for the place finds the first error as its cause.
+    The original error is its ``__cause__``.
     """
     try:
         yield
     except WindsysidError:
         raise
     except (ArithmeticError, ValueError) as error:  # numpy.linalg.LinAlgError is a ValueError
-        said = " ".join(str(error).split())
+        text = " ".join(str(error).split())
         raise NumericalError(
-            f"{what} failed in a numerical operation ({type(error).__name__}: {said[:100]}): check units, the turbine "
-            "file and the priors, or take another section"
+            f"{what} failed in a numerical operation ({type(error).__name__}: {text[:100]}): check units, turbine "
+            "file and priors, or choose another section"
         ) from error

@@ -59,8 +59,8 @@ UNITS: dict[str, tuple[str, float]] = {
 
 _EXAMPLES = ("m/s^2", "g", "mm", "deg", "rpm", "kN*m", "N/m")
 
-# Two letters look like µ, and two like ε: the Greek µ is turned into the micro sign, the symbol ϵ into the letter. Â is
-# what UTF-8 leaves before one of these where it was read as Latin-1, and U+FFFD what is left of the dot of kN·m.
+# Two letters look like µ, and three like ε: the Greek μ becomes the micro sign, ϵ and ɛ the letter ε. UTF-8 that was
+# read as Latin-1 has an Â before such a letter; the dot of kN·m may have become U+FFFD.
 _SPELLINGS = str.maketrans(
     {"·": "*", "⋅": "*", "•": "*", "∙": "*", "\ufffd": "*", "²": "^2", "μ": "µ", "ϵ": "ε", "ɛ": "ε", "Â": None,
       " ": None, "\xa0": None}
@@ -129,7 +129,7 @@ def canonical(unit: str) -> str:
 
 
 def _known_spelling(text: str) -> str:
-    """The key of `UNITS` for a unit in other words, in capitals as loggers write strain, or with ``u`` for ``µ``."""
+    """Key of `UNITS` for another spelling (words, strain in capitals, ``u`` for ``µ``); else the text itself."""
     tried = [_WORDS.get(text, text), "µ" + text[1:] if text[:1] == "u" else text]
     small = text.lower()
     if "strain" in small:

@@ -115,7 +115,7 @@ def test_a_mode_keeps_its_frequency_and_the_result_says_what_was_done(tmp_path):
     (found,) = [one for one in inspect_record(record).findings if one.kind == "shared time stamps"]
     assert found.severity == "note"
     assert found.text.startswith(
-        "4000 of 6000 rows have the time stamp of the row before; all are placed evenly, at 100 Hz"
+        "4000 of 6000 rows have the time stamp of the row before; rows were placed on a regular grid of 100 Hz"
     )
 
 
@@ -126,7 +126,7 @@ def test_sections_and_pieces_have_the_times_of_the_whole(tmp_path):
     np.testing.assert_array_equal(part.time, whole.section(10.0, 20.0).time)
     pieces = list(iterate_record(path, 7.0))
     np.testing.assert_array_equal(np.concatenate([piece.time for piece in pieces]), whole.time)
-    assert all("placed evenly" in piece.attributes["time_stamps"] for piece in pieces)
+    assert all("on a regular grid" in piece.attributes["time_stamps"] for piece in pieces)
 
 
 def test_dates_of_whole_seconds_are_packets(tmp_path):
@@ -142,7 +142,7 @@ def test_dates_of_whole_seconds_are_packets(tmp_path):
 def test_a_row_that_is_there_twice_is_refused_and_both_remedies_work(tmp_path, where):
     stamps = np.insert(np.round(regular(), 2), where, round(where / RATE, 2))
     path, _ = packets_file(tmp_path, stamps)
-    refused(path, rf"time is repeated at line {where + 3} .*\[time\] rate = .*written twice\? drop it")
+    refused(path, rf"time is repeated at line {where + 3} .*\[time\] rate = .*written twice, delete it")
     record = read_record(path, mapping=Mapping(time=TimeRule(rate=100.0)))
     np.testing.assert_allclose(record.time, regular(rows=ROWS + 1), rtol=1e-12)
     rows = path.read_text().splitlines(keepends=True)

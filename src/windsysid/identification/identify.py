@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from windsysid.errors import ConfigurationError, WindsysidError, one_line_of_numerics
+from windsysid.errors import ConfigurationError, WindsysidError, as_numerical_error
 from windsysid.identification.asked import Asked, Found
 from windsysid.identification.conclude import Formulation, conclude
 from windsysid.identification.held_priors import note_wide_priors
@@ -33,7 +33,7 @@ MOST_SEARCHES = 3
 
 
 @one_thread()
-@one_line_of_numerics("the identification")
+@as_numerical_error("the identification")
 def identify(
     record: RecordLike,
     turbine: TurbineLike,

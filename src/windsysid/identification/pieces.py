@@ -22,7 +22,7 @@ from typing import Any, Literal
 import numpy as np
 
 from windsysid._version import __version__
-from windsysid.errors import ConfigurationError, RecordError, one_line_of_numerics
+from windsysid.errors import ConfigurationError, RecordError, as_numerical_error
 from windsysid.identification.conclude import conclude
 from windsysid.identification.held_priors import note_wide_priors, solve_with_wide_priors
 from windsysid.identification.joint import describe_solution, first_estimate, load_models
@@ -67,7 +67,7 @@ reached."""
 
 
 @one_thread()
-@one_line_of_numerics("the identification")
+@as_numerical_error("the identification")
 def identify_pieces(
     pieces: Iterable[Record],
     turbine: TurbineLike,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.configuration import irregular
+from windsysid.configuration import special_file_kind
 from windsysid.errors import ConfigurationError
 from windsysid.monitoring.dates import Span
 
@@ -29,7 +29,7 @@ class CovariateTable(NamedTuple):
 
 def read_covariates(path: Path, count: int) -> CovariateTable:
     """A CSV file with one line a record."""
-    kind = irregular(path)
+    kind = special_file_kind(path)
     if kind:
         raise ConfigurationError(f"covariates {path}: is {kind}, expected a CSV file; save it as a file first")
     try:

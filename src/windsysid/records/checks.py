@@ -18,11 +18,11 @@ UNIFORM = 1e-3
 """Of a step: within this a time grid counts as uniform."""
 
 MAX_TIME = 1e13
-"""Greatest time [s]: 300 000 years, beyond which double precision resolves 2 ms at best. A greater number is a counter
-in another unit or damaged."""
+"""Largest absolute time [s]: 300 000 years, where double precision resolves 2 ms. A larger number is damaged, or a
+count in another unit."""
 
 MIN_MEAN_STEP = 1e-9
-"""Smallest mean step [s]: a faster rate than 1 GHz is a wrong unit or damaged, and overflows in spectra."""
+"""Smallest mean step [s]: a rate above 1 GHz comes from a wrong unit or a damaged file, and overflows in spectra."""
 
 _LONGEST_NAME = 200
 
@@ -51,7 +51,7 @@ def check_channels(channels: Iterable[str]) -> None:
 
 
 def _is_utf8(name: str) -> bool:
-    """Whether a name has no half of a surrogate pair, as bytes of an unknown encoding leave them."""
+    """Whether UTF-8 can encode a name: unpaired surrogates, from bytes of an unknown encoding, cannot be encoded."""
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -97,7 +97,8 @@ def check_block(
         what_to_do = "a clock was set back? shift what follows" if back else "sort the rows"
         if steps[k] == 0.0:
             what_to_do = (
-                "regular readings? write [time] rate = … [Hz] into a mapping file; was the row written twice? drop it"
+                "if readings are regular, write [time] rate = … [Hz] into a mapping file; if a row was written twice, "
+                "delete it"
             )
         raise RecordError(
             f"the time {what} at {place(k)} ({before!r} s, then {float(time[k])!r} s): "
@@ -105,8 +106,8 @@ def check_block(
         )
     if time[-1] - time[0] < MIN_MEAN_STEP * (time.size - 1):
         raise RecordError(
-            f"{time.size} samples from {place(0)} on take {time[-1] - time[0]:g} s: expected at most"
-            f" {1.0 / MIN_MEAN_STEP:g} samples a second; correct the step or the unit of the time"
+            f"{time.size} samples from {place(0)} on last {time[-1] - time[0]:g} s: expected at most"
+            f" {1.0 / MIN_MEAN_STEP:g} samples per second; correct the step or the unit of the time"
         )
     infinite = np.isinf(values)
     if infinite.any():

@@ -1,11 +1,10 @@
-"""Readings that share a time stamp: a logger took them regularly and stamped them packet by packet, or wrote their
-times with few digits.
+"""Regular times for rows that share time stamps: packets with one stamp each, or times with few digits.
 
-Rows keep their order and are placed on a regular grid, so that no reading is lost and none is aliased. Packets of one
-size are placed by their stamps, which may scatter by half a packet; lost packets stay gaps. Packets of several sizes
-are counted: the row number times the step follows the stamps, and where all later stamps are shifted by more than they
-scatter, rows were lost. Readings that were not taken evenly (bursts, rows of two loggers in turn, rows written twice)
-differ more within packets than across them, or less, and are left to the caller.
+Rows keep their order and are placed on a regular grid, so that no reading is lost and no frequency is aliased. Packets
+of equal size are placed by their stamps, which may scatter by half a packet; lost packets become gaps. Packets of
+different sizes are placed by counting rows; if all stamps from some packet on are shifted by more than their scatter,
+rows were lost there. Unevenly sampled readings (bursts, interleaved rows of two loggers, rows written twice) change
+more, or less, within packets than between them; they are not placed.
 """
 
 from typing import NamedTuple
@@ -14,28 +13,28 @@ import numpy as np
 import numpy.typing as npt
 
 from windsysid._types import Array
-from windsysid.records.stamps import lost_rows, near_step, rhythm
+from windsysid.records.stamps import count_lost_rows, rhythm, usual_step
 
-__all__ = ["Placed", "is_even", "place_packets", "shares_stamps"]
+__all__ = ["RegularTimes", "is_even", "place_packets", "shares_stamps"]
 
 Rows = npt.NDArray[np.int64]
 
 MIN_PACKETS = 8
-"""Packets that show a grid at least."""
+"""Smallest number of packets, and of packets with two or more rows, from which a grid is estimated."""
 
 MIN_FULL_SHARE = 0.5
-"""Share of packets with the greatest size, above which smaller ones have lost rows."""
+"""Smallest share of packets of the largest size for which smaller packets count as incomplete."""
 
 MAX_SPREAD_STEPS = 2.0
-"""Range of 98 % of the stamps about the grid at most, in long steps (the 99th percentile of the steps of stamps)."""
+"""Largest range of 98 % of the stamps about the grid, relative to the 99th percentile of the steps between stamps."""
 
-MAX_UNEVENNESS = 2.0
-"""Greatest ratio of the mean difference of neighbours across packets to that within packets, or its inverse; of 50
-packets of a regular record it is 1 ± 0.2."""
+MAX_CHANGE_RATIO = 2.0
+"""Largest ratio of the mean absolute change between packets to that within packets, or its inverse; for 50 packets of a
+regular record the ratio is 1 ± 0.2."""
 
 
-class Placed(NamedTuple):
-    """Regular times (T,) [s] of all rows, the step [s], and how many rows are missing between them."""
+class RegularTimes(NamedTuple):
+    """Regular times (T,) [s] of all rows, the step [s], and the number of rows missing between them."""
 
     time: Array
     step: float
@@ -43,7 +42,7 @@ class Placed(NamedTuple):
 
 
 def shares_stamps(time: Array) -> bool:
-    """Whether some rows share a time stamp, and no time runs backwards."""
+    """Whether times are finite, never decrease, and some rows have the stamp of the row before."""
     if not np.isfinite(time).all():
         return False
     steps = np.diff(time)
@@ -51,29 +50,29 @@ def shares_stamps(time: Array) -> bool:
 
 
 def is_even(time: Array, values: Array) -> bool:
-    """Whether each channel (T, m) changes as much within packets as from one packet to the next."""
+    """Whether each channel of values (T, m) changes by as much within packets as from one packet to the next."""
     across = np.diff(time) > 0.0
     return all(_changes_evenly(change, across) for change in np.diff(values, axis=0).T)
 
 
 def _changes_evenly(change: Array, across: npt.NDArray[np.bool_]) -> bool:
-    """Whether steps of a channel (T − 1,) have the same size and the same mean within packets and `across` them."""
+    """Whether changes of a channel (T − 1,) have similar size and mean within packets and `across` their borders."""
     known = np.isfinite(change)
     moved = np.abs(change[known & (change != 0.0)])
     if not moved.size:
         return True
-    most = 10.0 * float(np.median(moved))  # one spike or jump of an angle counts little
+    most = 10.0 * float(np.median(moved))  # limits the influence of spikes and of jumps of an angle
     clipped = np.clip(change, -most, most)
     inside, outside = clipped[known & ~across], clipped[known & across]
     if min(inside.size, outside.size) < MIN_PACKETS:
         return True
     low, high = sorted(float(np.mean(np.abs(one))) for one in (inside, outside))
     apart = abs(float(np.mean(inside) - np.mean(outside)))
-    return high <= MAX_UNEVENNESS * low and apart <= 0.5 * (low + high)
+    return high <= MAX_CHANGE_RATIO * low and apart <= 0.5 * (low + high)
 
 
-def place_packets(time: Array) -> Placed | None:
-    """Place all rows on the grid that their stamps (T,) [s] show; None where they show none."""
+def place_packets(time: Array) -> RegularTimes | None:
+    """Place all rows on the regular grid that fits their stamps (T,) [s]; None if no grid fits."""
     if not shares_stamps(time):
         return None
     first = np.flatnonzero(np.concatenate([[True], np.diff(time) > 0.0]))
@@ -86,8 +85,8 @@ def place_packets(time: Array) -> Placed | None:
         return None
     begin, step, row = found
     index = np.repeat(row, sizes) + np.arange(time.size) - np.repeat(first, sizes)
-    digits = 4 - int(np.floor(np.log10(step)))  # a beginning of 1e-14 s is none
-    return Placed(
+    digits = 4 - int(np.floor(np.log10(step)))  # a first time of 1e-14 s becomes 0
+    return RegularTimes(
         np.asarray(round(begin, digits) + step * index, dtype=np.float64),
         step,
         int(index[-1] - index[0]) + 1 - time.size,
@@ -95,28 +94,28 @@ def place_packets(time: Array) -> Placed | None:
 
 
 def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
-    """Beginning and step [s] of the grid and the row of each packet (n,), for packets of one size or less."""
+    """First time and step [s] of the grid and row of each packet (n,), for packets of equal size or incomplete ones."""
     size = int(sizes.max())
     if np.mean(sizes[1:-1] == size) < MIN_FULL_SHARE:
         return None
-    begin, period = rhythm(stamps, near_step(stamps))
+    begin, period = rhythm(stamps, usual_step(stamps))
     for _ in range(2):
         index = np.rint((stamps - begin) / period)
         period, begin = map(float, np.polyfit(index, stamps, 1))
     if np.any(np.diff(index) < 1.0) or np.any(np.abs(stamps - begin - period * index) > 0.5 * period):
         return None
     row = size * (index - index[0]).astype(np.int64)
-    row[0] = size - sizes[0]  # a packet that the record begins in has lost its first rows
+    row[0] = size - sizes[0]  # an incomplete first packet lacks its first rows
     return begin + period * float(index[0]), period / size, row
 
 
 def _by_count(stamps: Array, first: Rows) -> tuple[float, float, Rows] | None:
-    """The same for packets of any size: rows are counted, and lost where all later stamps are shifted."""
-    stamps, counted = stamps[1:], first[1:]  # the record may begin inside the first packet
+    """First time and step [s] of the grid and row of each packet (n,), for packets of any size, by counting rows."""
+    stamps, counted = stamps[1:], first[1:]  # the first packet may be incomplete
     reach = max(1, min(64, len(stamps) // 8))
     step = float(np.median((stamps[reach:] - stamps[:-reach]) / (counted[reach:] - counted[:-reach])))
     for _ in range(3):
-        each = lost_rows(stamps - step * counted, step)
+        each = count_lost_rows(stamps - step * counted, step)
         if each is None:
             return None
         lost = np.cumsum(each)

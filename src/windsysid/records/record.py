@@ -25,7 +25,7 @@ from windsysid.records.checks import UNIFORM, Array, check_channels, check_rows,
 from windsysid.records.labelled import Labelled, of_dataset, of_frame
 from windsysid.records.moments import tidy
 from windsysid.records.quantities import implied_unit, missing_units
-from windsysid.records.stamps import grid_behind, near_step
+from windsysid.records.stamps import grid_behind, usual_step
 from windsysid.units import UNITS, canonical, si_unit, to_si
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ LOW_PASS = "low_pass_hz"
 """Attribute of a record that went through a low-pass when its rate was lowered: the frequency [Hz]."""
 
 STAMPS = "time_stamps"
-"""Attribute of a record whose rows shared time stamps: how they were placed."""
+"""Attribute of a record whose rows share time stamps: how the rows were placed on a regular grid."""
 
 FINENESS = 64
 """Ticks per median step to which the times of an unequally sampled record are rounded: 0.08 ms at 100 Hz, at most."""
@@ -66,7 +66,7 @@ class Record:
         SI units, one per channel, ``"1"`` for a ratio. A unit that windsysid does not know is spelt
         ``"as written: <unit>"`` and means that nothing was converted.
     name : str
-        What it is, the file name for instance; signs that cannot be printed become ``?``.
+        Name of the record, such as the file name; characters that cannot be printed become ``?``.
     attributes : mapping of str to str
         Free text about the record, kept in netCDF.
     start : str, optional
@@ -132,7 +132,7 @@ class Record:
     @cached_property
     def rate(self) -> float:
         """Sampling rate [Hz]: the mean of all steps that are nearer to the median step than to a gap."""
-        return 1.0 / near_step(self.time)
+        return 1.0 / usual_step(self.time)
 
     @cached_property
     def is_uniform(self) -> bool:
@@ -193,7 +193,7 @@ class Record:
         """
         low, high = np.searchsorted(self.time, (start, end), side="left")
         first, last = float(self.time[0]), float(self.time[-1])
-        refuse_outside(start, end, int(high - low), first, last, near_step(self.time))
+        refuse_outside(start, end, int(high - low), first, last, usual_step(self.time))
         return replace(self, time=self.time[low:high], values=self.values[low:high])
 
     def select(self, channels: Iterable[str]) -> Record:
@@ -250,7 +250,7 @@ class Record:
         """
         if self.is_uniform:
             return self
-        step = near_step(self.time)
+        step = usual_step(self.time)
         elapsed = self.time - self.time[0]
         index = np.rint(elapsed / step)
         step = float(elapsed @ index / (index @ index))  # least squares through the first sample
@@ -289,7 +289,7 @@ class Record:
         try:
             return self.on_uniform_grid()
         except RecordError:
-            tick = near_step(self.time) / FINENESS
+            tick = usual_step(self.time) / FINENESS
         index = np.rint((self.time - self.time[0]) / tick).astype(np.int64)
         first = np.concatenate([[True], np.diff(index) > 0])
         row = np.cumsum(first) - 1
@@ -302,7 +302,7 @@ class Record:
         """The sampling intervals that occur (S,) [s], and which of them led to each sample (T,); 0 for the first."""
         if self.is_uniform:
             return np.array([1.0 / self.rate]), np.zeros(self.samples, dtype=np.int64)
-        grain = 1e-6 * near_step(self.time)
+        grain = 1e-6 * usual_step(self.time)
         steps, which = np.unique(np.rint(np.diff(self.time) / grain).astype(np.int64), return_inverse=True)
         return np.asarray(grain * steps, dtype=np.float64), np.concatenate([[0], which.ravel()]).astype(np.int64)
 

@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from windsysid._types import Array
 
-__all__ = ["grid_behind", "lost_rows", "near_step", "rhythm"]
+__all__ = ["count_lost_rows", "grid_behind", "rhythm", "usual_step"]
 
 ENOUGH = 8.0
 """Log likelihood by which readings have to be smoother on the grid than at their stamps."""
@@ -34,17 +34,18 @@ SPIKE = 100.0
 """Of the median square, beyond which a reading tells no more: one spike would speak for the whole channel."""
 
 MIN_SHIFT_ROWS = 1.5
-"""Rows by which stamps are shifted where rows were lost: rounding alone makes a shift of one."""
+"""Smallest shift of stamps [rows] that counts as a loss of rows: rounding alone causes a shift of one row."""
 
-SHIFT_SCATTERS = 6.0
-"""Standard deviations of the stamps' scatter that a shift must exceed: 1e-9 a packet, if it is normal."""
+MIN_SHIFT_SIGMAS = 6.0
+"""Smallest shift of stamps in standard deviations of their scatter: exceeded with probability 1e-9 per packet if the
+scatter is normal."""
 
-NEIGHBOURS = 11
-"""Stamps before and after a shift whose median is compared."""
+SHIFT_WINDOW_STAMPS = 11
+"""Number of stamps before and after a shift whose medians are compared."""
 
-LEVEL = 50
-"""Stamps before and after a shift whose mean tells how many rows were lost: stamps that are rounded to a step scatter
-by 0.3 rows."""
+LOSS_WINDOW_STAMPS = 50
+"""Number of stamps before and after a shift whose means give the number of lost rows: stamps that are rounded to a step
+have a standard deviation of 0.3 rows."""
 
 _ROUNDING = 1e-18
 
@@ -75,7 +76,7 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
         step, begin = map(float, np.polyfit(index, time, 1))
     if np.any(np.diff(index) < 1.0) or np.any(np.abs(time - begin - step * index) > 0.5 * step):
         counted = np.arange(len(time))  # stamps are late by more than a step now and then
-        lost = lost_rows(time - step * counted, step)
+        lost = count_lost_rows(time - step * counted, step)
         if lost is None:
             return None
         index = (counted + np.cumsum(lost)).astype(np.float64)
@@ -89,18 +90,24 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
     return begin + step * float(index[0]), step, index - index[0]
 
 
-def near_step(time: Array) -> float:
-    """Mean [s] of the steps that are nearer to the median step than to a gap: times written with few digits scatter
-    about the step, so that the median alone is wrong by that scatter."""
+def usual_step(time: Array) -> float:
+    """Mean [s] of the steps that differ from the median by less than half of it; of all steps if the median is zero.
+
+    Rounded times scatter about the grid, so that the median alone would be wrong by that scatter.
+    """
     steps = np.diff(time)
     median = np.median(steps)
+    if median == 0.0:  # most times are repeated
+        return float(np.mean(steps))
     near = steps[np.abs(steps - median) < 0.5 * median]
     return float(np.mean(near)) if near.size else float(median)
 
 
 def rhythm(time: Array, step: float) -> tuple[float, float]:
-    """Beginning and step [s] of the grid that times keep to best, near a step: where the sum of their phases is longest
-    (Rayleigh's periodogram), over ever longer parts from the beginning on."""
+    """First time and step [s] of the grid that fits times best, near a given step.
+
+    The step maximises Rayleigh's periodogram (the length of the sum of phases) over increasing parts of the record.
+    """
     reach, samples = NEAR, FIRST
     while True:
         elapsed = time[:samples] - time[0]
@@ -113,17 +120,21 @@ def rhythm(time: Array, step: float) -> tuple[float, float]:
         reach, samples = 1.0 / samples, 4 * samples
 
 
-def lost_rows(off: Array, step: float) -> npt.NDArray[np.int64] | None:
-    """Rows that are missing before each packet (n,), from its stamp's distance [s] to where counting puts it; None
-    where stamps are shifted backwards."""
+def count_lost_rows(off: Array, step: float) -> npt.NDArray[np.int64] | None:
+    """Count the rows missing before each packet (n,), from the offsets [s] of its stamps from evenly counted times.
+
+    None if stamps are shifted backwards.
+    """
     lost = np.zeros(len(off), dtype=np.int64)
-    if len(off) < 2 * NEIGHBOURS:
+    if len(off) < 2 * SHIFT_WINDOW_STAMPS:
         return lost
-    medians = np.median(sliding_window_view(off, NEIGHBOURS), axis=1)
+    medians = np.median(sliding_window_view(off, SHIFT_WINDOW_STAMPS), axis=1)
     shift = np.zeros(len(off))
-    shift[NEIGHBOURS : 1 - NEIGHBOURS] = medians[NEIGHBOURS:] - medians[:-NEIGHBOURS]
+    shift[SHIFT_WINDOW_STAMPS : 1 - SHIFT_WINDOW_STAMPS] = (
+        medians[SHIFT_WINDOW_STAMPS:] - medians[:-SHIFT_WINDOW_STAMPS]
+    )
     scatter = 1.4826 * float(np.median(np.abs(shift - np.median(shift))))
-    clear = np.flatnonzero(np.abs(shift) > max(MIN_SHIFT_ROWS * step, SHIFT_SCATTERS * scatter))
+    clear = np.flatnonzero(np.abs(shift) > max(MIN_SHIFT_ROWS * step, MIN_SHIFT_SIGMAS * scatter))
     if not clear.size:
         return lost
     jump = np.diff(off, prepend=off[0])
@@ -131,15 +142,20 @@ def lost_rows(off: Array, step: float) -> npt.NDArray[np.int64] | None:
     at = np.array([group[np.argmax(np.abs(jump[group]))] for group in groups])
     edges = np.concatenate([[0], at, [len(off)]])
     for low, k, high in zip(edges[:-2], at, edges[2:], strict=True):
-        lost[k] = round(float(np.mean(off[k : min(high, k + LEVEL)]) - np.mean(off[max(low, k - LEVEL) : k])) / step)
+        lost[k] = round(
+            float(
+                np.mean(off[k : min(high, k + LOSS_WINDOW_STAMPS)]) - np.mean(off[max(low, k - LOSS_WINDOW_STAMPS) : k])
+            )
+            / step
+        )
     return _without_late_stamps(lost)
 
 
 def _without_late_stamps(lost: npt.NDArray[np.int64]) -> npt.NDArray[np.int64] | None:
-    """Lost rows without shifts that go back soon after; None where more go back than came."""
+    """Lost rows (n,) without shifts that are reversed soon after; None if a reversed shift remains."""
     changes = np.flatnonzero(lost)
     for before, k in itertools.pairwise(changes):
-        if lost[k] < 0 and k - before < LEVEL and lost[before] + lost[k] >= 0:
+        if lost[k] < 0 and k - before < LOSS_WINDOW_STAMPS and lost[before] + lost[k] >= 0:
             lost[before], lost[k] = lost[before] + lost[k], 0
     return None if np.any(lost < 0) else lost
 

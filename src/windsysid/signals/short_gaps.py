@@ -1,13 +1,13 @@
-r"""Missing samples between known ones, by their conditional mean: linear prediction from both sides.
+r"""Filling of short gaps by the conditional mean: linear prediction from the samples on both sides.
 
 For a stationary Gaussian process with autocovariance R the mean of x_i given the known samples k in a window around it
 is
 
     E[x_i | x_k] = C_ik C_kk⁻¹ x_k,        C_ab = R(|a − b|)
 
-(kriging, Wiener interpolation). Narrow-band vibration is continued up to half the sampling rate, noise is left out.
-Interpolation by polynomials leaves an error that is a share of the vibration: where samples are lost at regular
-intervals, it looks like vibration at other frequencies.
+(kriging, Wiener interpolation). Narrow-band vibration is interpolated correctly up to half the sampling rate, noise is
+not added. Polynomial interpolation has an error in proportion to the vibration: if samples are lost at regular
+intervals, this error appears as vibration at other frequencies.
 
 Source: Rasmussen & Williams, Gaussian Processes for Machine Learning, MIT Press 2006, section 2.2.
 """
@@ -20,20 +20,20 @@ from windsysid._types import Array, Mask
 __all__ = ["fill_short_gaps", "in_short_gaps"]
 
 HALF_WINDOW = 16
-"""Samples on either side from which a missing one is predicted."""
+"""Number of samples on each side from which a missing one is predicted."""
 
-MAX_ROUNDS, MAX_CHANGE = 10, 3e-3
-"""Repetitions of covariance and prediction at most, and the change of predictions, in standard deviations of the
-channel, below which they end."""
+MAX_ITERATIONS, MAX_CHANGE_SIGMAS = 10, 3e-3
+"""Largest number of iterations of covariance and prediction, and the change of predictions, in standard deviations of
+the channel, below which the iteration has converged."""
 
-MIN_NOISE = 1e-9
-"""Share of the variance that is added as noise, so that the equations of a noiseless channel can be solved."""
+NOISE_VARIANCE_SHARE = 1e-9
+"""Noise variance relative to the channel's variance: it makes the equations of a noiseless channel solvable."""
 
-_BATCH = 4096
+_BATCH = 4096  # samples that are predicted at a time
 
 
 def in_short_gaps(missing: Mask, longest: int) -> Mask:
-    """Which missing samples (T,) are in gaps of `longest` samples at most, with known samples on both sides."""
+    """Mask (T,) of missing samples in gaps of at most `longest` samples with known samples on both sides."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
     first, past = edges[::2], edges[1::2]
     short = (past - first <= longest) & (first > 0) & (past < missing.size)
@@ -44,9 +44,9 @@ def in_short_gaps(missing: Mask, longest: int) -> Mask:
 
 
 def fill_short_gaps(values: Array, longest: int) -> Array:
-    """A uniformly sampled channel (T,) with its gaps of `longest` samples at most filled; longer ones stay missing.
+    """Fill the gaps of at most `longest` samples in a uniformly sampled channel (T,); longer gaps stay missing.
 
-    The autocovariance is that of the filled channel, which starts from straight lines and is repeated.
+    The autocovariance is estimated from the filled channel, iteratively; the first iteration fills by straight lines.
     """
     known = np.isfinite(values)
     wanted = np.flatnonzero(in_short_gaps(~known, longest))
@@ -55,10 +55,10 @@ def fill_short_gaps(values: Array, longest: int) -> Array:
     mean, scale = float(values[known].mean()), float(values[known].std()) or 1.0
     index = np.arange(values.size)
     whole = np.interp(index, index[known], (values[known] - mean) / scale)
-    for _ in range(MAX_ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         before = whole[wanted]
         whole[wanted] = _predicted(whole, known, wanted)
-        if np.std(whole[wanted] - before) <= MAX_CHANGE:
+        if np.std(whole[wanted] - before) <= MAX_CHANGE_SIGMAS:
             break
     filled = values.copy()
     filled[wanted] = mean + scale * whole[wanted]
@@ -66,7 +66,7 @@ def fill_short_gaps(values: Array, longest: int) -> Array:
 
 
 def _predicted(whole: Array, known: Mask, wanted: NDArray[np.intp]) -> Array:
-    """Conditional means of the samples `wanted` given the known ones in the windows around them."""
+    """Conditional means of the samples at `wanted`, given the known samples in windows around them."""
     covariance = _covariance(whole)
     padded, there = np.pad(whole, HALF_WINDOW), np.pad(known, HALF_WINDOW)
     around = np.arange(2 * HALF_WINDOW + 1)
@@ -82,9 +82,9 @@ def _predicted(whole: Array, known: Mask, wanted: NDArray[np.intp]) -> Array:
 
 
 def _covariance(values: Array) -> Array:
-    """Covariance of the samples in a window; divided by T for every lag, it has no negative eigenvalue."""
+    """Covariance matrix of the samples in a window; dividing by T at every lag makes it positive semidefinite."""
     size = 2 * HALF_WINDOW + 1
     lags = np.array([values[lag:] @ values[: values.size - lag] for lag in range(size)]) / values.size
-    lags[0] += MIN_NOISE
+    lags[0] += NOISE_VARIANCE_SHARE
     index = np.arange(size)
     return np.asarray(lags[np.abs(index[:, None] - index)])

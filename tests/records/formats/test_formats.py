@@ -444,7 +444,7 @@ def test_bytes_behind_the_counted_rows_of_an_outb_are_left_out_and_said(tmp_path
     for tail in (b"\1" * 7, outb(), bytes(100_000)):
         record = read_record(csv_file(tmp_path, outb() + tail, "x.outb"))
         assert record.values.tobytes() == whole.values.tobytes()
-        assert record.attributes["left_over"].startswith(f"{len(tail)} bytes behind the 3 counted samples")
+        assert record.attributes["left_over"].startswith(f"{len(tail)} bytes after the 3 counted samples")
 
 
 def test_openfast_files_are_read_without_openfast_io(tmp_path, monkeypatch):

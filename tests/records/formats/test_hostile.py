@@ -133,7 +133,7 @@ def test_encodings_of_files_are_read_by_any_of_their_names(tmp_path, encoding):
     [
         ("0,1\n1,2\n1e308,3\n", r"the time at line 4 is 1e\+308 s: expected at most 1e\+13 s"),
         ("-1.7e308,1\n0,2\n1.7e308,3\n", r"the time at line 2 is -1.7e\+308 s"),
-        ("0,1\n1e-320,2\n2e-320,3\n", "3 samples from line 2 on take"),
+        ("0,1\n1e-320,2\n2e-320,3\n", "3 samples from line 2 on last"),
     ],
 )
 @pytest.mark.filterwarnings("error")

@@ -142,7 +142,7 @@ def test_the_index_of_a_filtered_frame_is_not_its_time(tmp_path):
     record = read_record(tmp_path / "x.parquet")
     assert record.channels == ("a",)
     assert record.rate == pytest.approx(20.0)
-    assert record.attributes["dropped"] == "the index that pandas counted is left out"
+    assert record.attributes["dropped"] == "pandas' index counts the rows; it is left out"
 
 
 def test_a_column_that_occurs_twice_is_refused_and_never_read_by_the_wrong_one(tmp_path):

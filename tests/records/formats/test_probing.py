@@ -61,8 +61,8 @@ DOES = [
 @pytest.mark.parametrize(("does", "told"), DOES)
 def test_what_hangs_or_crashes_in_a_fork_is_one_line(path: Path, does: str, told: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(probing, "read", lambda *_: exec(does))
-    monkeypatch.setattr(probing, "SECONDS", 1.0)
-    monkeypatch.setattr(probing, "WAIT_FACTOR", 0.5)
+    monkeypatch.setattr(probing, "MAX_SECONDS", 1.0)
+    monkeypatch.setattr(probing, "MAX_WALL_TIME_RATIO", 0.5)
     refused(path, told)
 
 
@@ -74,8 +74,8 @@ def test_what_hangs_or_crashes_in_another_interpreter_is_one_line(
     reader = tmp_path / "reader.py"
     reader.write_text(does)
     monkeypatch.setattr(probing, "READER", reader)
-    monkeypatch.setattr(probing, "SECONDS", 1.0)
-    monkeypatch.setattr(probing, "WAIT_FACTOR", 0.5)
+    monkeypatch.setattr(probing, "MAX_SECONDS", 1.0)
+    monkeypatch.setattr(probing, "MAX_WALL_TIME_RATIO", 0.5)
     with ThreadPoolExecutor(1) as others:  # no other thread than the main one forks
         others.submit(refused, path, told).result()
 
@@ -119,7 +119,7 @@ def test_the_reader_reads_all_of_it(tmp_path: Path, name: str):
 def test_a_file_that_asks_for_more_memory_than_it_may_is_refused(
     path: Path, thread: bool, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(probing, "MEMORY", 1 << 22)
+    monkeypatch.setattr(probing, "MAX_MEMORY", 1 << 22)
     with h5py.File(path, "r+") as file:
         file.create_dataset("block", data=np.zeros(1 << 24, "f4"), chunks=(1 << 24,), compression="gzip")
     if thread:

@@ -50,7 +50,7 @@ def test_the_key_of_the_mapping_that_a_message_names_makes_the_file_readable(tmp
 @pytest.mark.parametrize(
     ("content", "advice", "old", "new"),
     [
-        ("time,a [m]\n" + COUNTS, r"call it 'time \[s\]'", "time,", "time [s],"),
+        ("time,a [m]\n" + COUNTS, r"write 'time \[s\]'", "time,", "time [s],"),
         ("time,a [m]\n" + COUNTS, r"or 'time \[ms\]'", "time,", "time [ms],"),
         ("time [steps],a [m]\n" + COUNTS, r"expected 'time \[s\]'", "[steps]", "[s]"),
         ("a [m],time [s]\n" + "".join(f"{k % 7}.5,{k / 50}\n" for k in range(60)), "put the time first",

@@ -73,7 +73,7 @@ def test_every_format_refuses_a_counter_and_takes_unit_and_rate(tmp_path, name):
             file["time"], file["a_m"] = counts, values
     else:
         pytest.importorskip("scipy.io").savemat(path, {"t": counts, "a_m": values})
-    refused(path, "the time has no unit: steps of 1 are 1 Hz in s, 1000 Hz in ms, or a count; .*unit or rate")
+    refused(path, "the time has no unit: steps of 1 mean 1 Hz in s, 1000 Hz in ms, or a count; .*unit or rate")
     record = mapped(path, unit="ms")
     np.testing.assert_allclose(record.time, 1e-3 * counts, rtol=1e-12)
     assert len(record.channels) == 1
@@ -138,7 +138,7 @@ def test_a_rate_that_contradicts_the_unit_of_the_column_is_refused(tmp_path):
 
 def test_times_without_steps_in_the_first_rows_are_refused_and_the_rate_counts_the_rows(tmp_path):
     path = file_of(tmp_path, np.repeat(np.arange(3), 30))
-    refused(path, "no unit, and its first rows show no step.*rate")
+    refused(path, "no unit, and its first values are all equal.*rate")
     np.testing.assert_allclose(mapped(path, rate=30.0).time, np.arange(90) / 30.0)
 
 
@@ -153,3 +153,7 @@ def test_dates_that_increase_stay_the_clock_where_a_rate_is_given(tmp_path):
     record = mapped(path, rate=1.0)
     assert record.time.tolist() == seconds
     assert record.start == "2021-07-07T12:00:00"
+
+
+def test_two_steps_without_a_usual_one_are_named_by_their_median(tmp_path):
+    refused(write(tmp_path, "time,a [m]\n0,1\n1,2\n10,3\n"), "steps of 5 mean 0.2 Hz in s")

@@ -136,6 +136,7 @@ def iterate_record(
 
 
 def _opened(found: Format, path: Path, rules: Mapping, *, whole: bool = False) -> Source:
+    """Open a file as a source without repeated channels."""
     return without_repeats(found.open(path, rules, whole=whole))
 
 

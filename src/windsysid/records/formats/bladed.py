@@ -2,9 +2,9 @@
 
 The header says how many variables, stations and times there are (``DIMENS``), in this order, the variable running
 fastest; and names and units in powers of force, length, time, angle … (``FL`` is N·m), which are SI. A variable at
-several stations is one channel for each, ``Blade 1 Mx at 12.5``. Names are quoted or bare, and a list may go on in the
-next lines. The numbers must be as many as the header says. Names, axes and signs are Bladed's own; a mapping turns them
-into windsysid's.
+several stations is one channel for each, ``Blade 1 Mx at 12.5``. Names are quoted or bare, and a list may continue
+in the next lines. There must be as many numbers as the header declares. Names, axes and signs are Bladed's own; a
+mapping turns them into windsysid's.
 
 Source: Bladed user manual (DNV), appendix on output files.
 """
@@ -40,14 +40,14 @@ _KEYWORDS = {
     "FILE", "ACCESS", "FORM", "RECL", "FORMAT", "CONTENT", "CONFIG", "NDIMENS", "DIMENS", "GENLAB", "VARIAB", "VARUNIT",
     "AXISLAB", "AXIUNIT", "AXIMETH", "AXIVAL", "AXITICK", "MIN", "STEP", "NVARS", "ULOADS",
 }  # fmt: skip
-"""Words that begin a line of a header; another word goes on with the list above it."""
+"""Words that begin a line of a header; a line with another first word continues the list above."""
 _SINGLE = 1.2e-7  # of the step: it was written from single precision
 _MOST_HEADER = 1 << 22  # bytes
 
 
 @dataclass(frozen=True)
 class _Header:
-    """The header of a result: its lines as keyword, rest and whole, in order, and the file with the numbers."""
+    """Header of a result: its lines (keyword, rest, whole line) in order, and the file with the numbers."""
 
     lines: tuple[tuple[str, str, str], ...]
     data: Path
@@ -56,7 +56,7 @@ class _Header:
         return [text for found, text, _ in self.lines if found == key]
 
     def listed(self, key: str, count: int) -> list[str]:
-        """The words behind a keyword, expected to be `count`, which may go on in the lines below."""
+        """Words after a keyword, which are expected to be `count` and may continue in the lines below."""
         text = self.one(key)
         at = [found for found, *_ in self.lines].index(key)
         parts, number, is_open = [text], len(_words(text, count)), text.count("'") % 2 == 1
@@ -181,7 +181,7 @@ def _stations(header: _Header) -> list[str]:
 
 
 def _words(text: str, count: int) -> list[str]:
-    """Names of a list, quoted or bare; bare ones may hold blanks where there would be more than `count` otherwise."""
+    """Split a list into names, quoted or bare; bare names contain blanks if there were more than `count` otherwise."""
     words = [quoted.strip() if bare is None else bare for quoted, bare in _split(r"[^\s']+", text)]
     if len(words) <= count:
         return words

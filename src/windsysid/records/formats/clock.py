@@ -6,8 +6,8 @@ they are in the file; elapsed days and absolute times become seconds from the fi
 kept as ISO text: with the zone as it was given, or without one where nobody said which zone the clock was in.
 An elapsed time may say its zero in its unit, as in the CF conventions: ``s since 2021-07-07T12:00:00Z``.
 
-The unit of a number is that of the header or of the mapping; without one, `time_units` tells whether seconds are
-confirmed. A number that is a moment of the years 2000 to 2036 in milliseconds, microseconds or nanoseconds since 1970,
+The unit of a number comes from the header or the mapping; without one, `time_units` decides whether it is seconds. A
+number that is a moment of the years 2000 to 2036 in milliseconds, microseconds or nanoseconds since 1970,
 and 30 000 years or more in seconds, is that moment.
 """
 
@@ -21,9 +21,10 @@ import numpy as np
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.formats.dates import Moments, fitting_formats, is_stamp, is_zoned, parse_column
 from windsysid.records.formats.mapping import TimeRule
-from windsysid.records.formats.time_units import RECENT, confirmed_unit, usual_step
+from windsysid.records.formats.time_units import RECENT, confirmed_unit
 from windsysid.records.moments import SINCE, has_zone, moment_text, tidy, zone_offset
 from windsysid.records.record import Array
+from windsysid.records.stamps import usual_step
 from windsysid.units import si_unit, to_si
 
 __all__ = [
@@ -42,9 +43,9 @@ _EPOCHS = {  # name: (ns per count, the count's zero in days since 1970)
 _EXCEL = (36_526.0, 49_700.0)  # 2000 to 2036; above, it could as well be a modified Julian day
 _MATLAB = (730_486.0, 743_700.0)  # the same years
 
-_IRREGULAR = 0.25  # of a step, by which stamps may be off multiples of it and still be a clock
-_SAME_RATE = 0.02  # relative, within which a rate and a column of times agree
-_ROUNDED = 1e-6  # of a step, by which a count may be off an integer
+_MAX_OFF_GRID = 0.25  # largest distance of times from multiples of the step [steps]
+_MAX_RATE_DEVIATION = 0.02  # largest relative difference of the given rate from that of the column
+_MAX_COUNT_DEVIATION = 1e-6  # largest distance of counts from multiples of their step [steps]
 
 _NOTHING = ("", "nan", "na", "n/a", "null", "none")
 _UTC = ("utc", "gmt", "z")
@@ -97,12 +98,12 @@ class Clock:
             If a text is no time, or clocks were put back in the middle.
         """
         if not self.textual and not self.count:
-            with np.errstate(over="ignore"):  # infinity is named by whoever checks the rows
+            with np.errstate(over="ignore"):  # the check of the rows reports infinity
                 zeroed = raw - self.zero if self.zero else raw
                 return zeroed if self.factor == 1.0 else np.asarray(zeroed * self.factor)
         moments = self._moments(raw, place)
         seconds = (moments - self.origin) / 1e9
-        back = np.flatnonzero(np.diff(moments) < 0)  # repeated ones may be packets
+        back = np.flatnonzero(np.diff(moments) < 0)  # repeated times may be packets
         if self.textual and back.size:
             k = int(back[0]) + 1
             raise RecordError(
@@ -183,32 +184,32 @@ def make_clock(
 def counted_clock(
     cells: Sequence[str], unit: str | None, rule: TimeRule, place: Callable[[int], str], decimal: str
 ) -> Clock | None:
-    """The clock of a time column whose `rate` the mapping gives; parameters as of `make_clock`.
+    """Make the clock of a time column for which the mapping gives the `rate`; parameters as of `make_clock`.
 
-    The rate tells which unit the column has, or what a count is worth, so that lost rows stay gaps. None for stamps
-    that show no regular step: then rows are counted.
+    The rate determines the unit of the column, or the duration of a count, so that lost rows remain gaps. None if times
+    have no regular step: then rows are counted.
 
     Raises
     ------
     ConfigurationError
-        If the column says its unit, and another rate.
+        If the column has a unit, and another rate than the mapping.
     """
     rate = rule.rate or 1.0
     numbers = np.array([value for value in (_number(cell, decimal) for cell in cells) if value is not None])
     if len(numbers) < max(2, len(cells)):
         return _dated_clock(cells, unit, rule, place, decimal)
     step, steps = usual_step(numbers), np.diff(numbers)
-    if not np.all(steps > 0.0) or np.any(np.abs(steps / step - np.rint(steps / step)) > _IRREGULAR):
+    if not np.all(steps > 0.0) or np.any(np.abs(steps / step - np.rint(steps / step)) > _MAX_OFF_GRID):
         return None
-    said = [unit] if unit is not None and _is_of_time(unit) else []
-    for name in said or ("s", "ms", "µs", "min", "h", "d"):
-        if abs(step * to_si(1.0, str(split_since(name)[0])) * rate - 1.0) < _SAME_RATE:
+    given = [unit] if unit is not None and _is_of_time(unit) else []
+    for name in given or ("s", "ms", "µs", "min", "h", "d"):
+        if abs(step * to_si(1.0, str(split_since(name)[0])) * rate - 1.0) < _MAX_RATE_DEVIATION:
             return make_clock(cells, name, TimeRule(zone=rule.zone), place, decimal)
-    if said:
+    if given:
         raise ConfigurationError(
             f"time.rate is {rate:g} Hz, but the time column has steps of {step:.4g} {unit}; correct or remove the rate"
         )
-    if np.any(np.abs(steps / step - np.rint(steps / step)) > _ROUNDED):
+    if np.any(np.abs(steps / step - np.rint(steps / step)) > _MAX_COUNT_DEVIATION):
         return None
     return Clock(factor=1.0 / (rate * step), zero=float(numbers[0]))
 
@@ -216,7 +217,7 @@ def counted_clock(
 def _dated_clock(
     cells: Sequence[str], unit: str | None, rule: TimeRule, place: Callable[[int], str], decimal: str
 ) -> Clock | None:
-    """The clock of dates that all increase; None for others, and for text that is no date."""
+    """Make the clock of dates that all increase; None for other dates, and for text that is no date."""
     try:
         clock = make_clock(cells, unit, TimeRule(zone=rule.zone), place, decimal)
         return clock if np.all(np.diff(clock.seconds(cells, place)) > 0.0) else None
@@ -297,7 +298,7 @@ def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
         return _absolute(Clock(count=count, zoned=True), numbers[:1], str)
     first = float(numbers[0])
     if unit is None:
-        with np.errstate(over="ignore"):  # too large a time is named by whoever checks the rows
+        with np.errstate(over="ignore"):  # the check of the rows reports a time that is too large
             unit = confirmed_unit(numbers)
     try:
         factor = to_si(1.0, unit)

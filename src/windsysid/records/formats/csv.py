@@ -43,7 +43,7 @@ Numbers = npt.NDArray[np.int64]
 
 _TRUTHS = (b"True", b"TRUE", b"true", b"False", b"FALSE", b"false")
 _HEAD = 1 << 18  # bytes that tell how a file is written
-_NUMBERS, _DATES = 20, 1000  # rows that show what a time counts, or how a date is written
+_NUMBER_ROWS, _DATE_ROWS = 20, 1000  # rows from which the unit of a time, or the format of dates, is determined
 _SHORT = 1 << 23
 """Bytes of a file that NumPy reads in less time than pandas takes to be imported; of longer ones pandas reads a number
 in a sixth of the time."""
@@ -97,8 +97,10 @@ def open_csv(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
 def _read_head(
     head: list[tuple[int, str]], mapping: Mapping
 ) -> tuple[Layout, list[tuple[int, list[str]]], tuple[int, ...], tuple[int, ...]]:
-    """How a file is written, the cells of its first rows, its columns of time, and the one that only counts rows; with
-    a `rate`, a headless first column that counts is the time."""
+    """Layout of a file, cells of its first rows, columns of the time, and the column that only counts rows.
+
+    Where the mapping gives the rate, a first column without a header that counts is the time.
+    """
 
     def rows(layout: Layout) -> list[tuple[int, list[str]]]:
         return [(number, split(text, layout.delimiter)) for number, text in head if number >= layout.first_row]
@@ -114,14 +116,14 @@ def _read_head(
 
 
 def _stamps(rows: list[tuple[int, list[str]]], times: tuple[int, ...], width: int) -> list[tuple[int, str]]:
-    """Lines and times of the first rows: few of numbers, more of dates, which tell day and month apart."""
-    some = [(number, " ".join(cells[i] for i in times)) for number, cells in rows[:_DATES] if len(cells) >= width]
+    """Lines and times of the first rows: few for numbers, more for dates, to distinguish day and month."""
+    some = [(number, " ".join(cells[i] for i in times)) for number, cells in rows[:_DATE_ROWS] if len(cells) >= width]
     dated = bool(times) and bool(some) and not is_number(some[0][1].replace(",", "."))
-    return some if dated else some[:_NUMBERS]
+    return some if dated else some[:_NUMBER_ROWS]
 
 
 def format_of_dates(path: Path, mapping: Mapping) -> str | None:
-    """The only strptime pattern that fits the dates in the first lines; None where the time needs none."""
+    """Strptime pattern that fits the dates in the first lines; None if several fit, or the time needs none."""
     head = list(_head(path, encoding_of(path, mapping.csv.encoding)))
     layout, rows, times, _ = _read_head(head, mapping)
     cells = [cell for _, cell in _stamps(rows, times, len(layout.cells))] if times else []
@@ -148,8 +150,11 @@ def columns_of_text(path: Path, mapping: Mapping) -> tuple[tuple[str, ...], tupl
 def _times_and_counter(
     cells: Sequence[Cell], rows: list[list[str]], mapping: Mapping
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The columns of the time, and the first one where it only counts rows and the mapping does not mention it; with a
-    `rate` and no other time, what counts rows is the time, so that lost rows stay gaps."""
+    """Columns of the time, and the first column if it only counts rows and the mapping does not mention it.
+
+    If the mapping gives the rate and there is no other time, the column that counts rows is the time, so that lost rows
+    remain gaps.
+    """
     mentioned = mapping.time.column == cells[0].written or cells[0].written in mapping.channels
     if mentioned or not counts_rows(cells, rows):
         return find_times(cells, mapping), ()
@@ -282,7 +287,7 @@ class _Reader:
             text = re.sub(rb"[ \t]+", b" ", text)
         if b" " in text or (b"\t" in text and mark != b"\t"):
             edge = rb"[\n]" if mark in b" \t" else rb"[\n" + mark + rb"]"
-            # From each blank of a run instead of its first, the time would grow with the square of its length.
+            # The look-behind makes the search linear: a match from each blank of a run would make it quadratic.
             text = re.sub(rb"(?<![ \t])[ \t]++(?=" + edge + rb")", b"", text)
             text = re.sub(rb"(?<=" + edge + rb")[ \t]++", b"", text)
             text = text.lstrip(b" ") if mark == b"\t" else text.lstrip(b" \t")

@@ -1,7 +1,7 @@
-"""Dates as text: which strptime pattern fits them, and their fractions of a second.
+"""Dates as text: detection of strptime patterns, and parsing with fractions of a second.
 
-A pattern is proposed and never applied unasked: ``03/04/2024`` is in March or in April. The fraction of a second may
-have a point or a comma and any number of digits, and may be missing at whole seconds, whatever the pattern says.
+A detected pattern is proposed, not applied: ``03/04/2024`` may be in March or in April. The fraction of a second may
+have a point or a comma and any number of digits, and may be missing at whole seconds, independently of the pattern.
 """
 
 import re
@@ -37,9 +37,9 @@ _TIME = re.compile(
 
 
 def fitting_formats(cells: Sequence[str]) -> tuple[str, ...]:
-    """strptime patterns that fit all of these dates with a time of day; two where day or month may be first.
+    """Find the strptime patterns that fit all of these dates with a time of day.
 
-    Patterns are for the first form that the first cell has; empty where it has none, or other cells have another.
+    There are two if either day or month may come first, and none if cells have different or unknown forms.
     """
     found: list[str] = []
     for date, patterns in _DATES:
@@ -63,12 +63,12 @@ def is_zoned(cell: str) -> bool:
 
 
 def parse_column(cells: list[str], pattern: str, zoned: bool, place: Callable[[int], str]) -> Moments:
-    """Moments (n,) [ns since 1970, UTC] of a column of dates: in a strptime `pattern`, or ISO, `zoned` or not.
+    """Parse a column of dates, in a strptime `pattern` or as ISO text `zoned` or not, to (n,) [ns since 1970, UTC].
 
     Raises
     ------
     RecordError
-        If a cell is another, named by its `place`.
+        If a cell has another form; the message gives its `place`.
     """
     if not pattern:
         shape = _ISO_ZONED if zoned else _ISO
@@ -98,12 +98,12 @@ def parse_column(cells: list[str], pattern: str, zoned: bool, place: Callable[[i
 
 
 def _parse(cells: Sequence[str], pattern: str) -> Moments:
-    """Moments (n,) [ns since 1970, UTC] of dates in a strptime pattern.
+    """Parse dates in a strptime pattern, or as ISO text if it is empty, to (n,) [ns since 1970, UTC].
 
     Raises
     ------
     ValueError, OverflowError, TypeError
-        If some cell does not fit.
+        If a cell does not fit the pattern.
     """
     import pandas as pd
 
@@ -123,7 +123,7 @@ def _parse(cells: Sequence[str], pattern: str) -> Moments:
 
 
 def _clock_pattern(clock: re.Match[str], cells: Sequence[str]) -> str:
-    """The pattern of the time of day, with the mark of its fraction where some cell has one."""
+    """Pattern of the time of day, with the decimal mark of the fraction if any cell has one."""
     mark = next((found[0][-len(found[2]) - 1] for cell in cells if (found := _FRACTION.search(cell))), "")
     seconds = f":%S{mark}%f" if mark else ":%S" if clock["second"] else ""
     half, zone = clock["half"] or "", clock["zone"] or ""

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from windsysid.configuration import irregular
+from windsysid.configuration import special_file_kind
 from windsysid.errors import ConfigurationError, RecordError
 
 __all__ = ["check_input", "damaged", "named_after", "quiet", "read_start"]
@@ -27,7 +27,7 @@ def check_input(path: Path) -> None:
         raise RecordError(f"{path}: is a folder, expected a file; name one of the files in it")
     if not os.path.exists(path):
         raise RecordError(f"{path}: no such file; check the name and the folder")
-    kind = irregular(path)
+    kind = special_file_kind(path)
     if kind:
         raise RecordError(f"{path}: is {kind}, expected a file; save its content as a file first")
     if not read_start(path, 1):

@@ -1,9 +1,9 @@
 """DTU's general time series data format (GTSDF), an HDF5 layout that HAWC2 and measurement systems write.
 
-The attribute ``type`` of the file names the format. Groups ``block0000`` … hold ``data`` (T, m), and where they are
-integers, ``gains`` and ``offsets`` (m): value = gain × integer + offset, the greatest integer is missing. Times are
-``time_start + time_step`` × ``time``, or × the number of the row where there is no ``time``; a file with neither step
-nor times needs a mapping with its rate. Datasets ``attribute_names``, ``attribute_units`` and
+The attribute ``type`` of the file names the format. Groups ``block0000`` … hold ``data`` (T, m) and, for integers,
+``gains`` and ``offsets`` (m): value = gain × integer + offset, where the largest integer means a missing value. Times
+are ``time_start + time_step`` × ``time``, or × the number of the row if there is no ``time``; a file without step and
+times needs a mapping with its rate. Datasets ``attribute_names``, ``attribute_units`` and
 ``attribute_descriptions`` are those of the channels. Names, axes and signs are the program's own.
 
 Source: ``gtsdf`` of DTU's wind energy toolbox (wetb), which reads and writes the format.
@@ -27,7 +27,7 @@ from windsysid.records.record import Array
 __all__ = ["TYPE", "source_of_blocks"]
 
 TYPE = "General time series data format"
-"""What the attribute ``type`` of such a file begins with, in any case of its letters."""
+"""Beginning of the attribute ``type`` of such a file, in upper or lower case."""
 
 
 class _Block(NamedTuple):
@@ -39,30 +39,30 @@ class _Block(NamedTuple):
     time: Array | None
 
     def rows(self, low: int, high: int) -> Array:
-        """Rows low … high − 1 as numbers."""
+        """Unpacked values of the rows low … high − 1."""
         packed = self.data[low:high]
         values = doubles(packed)
         if packed.dtype.kind in "iu":
             values = np.where(packed == np.iinfo(packed.dtype).max, np.nan, values)
-        with np.errstate(all="ignore"):  # infinity is named by whoever checks the rows
+        with np.errstate(all="ignore"):  # the check of the rows reports infinity
             values = values if self.gains is None else values * self.gains
             return values if self.offsets is None else values + self.offsets
 
 
 def source_of_blocks(
-    name: str, about: dict[str, Any], found: dict[str, Any], step_of: dict[str, dict[str, Any]], mapping: Mapping
+    name: str, about: dict[str, Any], found: dict[str, Any], groups: dict[str, dict[str, Any]], mapping: Mapping
 ) -> Source:
-    """The source of a file.
+    """Make the source of a GTSDF file.
 
     Parameters
     ----------
     name : str
-        Of the record.
+        Name of the record.
     about : dict
         Attributes of the file.
     found : dict
-        Its datasets by path.
-    step_of : dict
+        Datasets of the file by path.
+    groups : dict
         Attributes of its groups by name.
     mapping : Mapping
 
@@ -73,8 +73,8 @@ def source_of_blocks(
     """
     try:
         blocks = [
-            _block(found, f"block{number:04d}", step_of.get(f"block{number:04d}", {}))
-            for number in range(min(int(about["no_blocks"]), 1 + len(step_of)))
+            _block(found, f"block{number:04d}", groups.get(f"block{number:04d}", {}))
+            for number in range(min(int(about["no_blocks"]), 1 + len(groups)))
         ]
         widths = {block.data.shape[1] for block in blocks}
         if len(widths) != 1:
@@ -113,7 +113,7 @@ def source_of_blocks(
 def _block(found: dict[str, Any], name: str, about: dict[str, Any]) -> _Block:
     data = found.get(f"{name}/data")
     if data is None or len(data.shape) != 2 or data.dtype.kind not in "fiu":
-        raise RecordError(f"has no table {name}/data, of which its attribute no_blocks tells; copy or export it again")
+        raise RecordError(f"has no table {name}/data, which its attribute no_blocks requires; copy or export it again")
     samples, width = data.shape
     gains, offsets = (_numbers(found.get(f"{name}/{key}"), width) for key in ("gains", "offsets"))
     counted = _numbers(found.get(f"{name}/time"), samples)
@@ -125,7 +125,7 @@ def _block(found: dict[str, Any], name: str, about: dict[str, Any]) -> _Block:
 
 
 def _numbers(dataset: Any, size: int) -> Array | None:
-    """A vector of that many numbers, None where there is none."""
+    """Read a vector of `size` numbers; None if there is no such dataset."""
     if dataset is None:
         return None
     values = doubles(dataset[()]).ravel()
@@ -141,7 +141,7 @@ def _cells(found: dict[str, Any], width: int) -> list[Cell]:
 
 
 def _texts(dataset: Any, width: int) -> list[str]:
-    """As many texts as there are channels, empty where the file has none."""
+    """Read one text per channel, empty if the file has none."""
     found = [] if dataset is None else np.ravel(dataset[()]).tolist()
     texts = [one.decode("utf-8", errors="replace") if isinstance(one, bytes) else str(one) for one in found]
     return [" ".join(text.split()) for text in (texts + [""] * width)[:width]]

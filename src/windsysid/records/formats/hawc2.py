@@ -122,7 +122,7 @@ def _cells(lines: list[str], count: int) -> tuple[Cell, ...]:
 
 
 def distinct_names(names: Sequence[str], about: Sequence[str]) -> list[str]:
-    """Names, with descriptions where several channels have one name, and with a number where that is not enough."""
+    """Make names distinct: append descriptions to names that occur several times, and numbers if that is not enough."""
     counts = Counter(names)
     full = [name if counts[name] == 1 else f"{name} {text}".strip() for name, text in zip(names, about, strict=True)]
     counts = Counter(full)
@@ -130,7 +130,7 @@ def distinct_names(names: Sequence[str], about: Sequence[str]) -> list[str]:
 
 
 def known_unit(text: str) -> str:
-    """A unit of HAWC2's as windsysid knows it, else as it is written."""
+    """Unit of HAWC2 as it is if windsysid knows it, otherwise marked as written."""
     try:
         canonical(text)
     except ConfigurationError:

@@ -2,9 +2,8 @@
 
 A dataset ``tower/acc`` is called ``acc``, or ``tower_acc`` where another is called so too; the mapping may list it as
 ``tower/acc``. Units are attributes ``units`` or ``unit``; packed numbers are unpacked as in netCDF. The fields of a
-compound dataset are series of their own, ``table/field``. A file of DTU's time series format is read as
-`windsysid.records.formats.gtsdf` says. HDF5 has no checksum of its own tables: a damaged file may
-look whole.
+compound dataset are series of their own, ``table/field``. Files of DTU's time series format are read by
+`windsysid.records.formats.gtsdf`. HDF5 has no checksum of its own tables: a damaged file may look whole.
 """
 
 from pathlib import Path

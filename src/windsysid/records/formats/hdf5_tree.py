@@ -1,29 +1,29 @@
-"""The datasets of an HDF5 file, without those whose values are not in it.
+"""Traversal of an HDF5 file that refuses datasets whose values are not in the file.
 
-Groups of an HDF5 file form a graph, in which 30 groups can have 2^30 paths, and datasets may have their values in other
-files (external storage, virtual datasets) or nowhere (declared, but never written). Each group is visited once, links
-to other files are not followed, and such datasets are refused.
+Groups form a graph, in which 30 groups can have 2^30 paths, and the values of datasets may be in other files (external
+storage, virtual datasets) or missing (declared, but never written). Each group is visited once, links to other files
+are not followed, and such datasets are refused.
 """
 
 from collections.abc import Iterator
 from typing import Any
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.probed import MAX_UNWRITTEN, unwritten
+from windsysid.records.formats.probed import MAX_UNWRITTEN_VALUES, unwritten
 
 __all__ = ["check_tree", "datasets"]
 
 MAX_DEPTH = 100
-"""Levels of groups; instruments write three or four."""
+"""Largest number of levels of groups; instruments write three or four."""
 
 
 def datasets(file: Any) -> Iterator[tuple[str, Any]]:
-    """All datasets below a group, with their paths, in the order of their names.
+    """Iterate over all datasets below a group with their paths, in the order of their names.
 
     Raises
     ------
     RecordError
-        If the values of one are in another file, or too many of all were never written.
+        If values are in another file, or too many values were declared and never written.
     """
     missing = 0
     for path, item in _below(file, "", {_place(file)}, links=False):
@@ -32,7 +32,7 @@ def datasets(file: Any) -> Iterator[tuple[str, Any]]:
                 f"'{path}' has its values in another file, which is not read; copy them into this file (h5repack)"
             )
         missing += unwritten(item)
-        if missing > MAX_UNWRITTEN:
+        if missing > MAX_UNWRITTEN_VALUES:
             raise RecordError(
                 f"'{path}' declares {item.size} values, most of which were never written; copy or export the file again"
             )
@@ -40,7 +40,7 @@ def datasets(file: Any) -> Iterator[tuple[str, Any]]:
 
 
 def check_tree(file: Any) -> None:
-    """Refuse a file that links to another one, or whose datasets `datasets` refuses."""
+    """Refuse a file that has links to other files, or datasets that `datasets` refuses."""
     for path, _ in _below(file, "", {_place(file)}, links=True):
         raise RecordError(f"'{path}' is a link to another file, which is not followed; copy its content into this file")
     for _ in datasets(file):
@@ -48,7 +48,7 @@ def check_tree(file: Any) -> None:
 
 
 def _below(group: Any, path: str, seen: set[Any], *, links: bool) -> Iterator[tuple[str, Any]]:
-    """Path and dataset, or path and link to another file, of all below a group."""
+    """Iterate over paths and datasets below a group, or over paths and links to other files if `links`."""
     import h5py  # type: ignore[import-untyped,unused-ignore]
 
     if path.count("/") > MAX_DEPTH:
@@ -71,7 +71,7 @@ def _below(group: Any, path: str, seen: set[Any], *, links: bool) -> Iterator[tu
 
 
 def _place(item: Any) -> Any:
-    """What tells an object of a file from all others."""
+    """Address of an object, which identifies it within open files."""
     import h5py  # type: ignore[import-untyped,unused-ignore]
 
     found = h5py.h5o.get_info(item.id)

@@ -43,7 +43,7 @@ NAMED_FORMATS = ("iso", "excel", "matlab", "unix", "labview")
 
 
 _PYTHON_ENCODINGS = ("idna", "mbcs", "oem", "punycode", "raw-unicode-escape", "undefined", "unicode-escape")
-"""Encodings that are not for files of text (Python's documentation of codecs, "Python Specific Encodings")."""
+"""Encodings of Python's own that are not for text files (documentation of codecs, "Python Specific Encodings")."""
 
 
 class _Strict:
@@ -59,8 +59,8 @@ class TimeRule(_Strict):
     column
         Name of the time column; in text two names, of the columns with the date and the time of day.
     rate
-        Samples per second [Hz] of a file without a time column, or whose time column says no unit or counts samples:
-        sample k is at k/rate. Where the column has a regular step, rows that it shows to be lost are gaps.
+        Sampling rate [Hz] of a file without a time column, or whose time column has no unit or counts samples: sample k
+        is at k/rate. If the column has a regular step, rows that are missing in it become gaps.
     unit
         Unit of a time that is a number: ``s``, ``ms``, ``min``, ``h``, ``d``.
     format
@@ -82,7 +82,9 @@ class TimeRule(_Strict):
         if self.rate is not None and not 0.0 < self.rate < math.inf:
             raise ValueError(f"rate {self.rate} is not a number of samples per second above 0")
         if self.rate is not None and (self.unit, self.format) != (None, None):
-            raise ValueError("rate is for files without a time or its unit; remove it, or unit and format")
+            raise ValueError(
+                "rate is for files without a time, or whose time has no unit; remove it, or unit and format"
+            )
         if self.unit is not None and si_unit(self.unit) != "s":
             raise ValueError(f"unit '{self.unit}' is not a unit of time, expected s, ms, min, h or d")
         if self.format is not None and self.format not in NAMED_FORMATS and "%" not in self.format:
@@ -210,7 +212,7 @@ class Mapping(_Strict):
 
 
 def _check_pattern(pattern: str) -> None:
-    """Refuse a pattern that pandas cannot use for any text; ValueError with its reason."""
+    """Raise a ValueError with the reason if pandas cannot use a pattern for any text."""
     import pandas as pd
 
     try:
@@ -221,7 +223,7 @@ def _check_pattern(pattern: str) -> None:
 
 
 def _check_encoding(name: str) -> None:
-    """Refuse what is no encoding of text, and the encodings for Python's own purposes; ValueError."""
+    """Raise a ValueError for a name that is no encoding of text files."""
     import codecs
 
     try:

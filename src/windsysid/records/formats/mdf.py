@@ -32,7 +32,7 @@ _CHAINED = {
     b"HD": (0, 1, 2, 3, 4), b"DG": (0, 1, 2), b"CG": (0, 1), b"CN": (0, 1), b"CA": (0,), b"CH": (0, 1), b"FH": (0,),
     b"AT": (0,), b"EV": (0,), b"HL": (0,), b"DL": (0,), b"LD": (0,),
 }  # fmt: skip
-"""Of each kind of block, the links that make chains and trees: no block is in two of them (ASAM MDF 4.2, chapter 5)."""
+"""Links that form chains and trees, by kind of block: no block is part of two of them (ASAM MDF 4.2, chapter 5)."""
 _MOST_PACKED = 1100  # zlib packs 1032 bytes into one at most
 
 
@@ -66,7 +66,7 @@ def open_mdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
 
 
 def _follow(path: Path) -> None:
-    """Refuse a file in which a chain of blocks comes back to itself: asammdf would follow it without end."""
+    """Refuse a file with a cyclic chain of blocks, which asammdf would follow for ever."""
     seen: set[int] = set()
     left, size = [_FIRST_BLOCK], path.stat().st_size
     with path.open("rb") as file:

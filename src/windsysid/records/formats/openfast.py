@@ -23,7 +23,7 @@ exerts on its root about the downwind axis. It is positive with the rotation alr
 (lag > 0) shows a positive moment.
 
 A channel that `CHANNELS` does not list keeps OpenFAST's own name and sign, in SI; of two names of one channel
-(`ALIASES`) the first in the file gets ours. The nacelle's sensor has the axes of the shaft, which is tilted:
+(`ALIASES`) the first in the file gets windsysid's. The nacelle's sensor has the axes of the tilted shaft:
 ``nacelle_z`` is along it. A yaw angle is positive counter-clockwise from above in OpenFAST, clockwise in windsysid.
 
 The date in the header says when the simulation was run, not when the wind blew: it stays in the description, and the
@@ -138,14 +138,14 @@ def open_openfast(path: Path, mapping: Mapping, *, whole: bool = False) -> Sourc
 
 
 def known_channel(name: str) -> tuple[str, float]:
-    """The name of ours for a channel of OpenFAST, and the sign that turns its values; its own name and 1 without."""
+    """Look up windsysid's name and sign of a channel of OpenFAST; its own name and 1 for an unknown channel."""
     found = _ours(name)
     return found.name, found.sign
 
 
 @dataclass(frozen=True)
 class _Known:
-    """What a column is under our name, and the sign that turns OpenFAST's values into it."""
+    """Name of a column in windsysid, and the sign by which OpenFAST's values are multiplied."""
 
     name: str
     sign: float = 1.0
@@ -160,7 +160,7 @@ def _ours(name: str) -> _Known:
 
 
 def _known(names: Sequence[str], mapping: Mapping) -> list[_Known]:
-    """What the columns are: with the file's own name and sign where a mapping lists one, or another has our name."""
+    """Names and signs of the columns: the file's own where a mapping lists one, or an earlier column has the name."""
     found: list[_Known] = []
     taken: dict[str, str] = {}
     for name in names:

@@ -1,8 +1,8 @@
-"""Text output of OpenFAST and its modules, and of FAST 6 to 8: a heading, names from ``Time`` on, units, rows.
+"""Text output of OpenFAST and its modules, and of FAST 6 to 8: heading, line of names from ``Time`` on, units, rows.
 
-The heading has six lines in OpenFAST's own file and others in those of its modules (``.MD.out`` of MoorDyn): the names
-are the first line that begins with ``Time`` and has a line of as many units below. FAST 6 to 8 write the units in
-Latin-1 (``kN·m``).
+The heading has six lines in OpenFAST's own file and another number in files of its modules (``.MD.out`` of MoorDyn):
+the names are the first line that begins with ``Time`` and has a line of as many units below it. FAST 6 to 8 write units
+in Latin-1 (``kN·m``).
 """
 
 import itertools
@@ -24,14 +24,14 @@ _MAX_HEADING_LINES = 50
 
 @dataclass(frozen=True)
 class TextOutput:
-    """A text output that has been read.
+    """Content of a text output.
 
     Attributes
     ----------
     names, units : tuple of str (m,)
-        Of every column, the time first; units without brackets.
+        Names and units, without brackets, of all columns, the time first.
     description : str
-        What the user wrote above the names.
+        Text above the names.
     table : (T, m) array
         Values as written.
     first_line : int
@@ -59,21 +59,21 @@ class TextOutput:
 
     @property
     def notes(self) -> dict[str, str]:
-        """What a user should know of the file, as attributes of its record."""
+        """Remarks on the file, as attributes of its record."""
         return {}
 
     def place(self, row: int) -> str:
-        """What a user calls the place of a row."""
+        """Name of a row in messages."""
         return f"line {row + self.first_line}"
 
 
 def read_text_output(path: Path) -> TextOutput:
-    """Read a file whole.
+    """Read a whole file.
 
     Raises
     ------
     RecordError
-        If it has no such names and units, a cell is not a number, or a row has another number of cells than the names.
+        If names or units are missing, a cell is no number, or a row has another number of cells than the names.
     """
     encoding = encoding_of(path)
     lines = _heading(path, encoding)
@@ -99,7 +99,7 @@ def _heading(path: Path, encoding: str) -> list[str]:
 
 
 def _names_at(lines: list[str]) -> int | None:
-    """Index of the line of names."""
+    """Index of the line of names; None if there is none."""
     for k, (line, below) in enumerate(itertools.pairwise(lines)):
         names, units = line.split(), below.split()
         if names and names[0].lower() == "time" and len(units) == len(names) and _is_unit(units[0]):
@@ -112,10 +112,10 @@ def _is_unit(cell: str) -> bool:
 
 
 def _rows(path: Path, encoding: str, names: tuple[str, ...], heading: int) -> Array:
-    """The table (T, m) below `heading` lines."""
+    """Read the table (T, m) below `heading` lines."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of a file without rows, which whoever checks them says
+            warnings.simplefilter("ignore", UserWarning)  # of a file without rows, which the check of the rows reports
             table = np.loadtxt(path, skiprows=heading, encoding=encoding, comments=None, ndmin=2)
     except ValueError:
         return _rows_one_by_one(path, encoding, names, heading)
@@ -123,7 +123,7 @@ def _rows(path: Path, encoding: str, names: tuple[str, ...], heading: int) -> Ar
 
 
 def _rows_one_by_one(path: Path, encoding: str, names: tuple[str, ...], heading: int) -> Array:
-    """The table, or the first place where it is none."""
+    """Read the table row by row, to name the place of an error."""
     table: list[list[float]] = []
     for block in line_blocks(path, encoding):
         for number, line in enumerate(block.text.decode().split("\n"), block.first):

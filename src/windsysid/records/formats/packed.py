@@ -2,8 +2,8 @@
 
 A header says how many channels and samples follow, then come int16 rows with one scale and offset per channel
 (float64 rows in format 3; formats 1 has packed times before the rows). A row is as long as any other, so the rows of
-a section are one piece of the file. Bytes behind the counted rows are those of a longer file that was written over:
-they are left out, and the attribute ``left_over`` says so. The numbers are those that openfast_io reads
+a section are one piece of the file. Bytes after the counted rows come from a longer file that was overwritten: they
+are left out, and the attribute ``left_over`` reports them. The numbers are those that openfast_io reads
 (tests/records/formats).
 """
 
@@ -43,7 +43,7 @@ class Packed:
     wide : bool
         Whether rows are float64 and not packed.
     behind : int
-        Bytes behind the counted rows, which are not read.
+        Number of bytes after the counted rows, which are not read.
     """
 
     path: Path
@@ -82,16 +82,16 @@ class Packed:
 
     @property
     def notes(self) -> dict[str, str]:
-        """What a user should know of the file, as attributes of its record."""
+        """Remarks on the file, as attributes of its record."""
         if not self.behind:
             return {}
         return {
-            "left_over": f"{self.behind} bytes behind the {self.samples} counted samples are not read; the file may"
-            " have been written over a longer one"
+            "left_over": f"{self.behind} bytes after the {self.samples} counted samples are not read; the file may"
+            " have overwritten a longer one"
         }
 
     def place(self, row: int) -> str:
-        """What a user calls the place of a row."""
+        """Name of a row in messages."""
         return f"sample {row}"
 
 

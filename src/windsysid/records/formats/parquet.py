@@ -40,7 +40,7 @@ _SEAL = b"windsysid crc32 "
 """What stands before a footer, with eight digits: the checksum of the footer and of what follows it."""
 
 _UNNAMED = re.compile(r"__index_level_\d+__")
-"""What pandas calls an index without a name."""
+"""Name that pandas gives to an index without a name."""
 
 _TAIL = 8
 """Bytes behind the footer: its length, and four letters."""
@@ -69,7 +69,7 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
             _check_type(schema.field(i), dates=i in times)
         attributes = {str(k): str(v) for k, v in parse_json(notes.get("windsysid_attributes", "{}")).items()}
         if counter:
-            attributes["dropped"] = "the index that pandas counted is left out"
+            attributes["dropped"] = "pandas' index counts the rows; it is left out"
         first = next(file.iter_batches(20, columns=[schema.field(times[0] if times else 0).name]), None)
         if first is None or not first.num_rows:
             raise RecordError("expected at least 2 samples, got 0; give a longer record")
@@ -259,7 +259,7 @@ def _pandas_index(notes: dict[str, str], names: list[str]) -> int | None:
 def _times_and_counter(
     cells: list[Cell], index: int | None, mapping: Mapping
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The columns of the time; and pandas' index where it only counts rows and the time comes from elsewhere."""
+    """Columns of the time, and pandas' index if it only counts rows and another column is the time."""
     counter: tuple[int, ...] = ()
     if index is not None and _UNNAMED.fullmatch(cells[index].written) and _has_other_time(cells, index, mapping):
         counter, index = (index,), None
@@ -269,7 +269,7 @@ def _times_and_counter(
 
 
 def _has_other_time(cells: list[Cell], index: int, mapping: Mapping) -> bool:
-    """Whether the time comes from elsewhere than the index: the mapping's column, or one called so."""
+    """Whether another column than the index is the time: the mapping's column, or one with the name of a time."""
     if mapping.time.column is not None:
         return mapping.time.column != cells[index].written
     return is_called_time(cells[0].name)

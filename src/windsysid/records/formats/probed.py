@@ -1,6 +1,6 @@
-"""Read a file with a library in C under limits of time and memory: what `windsysid.records.formats.probing` runs.
+"""Program that reads a file with a C library under limits of time and memory, for `windsysid.records.formats.probing`.
 
-It is free of windsysid, so that a fresh interpreter starts with little: ``probed.py LIBRARY PATH SECONDS BYTES``.
+It imports nothing from windsysid, so that a new interpreter starts fast: ``probed.py LIBRARY PATH SECONDS BYTES``.
 """
 
 import contextlib
@@ -11,19 +11,19 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
-__all__ = ["MAX_UNWRITTEN", "NEEDS_MEMORY", "main", "read", "unwritten"]
+__all__ = ["MAX_UNWRITTEN_VALUES", "OUT_OF_MEMORY", "main", "read", "unwritten"]
 
-NEEDS_MEMORY = 3
-"""Exit code of a process that asked for more memory than it may have."""
+OUT_OF_MEMORY = 3
+"""Exit code of a process that exceeded its memory limit."""
 
 MAX_VALUES = 1 << 20
-"""Values that are read at once."""
+"""Largest number of values that are read at a time."""
 
-MAX_UNWRITTEN = 1 << 22
-"""Values of an HDF5 file that were declared and never written; more of them cost memory for nothing."""
+MAX_UNWRITTEN_VALUES = 1 << 22
+"""Largest number of values of an HDF5 file that were declared and never written: each one takes memory when read."""
 
-MAX_ROWS = 1000
-"""Rows of each group of an MDF file whose values are converted; of the others only the time is read."""
+MAX_MDF_ROWS = 1000
+"""Number of rows of each group of an MDF file whose values are converted; for the other rows only the time is read."""
 
 
 def main() -> None:
@@ -33,12 +33,12 @@ def main() -> None:
 
 
 def read(library: str, path: str, seconds: int, size: int) -> int:
-    """Read a file within so many seconds of processor time and, where `size` is not 0, bytes of memory.
+    """Read a file within limits of processor time [s] and, unless `size` is 0, of memory [bytes].
 
     Returns
     -------
     int
-        0, or 1 where the library raised an error, or `NEEDS_MEMORY`.
+        Exit code: 0, 1 if the library raised an error, or `OUT_OF_MEMORY`.
     """
     with contextlib.suppress(ImportError):
         importlib.import_module(library)
@@ -46,8 +46,8 @@ def read(library: str, path: str, seconds: int, size: int) -> int:
     try:
         _READERS[library](path)
     except MemoryError:
-        return NEEDS_MEMORY
-    except Exception:  # what Python says is said by whoever reads the file after this
+        return OUT_OF_MEMORY
+    except Exception:  # the process that reads the file next reports the error
         return 1
     return 0
 
@@ -80,7 +80,7 @@ def _walk(file: Any, h5py: Any, seen: set[Any]) -> None:
     while groups:
         group = groups.pop()
         for name in group:
-            with _told():
+            with _ignoring_errors():
                 if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                     continue
                 one = group[name]
@@ -96,7 +96,9 @@ def _walk(file: Any, h5py: Any, seen: set[Any]) -> None:
 
 
 def _values(dataset: Any) -> None:
-    if dataset.is_virtual or dataset.external or unwritten(dataset) > MAX_UNWRITTEN:  # whoever reads the file says so
+    if (
+        dataset.is_virtual or dataset.external or unwritten(dataset) > MAX_UNWRITTEN_VALUES
+    ):  # the reader of the file refuses it
         return
     if not dataset.shape:
         dataset[()]
@@ -106,7 +108,7 @@ def _values(dataset: Any) -> None:
 
 
 def unwritten(dataset: Any) -> int:
-    """Count the values of an HDF5 dataset that were declared and never written, where these are more than half."""
+    """Number of values of an HDF5 dataset that were declared and never written; 0 if they are less than half."""
     declared = int(dataset.size or 0)
     if not declared or (dataset.chunks is None and dataset.id.get_storage_size()):
         return 0
@@ -115,7 +117,7 @@ def unwritten(dataset: Any) -> int:
 
 
 def _blocks(shape: tuple[int, ...], chunks: tuple[int, ...] | None) -> Iterator[tuple[slice, ...]]:
-    """Parts of at most `MAX_VALUES` values, made of whole chunks, that fill a shape."""
+    """Partition a shape into blocks of whole chunks with at most `MAX_VALUES` values."""
     sizes = list(chunks or [1] * len(shape))
     for axis in reversed(range(len(shape))):
         sizes[axis] = min(shape[axis], sizes[axis] * max(1, MAX_VALUES // max(1, math.prod(sizes))))
@@ -126,7 +128,7 @@ def _blocks(shape: tuple[int, ...], chunks: tuple[int, ...] | None) -> Iterator[
 
 def _attributes(one: Any) -> None:
     for name in one.attrs:
-        with _told():
+        with _ignoring_errors():
             one.attrs[name]
 
 
@@ -138,15 +140,15 @@ def _mdf(path: str) -> None:
     import asammdf  # type: ignore[import-untyped,unused-ignore]
 
     logging.disable(logging.CRITICAL)
-    asammdf.blocks.mdf_v4.NamedTemporaryFile = tempfile.TemporaryFile  # has no name that could outlive this process
+    asammdf.blocks.mdf_v4.NamedTemporaryFile = tempfile.TemporaryFile  # it is deleted when this process ends
     with open(path, "rb") as stream:
         file = asammdf.MDF(stream)
         for number, group in enumerate(file.groups):
-            with _told():
+            with _ignoring_errors():
                 file.get_master(number)
-            with _told():
+            with _ignoring_errors():
                 wanted = [(None, number, index) for index in range(len(group.channels))]
-                file.select(wanted, record_offset=0, record_count=MAX_ROWS, copy_master=False)
+                file.select(wanted, record_offset=0, record_count=MAX_MDF_ROWS, copy_master=False)
 
 
 def _matlab(path: str) -> None:
@@ -155,13 +157,13 @@ def _matlab(path: str) -> None:
 
     for name, _, kind in whosmat(path):
         if kind != "cell":
-            with _told():
+            with _ignoring_errors():
                 loadmat(path, variable_names=[name], squeeze_me=True, struct_as_record=False)
 
 
 @contextlib.contextmanager
-def _told() -> Iterator[None]:
-    """Go on after an error that whoever reads the file after this says, but not where memory is short."""
+def _ignoring_errors() -> Iterator[None]:
+    """Ignore errors other than `MemoryError`: the process that reads the file next reports them."""
     try:
         yield
     except MemoryError:

@@ -1,11 +1,11 @@
-"""Let another process read a file first: a damaged one can make a library hang, crash or fill the memory.
+"""Trial reading of a file by a child process: a damaged file can make a C library hang, crash or fill the memory.
 
-Libraries in C (HDF5, asammdf, scipy's reader of MATLAB files) cannot be interrupted from Python. So a child process
-reads the file under limits of processor time and memory and reports nothing but how it ended. Where it came to its end,
-this process reads the file as usual, and reports what is wrong with it; where it hung, died or asked for too much
-memory, the file is refused. On Linux the child is forked from the main thread, which takes some milliseconds; elsewhere
-it is a fresh interpreter, which has to import the library. Files with windsysid's seal need none of this, nor do
-processes that are guarded themselves (`windsysid.fleet.guard`).
+C libraries (HDF5, asammdf, SciPy's reader of MATLAB files) cannot be interrupted from Python. So a child process reads
+the file under limits of processor time and memory; only its exit code is used. If it ends normally, this process reads
+the file as usual and reports its faults; if it hangs, crashes or exceeds its memory, the file is refused. On Linux
+the child is forked from the main thread, which takes some milliseconds; otherwise it is a new interpreter, which must
+import the library. Files with windsysid's seal are not read on trial, and neither are files in processes that are
+guarded themselves (`windsysid.fleet.guard`).
 """
 
 import contextlib
@@ -22,38 +22,39 @@ from functools import lru_cache
 from pathlib import Path
 
 from windsysid.errors import RecordError
-from windsysid.records.formats.probed import NEEDS_MEMORY, read
+from windsysid.records.formats.probed import OUT_OF_MEMORY, read
 
 __all__ = ["MAX_BYTES", "Guard", "memory_for", "probe"]
 
 MAX_BYTES = 1 << 28
-"""Of a larger file sections are read, and not all of it for its soundness."""
+"""Largest size of a file that is read on trial [bytes]: a larger one would take too long."""
 
-SECONDS, SECONDS_PER_BYTE = 5.0, 2e-7
-"""Processor time that reading may take; libraries that hang do it at full speed."""
+MAX_SECONDS, MAX_SECONDS_PER_BYTE = 5.0, 2e-7
+"""Largest processor time of reading [s], and addition per byte; a library that hangs uses the processor fully."""
 
-WAIT_FACTOR = 12.0
-"""Ratio of the longest wall time to the processor time: the machine may do other things."""
+MAX_WALL_TIME_RATIO = 12.0
+"""Largest ratio of wall time to processor time: other programs may use the machine."""
 
-MEMORY, MEMORY_PER_BYTE = 1 << 28, 2
-"""Memory [bytes] that reading may take."""
+MAX_MEMORY, MAX_MEMORY_PER_BYTE = 1 << 28, 2
+"""Largest memory of reading [bytes], and addition per byte of the file."""
 
 READER = Path(__file__).with_name("probed.py")
 
-NAMES = {"h5py": "HDF5", "asammdf": "MDF", "scipy.io": "MATLAB"}
+FORMAT_NAMES = {"h5py": "HDF5", "asammdf": "MDF", "scipy.io": "MATLAB"}
+"""Names of the formats in messages, by library."""
 
-COMPRESSED = ("scipy.io",)
-"""Libraries that read a whole variable at once, which may be a thousand times as large as the file: no memory limit."""
+WITHOUT_MEMORY_LIMIT = ("scipy.io",)
+"""Libraries that read a whole compressed variable at once, which may be a thousand times as large as the file."""
 
 
 class Guard:
-    """Whether this process is watched by another one, which ends it where it hangs."""
+    """Whether another process watches this one, and ends it if it hangs."""
 
     on = False
 
 
 def probe(path: Path, library: str = "h5py") -> None:
-    """Refuse a file that makes a library hang or crash.
+    """Refuse a file that makes a library hang, crash or exceed its memory limit.
 
     Raises
     ------
@@ -68,32 +69,37 @@ def probe(path: Path, library: str = "h5py") -> None:
 
 
 def memory_for(size: int) -> int:
-    """Memory [bytes] that a file of `size` bytes may take beyond what it holds."""
-    return MEMORY + MEMORY_PER_BYTE * size
+    """Memory limit [bytes] for reading a file of `size` bytes."""
+    return MAX_MEMORY + MAX_MEMORY_PER_BYTE * size
 
 
 @lru_cache(maxsize=64)
 def _probed(library: str, path: str, size: int, _changed: int) -> str:
-    """What the library does in a file of this size and time of change; empty where it comes to an end."""
+    """Fault of the library in a file of this size and time of change; empty if it ends normally."""
     if size > MAX_BYTES:
         return ""
-    seconds, memory = int(SECONDS + SECONDS_PER_BYTE * size), 0 if library in COMPRESSED else memory_for(size)
+    seconds, memory = (
+        int(MAX_SECONDS + MAX_SECONDS_PER_BYTE * size),
+        0 if library in WITHOUT_MEMORY_LIMIT else memory_for(size),
+    )
     forks = sys.platform == "linux" and threading.current_thread() is threading.main_thread()
     code = (_forked if forks else _spawned)(library, path, seconds, memory)
-    if code == NEEDS_MEMORY:
-        return f"the {NAMES[library]} library needs more than {memory / 1e6:.0f} MB to read its {size / 1e6:.3g} MB"
-    if code >= 0:  # 1: what Python says is said by whoever reads
+    if code == OUT_OF_MEMORY:
+        return (
+            f"the {FORMAT_NAMES[library]} library needs more than {memory / 1e6:.0f} MB to read its {size / 1e6:.3g} MB"
+        )
+    if code >= 0:  # 1: reading the file as usual reports the error
         return ""
-    return f"the {NAMES[library]} library {'hangs' if code == _HANGS else 'crashes'} in it"
+    return f"the {FORMAT_NAMES[library]} library {'hangs' if code == _HANGS else 'crashes'} in it"
 
 
 def _forked(library: str, path: str, seconds: int, memory: int) -> int:
-    """The exit code of a forked process that reads a file, negative where a signal ended it."""
+    """Read a file in a forked process; its exit code, negative if a signal ended it."""
     with contextlib.suppress(ImportError):
         importlib.import_module(library)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Python warns of the threads of OpenBLAS, which are none of the child's
+            warnings.simplefilter("ignore")  # of threads of OpenBLAS, which the child does not use
             child = os.fork()
     except OSError:
         return 0
@@ -107,8 +113,8 @@ def _forked(library: str, path: str, seconds: int, memory: int) -> int:
         finally:
             os._exit(code)
     try:
-        return _waited(child, time.monotonic() + WAIT_FACTOR * seconds)
-    except ChildProcessError:  # whoever ignores SIGCHLD is not told
+        return _waited(child, time.monotonic() + MAX_WALL_TIME_RATIO * seconds)
+    except ChildProcessError:  # no exit code where SIGCHLD is ignored
         return 0
     except BaseException:
         os.kill(child, signal.SIGKILL)
@@ -117,7 +123,7 @@ def _forked(library: str, path: str, seconds: int, memory: int) -> int:
 
 
 def _waited(child: int, until: float) -> int:
-    """The exit code of a child process, which is ended at a moment of the monotonic clock [s]."""
+    """Wait for a child process, and kill it at the time `until` of the monotonic clock [s]; its exit code."""
     pause = 5e-4
     while True:
         found, status = os.waitpid(child, os.WNOHANG)
@@ -132,11 +138,11 @@ def _waited(child: int, until: float) -> int:
 
 
 def _spawned(library: str, path: str, seconds: int, memory: int) -> int:
-    """As `_forked`, by a fresh interpreter."""
+    """Read a file in a new interpreter; its exit code, negative if a signal ended it."""
     try:
         return subprocess.run(
             [sys.executable, "-P", str(READER), library, path, str(seconds), str(memory)], stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=WAIT_FACTOR * seconds,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=MAX_WALL_TIME_RATIO * seconds,
             env={**os.environ, "HDF5_USE_FILE_LOCKING": "FALSE"},
         ).returncode  # fmt: skip
     except subprocess.TimeoutExpired:

@@ -215,7 +215,7 @@ def _check_lengths(chosen: Sequence[Series]) -> None:
 
 
 def _check_grids(chosen: Sequence[Series]) -> None:
-    """Refuse a grid whose first time or step is no number."""
+    """Refuse a grid whose first time or step is not finite."""
     for one in chosen:
         if one.grid is not None and not np.isfinite([one.grid.first, one.grid.step]).all():
             raise RecordError(
@@ -298,7 +298,7 @@ def _own_times(first: Series) -> tuple[Array, str | None]:
         raise RecordError(
             f"channel '{first.cell.name}' says no time step; give its rate [Hz] in a mapping file: [time] rate"
         )
-    with np.errstate(over="ignore"):  # infinity is named by whoever checks the rows
+    with np.errstate(over="ignore"):  # the check of the rows reports infinity
         return np.asarray(first.grid.first + first.grid.step * np.arange(first.samples)), first.grid.start
 
 

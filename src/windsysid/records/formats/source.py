@@ -30,7 +30,7 @@ _NOTES = {
     "cut_off": "{}", "left_out": "left out, because they are no channels: {}", "left_over": "{}", "repeated": "{}",
     "dropped": "{}",
 }  # fmt: skip
-"""Attributes of a record that say how its file was read, and the sentence for each."""
+"""Attributes of a record on the reading of its file, and the text of the note on each."""
 
 
 def doubles(values: Any) -> Array:
@@ -78,7 +78,7 @@ class Source:
     start : str or None
         The moment of time 0, as `Record.start`.
     rate : float or None
-        The rate [Hz] at which rows are counted where their times do not increase, because the mapping gives it.
+        Rate [Hz] that the mapping gives: rows are placed by counting if their times do not increase.
     """
 
     name: str
@@ -92,17 +92,17 @@ class Source:
 
 
 def reading_notes(attributes: Mapping[str, str]) -> list[str]:
-    """What was left out or passed over when the file of a record with these attributes was read."""
+    """List what was left out when a file was read, from the attributes of its record."""
     return [f"Reading the file: {text.format(attributes[key])}." for key, text in _NOTES.items() if key in attributes]
 
 
 def without_repeats(source: Source) -> Source:
-    """The source with each channel once, where the file lists some several times with the same values.
+    """Keep one of several channels with the same name and the same values.
 
     Raises
     ------
     RecordError
-        If the columns of one name differ in unit or, when their block is read, in a value.
+        If channels of one name differ in unit or, when their block is read, in a value.
     """
     counts = Counter(source.channels)
     repeated = [name for name, count in counts.items() if count > 1]
@@ -245,8 +245,10 @@ def shifted(place: Callable[[int], str], first: int) -> Callable[[int], str]:
 
 
 def with_regular_times(source: Source, start: float = -np.inf, end: float = np.inf) -> Source:
-    """The source, to be read once from `start` to `end` [s]; rows that share a time stamp in its first block are placed
-    evenly (`windsysid.records.packets`), which an attribute says."""
+    """Place rows on a regular grid (`windsysid.records.packets`), if rows of the first block share time stamps.
+
+    The source that is returned can be read once, from `start` to `end` [s]; its attribute `STAMPS` describes the grid.
+    """
     blocks = source.blocks(start, end)
     held = list(itertools.islice(blocks, 1))
     if held and (source.rate is not None or shares_stamps(held[0].time)):
@@ -255,8 +257,8 @@ def with_regular_times(source: Source, start: float = -np.inf, end: float = np.i
         if placed is not None:
             shared = int(np.count_nonzero(np.diff(times) == 0.0))
             note = (
-                f"{shared} of {times.size} rows have the time stamp of the row before; all are placed evenly, at"
-                f" {1.0 / placed.step:.6g} Hz, with {placed.lost} lost"
+                f"{shared} of {times.size} rows have the time stamp of the row before; rows were placed on a regular"
+                f" grid of {1.0 / placed.step:.6g} Hz, with {placed.lost} lost"
             )
             return _timed(source, placed.time, {**source.attributes, STAMPS: note})
         if source.rate is not None and not np.all(np.diff(times) > 0.0):
@@ -271,7 +273,7 @@ def with_regular_times(source: Source, start: float = -np.inf, end: float = np.i
 
 
 def _timed(source: Source, times: Array, attributes: Mapping[str, str]) -> Source:
-    """The source with other times (T,) [s]."""
+    """Replace the times of a source by others (T,) [s]."""
 
     def blocks(_start: float, end: float) -> Iterator[Block]:
         low = 0

@@ -52,9 +52,9 @@ def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
                     " again"
                 )
         for channel in channels:
-            if len(channel) > numbers:  # each value takes a byte at least, in all kinds of data
+            if len(channel) > numbers:  # in all kinds of data a value takes at least a byte
                 raise RecordError(
-                    f"is damaged: channel '{channel.name}' says {len(channel)} values for {numbers} bytes;"
+                    f"is damaged: channel '{channel.name}' declares {len(channel)} values in {numbers} bytes;"
                     " copy it again"
                 )
         names = short_names([(channel.group_name, channel.name) for channel in channels])

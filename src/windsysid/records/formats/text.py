@@ -73,7 +73,7 @@ def encoding_of(path: Path, wanted: str | None = None) -> str:
 
 
 def decoded(data: bytes) -> str:
-    """The text of bytes in the encoding that `encoding_of` finds; never fails."""
+    """Decode bytes by the rules of `encoding_of`; never fails."""
     try:
         text = data.decode(_marked(data) or "utf-8")
     except UnicodeDecodeError:
@@ -82,7 +82,7 @@ def decoded(data: bytes) -> str:
 
 
 def _marked(start: bytes) -> str | None:
-    """The encoding that a byte-order mark says, or every other byte that is zero; None without either."""
+    """Encoding by the byte-order mark, or UTF-16 if every other byte is zero; None if neither applies."""
     for mark, name in _MARKS:
         if start.startswith(mark):
             return name
@@ -98,7 +98,7 @@ def _marked(start: bytes) -> str | None:
 
 
 def _is_utf8(text: bytes) -> bool:
-    """Whether bytes are UTF-8, up to half a character at their end."""
+    """Whether bytes are UTF-8; the last character may be incomplete."""
     try:
         codecs.getincrementaldecoder("utf-8")().decode(text)
     except UnicodeDecodeError:
@@ -107,7 +107,7 @@ def _is_utf8(text: bytes) -> bool:
 
 
 def _is_code_page(text: bytes) -> bool:
-    """Whether the first bytes beyond ASCII are not UTF-8."""
+    """Whether the first bytes outside ASCII are not UTF-8."""
     try:
         codecs.getincrementaldecoder("utf-8")().decode(text)
     except UnicodeDecodeError as error:
@@ -116,7 +116,7 @@ def _is_code_page(text: bytes) -> bool:
 
 
 def _code_page(text: bytes) -> str:
-    """The Windows code page, or Latin-1, which has a letter for every byte."""
+    """Windows code page, or Latin-1 for bytes that the code page does not define."""
     return "latin-1" if any(byte in text for byte in b"\x81\x8d\x8f\x90\x9d") else "cp1252"
 
 
@@ -146,7 +146,7 @@ def line_blocks(path: Path, encoding: str, *, size: int = _BLOCK, keep_last: boo
             data = file.read(size)
             read += len(data)
             try:
-                if plain and encoding == "utf-8" and _is_code_page(data):  # its first letter comes late
+                if plain and encoding == "utf-8" and _is_code_page(data):  # the part that was examined is ASCII
                     encoding = _code_page(data)
                     decoder = codecs.getincrementaldecoder(encoding)()
                 plain = plain and data.isascii()

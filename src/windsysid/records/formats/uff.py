@@ -194,7 +194,7 @@ def _binary(path: Path, file: BinaryIO, number: str) -> _Set:
             f"is damaged: the line '{number[:50]}' of a set 58b has no lengths; export it again"
         ) from None
     if not _HEADER <= lines <= _MAX_HEADER_LINES:
-        raise RecordError(f"is damaged: a set 58b says {lines:g} header lines, expected {_HEADER}; export it again")
+        raise RecordError(f"is damaged: a set 58b declares {lines:g} header lines, expected {_HEADER}; export it again")
     if form != 2 or order not in (1, 2):
         raise RecordError(f"has numbers of byte order {order} and format {form}, expected IEEE (2); export it as text")
     header = _lines(file, lines)
