@@ -55,7 +55,7 @@ def test_every_file_has_its_row_and_says_what_to_do(folder: Path, tmp_path: Path
     rows = {Path(row["source"]).name: row for row in rows_of(tmp_path / "archive", "tower")}
     assert len(rows) == len(NAMES) + 2
     assert (rows["dangling.csv"]["status"], rows["dangling.csv"]["tries"]) == ("failed", 2)
-    assert rows["dangling.csv"]["why"] == "the link leads to no file: mend it, or remove it"
+    assert rows["dangling.csv"]["why"] == "the target of the link does not exist: correct or remove the link"
     assert rows["loop.csv"]["why"] == rows["dangling.csv"]["why"]
     assert "rename the file" in rows["nic\\xe9.csv"]["why"]
     others = [row for name, row in rows.items() if row["status"] == "refused"]
@@ -67,7 +67,7 @@ def test_every_file_has_its_row_and_says_what_to_do(folder: Path, tmp_path: Path
 def test_why_a_file_is_missing_is_said(tmp_path: Path):
     assert why_missing(str(tmp_path)) is None
     assert why_missing("s3://bucket/record.csv") is None
-    assert why_missing(str(tmp_path / "gone.csv")) == "the file is not there any more: copy it again"
+    assert why_missing(str(tmp_path / "gone.csv")) == "the file does not exist any more: copy it again"
     assert size_or_unknown(str(tmp_path / "gone.csv")) == UNKNOWN_SIZE
     assert path_text("/d/nic\udce9.csv") == "/d/nic\\xe9.csv"
     assert path_text("/d/niç.csv") == "/d/niç.csv"

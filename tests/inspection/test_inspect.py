@@ -396,7 +396,7 @@ def test_measured_records_raise_no_alarm():
 def test_a_record_of_a_few_samples_is_said_to_be_too_short_and_has_no_good_section(samples):
     values = np.random.default_rng(samples).standard_normal((samples, 1))
     found = inspect_record(Record(0.05 * np.arange(samples), values, ("tower_x_acceleration",), ("m/s^2",)))
-    assert found.findings[0].text.startswith(f"has {samples} samples: at least 20 needed by identify, 256 by oma")
+    assert found.findings[0].text.startswith(f"has {samples} samples: identify needs at least 20, oma 256")
     assert (found.findings[0].severity, found.proposals) == ("unusable", ())
     assert "no section is good" in found.verdict
 

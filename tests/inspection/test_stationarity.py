@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from windsysid.inspection.channels import kinds
 from windsysid.inspection.sections import Proposal, propose_longest
-from windsysid.inspection.stationarity import CHANCE, vibration_of
+from windsysid.inspection.stationarity import FALSE_ALARM_PROBABILITY, vibration_of
 from windsysid.records.record import Record
 
 RATE = 10.0
@@ -55,7 +55,7 @@ def test_a_stationary_record_is_advised_whole(damping: float, seconds: float):
 def test_false_alarms_are_as_rare_as_stated(damping: float, seconds: float, frequencies: tuple[float, ...]):
     alarms = sum(not is_whole(shaken(1000 + seed, damping, seconds, frequencies)) for seed in range(200))
     assert alarms <= 6  # 2 are expected at most; 7 of 200 have a chance of 0.5 %
-    assert CHANCE <= 0.01
+    assert FALSE_ALARM_PROBABILITY <= 0.01
 
 
 @pytest.mark.parametrize("damping", [0.005, 0.01, 0.05])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import windsysid as ws
-from windsysid.spectral.clock_lag import _late, _Shapes
+from windsysid.spectral.clock_lag import _Shapes, _tested_lags
 
 from .oscillators import modal_responses
 from .test_oma import record_of
@@ -66,7 +66,7 @@ def drawn(rng, channels, modes, complexity, std, lags):
 def test_no_lag_is_found_in_shapes_that_are_real_or_complex(complexity):
     rng = np.random.default_rng(3)
     sizes = [(2, 2), (2, 4), (3, 3), (6, 2), (6, 4)]
-    found = [_late(drawn(rng, n, r, complexity, 0.01, np.zeros(n))) for n, r in sizes for _ in range(20)]
+    found = [_tested_lags(drawn(rng, n, r, complexity, 0.01, np.zeros(n))) for n, r in sizes for _ in range(20)]
     assert sum(map(bool, found)) == 0
 
 
@@ -74,7 +74,7 @@ def test_a_lag_of_more_than_half_a_period_is_not_put_right_as_another():
     rng = np.random.default_rng(4)
     for _ in range(30):
         lag = rng.uniform(0.6, 1.6)
-        for found in _late(drawn(rng, 4, 4, 0.01, 0.01, [0.0, 0.0, 0.0, lag])):
+        for found in _tested_lags(drawn(rng, 4, 4, 0.01, 0.01, [0.0, 0.0, 0.0, lag])):
             assert found.others
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.filters.bank_kernel import run_kernel
-from windsysid.filters.lanes import Lanes, equally_wide, lanes_of, patterns_of, scratch_of
+from windsysid.filters.lanes import Lanes, lanes_of, pad_within_factors, patterns_of, scratch_of
 from windsysid.kernels.simd import LANES
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.statespace.compose import StateSpace
@@ -91,7 +91,7 @@ def bank_of(models: Sequence[StateSpace], changes: int = 0) -> Bank:
     for model in models:
         if model.states != first.states or model.readings != first.readings or model.parameters:
             raise ValueError("a bank holds models of the same states and readings, without parameters in the state")
-    padded = equally_wide([*models, *[models[-1]] * (-len(models) % LANES)])
+    padded = pad_within_factors([*models, *[models[-1]] * (-len(models) % LANES)])
     groups = [padded[i : i + LANES] for i in range(0, len(padded), LANES)]
     patterns = patterns_of(first, padded)
     return Bank(

@@ -15,7 +15,7 @@ from windsysid._types import Array
 from windsysid.kernels.simd import LANES
 from windsysid.statespace.compose import StateSpace
 
-__all__ = ["Lanes", "Scratch", "equally_wide", "lanes_of", "patterns_of", "scratch_of"]
+__all__ = ["Lanes", "Scratch", "lanes_of", "pad_within_factors", "patterns_of", "scratch_of"]
 
 
 class Lanes(NamedTuple):
@@ -144,7 +144,7 @@ def _row_lengths(n: int, nx: int, nz: int, nw: int) -> tuple[int, int, int, int]
     return n + -n % 4, nx + -nx % 4, nz + -nz % 4, columns + -columns % 4
 
 
-def equally_wide(models: Sequence[StateSpace]) -> list[StateSpace]:
+def pad_within_factors(models: Sequence[StateSpace]) -> list[StateSpace]:
     """Pad the within-step factors R (S, n_z, r) of all models to the largest r with columns of zeros, which leave R Rᵀ
     unchanged.
 
@@ -156,6 +156,7 @@ def equally_wide(models: Sequence[StateSpace]) -> list[StateSpace]:
 
 
 def _widened(model: StateSpace, columns: int) -> StateSpace:
+    """Append columns of zeros to the within-step factors of a model."""
     if columns == 0:
         return model
     within = np.pad(model.blocks.load_within, [(0, 0), (0, 0), (0, columns)])

@@ -236,9 +236,9 @@ def _settings(member: Member, formulation: str) -> str:
 
 
 def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[str]:
-    """The files that sources name, absolute, each once, in order; of folders those with the ending of a format.
+    """List the absolute paths of records, each once, in order; of folders, those with the ending of a format.
 
-    A link to a file that is not there is listed, so that its row says so; a device or a named pipe is no record.
+    A broken link is listed, so that its row reports it; a device or a named pipe is no record.
     """
     listed = [sources] if isinstance(sources, str | Path) else list(sources)
     found: dict[str, None] = {}
@@ -260,12 +260,12 @@ def _files(sources: str | Path | Iterable[str | Path], archive: Path) -> list[st
 
 
 def _absolute(path: Path) -> Path:
-    """The file itself where a link leads to one, else the link."""
+    """Absolute path of the file, with links resolved unless they are broken."""
     return path.resolve() if os.path.exists(path) else path.absolute()
 
 
 def _below(path: Path, archive: Path) -> list[str]:
-    """What may be records of a path that a pattern names."""
+    """List the possible records of a path that matches a pattern."""
     if path.is_dir():
         return _walk(path, archive)
     return [str(path)] if is_file_or_broken_link(path) else []

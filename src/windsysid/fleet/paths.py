@@ -1,7 +1,7 @@
-"""Paths of records: which may be records, how an archive holds them, and why one cannot be opened.
+"""Paths of records: their type, and reasons why a file cannot be opened.
 
-An archive holds text, a file system bytes. A path that is not UTF-8 is held as `windsysid.output.files.path_text`
-writes it. A file of such a path cannot be opened by what the archive holds, so that its row asks to rename it.
+An archive stores text, paths of a file system are bytes. A path that is not UTF-8 is stored in the form of
+`windsysid.output.files.path_text`. Such a file cannot be opened by the stored path, and its row asks to rename it.
 """
 
 import os
@@ -13,11 +13,11 @@ from windsysid.fleet.remote import is_remote, size_of
 __all__ = ["UNKNOWN_SIZE", "is_file_or_broken_link", "size_or_unknown", "why_missing"]
 
 UNKNOWN_SIZE = -1
-"""Size of a file that is not there [B]."""
+"""Value for the size of a missing file [bytes]."""
 
 
 def is_file_or_broken_link(path: Path) -> bool:
-    """Whether a path is a file or a link that leads nowhere: no folder, named pipe, socket or device."""
+    """Whether a path is a regular file or a broken link, and no folder, named pipe, socket or device."""
     try:
         return stat.S_ISREG(os.stat(path).st_mode)
     except (OSError, ValueError):
@@ -25,7 +25,7 @@ def is_file_or_broken_link(path: Path) -> bool:
 
 
 def size_or_unknown(source: str) -> int:
-    """Bytes of a record's file or object, `UNKNOWN_SIZE` where it is not there."""
+    """Size of a record's file or object [bytes]; `UNKNOWN_SIZE` if it is missing."""
     try:
         return size_of(source)
     except OSError:
@@ -33,11 +33,11 @@ def size_or_unknown(source: str) -> int:
 
 
 def why_missing(source: str) -> str | None:
-    """Why the file of a record is not there, in one line; None where it is."""
+    """Reason in one line why the file of a record is missing; None if it exists."""
     if is_remote(source) or os.path.exists(source):
         return None
     if os.path.islink(source):
-        return "the link leads to no file: mend it, or remove it"
+        return "the target of the link does not exist: correct or remove the link"
     if "\\x" in source:
-        return "the path is not UTF-8 (\\x stands for each byte that is no character): rename the file or its folder"
-    return "the file is not there any more: copy it again"
+        return "the path is not UTF-8 (\\x marks a byte that is no character): rename the file or its folder"
+    return "the file does not exist any more: copy it again"

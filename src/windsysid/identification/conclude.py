@@ -208,7 +208,7 @@ def _off_clock(record: Record, speed: float) -> tuple[str, ...]:
 
 
 def _transient(outcome: Outcome, record: Record) -> Transient | None:
-    """The channels that were read whose vibration falls over the whole record."""
+    """Find the channels of the readings whose vibration decreases over the whole record."""
     return find_transient(np.column_stack([record[name] for name in outcome.channels]), outcome.channels)
 
 

@@ -36,8 +36,8 @@ from windsysid.units import RPM
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-MIN_SAMPLES, MIN_SAMPLES_OF_MODES = 20, 256
-"""Least samples of a record for any identification (`windsysid.identification.prepare`) and for operational modes
+MIN_SAMPLES, MIN_MODAL_SAMPLES = 20, 256
+"""Smallest number of samples for identification (`windsysid.identification.prepare`) and for operational modal analysis
 (`windsysid.spectral.oma_data`)."""
 
 __all__ = ["Finding", "Inspection", "Proposal", "Stop", "inspect_record"]
@@ -121,10 +121,10 @@ def inspect_record(
 
 
 def _too_short(record: Record) -> list[Finding]:
-    """A finding where a record has too few samples for what is done next with it."""
-    if record.samples >= MIN_SAMPLES_OF_MODES:
+    """Find a record with too few samples for identification or for operational modal analysis."""
+    if record.samples >= MIN_MODAL_SAMPLES:
         return []
-    text = f"has {record.samples} samples: at least {MIN_SAMPLES} needed by identify, {MIN_SAMPLES_OF_MODES} by oma"
+    text = f"has {record.samples} samples: identify needs at least {MIN_SAMPLES}, oma {MIN_MODAL_SAMPLES}"
     severity: Severity = "unusable" if record.samples < MIN_SAMPLES else "note"
     return [Finding("", "too short", severity, f"{text}; give a longer record", record.samples, np.empty((0, 2)))]
 

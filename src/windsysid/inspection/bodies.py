@@ -1,7 +1,7 @@
-"""Which body or medium a channel reads: the structure, or blades, water, air and mooring lines beside it.
+"""Body or medium that a channel measures, by its name: structure, blades, water, air or mooring lines.
 
-Only the name tells. Known are the output lists of OpenFAST (ElastoDyn, BeamDyn, AeroDyn, SeaState, HydroDyn, MoorDyn),
-HAWC2's sensors with their main bodies and coordinates, Bladed's variables, windsysid's own names, and plain words.
+Known names are the output lists of OpenFAST (ElastoDyn, BeamDyn, AeroDyn, SeaState, HydroDyn, MoorDyn), HAWC2's sensors
+with their main bodies and coordinates, Bladed's variables, windsysid's own names, and common words.
 """
 
 import re
@@ -10,7 +10,7 @@ from typing import Literal
 __all__ = ["Body", "body_of"]
 
 Body = Literal["structure", "rotor", "water", "air", "mooring"]
-"""What a channel is attached to: ``rotor`` for blades, and for hub and shaft in coordinates that turn with them."""
+"""Body or medium of a channel: ``rotor`` for blades, and for hub and shaft in rotating coordinates."""
 
 _OPENFAST: tuple[tuple[Body, str], ...] = (
     ("rotor", r"QD?2?_B\d.*"),  # ElastoDyn: degrees of freedom of blades
@@ -25,7 +25,7 @@ _OPENFAST: tuple[tuple[Body, str], ...] = (
     ("air", r"Wind(Hub)?(\d|Vel|Mag|Acc|Dir)\w*|RtVAvg\w*|TwN\d+[VF]\w*|(Rt|Twr)(Fld|Aero)[FM]\w*"),
     ("mooring", r"L(ine)?\d+N\d+([PVAF][xyz]|T\w*)|(Con(nect)?|Point)\d+[PVAFT]\w*|(Fair|Anch)Ten\d*|T\[\d.*"),
 )
-"""Names of OpenFAST's channels, whole and in any case."""
+"""Patterns of whole names of OpenFAST's channels, in upper or lower case."""
 
 _WORDS: tuple[tuple[Body, str], ...] = (
     ("water", r"\bwaves?\b|\bfluid\b|^(sea|water) level\b"),
@@ -34,11 +34,11 @@ _WORDS: tuple[tuple[Body, str], ...] = (
     ("rotor", r"\bblades?\b|\bbld ?[a-c\d]?\b|\bcoo: *(blade|hub|shaft)(?! ?non)|\brotating hub\b"),
     ("mooring", r"\bmooring\b|\bfairlead\b"),
 )
-"""Words in names that people and other programs write: HAWC2 ``Mbdy:blade1 … coo: blade1``, Bladed ``Blade 1 …``."""
+"""Patterns of words in names of other programs and users: HAWC2 ``Mbdy:blade1 … coo: blade1``, Bladed ``Blade 1 …``."""
 
 
 def body_of(channel: str) -> Body:
-    """The body or medium that a channel reads, by its name; ``structure`` where the name does not say another.
+    """Body or medium that a channel measures, by its name; ``structure`` if the name matches no other.
 
     Examples
     --------
@@ -57,6 +57,6 @@ def body_of(channel: str) -> Body:
 
 
 def _in_words(name: str) -> str:
-    """A name in small letters, its words apart: ``Blade1AccX`` is ``blade 1 acc x``."""
+    """Split a name into words in lower case: ``Blade1AccX`` becomes ``blade 1 acc x``."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Za-z])(?=\d)|(?<=\d)(?=[A-Za-z])", " ", name)
     return re.sub(r"[^a-z0-9:]+", " ", apart.lower()).strip()

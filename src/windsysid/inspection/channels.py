@@ -38,23 +38,23 @@ _OPERATION = frozenset(
         "setpoint", "reference", "controller", "servo", "clearance", "clrnc", "wave", "waves", "elevation", "elev",
     )
 )  # fmt: skip
-"""Words of what a machine is set to, of its surroundings and of distances: no vibration of a structure."""
+"""Words of operational quantities, of the environment and of distances, which show no vibration of a structure."""
 
 _DRIVE_TRAIN = frozenset(("speed", "rpm", "omega", "lss", "hss", "hs", "ls", "lssh", "shaft"))
-"""Words that make an angular velocity [rad/s] that of a shaft."""
+"""Words that mark an angular velocity [rad/s] as that of a shaft."""
 
 _FLOATER = frozenset(("ptfm", "platform", "floater", "tower", "twr", "nacelle", "nac", "barge", "spar", "buoy"))
-"""Words of bodies whose pitch and yaw are motions, and no set angles; a nacelle's yaw is set."""
+"""Words of bodies whose pitch and yaw are motions and not controlled angles; the yaw of a nacelle is controlled."""
 
 _POSITION = frozenset(("position", "pos", "coordinate", "ptfm", "platform", "surge", "sway", "heave"))
-"""Words of lengths that may be many metres long: places in a fixed frame, motions of a floater."""
+"""Words of lengths that may be many metres: positions in a fixed frame, motions of a floater."""
 
 _AIR = re.compile(r"^RtV|^(AB|B)\d+N\d+(V|Alpha|Phi|Theta|AxInd|TnInd)", re.IGNORECASE)
-"""OpenFAST's channels of AeroDyn: velocities and angles of the air at the rotor."""
+"""Names of AeroDyn's channels of air velocities and angles at the rotor."""
 
 
 def kind_of(channel: str, unit: str) -> Kind:
-    """The kind of one channel, ``other`` where neither name nor unit tells, or where it shows no vibration."""
+    """Kind of a channel by its name and unit; ``other`` if it is unknown, or is no vibration."""
     words = _words(channel)
     if "azimuth" in words:
         return "azimuth"
@@ -69,9 +69,20 @@ def kind_of(channel: str, unit: str) -> Kind:
     angle = _set_angle(words) if unit in ("rad", "rad/s", "1", "W") else None
     if angle is not None:
         return "other" if unit == "rad/s" else angle
-    accelerometer = unit in ("m/s^2", "rad/s^2") and not words & {"wave", "waves"}
-    if not accelerometer and (words & _OPERATION or (unit == "rad/s" and words & _DRIVE_TRAIN)):
+    if _is_operational(words, unit):
         return "other"
+    return _kind_of_vibration(words, unit)
+
+
+def _is_operational(words: set[str], unit: str) -> bool:
+    """Whether a channel is an operational or environmental quantity; accelerations are not, except those of waves."""
+    if unit in ("m/s^2", "rad/s^2") and not words & {"wave", "waves"}:
+        return False
+    return bool(words & _OPERATION) or (unit == "rad/s" and bool(words & _DRIVE_TRAIN))
+
+
+def _kind_of_vibration(words: set[str], unit: str) -> Kind:
+    """Kind of a vibration by its unit, or by words of its name if the unit is unknown; else ``other``."""
     if unit in _BY_UNIT:
         return _BY_UNIT[unit]
     if unit == "1" or unit.startswith(AS_WRITTEN):
@@ -82,17 +93,17 @@ def kind_of(channel: str, unit: str) -> Kind:
 
 
 def _words(channel: str) -> set[str]:
-    """The words of a name in small letters, as signs part them, and as capitals and digits do."""
+    """Words of a name in lower case, split at punctuation, and also at capitals and digits."""
     return {*re.split(r"[^a-z0-9]+", channel.lower()), *words_of(channel)}
 
 
 def _of_the_air(channel: str, words: set[str], unit: str) -> bool:
-    """Whether a channel is wind, or the air's velocity or angle at a blade."""
+    """Whether a channel is wind, or a velocity or angle of the air at a blade."""
     return channel.lower().startswith("wind") or ("wind" in words and unit == "m/s") or bool(_AIR.match(channel))
 
 
 def _set_angle(words: set[str]) -> Kind | None:
-    """``pitch`` or ``yaw`` where a drive sets the angle; None for motions of a floater or a tower."""
+    """``pitch`` or ``yaw`` for an angle that a drive controls; None for motions of a floater or a tower."""
     if "pitch" in words and not words & _FLOATER:
         return "pitch"
     if words & {"yaw", "yawpzn"} and not words & (_FLOATER - {"nacelle", "nac"}) and "br" not in words:
@@ -101,12 +112,12 @@ def _set_angle(words: set[str]) -> Kind | None:
 
 
 def is_torque(channel: str) -> bool:
-    """Whether a channel is a torque of the drive train, which a controller limits."""
+    """Whether a channel is a drive-train torque, which a controller limits."""
     return bool(_words(channel) & {"torque", "torq", "tq"})
 
 
 def is_position(channel: str) -> bool:
-    """Whether a length may be many metres long: a place in a fixed frame, or a motion of a floater."""
+    """Whether a length may be many metres: a position in a fixed frame, or a motion of a floater."""
     return bool(_words(channel) & _POSITION)
 
 
@@ -116,8 +127,8 @@ def kinds(record: Record) -> dict[str, Kind]:
 
 
 def most_telling(record: Record, first: Sequence[str] = ()) -> list[str]:
-    """Vibration channels, those in `first` before the others, then accelerometers on tower, nacelle and blades; last
-    what reads water, air or mooring lines."""
+    """Sort vibration channels: those in `first`, accelerometers on tower, nacelle and blades, others; water, air and
+    mooring lines come last."""
     known = kinds(record)
     order = {name: i for i, name in enumerate(first)}
 

@@ -18,8 +18,8 @@ __all__ = [
     "copied_channels",
     "copied_passages",
     "copies_among",
-    "in_usual_size",
     "lost_samples",
+    "normalised_errors",
     "overrun",
     "prediction_errors",
 ]
@@ -170,7 +170,7 @@ def lost_samples(record: Record, channels: Sequence[str]) -> list[Finding]:
     values = values[:, np.isfinite(values).all(axis=0)]
     if len(values) < FEWEST or not values.shape[1]:
         return []
-    errors = np.array([in_usual_size(prediction_errors(column)) for column in values.T])
+    errors = np.array([normalised_errors(prediction_errors(column)) for column in values.T])
     usual = np.clip(errors, -4.0, 4.0)
     own, into = np.linalg.eigh(usual @ usual.T / len(values))
     apart = own > 1e-6 * own[-1]
@@ -208,7 +208,7 @@ def _common_divisor(rows: NDArray[np.int64]) -> int:
 
 
 def prediction_errors(x: Array) -> Array:
-    """Errors (T,) of the best linear prediction from the readings before."""
+    """Errors (T,) of the best linear prediction from the previous readings."""
     x = x - x.mean()
     rows = np.arange(PREDICTORS, len(x))
     if rows.size > FITTED:
@@ -227,8 +227,8 @@ def prediction_errors(x: Array) -> Array:
     return errors
 
 
-def in_usual_size(errors: Array) -> Array:
-    """Errors of prediction (T,) over their usual size around there."""
+def normalised_errors(errors: Array) -> Array:
+    """Normalise prediction errors (T,) by their local size."""
     return errors / np.maximum(_size_around(np.abs(errors)), 1e-300)
 
 

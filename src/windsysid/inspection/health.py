@@ -38,13 +38,13 @@ STRAIGHT = 0.02
 GAP_MIN_STEPS = 1.5
 """A step longer than this many usual ones is a gap."""
 
-MAX_SHORT_GAP = 10
-"""Samples that a short gap has lost at most: `windsysid.spectral.oma_data` fills it from the readings around."""
+MAX_SHORT_GAP_SAMPLES = 10
+"""Largest number of lost samples in a short gap, which `windsysid.spectral.oma_data` fills by interpolation."""
 MAX_SEPARATE_GAPS = 20
-"""Short gaps between which a section can still be chosen."""
-MAX_OFF_MULTIPLE = 0.25
-"""Usual steps by which nine steps of ten are off a whole multiple at most where samples were lost on a regular clock;
-it is 0.45 where the clock keeps to none."""
+"""Largest number of short gaps between which a section can be chosen."""
+MAX_OFF_GRID_STEPS = 0.25
+"""Largest 90th percentile of the distance of steps from whole multiples of the usual step, in usual steps, for a
+regular clock that lost samples; for uniformly distributed steps it is 0.45."""
 
 _TURN = 2.0 * np.pi
 
@@ -95,15 +95,15 @@ def clock_faults(record: Record) -> list[Finding]:
     found = []
     scatter = _scatter_of_steps(steps / usual)
     gap = steps > max(GAP_MIN_STEPS, 1.0 + 5.0 * scatter) * usual  # a clock that scatters loses no sample by it
-    short = gap & (steps <= (MAX_SHORT_GAP + 1.5) * usual)
+    short = gap & (steps <= (MAX_SHORT_GAP_SAMPLES + 1.5) * usual)
     if np.count_nonzero(short) > MAX_SEPARATE_GAPS:
         lost = int(np.sum(np.rint(steps[short] / usual) - 1))
         found.append(
             Finding(
                 "", "short gaps", "warning",
                 f"{count_of(lost, 'sample')} lost ({_percent(lost / (lost + record.samples))}) in"
-                f" {np.count_nonzero(short)} short gaps, the longest {steps[short].max():.3g} s: identify takes them as"
-                " missing, oma fills them; no section is better",
+                f" {np.count_nonzero(short)} short gaps, the longest {steps[short].max():.3g} s: use the whole record;"
+                " identify takes them as missing, oma fills them",
                 lost, np.empty((0, 2)),
             )
         )  # fmt: skip
@@ -141,10 +141,10 @@ def clock_faults(record: Record) -> list[Finding]:
 
 
 def _scatter_of_steps(steps: Array) -> float:
-    """Standard deviation of the steps of a clock, in usual steps: about whole multiples of one where they keep to
-    those, since lost samples are no scatter."""
+    """Standard deviation of the steps of a clock [usual steps]; about whole multiples for a regular clock that lost
+    samples."""
     apart = float(np.percentile(np.abs(steps - np.maximum(np.rint(steps), 1.0)), 90.0))
-    if apart > MAX_OFF_MULTIPLE:
+    if apart > MAX_OFF_GRID_STEPS:
         apart = float(np.percentile(np.abs(steps - 1.0), 90.0))
     return apart / 1.645
 
@@ -335,7 +335,7 @@ def _spikes_found(channel: str, kind: Kind, x: Array, time: Array, spike: Mask, 
         f"{count_of(len(spans), 'spike')} ({count_of(int(spike.sum()), 'sample')}) up to"
         f" {_amount(f'{largest:.3g}', unit)} off the median{relative}, {when(spans)}: "
     )
-    if kind == "other":  # a counter, a state or a figure of a solver may jump
+    if kind == "other":  # counters, states and solver outputs may jump
         text += "if a sensor reads it, remove them (despike)"
         return Finding(channel, "spikes", "note", text, int(spike.sum()), spans)
     text += "remove them (despike) before anything else"
@@ -377,7 +377,7 @@ def _clipping_found(channel: str, kind: Kind, x: Array, time: Array, clipped: Ma
 
 
 def _has_limits(channel: str, kind: Kind, x: Array, clipped: Mask, unit: str) -> bool:
-    """Whether the quantity itself has limits: an angle, a torque that is controlled, or what cannot be negative and
+    """Whether the quantity itself has limits: an angle, a controlled torque, or a quantity that cannot be negative and
     rests at zero, such as the tension of a line."""
     if is_torque(channel) or (kind == "displacement" and unit == "rad"):
         return True
@@ -493,7 +493,7 @@ def count_of(count: int, what: str) -> str:
 
 
 def _amount(number: str, unit: str) -> str:
-    """A number with its unit; pure numbers have none."""
+    """Join a number and its unit; pure numbers have none."""
     return f"{number} {unit_text(unit)}".removesuffix(" 1")
 
 

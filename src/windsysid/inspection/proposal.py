@@ -70,7 +70,7 @@ class MappingProposal:
     remarks : tuple of str
         On the whole record.
     optional : bool
-        Whether the file is read without a mapping too, so that every channel stays a comment until somebody needs it.
+        Whether the file can be read without a mapping: then all channels are written as comments.
     """
 
     record: str
@@ -123,21 +123,21 @@ def propose_mapping(path: str | Path, mapping: str | Path | Mapping | None = Non
 
 
 def _of_openfast(record: Record, given: Mapping) -> MappingProposal:
-    """Channels of OpenFAST that a mapping may rename, all as comments: their names, units and signs are known."""
+    """Propose names for OpenFAST's channels, all as comments, since names, units and signs are known."""
     guesses = []
     for name in record.channels:
         ours, sign = known_channel(name)
         if ours == "rotor_azimuth" or sign < 0.0:
-            continue  # a mapping has no word for another zero of an angle, and a sign would be easy to forget
+            continue  # a mapping cannot shift an angle, and a change of sign is easily overlooked
         units, why = _units(record, name, name)
         evidence = (f"read as {ours}" if ours != name else "read under OpenFAST's name",)
         guesses.append(Guess(name, ours, units[0] if units else None, evidence, () if units else (why,)))
-    remark = "OpenFAST's names, units and signs are known: only what is to be changed needs lines without a #."
+    remark = "OpenFAST's names, units and signs are known: uncomment only the channels to be changed."
     return MappingProposal(record.name, tuple(guesses), given, (*_about(record), remark), optional=True)
 
 
 def _with_format(path: Path, given: Mapping) -> Mapping:
-    """The mapping with the format of the dates in a text, where only one fits."""
+    """Add the format of the dates in a text file to the mapping, if only one fits."""
     if format_of(path) is not csv.FORMAT:
         return given
     with named_after(path):

@@ -23,7 +23,7 @@ from windsysid._types import Array
 from windsysid.inspection.channels import VIBRATION, Kind, most_telling
 from windsysid.inspection.health import Finding, joined
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor
-from windsysid.inspection.stationarity import CHANCE, Vibration, changes, vibration_of
+from windsysid.inspection.stationarity import FALSE_ALARM_PROBABILITY, Vibration, changes, vibration_of
 from windsysid.records.record import Record
 from windsysid.units import RPM
 
@@ -32,8 +32,8 @@ __all__ = ["Proposal", "propose", "propose_longest"]
 SHORTEST_SECTION = 100.0
 """Of those that nobody asked for by their length [s]: that of the published study."""
 MAX_PENALTY_OF_LENGTH = 0.6
-"""Penalty by which a longer section may exceed that of a usual short one: 3 % of the rotor's speed, or 12 % of the
-wind's, since turbulence varies more over a longer time."""
+"""Largest penalty of a longer section above that of the median short one: equal to 3 % of the rotor speed, or 12 % of
+the wind speed, since turbulence varies more over a longer time."""
 
 MAX_PROPOSALS = 5
 BLOCKS_PER_SECTION = 40
@@ -43,10 +43,10 @@ ROTOR_LIMIT, WIND_LIMIT, DIRECTION_LIMIT, FAULT_LIMIT = 0.05, 0.20, np.radians(1
 MIN_VIBRATION_FACTOR = 0.25
 """Vibration below this many times the record's median is too little to identify from."""
 PENALTY_OF_CHANGE = 0.2
-"""Penalty where vibration changes as much as chance allows: more is an objection."""
+"""Penalty of a change of vibration at the limit of what chance explains; a larger change is an objection."""
 MIN_CYCLES, MIN_DEGREES_OF_FREEDOM = 40.0, 4.0
-"""Least periods of the vibration in a section, as `oma` needs them, and least equivalent degrees of freedom of its
-power, as `identify` needs them: a shorter section is not proposed."""
+"""Smallest number of periods in a section, which `oma` needs, and of equivalent degrees of freedom of its power, which
+`identify` needs: a shorter section is not proposed."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +99,9 @@ def propose(
 def propose_longest(
     record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding]
 ) -> tuple[Proposal, ...]:
-    """The whole record where it is about as good as 100 s of it usually are, else parts of half its length, and so on.
+    """Propose the whole record if its penalty is close to the median of 100 s, else halves of it, and so on.
 
-    Twice the time makes bands 1.4 times narrower. Parts that are too short to identify from are not proposed.
+    Twice the duration makes intervals 1.4 times narrower. Parts that are too short for identification are not proposed.
 
     Parameters
     ----------
@@ -124,14 +124,14 @@ def propose_longest(
 
 
 def _vibrations(record: Record, known: dict[str, Kind]) -> dict[str, Vibration]:
-    """Power over time of channels that vibrate."""
+    """Compute the power over time of vibration channels."""
     chosen = _few([name for name, kind in known.items() if kind in VIBRATION])
     return {name: found for name in chosen if (found := vibration_of(record, name)) is not None}
 
 
 def _least_share(record: Record, known: dict[str, Kind], vibrations: dict[str, Vibration]) -> float:
-    """Share of the record that a section needs for `MIN_CYCLES` and `MIN_DEGREES_OF_FREEDOM`, of most of those channels
-    that show vibration best."""
+    """Share of the record that a section needs for `MIN_CYCLES` and `MIN_DEGREES_OF_FREEDOM`: median over the channels
+    of the best kind of vibration."""
     telling = [name for name in most_telling(record) if name in vibrations]
     shares = [
         max(MIN_CYCLES / max(one.cycles, 1e-9), MIN_DEGREES_OF_FREEDOM / float(one.degrees[0]))
@@ -141,7 +141,7 @@ def _least_share(record: Record, known: dict[str, Kind], vibrations: dict[str, V
 
 
 class _Judged(NamedTuple):
-    """All windows of one length: start [s], length [s], blocks in a window, penalty, reasons and objections of each."""
+    """Windows of one length: start [s], length [s], blocks per window, penalties, reasons and objections."""
 
     starts: Array
     length: float
@@ -151,7 +151,7 @@ class _Judged(NamedTuple):
     against: list[list[str]]
 
     def best(self) -> tuple[Proposal, ...]:
-        """At most five that do not overlap, those without objections first, then by penalty."""
+        """Select at most `MAX_PROPOSALS` windows without overlap, by absence of objections, then by penalty."""
         order = sorted(range(len(self.starts)), key=lambda w: (len(self.against[w]) > 0, self.penalty[w]))
         chosen: list[int] = []
         for w in order:
@@ -172,14 +172,14 @@ def _judged(
     record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding], length: float,
     vibrations: dict[str, Vibration],
 ) -> _Judged | None:  # fmt: skip
-    """Judge every window of a length [s]; None where the record is too short for one."""
+    """Judge every window of a length [s]; None if the record is too short."""
     step = 1.0 / record.rate
     whole = record.duration + step
     length = min(length, whole)
     blocks = BLOCKS_PER_SECTION
     size = length / blocks
     count = int(whole / size * (1.0 + 1e-12))
-    if count > blocks * record.samples:  # most blocks are empty: a gap that dwarfs the samples
+    if count > blocks * record.samples:  # most blocks would be empty, because of a long gap
         return None
     edges = np.searchsorted(record.time, record.time[0] - 0.5 * step + size * np.arange(count + 1))
     if count < blocks or np.any(edges[blocks:] - edges[:-blocks] < blocks):
@@ -209,7 +209,7 @@ def _judged(
 
 
 def _judge_rotor(record: Record, rotor: Rotor, cut: "_Blocks", judge: Any) -> None:
-    """How steadily the rotor turns."""
+    """Judge variation and drift of the rotor speed."""
     mean, std, drift = cut.moments(rotor.speed, record.time)
     parked = np.abs(mean) < MIN_ROTOR_SPEED
     turning = np.where(parked, np.inf, np.abs(mean))
@@ -235,7 +235,7 @@ def _judge_rotor(record: Record, rotor: Rotor, cut: "_Blocks", judge: Any) -> No
 
 
 def _judge_wind(record: Record, known: dict[str, Kind], cut: "_Blocks", judge: Any) -> None:
-    """How steadily the wind blows, in the first channels of its speed and of its direction."""
+    """Judge variation and drift of the wind, in the first channels of its speed and of its direction."""
     channel = next((name for name, kind in known.items() if kind == "wind speed"), None)
     if channel is not None:
         mean, std, drift = cut.moments(record[channel], record.time)
@@ -333,7 +333,7 @@ _NAMES = {2: "halves", 4: "quarters"}
 
 
 def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any) -> None:
-    """Vibration of each window against the record's, and whether it changes within the window, both beyond chance."""
+    """Judge the level of vibration relative to the record's and its change within a window, both beyond chance."""
     first, last = cut.edges[: -cut.per_window], cut.edges[cut.per_window :]
     if not vibrations:
         nothing = ["there is no channel in which vibration would show"] * len(first)
@@ -351,19 +351,21 @@ def _judge_excitation(vibrations: dict[str, Vibration], cut: _Blocks, judge: Any
     verb = ["grows" if f > 1.0 else "fades" for f in found.factor]
     size = np.exp(np.abs(np.log(found.factor)))
     complaint = [
-        f"the vibration {v} by {f:.2g} × between its {_NAMES[n]}, chance makes {most:.2g} × at"
-        " most (unless a decay is what you want)"
+        f"the vibration {v} by {f:.2g} × between its {_NAMES[n]}; chance explains {most:.2g} × at"
+        " most (unless a decay is intended)"
         for f, v, n, most in zip(size, verb, found.segments, found.allowed, strict=True)
     ]
     words = [
-        f"stationary (false alarms: {_percent(CHANCE)})" if c else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
+        f"stationary (false alarms: {_percent(FALSE_ALARM_PROBABILITY)})"
+        if c
+        else f"it {v} by {f:.2g} × between its {_NAMES[n]}"
         for f, v, n, c in zip(size, verb, found.segments, found.by_chance, strict=True)
     ]
     judge(PENALTY_OF_CHANGE * found.excess, words, complaint, PENALTY_OF_CHANGE)
 
 
 def _levels(vibrations: Sequence[Vibration], windows: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Rms of windows (w, 2) over that of the median window, mean over channels, and how far chance takes it from 1."""
+    """Rms of windows (w, 2) relative to the median window, mean over channels, and its largest ratio by chance."""
     from scipy.special import chdtri
 
     power, freedom = (
@@ -372,7 +374,7 @@ def _levels(vibrations: Sequence[Vibration], windows: NDArray[np.int64]) -> tupl
     )
     level = np.sqrt(power / np.median(power, axis=1, keepdims=True))
     least = np.median(freedom, axis=0)
-    rare = chdtri(least, 1.0 - CHANCE) / least, chdtri(least, CHANCE) / least
+    rare = chdtri(least, 1.0 - FALSE_ALARM_PROBABILITY) / least, chdtri(least, FALSE_ALARM_PROBABILITY) / least
     chance = np.sqrt(np.maximum(1.0 / np.maximum(rare[0], 1e-9), rare[1]))
     return np.exp(np.mean(np.log(np.maximum(level, 1e-9)), axis=0)), chance
 

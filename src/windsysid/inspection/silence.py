@@ -3,7 +3,7 @@
 Vibration fades and comes back; an instrument is gone from one sample to the next. So a stretch counts where a channel's
 power over each of its own periods is far below the usual, for several periods in a row, where it is back within a
 few periods on either side, and where another channel vibrates meanwhile. Beats of two close modes pass through zero as
-fast, but there each reading follows from those before it as well as elsewhere.
+fast, but there a linear prediction from the previous readings is as accurate as elsewhere.
 """
 
 import math
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.inspection.continuity import PREDICTORS, in_usual_size, prediction_errors
+from windsysid.inspection.continuity import PREDICTORS, normalised_errors, prediction_errors
 from windsysid.inspection.health import Finding, count_of, runs_of, when
 from windsysid.records.record import Record
 
@@ -37,12 +37,12 @@ NOISE = 5.0
 """Standard deviations of what a silent channel reads, within which its neighbouring samples are silent, too."""
 
 
-ABRUPT_SIGMAS, ABRUPT_POWER, QUIET_POWER = 6.0, 4.0, 0.25
-"""Errors of the prediction from the readings before, in their usual size: of one reading at an end of a silent stretch,
-mean square there (of Gaussian errors both are larger once in a million times), and mean square within."""
+MIN_ABRUPT_SIGMAS, MIN_ABRUPT_POWER, MAX_QUIET_POWER = 6.0, 4.0, 0.25
+"""Limits of normalised prediction errors: one error, and the mean square, at an end of a silent segment (Gaussian
+errors exceed them with probability 1e-6), and the mean square within the segment."""
 
-MIN_SAMPLES_OF_A_STRETCH = 40
-"""Readings within a stretch whose mean square error tells something."""
+MIN_SEGMENT_SAMPLES = 40
+"""Smallest number of readings within a segment for judging their mean square error."""
 
 
 def silent_stretches(record: Record, channels: Sequence[str]) -> list[Finding]:
@@ -110,23 +110,26 @@ def _widened(x: Array, first: int, end: int) -> tuple[int, int]:
 
 
 def _abrupt(x: Array, runs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Those stretches that vibration does not explain: at one end the readings do not follow from those before, or
-    within them the errors of prediction are far smaller than usual, as if nothing drove the structure."""
+    """Select the segments that vibration does not explain.
+
+    At one end the prediction from the previous readings fails, or within the segment prediction errors are far smaller
+    than usual, as without any load.
+    """
     if not runs:
         return []
     seen = np.isfinite(x)
     place = np.arange(len(x))
     raw = prediction_errors(np.interp(place, place[seen], x[seen]))
-    errors, usual = in_usual_size(raw), float(np.median(np.abs(raw))) / 0.6745
+    errors, usual = normalised_errors(raw), float(np.median(np.abs(raw))) / 0.6745
 
     def breaks(at: int) -> bool:
         around = errors[max(at - 2, 0) : at + PREDICTORS]
-        large = np.abs(around) > ABRUPT_SIGMAS
-        return bool(large.any()) or float(np.mean(around**2)) > ABRUPT_POWER
+        large = np.abs(around) > MIN_ABRUPT_SIGMAS
+        return bool(large.any()) or float(np.mean(around**2)) > MIN_ABRUPT_POWER
 
     def quiet(first: int, end: int) -> bool:
         inside = raw[first + PREDICTORS : end]
-        return len(inside) >= MIN_SAMPLES_OF_A_STRETCH and float(np.mean(inside**2)) < QUIET_POWER * usual**2
+        return len(inside) >= MIN_SEGMENT_SAMPLES and float(np.mean(inside**2)) < MAX_QUIET_POWER * usual**2
 
     return [run for run in runs if breaks(run[0]) or breaks(run[1]) or quiet(*run)]
 

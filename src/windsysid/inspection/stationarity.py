@@ -1,18 +1,18 @@
-"""Stationarity of vibration: does its power change over a section by more than chance?
+"""Stationarity of vibration: test whether its power changes over a section by more than chance.
 
-The mean square of a stationary random vibration over a time T has about the chi-squared distribution of
+The mean square of a stationary random vibration over a time T has approximately a chi-squared distribution with
 
     ν = 2 B_e T,   B_e = (∫ S df)² / ∫ S² df   (Bendat & Piersol, Random Data, section 8.3)
 
 equivalent degrees of freedom. B_e is 2πζf for a lightly damped resonance of frequency f and damping ratio ζ: at 0.3 Hz
-and 0.5 %, one minute counts as one degree of freedom, and its amplitude varies by a factor of three without any change
-of the structure or its loads. So the power of two segments is compared by Fisher's distribution of ν and ν degrees of
-freedom, in halves and in quarters of a section. A vibration changes where the ratio is larger than `CHANCE` allows, all
-comparisons together, and its rms differs by more than a factor of `MAX_VIBRATION_CHANGE`.
+and 0.5 %, one minute has one degree of freedom, and the amplitude varies by a factor of three although structure and
+loads do not change. So the power of two segments is compared by Fisher's distribution with ν and ν degrees of freedom,
+in halves and in quarters of a section. A vibration is called changing if a ratio is less probable than
+`FALSE_ALARM_PROBABILITY` over all comparisons, and the rms differs by more than a factor of `MAX_VIBRATION_CHANGE`.
 
-The same is done after the spectrum is raised to the power of ½ and of 0 (prewhitening) within the frequency range that
-holds 99 % of the power. There the weak frequencies count too, which have many more degrees of freedom: a change of the
-loads shows in them, even where the resonance is too narrow to tell.
+The test is repeated with the spectrum raised to the power of ½ and of 0 (prewhitening) within the frequency range that
+contains 99 % of the power. Then frequencies of low power count too, which have many more degrees of freedom: they show
+a change of the loads even if the resonance is too narrow for a test.
 """
 
 from collections.abc import Sequence
@@ -25,36 +25,35 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Mask
 from windsysid.records.record import Record
 
-__all__ = ["CHANCE", "MAX_VIBRATION_CHANGE", "Changes", "Vibration", "changes", "vibration_of"]
+__all__ = ["FALSE_ALARM_PROBABILITY", "MAX_VIBRATION_CHANGE", "Changes", "Vibration", "changes", "vibration_of"]
 
-CHANCE = 0.01
+FALSE_ALARM_PROBABILITY = 0.01
 """False-alarm probability of a stationary record, all comparisons together. Simulated records of one to four modes with
 damping of 0.2 % to 5 % and 300 s to 3600 s are called changing in fewer than 1 % (tests/inspection)."""
 
 MAX_VIBRATION_CHANGE = 2.0
-"""Factor between the rms of two segments that does not matter, however certain it is."""
+"""Largest ratio of the rms values of two segments that is accepted even if it is significant."""
 
 EXPONENTS = (1.0, 0.5, 0.0)
 """Powers to which the spectrum is raised: as it is, half and fully whitened."""
 
 SEGMENTS = (2, 4)
-"""Numbers of segments that a section is compared in."""
+"""Numbers of segments into which a section is divided."""
 
 POWER_SHARE_OUTSIDE = 0.01
-"""Share of the power outside the frequency range that is whitened: sensor noise and drift."""
+"""Share of the power outside the whitened frequency range, which contains sensor noise and drift."""
 
 SMOOTHED_BINS = 16
-"""Frequencies over which a periodogram is averaged to whiten with."""
+"""Number of frequency bins over which the periodogram is averaged for whitening."""
 
 TAPERED_SHARE = 0.05
-"""Share of a record at either end over which it fades in and out: without that a resonance leaks into all frequencies
-of a periodogram, and all vary as the resonance does."""
+"""Share of a record at each end that is tapered, so that a resonance does not leak into all frequencies."""
 
 MAX_SAMPLES = 500_000
-"""Samples that are looked at; a longer record is averaged to fewer."""
+"""Largest number of samples of the test; longer records are averaged to fewer."""
 
 MIN_DEGREES_OF_FREEDOM = 0.5
-"""Least degrees of freedom of a segment that are counted with."""
+"""Lower limit of the degrees of freedom of a segment."""
 
 
 class Vibration(NamedTuple):
@@ -67,11 +66,11 @@ class Vibration(NamedTuple):
     energy
         (3, n): for each of `EXPONENTS`, the sum of squares in each step.
     weight
-        (n,): number of samples in each step that count.
+        (n,): effective number of samples in each step.
     degrees
         (3,): equivalent degrees of freedom of the whole record.
     cycles
-        Periods of the frequency below which half of the power is, in the whole record.
+        Number of periods in the whole record of the frequency below which half of the power lies.
     """
 
     edges: NDArray[np.int64]
@@ -93,18 +92,18 @@ class Vibration(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """How vibration changes within each of some sections.
+    """Changes of vibration within sections.
 
     Attributes
     ----------
     excess
-        (w,): logarithm of the largest ratio over the one that is allowed; above 1 the vibration changes.
+        (w,): logarithm of the largest ratio, relative to that of the allowed one; above 1 the vibration changes.
     by_chance
-        (w,): whether all ratios are within what chance makes of a stationary vibration.
+        (w,): whether all ratios are within the limits of a stationary vibration.
     factor, allowed
-        (w,): between the rms of those two segments, later over earlier, and the largest either way that is allowed.
+        (w,): ratio of the rms values of these two segments, later over earlier, and the largest allowed ratio.
     segments
-        (w,): in how many segments the section was cut for it.
+        (w,): number of segments of this comparison.
     """
 
     excess: Array
@@ -115,7 +114,7 @@ class Changes(NamedTuple):
 
 
 def vibration_of(record: Record, channel: str) -> Vibration | None:
-    """Power of a channel over time; None where nothing moves."""
+    """Compute the power of a channel over time; None if it is constant or has too few samples."""
     values = record[channel]
     known = np.isfinite(values)
     if known.sum() < 4 * SMOOTHED_BINS:
@@ -144,7 +143,7 @@ def vibration_of(record: Record, channel: str) -> Vibration | None:
 
 
 def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> Changes:
-    """How vibration changes within sections from samples `starts` (w,) to `ends` (w,)."""
+    """Test whether vibration changes within sections from samples `starts` (w,) to `ends` (w,)."""
     from scipy.special import fdtri
 
     comparisons = len(EXPONENTS) * sum(n * (n - 1) // 2 for n in SEGMENTS)
@@ -158,7 +157,7 @@ def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: ND
         found = [vibration.power(np.stack([cut[:, :-1], cut[:, 1:]], axis=-1)) for vibration in vibrations]
         power, freedom = (np.array(values) for values in zip(*found, strict=True))  # (m, 3, w, segments)
         least = freedom.min(axis=-1)
-        chance = np.log(fdtri(least, least, 1.0 - CHANCE / comparisons))
+        chance = np.log(fdtri(least, least, 1.0 - FALSE_ALARM_PROBABILITY / comparisons))
         allowed = np.maximum(chance, 2.0 * np.log(MAX_VIBRATION_CHANGE))
         level = np.log(power)
         for first, second in combinations(range(segments), 2):
@@ -180,7 +179,7 @@ def changes(vibrations: Sequence[Vibration], starts: NDArray[np.int64], ends: ND
 
 
 def _gain(power: Array, exponent: float) -> Array:
-    """Factors (F,) that raise a spectrum of periodogram `power` to the power of an exponent."""
+    """Factors (F,) that raise a spectrum with periodogram `power` to the power of an exponent."""
     from scipy.ndimage import uniform_filter1d
 
     if exponent == 1.0:
@@ -193,7 +192,7 @@ def _gain(power: Array, exponent: float) -> Array:
 
 
 def _taper(samples: int) -> Array:
-    """Window (T,) that rises and falls as a cosine at the ends."""
+    """Tukey window (T,)."""
     from scipy.signal.windows import tukey
 
     return np.asarray(tukey(samples + 2, 2.0 * TAPERED_SHARE)[1:-1], dtype=np.float64)

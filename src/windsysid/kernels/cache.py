@@ -1,7 +1,7 @@
 """The cache on disk for what takes long to make: files that are whole or not used, shared by a user's processes.
 
-It holds code that runs as the user. So a file that another user can have changed counts as absent, and a folder that
-others can change is not used (`windsysid.kernels.ownership`); root may provide one for all.
+It contains code that runs with the user's rights. So a file that another user may have changed counts as absent, and a
+folder that others can change is not used (`windsysid.kernels.ownership`); a folder of root can serve all users.
 
 Every file begins with the SHA-256 of what follows. A file that was cut, damaged or cannot be read counts as absent: it
 is made again. Files are written under another name and moved to their own, so that processes at the same moment do not
@@ -42,7 +42,7 @@ logger = logging.getLogger("windsysid")
 
 @lru_cache(maxsize=1)
 def cache_folder() -> Path:
-    """The user's cache folder, or one for this process alone where that cannot be written or is not the user's own."""
+    """Cache folder of the user; a temporary one for this process if it cannot be written or others can change it."""
     try:
         given = os.environ.get("WINDSYSID_CACHE")
         folder = (Path(given) if given else user_cache_path("windsysid")).absolute()
@@ -60,7 +60,7 @@ def cache_folder() -> Path:
 
 
 def kept(path: Path) -> bytes | None:
-    """What `keep` wrote into a file; None where it is not there, cut, damaged, not readable or another user's."""
+    """Read what `keep` wrote; None if the file is missing, cut off, damaged, not readable or another user's."""
     content = read_own(path)
     if content is None:
         return None
@@ -94,9 +94,9 @@ def keep(path: Path, payload: bytes) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write so that a second process at the same moment sees the whole file or none.
+    """Write a file so that other processes see the whole file or none.
 
-    Permissions are as the umask says, but for those of others to write.
+    Permissions follow the umask, but other users can never write.
     """
 
     def write(file: BinaryIO) -> None:
@@ -113,7 +113,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def _make(folder: Path) -> None:
-    """Make a folder and those above it, which only the user may write whatever the umask says."""
+    """Make a folder and its parents, which only the user can write, independently of the umask."""
     missing = [part for part in (folder, *folder.parents) if not part.exists()]
     for part in reversed(missing):
         part.mkdir(mode=0o755, exist_ok=True)

@@ -1,8 +1,8 @@
-"""Which files and folders other users cannot have changed, by the rules of OpenSSH's ``StrictModes``.
+"""Ownership checks of files and folders, by the rules of OpenSSH's ``StrictModes``.
 
-A file and every folder above it must belong to the user or to root, and nobody else may write them. The check ends at
-the user's home folder. A folder above that has the sticky bit, as ``/tmp`` has, may be written by all: entries of
-others cannot be renamed there. The user's private group counts as the user.
+A file and all folders above it must belong to the user or to root, and must not be writable by others. The check ends
+at the user's home folder. A parent folder with the sticky bit, such as ``/tmp``, may be writable: entries of other
+users cannot be renamed there. The user's private group counts as the user.
 """
 
 import errno
@@ -16,7 +16,7 @@ __all__ = ["foreign", "read_own"]
 
 
 def read_own(path: Path) -> bytes | None:
-    """The content of a file that no other user can have changed; None where it is another's, or not readable."""
+    """Read a file that no other user can have changed; None for any other file, or one that cannot be read."""
     if foreign(path.parent):
         return None
     try:
@@ -27,7 +27,7 @@ def read_own(path: Path) -> bytes | None:
 
 
 def _opened(path: str, flags: int) -> int:
-    """Open a regular file: no link, and nothing that might wait for another process."""
+    """Open a regular file without following links and without blocking."""
     handle = os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     if stat.S_ISREG(os.fstat(handle).st_mode):
         return handle
@@ -36,7 +36,7 @@ def _opened(path: str, flags: int) -> int:
 
 
 def foreign(folder: Path) -> str:
-    """Why a folder may be changed by other users, with what to do; empty where it may not."""
+    """Reason why other users can change a folder, with a remedy; empty if they cannot."""
     if sys.platform == "win32" or folder in _own:
         return ""
     why = _foreign(folder)
@@ -46,7 +46,7 @@ def foreign(folder: Path) -> str:
 
 
 _own: set[Path] = set()
-"""Folders that were looked at before."""
+"""Folders that have passed the check."""
 
 
 def _foreign(folder: Path) -> str:
@@ -65,7 +65,7 @@ def _foreign(folder: Path) -> str:
 
 
 def _fault(about: os.stat_result) -> str:
-    """Why others may change what has this owner and mode."""
+    """Reason why others can change a file or folder with this owner and mode; empty if they cannot."""
     if sys.platform == "win32":
         return ""
     if about.st_uid not in _owners():
@@ -82,7 +82,7 @@ def _owners() -> tuple[int, int]:
 
 @lru_cache(maxsize=1)
 def _private_group() -> int | None:
-    """The group that has the user's name and no other member; None where there is none."""
+    """Group with the user's name and no other member; None if there is none."""
     try:
         import grp
         import pwd

@@ -1,7 +1,7 @@
-"""A compiled function as bytes: names as JSON, then object code and bitcode. Reading it runs nothing and imports no
-module by a name that it holds, other than modules of Numba and of windsysid.
+"""Serialisation of a compiled function: names as JSON, then object code and bitcode.
 
-Numba's own form is a pickle, which may call anything. All that it says of types, the caller of `unpacked` knows.
+Reading executes no code, and imports only modules of Numba and of windsysid. Numba's own form is a pickle, which may
+call any function. The types in it are not needed: the caller of `unpacked` gives the signature.
 """
 
 import importlib
@@ -14,13 +14,13 @@ from typing import Any
 __all__ = ["packed", "unpacked"]
 
 OWN = ("numba", "windsysid")
-"""Packages of which a module may be imported."""
+"""Packages whose modules may be imported."""
 
 _NAMES = ("qualname", "unique_name", "mangled_name", "env_name", "uid", "inline", "noalias")
 
 
 def packed(result: Any) -> bytes | None:
-    """A compiled function (`numba.core.compiler.CompileResult`); None where it holds what is of this process alone."""
+    """Serialise a `numba.core.compiler.CompileResult`; None if it contains addresses or objects of this process."""
     if result.lifted or result.objectmode or result.reload_init or result.library.has_dynamic_globals:
         return None
     environments = [result.environment, *result._find_referenced_environments()]
@@ -38,12 +38,12 @@ def packed(result: Any) -> bytes | None:
 
 
 def unpacked(payload: bytes, target: Any, function: Callable[..., Any], signature: Any) -> Any:
-    """The function of `packed`, which was compiled from `function` for `signature`.
+    """Restore the result of `packed`, compiled from `function` for `signature`.
 
     Raises
     ------
     Exception
-        If the bytes are none, or of another build of Numba.
+        If the bytes are damaged, or from another build of Numba.
     """
     from numba.core.compiler import CompileResult
     from numba.core.funcdesc import PythonFunctionDescriptor
@@ -63,7 +63,7 @@ def unpacked(payload: bytes, target: Any, function: Callable[..., Any], signatur
 
 
 def _environment(name: str, module: str) -> Any:
-    """The globals of a function's module as machine code finds them, once a process."""
+    """Environment with the globals of a function's module, made once per process, in which machine code finds them."""
     from numba.core.environment import Environment, lookup_environment
 
     known = lookup_environment(name)

@@ -194,7 +194,7 @@ def _checksum(source: str) -> str:
 
 
 def _kept_source(path: Path) -> str | None:
-    """The source of a model in the cache; None where it is not there, cut, damaged, not readable or another user's."""
+    """Read the source of a model from the cache; None if it is missing, cut off, damaged or another user's."""
     content = read_own(path)
     if content is None:
         return None

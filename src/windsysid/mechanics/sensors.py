@@ -45,9 +45,9 @@ TOLERANCES = ("gain_tolerance", "alignment_tolerance", "clock_tolerance")
 """Fields of a sensor that say how well it is known."""
 
 
-SIZES = (1e-12, 1e12)
-"""Of a sensor's numbers other than zero, in the unit of its channel: from the noise of the finest strain gauge to the
-moments of the largest turbine, and squares of them keep double precision."""
+MIN_SIZE, MAX_SIZE = 1e-12, 1e12
+"""Smallest and largest absolute value of a sensor's numbers other than zero, in the unit of its channel: from the noise
+of the finest strain gauge to the moments of the largest turbine. Double precision can represent their squares."""
 
 
 class Motion(Protocol):
@@ -114,10 +114,9 @@ class Sensor(BaseModel):
 
     @field_validator("*", mode="after")
     @classmethod
-    def _has_a_size(cls, value: Any) -> Any:
-        low, high = SIZES
-        if isinstance(value, float) and value != 0.0 and not low <= abs(value) <= high:
-            raise ValueError(f"expected a size of {low:g} … {high:g} (of an instrument; squares keep double precision)")
+    def _check_size(cls, value: Any) -> Any:
+        if isinstance(value, float) and value != 0.0 and not MIN_SIZE <= abs(value) <= MAX_SIZE:
+            raise ValueError(f"expected a size of {MIN_SIZE:g} … {MAX_SIZE:g} in the unit of the channel, or zero")
         return value
 
     @property

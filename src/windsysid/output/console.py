@@ -69,7 +69,7 @@ def show_what_can_be_shown() -> None:
 
 
 def printable(text: object) -> str:
-    """Text on one line, such as a path, with ? for signs that a terminal would obey or no file can hold."""
+    """Replace characters that cannot be printed, such as control characters and line ends, by question marks."""
     return "".join(sign if sign.isprintable() else "?" for sign in str(text))
 
 

@@ -105,7 +105,7 @@ def explain_errors(what: str, remedy: str) -> Iterator[None]:
 
 
 def path_text(path: str | Path) -> str:
-    """A path as text that UTF-8 can hold, with ``\\xe9`` for each byte that is no character."""
+    """Path as text that UTF-8 can encode, with an escape such as ``\\xe9`` for each byte that is no character."""
     return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 

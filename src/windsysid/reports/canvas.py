@@ -1,4 +1,4 @@
-"""Where a picture is drawn, on a figure of its own or in the place of somebody's axes, and how it shows names."""
+"""Figures, of their own or in place of given axes, and labels for names from users and files."""
 
 from functools import cache
 from typing import cast
@@ -12,13 +12,13 @@ from windsysid.errors import ConfigurationError
 __all__ = ["MAX_TICK_CHARACTERS", "canvas", "label", "single"]
 
 MAX_LABEL_CHARACTERS, MAX_TICK_CHARACTERS = 60, 24
-"""Longest name in a figure, and beside a tick; a longer one is shown without its middle."""
+"""Largest length of a name in a figure, and of a tick label; a longer one is shown without its middle."""
 
 
 def label(text: str, most: int = MAX_LABEL_CHARACTERS) -> str:
-    """A name of a user's (channel, turbine, unit) as a figure can show it.
+    """Make a name (channel, turbine, unit) safe for a figure.
 
-    Matplotlib takes text between two dollar signs for a formula, and warns of characters that its font lacks.
+    Matplotlib interprets text between two dollar signs as a formula, and warns of characters that its font lacks.
     """
     known = _characters()
     seen = "".join(sign if sign.isprintable() and ord(sign) in known else "?" for sign in " ".join(text.split()))
@@ -29,7 +29,7 @@ def label(text: str, most: int = MAX_LABEL_CHARACTERS) -> str:
 
 @cache
 def _characters() -> frozenset[int]:
-    """Code points that Matplotlib's font has."""
+    """Code points of Matplotlib's font."""
     return frozenset(get_font(findfont(FontProperties())).get_charmap())
 
 

@@ -36,7 +36,7 @@ MOST_PANELS = 12
 MOST_MARKS = 200
 SMALL = 7.5
 MAX_TITLE_CHARACTERS = 40
-"""Longest name over one of three spectra side by side."""
+"""Largest length of a name above one of three spectra in a row."""
 
 _DRAWN = {
     "rad/s": ("rpm", RPM),

@@ -38,7 +38,7 @@ __all__ = [
 ESTIMATE, BAND, REFERENCE, MEASURED, ERROR = "#1764ab", "#a9cbe8", "#111111", "#9a9a9a", "#d1661b"
 MOST_POINTS = 4000
 MAX_UNIT_CHARACTERS = 16
-"""Longest unit in a figure, which may be a text that a file has for one."""
+"""Largest length of a unit in a figure; units of unknown quantities are texts from files."""
 GREEK = (
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "rho", "sigma",
     "tau", "omega",

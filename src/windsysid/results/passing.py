@@ -37,11 +37,11 @@ class Passing(NamedTuple):
     Attributes
     ----------
     frequency, natural
-        Of the passing blades and of the mode [Hz].
+        Blade-passing frequency and frequency of the mode [Hz].
     half_width
         Half-power half-width ζf of the mode [Hz].
     resolution
-        Frequency difference [Hz] that the length of the record resolves.
+        Frequency resolution of the record [Hz].
     """
 
     frequency: float
@@ -50,7 +50,7 @@ class Passing(NamedTuple):
     resolution: float
 
     def describe(self, blades: int) -> str:
-        """One sentence: where the blades pass, why that matters there, and what to do."""
+        """Describe the conflict and its remedy in one sentence."""
         passing, mode = f"the blades pass steadily at {self.frequency:.3g} Hz ({blades}P)", f"{self.natural:.3g} Hz"
         off = abs(self.frequency - self.natural)
         if off <= (LINE_REACH - 1.0) * self.natural:

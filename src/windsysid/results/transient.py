@@ -1,12 +1,12 @@
-"""Transients: records whose vibration falls over time, as it does in a free decay.
+"""Transients: detection of vibration that decreases over a record, as in a free decay.
 
-Tests of residuals suppose stationary loads. In a free decay they fail without any of the causes that they are made for:
-its level falls, its only frequency stands out as a line does, and its beginning has most of the squared residuals. So
-where the vibration falls, a result that is in doubt names this instead.
+Tests of residuals assume stationary loads. In a free decay they fail for other reasons than those they test for: the
+level decreases, the only frequency resembles a sinusoid, and most of the squared residuals are at the beginning. So if
+the vibration decreases, a result that is in doubt gives this as the reason.
 
-From the loudest sixteenth of a record on, the mean square of each quarter of the rest is compared with that of the one
-before. Of 1500 stationary records of a mode that counts as 3 to 16 independent values, at most one in 160 falls
-`MIN_FALL` times, and one in 20 `MIN_COMMON_FALL` times: that counts where all channels do, as they do in a decay.
+From the segment with the largest power on, the mean squares of consecutive quarters of the rest are compared. Of 1500
+stationary records of a mode with 3 to 16 equivalent degrees of freedom, the rms decreases by a factor of `MIN_FALL` in
+at most one of 160, and of `MIN_COMMON_FALL` in one of 20: the smaller factor counts only if all channels exceed it.
 """
 
 import re
@@ -22,34 +22,33 @@ from windsysid.results.diagnosis import Diagnosis
 __all__ = ["Transient", "explain_by_transient", "find_transient", "without_cause"]
 
 MIN_FALL, MIN_COMMON_FALL = 3.0, 1.5
-"""Ratio of rms values from which a vibration falls more than a stationary one does by chance: of one channel, and of
-two or more together."""
+"""Smallest ratio of rms values of a transient, for one channel, and for two or more channels together."""
 
 SEGMENTS, QUARTERS = 16, 4
-"""Segments in which the loudest is looked for, and parts of what follows."""
+"""Number of segments of the record, and of parts into which the rest from the strongest segment on is divided."""
 
 MAX_RISE, MAX_BEFORE = 1.1, 0.3
-"""Ratios of mean squares: of a quarter to the one before, and of any segment before the loudest to that, but for the
-one in which the decay may begin."""
+"""Largest ratios of mean squares: of a quarter to the previous one, and of segments before the strongest to it, except
+the one immediately before, in which the decay may begin."""
 
 
 class Transient(NamedTuple):
-    """Channels whose vibration falls, and by how much the first of them does (ratio of rms values)."""
+    """Channels whose vibration decreases, and ratio of rms values of the first one."""
 
     channels: tuple[str, ...]
     fall: float
 
     @property
     def reason(self) -> str:
-        """Why a result is in doubt."""
+        """Reason why a result is in doubt."""
         return (
-            f"{self.channels[0]} falls {self.fall:.2g}-fold over the record (a transient, such as a free decay), and "
-            "checks that suppose stationary loads fail: compare other records"
+            f"the rms of {self.channels[0]} falls {self.fall:.2g}-fold over the record (a transient, such as a free "
+            "decay); checks that assume stationary loads fail: compare other records"
         )
 
 
 def find_transient(values: Array, channels: Sequence[str]) -> Transient | None:
-    """The channels of readings (T, m) whose vibration falls; None where it does in none."""
+    """Find the channels of readings (T, m) whose vibration decreases; None if there are none."""
     falls = {name: _fall(column) for name, column in zip(channels, values.T, strict=True)}
     least = MIN_COMMON_FALL if len(falls) > 1 and min(falls.values()) >= MIN_COMMON_FALL else MIN_FALL
     falling = sorted((name for name in falls if falls[name] >= least), key=lambda name: -falls[name])
@@ -57,9 +56,9 @@ def find_transient(values: Array, channels: Sequence[str]) -> Transient | None:
 
 
 def explain_by_transient(diagnosis: Diagnosis, found: Transient, readings: Sequence[str]) -> Diagnosis:
-    """The diagnosis with the transient as the reason in place of the causes that tests of stationary loads name.
+    """Replace the causes that tests of stationary loads give by the transient as the reason.
 
-    A reason that names one of the `readings` that do not fall stays as it is.
+    A reason that names one of the `readings` that do not decrease is kept.
     """
     steady = [name for name in readings if name not in found.channels]
     kept = [one for one in diagnosis.reasons if without_cause(one) == one or any(_names(one, name) for name in steady)]
@@ -68,7 +67,7 @@ def explain_by_transient(diagnosis: Diagnosis, found: Transient, readings: Seque
 
 
 def without_cause(sentence: str) -> str:
-    """A sentence up to where it names a likely cause and what to do about it; in brackets, up to their end."""
+    """Remove the likely cause and the advice from the end of a sentence, or of its part in brackets."""
     return re.sub(r"[:;] ?(likely |take the spikes out).*?(?=\)$|$)", "", sentence, flags=re.DOTALL)
 
 
@@ -77,8 +76,10 @@ def _names(sentence: str, channel: str) -> bool:
 
 
 def _fall(readings: Array) -> float:
-    """By how much the rms of readings (T,) about a straight line falls after their loudest segment; 0 where they do
-    not fall all the time."""
+    """Ratio by which the rms of readings (T,) about a straight line decreases after their strongest segment.
+
+    It is 0 if the rms does not decrease throughout.
+    """
     known = readings[np.isfinite(readings)]
     if len(known) < 2 * SEGMENTS:
         return 0.0

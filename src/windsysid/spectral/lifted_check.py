@@ -94,8 +94,8 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
     first.
 
     Of N complex normal entries the energy is χ² with 2N degrees of freedom, and the ratio of two energies follows
-    Fisher's F. A frequency range that has entries in one half only is not compared: rotor harmonics are left out, and
-    where the speed of the rotor differs between the halves, so do the entries that remain.
+    Fisher's F. A frequency range with entries in one half only is not compared: entries near rotor harmonics are
+    excluded, and if the rotor speed differs between the halves, different entries remain.
     """
     from scipy.special import fdtri
 
@@ -103,8 +103,8 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
     pairs = [(a, others[a.channel, a.low, a.high]) for a in first if (a.channel, a.low, a.high) in others]
     if not pairs:
         return [
-            "no frequency range is free of rotor harmonics in both halves: it cannot be seen whether the record is "
-            "stationary; choose a section of steadier rotor speed"
+            "no frequency range is free of rotor harmonics in both halves: stationarity cannot be tested; choose a "
+            "section of steadier rotor speed"
         ]
     off = []
     for a, b in pairs:

@@ -97,12 +97,12 @@ def as_modal(sensors: Sequence[Sensor | ModalSensor | str]) -> tuple[ModalSensor
 def choose_sensors(
     record: Record, sensors: Sequence[Sensor | ModalSensor | str] | None
 ) -> tuple[tuple[ModalSensor, ...], tuple[str, ...]]:
-    """The sensors that are listed, or the structure's own: accelerometers, or else the most telling kind of channels.
+    """Choose the listed sensors, or those of the structure: accelerometers, or else the best kind of channels.
 
     Returns
     -------
     tuple of tuple of ModalSensor, and tuple of str
-        The sensors, and notes on channels that were left out.
+        Sensors, and notes on channels that were left out.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def choose_sensors(
 
 
 def _of_the_structure(record: Record) -> tuple[tuple[ModalSensor, ...], tuple[str, ...]]:
-    """The channels of the most telling kind that read the structure, and notes on those that read something else."""
+    """Choose the channels of the best kind that measure the structure, with notes on channels of other bodies."""
     known = {name: kind_of(name, unit) for name, unit in zip(record.channels, record.units, strict=True)}
     shaking = [name for name, kind in known.items() if kind in VIBRATION and not _has_measured_twin(name, known)]
     live = [name for name in shaking if _moves(record[name])]
@@ -150,14 +150,16 @@ def _of_the_structure(record: Record) -> tuple[tuple[ModalSensor, ...], tuple[st
             f"displacement, velocity), {got}: list them (--sensors)"
         )
     raise ConfigurationError(
-        f"{record.name}: {', '.join(still[:3])}: constant or empty, which no structure is: expected vibration;"
-        " check sensors and file"
+        f"{record.name}: {', '.join(still[:3])}: constant or empty; expected vibration; check sensors and file"
     )
 
 
 def _turning_blades(record: Record, names: Sequence[str]) -> list[str]:
-    """Channels of blades that cannot be turned into the fixed frame: those that do not name their blade as
-    ``blade_1_…`` where the rotor turns; all of them, if others are fixed, where nothing tells whether it does."""
+    """Channels of blades that cannot be transformed into the fixed frame.
+
+    If the rotor turns, these are all without a name such as ``blade_1_…``; if it is unknown whether the rotor turns,
+    all of them, unless the record has no other channels.
+    """
     blades = [name for name in names if body_of(name) == "rotor"]
     rotor = rotor_of(record)
     if rotor is not None and rotor.turns:
@@ -166,12 +168,12 @@ def _turning_blades(record: Record, names: Sequence[str]) -> list[str]:
 
 
 def _left_out(blades: Sequence[str], media: Sequence[str]) -> tuple[str, ...]:
-    """Notes on channels that were not analysed."""
+    """Write notes on channels that were left out."""
     notes = []
     if blades:
         notes.append(
-            f"left out: {_listed(blades)}: on a blade that turns modes show at f ± 1P; map every blade's to blade_1_… "
-            "and record rotor_azimuth, or list them (--sensors)"
+            f"left out: {_listed(blades)}: modes of rotating blades appear at f ± 1P; name channels of all blades "
+            "blade_1_… and record rotor_azimuth, or list them (--sensors)"
         )
     if media:
         notes.append(
@@ -202,7 +204,7 @@ def derivative_order(sensor: ModalSensor, record: Record) -> int:
 
 
 def _has_measured_twin(channel: str, others: Container[str]) -> bool:
-    """Whether a channel without gravity, which no accelerometer reads, stands next to the same one with gravity."""
+    """Whether the record has a simulated acceleration without gravity also with gravity, as sensors measure it."""
     return channel.endswith("_kinematic") and channel.removesuffix("_kinematic") in others
 
 

@@ -56,8 +56,8 @@ LEAST_EVIDENCE = 10.0
 """2 ln of the evidence for a mode against none."""
 
 MIN_BINS = 8
-"""Frequency bins that a band needs when those of lines are left out: with fewer, the halves of a record cannot be
-compared either."""
+"""Smallest number of frequency bins of a band without those of lines: with fewer, the halves of a record cannot be
+compared."""
 
 
 class Found(NamedTuple):
@@ -74,7 +74,7 @@ class Found(NamedTuple):
     reached
         Up to where modes were sought [Hz], where peaks go on beyond; else None.
     covered
-        Bands in which rotor harmonics and other lines leave too few bins [Hz]: they were not analysed.
+        Bands [Hz] that were not analysed, because rotor harmonics and other lines leave too few bins.
     """
 
     frequency: Array
@@ -166,8 +166,10 @@ def fit_between(
     most: int,
     known: Sequence[tuple[float, float]] = (),
 ) -> BandFit | None:
-    """The modes of one band, its lines left out, or None where fewer than `MIN_BINS` bins remain; `known` are modes to
-    begin with, as `fit_band` has them."""
+    """Fit the modes of one band without the bins of lines; None if fewer than `MIN_BINS` bins remain.
+
+    `known` are start values of modes, as in `fit_band`.
+    """
     bins = band_bins(frequency, readings, low, high)
     if len(bins) < MIN_BINS:
         return None
@@ -183,7 +185,7 @@ def band_bins(frequency: Array, readings: Readings, low: float, high: float) -> 
 
 
 def covered_note(band: tuple[float, float]) -> str:
-    """The note on a band in which lines leave too few bins."""
+    """Note on a band that was not analysed, because lines leave too few bins."""
     return (
         f"{band[0]:.4g} to {band[1]:.4g} Hz was left out: rotor harmonics or other lines cover it;"
         " choose a steadier section or a wider band"
@@ -215,13 +217,7 @@ def search_again(
     A band with one peak of its own may hold the flank of a louder mode: the first search then finds that one.
     """
     step = float(frequency[1])
-    peaks: list[Peak] = []
-    for one in found:
-        if modes_of(one):
-            for j, (f, z) in enumerate(zip(one.fit.modes.frequency, one.fit.modes.damping, strict=True)):
-                if not is_flank(one, j, 1.0 / step):
-                    peak = Peak(float(f), float(max(z * f, 0.5 * step)), one.against_none)
-                    peaks.append(peak._replace(alone=is_hump(peak, readings)))
+    peaks = [peak for one in found if modes_of(one) for peak in _peaks_of(one, readings, step)]
     modes = {peak.frequency for peak in peaks}
     peaks += [
         peak
@@ -253,6 +249,17 @@ def search_again(
         if fit is not None:
             again.append(fit)
     return again
+
+
+def _peaks_of(found: BandFit, readings: Readings, step: float) -> list[Peak]:
+    """Peaks of the modes of a band, without flanks; `step` is the distance of frequency bins [Hz]."""
+    modes = zip(found.fit.modes.frequency, found.fit.modes.damping, strict=True)
+    peaks = [
+        Peak(float(f), float(max(z * f, 0.5 * step)), found.against_none)
+        for j, (f, z) in enumerate(modes)
+        if not is_flank(found, j, 1.0 / step)
+    ]
+    return [peak._replace(alone=is_hump(peak, readings)) for peak in peaks]
 
 
 def _explained(peak: Peak, found: Sequence[BandFit], length: float) -> bool:

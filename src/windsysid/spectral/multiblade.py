@@ -26,7 +26,7 @@ class BladeSet(NamedTuple):
 
 
 def is_blade(name: str) -> bool:
-    """Whether a channel's name says which blade it reads, as `blade_sets` needs it."""
+    """Whether the name of a channel has the number of its blade, which `blade_sets` requires."""
     return _BLADE.fullmatch(name) is not None
 
 

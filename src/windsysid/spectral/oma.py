@@ -18,7 +18,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.output.progress import Progress, unheard
 from windsysid.records.coercion import RecordLike, as_record
 from windsysid.records.record import Record
-from windsysid.spectral.clock_lag import clock_lags, lag_doubt, on_time
+from windsysid.spectral.clock_lag import aligned, clock_lags, lag_doubt
 from windsysid.spectral.images import with_images
 from windsysid.spectral.modal_sensors import ModalSensor
 from windsysid.spectral.mode_description import described, named, with_neighbours, with_references, without_flanks
@@ -134,8 +134,8 @@ def _analysed(
     lags = clock_lags(single.modes, readings)
     sure = [lag for lag in lags if not lag.others]
     if sure:
-        progress("late channels put right", None)
-        single = _searched(whole, on_time(readings, sure), bands, limits, progress)
+        progress("alignment of channels", None)
+        single = _searched(whole, aligned(readings, sure), bands, limits, progress)
     unsure = [lag_doubt(single.readings.names[lag.channel], lag) for lag in lags if lag.others]
     return single._replace(readings=single.readings._replace(doubts=(*single.readings.doubts, *unsure)))
 
@@ -147,20 +147,20 @@ def _searched(
     limits: tuple[float, float] | None,
     progress: Progress,
 ) -> Single:
-    """The modes in readings of a record, and why not to trust them."""
+    """Search and check the modes in readings of a record."""
     found = search_modes(readings, bands, limits, progress)
-    told = readings
+    noted = readings
     if found.reached is not None:
         further = (
             f"modes were sought up to {found.reached:.4g} Hz: peaks go on beyond it, give --range LOW HIGH for them"
         )
-        told = told._replace(high=found.reached, notes=(*told.notes, further))
-    told = told._replace(notes=(*told.notes, *map(covered_note, found.covered)))
+        noted = noted._replace(high=found.reached, notes=(*noted.notes, further))
+    noted = noted._replace(notes=(*noted.notes, *map(covered_note, found.covered)))
     progress("checks", None)
     parts = [[transforms(readings, part) for part in _parts(readings.samples, count)] for count in (2, 4)]
-    parted = without_flanks([described(one, parts, told) for one in found.bands if modes_of(one)])
+    parted = without_flanks([described(one, parts, noted) for one in found.bands if modes_of(one)])
     modes = sorted((mode for band in parted for mode in with_neighbours(band)), key=lambda mode: mode.frequency)
-    return Single(whole, told, found, tuple(with_images(modes, found.frequency, found.values)))
+    return Single(whole, noted, found, tuple(with_images(modes, found.frequency, found.values)))
 
 
 def _parts(samples: int, count: int) -> list[slice]:

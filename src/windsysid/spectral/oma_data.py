@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.inspection.continuity import copies_among
-from windsysid.inspection.health import MAX_SHORT_GAP, Finding, sampled_every
+from windsysid.inspection.health import MAX_SHORT_GAP_SAMPLES, Finding, sampled_every
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
@@ -26,11 +26,11 @@ __all__ = ["Line", "Readings", "prepare_readings", "transforms"]
 
 LEAST_SAMPLES = 256
 MAX_BRIDGED = 0.02
-"""Share of missing samples that are bridged by straight lines; where more are missing, the longest stretch without gaps
-is used."""
+"""Largest share of missing samples that are bridged by straight lines; if more are missing, the longest segment
+without gaps is used."""
 
-MAX_FILLED = 0.2
-"""Share of missing samples of which those in short gaps are filled from the readings around them."""
+MAX_FILLED_SHARE = 0.2
+"""Largest share of missing samples for which short gaps are filled by interpolation (`fill_short_gaps`)."""
 
 MAX_SPIKED = 0.002
 """Share of a channel's samples in spikes that are bridged; where more are, the record is doubtful."""
@@ -169,7 +169,7 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
 def _without_copies(
     record: Record, channels: Sequence[str], values: Array, notes: list[str], *, refuse: bool
 ) -> list[int]:
-    """Which columns of values (T, n) are no copies of others; a copy is refused, or else noted."""
+    """Indices of columns of values (T, n) that are no copies of others; a copy is refused or noted."""
     copies = copies_among(values)
     if copies and refuse:
         i, j = copies[0]
@@ -181,7 +181,7 @@ def _without_copies(
 
 
 def _highest(record: Record, chosen: Sequence[ModalSensor], values: Array, notes: list[str]) -> float:
-    """Up to where modes are sought [Hz]: below the rate of the slowest channel and the record's low-pass."""
+    """Highest frequency for modes [Hz], below the limits of the slowest channel and of the record's low-pass."""
     high = HIGHEST * record.rate
     if LOW_PASS in record.attributes:
         high = min(high, LOW_PASS_SHARE * float(record.attributes[LOW_PASS]))
@@ -197,7 +197,7 @@ def _without_lines(
     values: Array, rate: float, azimuth: Array | None, harmonics: Sequence[Line], limits: tuple[float, float],
     notes: list[str],
 ) -> tuple[Array, list[Line]]:  # fmt: skip
-    """Values (T, n) without the rotor's harmonics and other sinusoids, and all these lines."""
+    """Remove rotor harmonics and other sinusoids from values (T, n); return the values and all lines."""
     if azimuth is not None:
         values = without_harmonics(values, azimuth)
     else:
@@ -219,7 +219,7 @@ def _without_lines(
 def _frames(
     names: list[str], azimuth: Array | None, rotor_hz: float, notes: list[str]
 ) -> tuple[list[int], list[BladeSet]]:
-    """Columns that are in the fixed frame, and sets of blades that turn and can be turned into it."""
+    """Columns in the fixed frame, and sets of rotating blades for multi-blade coordinates."""
     if rotor_hz <= 0.0:
         return list(range(len(names))), []
     sets, incomplete = blade_sets(names)
@@ -265,9 +265,9 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
     if dead:
         raise RecordError(f"{record.name}: channel '{dead[0]}' holds no readings: leave it out of the sensors")
     share = float(missing.mean(axis=0).max())
-    if 0.0 < share <= MAX_FILLED:
+    if 0.0 < share <= MAX_FILLED_SHARE:
         values = record.values.copy()
-        values[:, columns] = np.column_stack([fill_short_gaps(values[:, i], MAX_SHORT_GAP) for i in columns])
+        values[:, columns] = np.column_stack([fill_short_gaps(values[:, i], MAX_SHORT_GAP_SAMPLES) for i in columns])
         record = replace(record, values=values)
         before, missing = share, np.isnan(values[:, columns])
         share = float(missing.mean(axis=0).max())

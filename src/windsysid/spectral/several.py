@@ -162,7 +162,7 @@ def _groups(
 def _together(
     singles: Sequence[Single], group: Sequence[dict[int, int]], low: float, high: float
 ) -> list[BandFit] | None:
-    """The modes of one band from all records; None where lines leave too few bins in one of them."""
+    """Fit the modes of one band in all records; None if lines leave too few bins in one of them."""
     known = []
     for track in group:
         of = [singles[s].modes[j] for s, j in track.items()]

@@ -29,28 +29,28 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "N*s/m": (1e-9, 1e15, "from a model to a rigid foundation"),
     "N*m*s/rad": (1e-12, 1e18, "from a model to a rigid foundation"),
     "Hz": (1e-4, 2.5e4, "from a period of hours to the fastest rate of a simulation"),
-    "rad/s": (1e-6, 1e4, "from standing to 100 000 rpm"),
+    "rad/s": (1e-6, 1e4, "from standstill to 100 000 rpm"),
     "m": (1e-6, 1e4, "from a micrometre to ten kilometres"),
     "rad": (1e-9, 1e3, "from an instrument's resolution to many turns"),
     "rad/m": (1e-9, 1e3, "from an instrument's resolution to many turns in a metre"),
     "m/s^2": (1e-6, 1e4, "up to a thousand times the Earth's gravity"),
     "1": (1e-9, 1.0, "as a ratio: 1 is 100 %"),
 }
-"""Sizes of values other than zero that a turbine file may hold, by SI unit, and why: what no turbine and no model of
-one has is a slip of the pen or of the unit. Squares and ratios of such values stay within double precision."""
+"""Smallest and largest absolute values other than zero in a turbine file, by SI unit, and their reason: other values are
+typing errors or have a wrong unit. Squares and ratios of values in range fit double precision."""
 
-MIN_SPREAD = 1e-6
-"""Least relative standard deviation of a prior: no stiffness is known better, and the inverse of its square keeps four
-of 16 digits for what a record adds."""
+MIN_RELATIVE_STD = 1e-6
+"""Smallest relative standard deviation of a prior: no stiffness is known better, and its information, the inverse
+square, leaves four of 16 digits for that of a record."""
 
 
 def read_quantity(text: str, unit: str) -> float:
-    """Read ``"1800 N/m"`` as SI, and refuse another quantity than the one of `unit`, or a size out of its range.
+    """Read ``"1800 N/m"`` as SI, and refuse a quantity other than that of `unit`, or a size out of its range.
 
     Raises
     ------
     ConfigurationError
-        With what was expected.
+        If the quantity or the size is not as expected.
     """
     value = parse_quantity(text, unit)
     si = si_unit(unit)
@@ -62,7 +62,7 @@ def read_quantity(text: str, unit: str) -> float:
 
 
 def quantity(unit: str) -> BeforeValidator:
-    """`read_quantity` as a validator of a table's field."""
+    """Make a validator of a table's field from `read_quantity`."""
 
     def convert(value: Any) -> float:
         if not isinstance(value, str):
@@ -93,11 +93,11 @@ class Table(BaseModel):
 
 
 def spread(widest: float) -> AfterValidator:
-    """Accept relative standard deviations of a prior from `MIN_SPREAD` to the widest."""
+    """Make a validator that accepts relative standard deviations from `MIN_RELATIVE_STD` to `widest`."""
 
     def check(value: float) -> float:
-        if not MIN_SPREAD <= value <= widest:
-            raise ValueError(f"expected a relative standard deviation of {MIN_SPREAD:g} … {widest:g}")
+        if not MIN_RELATIVE_STD <= value <= widest:
+            raise ValueError(f"expected a relative standard deviation of {MIN_RELATIVE_STD:g} … {widest:g}")
         return value
 
     return AfterValidator(check)

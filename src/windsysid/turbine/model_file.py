@@ -81,7 +81,7 @@ class ModelFile(File):
         return kind(**own)
 
     def _quantity(self, what: str, text: str, unit: str, read: Callable[[str, str], float] = parse_quantity) -> float:
-        """A value by name; what a model of one's own may hold, nobody else knows."""
+        """Read a value by its name; user-defined models have no limits of sizes."""
         try:
             return read(text, unit)
         except ConfigurationError as error:

@@ -13,7 +13,8 @@ import io
 import json
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -22,7 +23,7 @@ import numpy as np
 from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.records.formats.clock import Clock, counted_clock, exact_seconds, make_clock, moments_clock, start_of
-from windsysid.records.formats.columns import Cell, find_times, is_called_time, name_and_unit, plan_columns
+from windsysid.records.formats.columns import Cell, Column, find_times, is_called_time, name_and_unit, plan_columns
 from windsysid.records.formats.files import read_start
 from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
@@ -82,39 +83,46 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
     except (ValueError, OSError, AttributeError, KeyError, TypeError) as error:
         raise _damaged(error) from error
     wanted = [schema.field(i).name for i in (*times, *(column.index for column in columns))]
-    repeated = next((name for name in wanted if schema.names.count(name) > 1), None)
-    if repeated is not None:  # columns are read by their names
-        raise RecordError(
-            f"column '{repeated}' occurs {schema.names.count(repeated)} times; rename one and write it again"
-        )
-
-    def blocks(start: float, end: float) -> Iterator[Block]:
-        done, total, waiting = 0, max(file.metadata.num_rows, 1), None
-        for rows in _batches(file, wanted):
-            counted = np.arange(done, done + len(rows[0])) / (rate or 1.0)
-            seconds = counted if clock is None else _seconds(clock, rows[0])
-            done += seconds.size
-            values = [column.values(_numbers(rows[i])) for i, column in enumerate(columns, len(times))]
-            first = done - seconds.size
-            block = Block(seconds, np.column_stack(values), shifted("sample {}".format, first), done / total)
-            waiting = block if seconds.size and seconds[-1] < start else None
-            if waiting is None:
-                yield block
-                if seconds.size and seconds[-1] >= end:
-                    return
-        if waiting is not None:
-            yield waiting
-
+    _check_distinct(wanted, schema.names)
     return Source(
         notes.get("windsysid_name", path.name),
         tuple(column.name for column in columns),
         tuple(column.unit for column in columns),
-        blocks,
+        partial(_blocks, file, wanted, clock, columns, rate),
         attributes,
         start,
         start_of(mapping.time, (None if clock is None else clock.start) or said),
         None if clock is None else rate,
     )
+
+
+def _check_distinct(wanted: list[str], names: list[str]) -> None:
+    """Refuse columns that occur several times: columns are read by their names."""
+    repeated = next((name for name in wanted if names.count(name) > 1), None)
+    if repeated is not None:
+        raise RecordError(f"column '{repeated}' occurs {names.count(repeated)} times; rename one and write it again")
+
+
+def _blocks(
+    file: Any, wanted: list[str], clock: Clock | None, columns: Sequence[Column], rate: float | None, start: float,
+    end: float,
+) -> Iterator[Block]:  # fmt: skip
+    """Blocks of the rows from `start` to `end` [s]; without a clock rows are counted, with no time in `wanted`."""
+    done, total, waiting = 0, max(file.metadata.num_rows, 1), None
+    for rows in _batches(file, wanted):
+        counted = np.arange(done, done + len(rows[0])) / (rate or 1.0)
+        seconds = counted if clock is None else _seconds(clock, rows[0])
+        done += seconds.size
+        values = [column.values(_numbers(rows[i])) for i, column in enumerate(columns, len(wanted) - len(columns))]
+        first = done - seconds.size
+        block = Block(seconds, np.column_stack(values), shifted("sample {}".format, first), done / total)
+        waiting = block if seconds.size and seconds[-1] < start else None
+        if waiting is None:
+            yield block
+            if seconds.size and seconds[-1] >= end:
+                return
+    if waiting is not None:
+        yield waiting
 
 
 def write_parquet(record: Record, file: BinaryIO) -> None:
