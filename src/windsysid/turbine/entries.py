@@ -36,8 +36,8 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "m/s^2": (1e-6, 1e4, "up to a thousand times the Earth's gravity"),
     "1": (1e-9, 1.0, "as a ratio: 1 is 100 %"),
 }
-"""Smallest and largest absolute values other than zero in a turbine file, by SI unit, and their reason: other values are
-typing errors or have a wrong unit. Squares and ratios of values in range fit double precision."""
+"""Smallest and largest absolute values other than zero in a turbine file, by SI unit, and their reason. Other values
+are typing errors or have a wrong unit. Squares and ratios of values in range fit double precision."""
 
 MIN_RELATIVE_STD = 1e-6
 """Smallest relative standard deviation of a prior: no stiffness is known better, and its information, the inverse
