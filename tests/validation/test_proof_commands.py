@@ -98,7 +98,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "benchmarks/subspace.py": ("--openfast {data}/openfast --output {tmp} --lengths 270 --rotor",),
     "validation.adversary": ("--only reference --runs 1 --loads broadband --folder {tmp}",),
     "validation.adversary.calibrate": ("--runs 1",),
-    "validation.benchmarks": ("--runs 1",),
+    "validation.benchmarks": ("--ground {data}/elcentro/elcentro_NS.dat --runs 1",),
     "validation.bjorko": ("--data {data}/bjorko/pull_release_10Hz.csv",),
     "validation.calibration": ("--scenario free-decay --runs 1",),
     "validation.comparison": ("--pairs 1 --cache {tmp}",),
