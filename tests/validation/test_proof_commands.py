@@ -114,6 +114,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "validation.live_broker": ("--turbines 1 --seconds 5",),
     "validation.live_demo": ("--until page --limit 120",),
     "validation.live_engine": ("--turbines 1 --hours 0.2 --workers 1", "--coverage 1 --windows 2 --workers 1"),
+    "validation.live_hostile": ("--messages 200",),
     "validation.live_kills": ("--runs 1 --seconds 60",),
     "validation.live_watch": ("--only bands --trials 1", "--only causes --trials 1"),
     "validation.mismatch": ("--runs 1 --models broadband",),

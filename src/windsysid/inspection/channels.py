@@ -69,8 +69,7 @@ def kind_of(channel: str, unit: str) -> Kind:
     angle = _set_angle(words) if unit in ("rad", "rad/s", "1", "W") else None
     if angle is not None:
         return "other" if unit == "rad/s" else angle
-    accelerometer = unit in ("m/s^2", "rad/s^2") and not words & {"wave", "waves"}
-    if not accelerometer and (words & _OPERATION or (unit == "rad/s" and words & _DRIVE_TRAIN)):
+    if unit not in ("m/s^2", "rad/s^2") and (words & _OPERATION or (unit == "rad/s" and words & _DRIVE_TRAIN)):
         return "other"
     if unit in _BY_UNIT:
         return _BY_UNIT[unit]
