@@ -76,10 +76,10 @@ def total_coefficients(turbine: Turbine, wind: str, seed: int, *, duration: floa
     return turbine.with_values({name: turbine.values[name] + c for name, c in zip(names, air, strict=True)})
 
 
-def mismatch(runs: int, first: int) -> Iterator[Run]:
-    """Identify `runs` records of each wind with each load model; the same on any number of processors."""
+def mismatch(runs: int, first: int, models: Sequence[str] = MODELS) -> Iterator[Run]:
+    """Identify `runs` records of each wind with each of some load models; the same on any number of processors."""
     with ProcessPoolExecutor() as pool:
-        yield from pool.map(_one_run, product(range(first, first + runs), WINDS, MODELS))
+        yield from pool.map(_one_run, product(range(first, first + runs), WINDS, models))
 
 
 def _one_run(which: tuple[int, str, str]) -> Run:
@@ -112,26 +112,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m validation.mismatch", description=__doc__)
     parser.add_argument("--runs", type=int, default=20, help="records of each wind to identify (20)")
     parser.add_argument("--first", type=int, default=0, help="seed of the first record (0)")
+    parser.add_argument("--models", nargs="+", choices=MODELS, default=MODELS, help="load models to ask for (both)")
     options = parser.parse_args()
-    total = options.runs * len(WINDS) * len(MODELS)
-    runs = mismatch(options.runs, options.first)
+    models = options.models
+    total = options.runs * len(WINDS) * len(models)
+    runs = mismatch(options.runs, options.first, models)
     found = list(track(runs, total=total, description="mismatch", console=Console(stderr=True)))
     names = load_turbine("verne555").exact().model.coefficients
     for wind in WINDS:
         title = f"{wind}: {options.runs} records of {DURATION:g} s, priors 30 % off, statistics not given"
         table = Table(title=title, title_justify="left")
         table.add_column("coefficient")
-        of = {model: [run for run in found if run.wind == wind and run.model == model] for model in MODELS}
-        for model in MODELS:
+        of = {model: [run for run in found if run.wind == wind and run.model == model] for model in models}
+        for model in models:
             for heading in ("±2σ holds", "rms of error/σ", "rms error"):
                 table.add_column(f"{model}: {heading}", justify="right")
         rows = [(name, slice(k, k + 1)) for k, name in enumerate(names)]
         for name, k in [*rows, ("stiffness", slice(0, None, 2)), ("damping", slice(1, None, 2)), ("all", slice(None))]:
             table.add_row(
-                name, *(cell for model in MODELS for cell in _cells(of[model], k)), end_section=name == names[-1]
+                name, *(cell for model in models for cell in _cells(of[model], k)), end_section=name == names[-1]
             )
         print(render(table))
-        for model in MODELS:
+        for model in models:
             chosen = [run.chosen for run in of[model]]
             counts = ", ".join(f"{name} {chosen.count(name)}" for name in dict.fromkeys(chosen))
             seconds = float(np.median([run.seconds for run in of[model]]))

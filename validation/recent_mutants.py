@@ -186,11 +186,6 @@ _CLOCKS_AND_LINES = (
         "a sine at 2P goes round once in a turn",
     ),
     Mutant(
-        "power of a sine and its F", "steady_lines.py",
-        "max(LEAST_STEADINESS, OWN_SHARE * seen.over)", "LEAST_STEADINESS",
-        "a loud narrow-band load is taken out as a sine",
-    ),
-    Mutant(
         "F of a steady sine", "tonal.py",
         "(TAPERS - 1) * np.abs(mean) ** 2", "np.abs(mean) ** 2",
         "steady sines have a sixth of their F",

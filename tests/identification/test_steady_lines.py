@@ -22,6 +22,7 @@ from windsysid.identification.sine_forces import SineForce, find_forces, with_fo
 from windsysid.identification.steady_lines import Sine, find_sine, find_turning, one_turn, turned, without_sines
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
+from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -55,6 +56,16 @@ def test_a_line_beside_a_mode_of_a_support_is_a_force_on_it():
     assert found.diagnosis.trusted
     assert worst(found, Machine().truth) < 3.0
     assert any("load_x has a steady sine of 4.6" in note and "1.64 Hz" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("bins", "is_one"), [(0.0, False), (2.0, False), (12.0, True)])
+def test_a_sinusoid_at_1p_is_the_rotors_and_one_beside_it_is_not(verne555: Turbine, bins: float, is_one: bool):
+    made = simulate_record(verne555, duration=100.0, rate=25.0, seed=2)
+    frequency = abs(verne555.rotor_speed) / (2.0 * math.pi) + bins / made.duration
+    name = "tower_x_acceleration"
+    line = 2.0 * np.std(made[name]) * np.sin(2.0 * math.pi * frequency * made.time)
+    pushed = made.with_channels({name: (made[name] + line, made.unit(name))})
+    assert (find_sine(pushed, verne555, verne555.sensors, name, frequency) is not None) is is_one
 
 
 def is_sine(kind: str, seed: int, low: float, high: float) -> bool:

@@ -75,8 +75,8 @@ def kind_of(channel: str, unit: str) -> Kind:
 
 
 def _is_operational(words: set[str], unit: str) -> bool:
-    """Whether a channel is an operational or environmental quantity; accelerations are not, except those of waves."""
-    if unit in ("m/s^2", "rad/s^2") and not words & {"wave", "waves"}:
+    """Whether a channel is an operational or environmental quantity; accelerations are not."""
+    if unit in ("m/s^2", "rad/s^2"):
         return False
     return bool(words & _OPERATION) or (unit == "rad/s" and bool(words & _DRIVE_TRAIN))
 
