@@ -220,7 +220,7 @@ class Engine:
     def _on_disk(
         self, follower: Follower, stored: Future[None], forget: Callable[[], None] | None = None
     ) -> Future[None]:
-        """Done when `stored` is and few windows of its turbine wait: who sends again must not be told sooner.
+        """Make a future that is done once `stored` is and few windows of the turbine wait: it confirms the block.
 
         `forget` undoes the placement of the block of `stored`; without it, `stored` is of another block.
         """

@@ -101,7 +101,7 @@ def open_packed(path: Path) -> Packed:
     Raises
     ------
     RecordError
-        If it makes no sense, or the file is shorter than it says.
+        If the header is invalid, or the file is shorter than it requires.
     """
     size = path.stat().st_size
     rubbish = RecordError("is not OpenFAST binary output; give the file the ending of what it is")

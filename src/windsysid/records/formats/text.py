@@ -2,7 +2,7 @@ r"""Text files as whole lines: the encoding found, line ends made one, read in p
 
 Loggers write UTF-8 with or without a byte-order mark, UTF-16, or the Windows code page, and end lines with
 CR LF, LF or CR. `encoding_of` and `decoded` are the one rule for the encoding of every text format. `line_blocks`
-gives all of them as UTF-8 with LF, a few MB at a time and never half a line, so that whoever parses need not know.
+gives all of them as UTF-8 with LF, a few MB at a time and always whole lines, so that parsers need not handle them.
 The last line of a file that does not end its lines may be cut in the middle of a number: it comes last and alone, or
 not at all if the caller does not want it.
 """

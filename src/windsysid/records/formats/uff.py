@@ -238,7 +238,7 @@ def _check_size(one: _Set) -> None:
     got = one.size // np.dtype(one.kind).itemsize if one.kind else one.text.size
     if expected != got or expected < 1:
         raise RecordError(
-            f"a set 58 says {one.samples:g} samples, expected {expected:g} numbers, got {got}; it is cut off or"
+            f"a set 58 declares {one.samples:g} samples, expected {expected:g} numbers, got {got}; it is cut off or"
             " damaged; export it again"
         )
 
