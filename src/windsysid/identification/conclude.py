@@ -29,7 +29,7 @@ from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
 from windsysid.results.steadiness import Late, how_late
 from windsysid.results.straightness import Bent, find_bent
-from windsysid.results.transient import Transient, explain_by_transient, find_transient, without_cause
+from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient, without_cause
 from windsysid.results.whiteness import FALSE_ALARM_CHANCE
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.turbine.turbine import Turbine
@@ -123,6 +123,7 @@ def conclude(
             *doubted(faults),
             *outcome.doubts,
             *_off_clock(record, speed),
+            *(_burst(outcome, record) if formulation == "joint" and section is None else ()),
             *beside,
         ),
         whiteness=outcome.whiteness,
@@ -210,6 +211,13 @@ def _off_clock(record: Record, speed: float) -> tuple[str, ...]:
 def _transient(outcome: Outcome, record: Record) -> Transient | None:
     """Find the channels of the readings whose vibration decreases over the whole record."""
     return find_transient(np.column_stack([record[name] for name in outcome.channels]), outcome.channels)
+
+
+def _burst(outcome: Outcome, record: Record) -> tuple[str, ...]:
+    """A burst after the beginning of a record, as a doubt: a filter learns the state at the beginning, however large,
+    but its loads are stationary."""
+    burst = find_burst(np.column_stack([record[name] for name in outcome.channels]), outcome.channels, record.rate)
+    return (burst.describe("choose a section that begins after it"),) if burst is not None and burst.segment else ()
 
 
 def _late(outcome: Outcome, record: Record) -> Late | None:

@@ -10,6 +10,7 @@ from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.identification.drifting_clocks import Drift, drift_of_halves
 from windsysid.results.tolerance import Tolerance
+from windsysid.results.transient import find_burst
 from windsysid.spectral.lifted_check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.lifted_fit import Fit
 from windsysid.spectral.lifted_pose import pose_lifted
@@ -82,6 +83,9 @@ def doubts_of_spectra(question: Question, posed: Posed, found: Fit, loads: str, 
     doubts += unexplained(_parts(_alike(posed, found), posed, found.unknowns, question))[:3]
     if question.sums is not None:
         return doubts + _unsteady_blocks(question, question.sums, posed)
+    burst = find_burst(question.readings, [sensor.channel for sensor in question.sensors], question.rate)
+    if burst is not None:
+        doubts.append(burst.describe("choose a section without it"))
     if not halves:
         return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
     first, second = (_parts(half, posed, found.unknowns, question) for half in halves)

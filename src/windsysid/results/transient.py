@@ -1,4 +1,4 @@
-"""Transients: detection of vibration that decreases over a record, as in a free decay.
+"""Transients: detection of vibration that decreases over a record, as in a free decay, and of bursts.
 
 Tests of residuals assume stationary loads. In a free decay they fail for other reasons than those they test for: the
 level decreases, the only frequency resembles a sinusoid, and most of the squared residuals are at the beginning. So if
@@ -7,6 +7,12 @@ the vibration decreases, a result that is in doubt gives this as the reason.
 From the segment with the largest power on, the mean squares of consecutive quarters of the rest are compared. Of 1500
 stationary records of a mode with 3 to 16 equivalent degrees of freedom, the rms decreases by a factor of `MIN_FALL` in
 at most one of 160, and of `MIN_COMMON_FALL` in one of 20: the smaller factor counts only if all channels exceed it.
+
+A burst is a segment that holds most of the power of a record: a blow, a pull, a start. Cochran's C is the largest of N
+variances over their sum. For N segments with ν equivalent degrees of freedom each, P(C > c) ≤ N P(B > c), where B has
+the beta distribution of ν/2 and (N − 1) ν/2 (Cochran 1941, Annals of Eugenics 11, 47–52). A random vibration of
+spectrum S has ν = 2 B_e T with B_e = (∫S df)² / ∫S² df (Bendat & Piersol, Random Data, section 8.3), which is small
+where a mode is lightly damped: there nothing is certain.
 """
 
 import re
@@ -19,7 +25,14 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.results.diagnosis import Diagnosis
 
-__all__ = ["Transient", "explain_by_transient", "find_transient", "without_cause"]
+__all__ = ["Burst", "Transient", "explain_by_transient", "find_burst", "find_transient", "without_cause"]
+
+BURST_PROBABILITY = 1e-4
+"""False-alarm probability of a burst in a stationary record, all channels together."""
+
+MIN_BURST_SHARE = 0.375
+"""Share of a channel's power in one of 16 segments from which a burst matters: its rms is three times that of the rest,
+which is more than a gust makes."""
 
 MIN_FALL, MIN_COMMON_FALL = 3.0, 1.5
 """Smallest ratio of rms values of a transient, for one channel, and for two or more channels together."""
@@ -45,6 +58,61 @@ class Transient(NamedTuple):
             f"the rms of {self.channels[0]} falls {self.fall:.2g}-fold over the record (a transient, such as a free "
             "decay); checks that assume stationary loads fail: compare other records"
         )
+
+
+class Burst(NamedTuple):
+    """The segment that holds most of the power of a channel, and that share.
+
+    Attributes
+    ----------
+    channel
+        With the least probable share.
+    segment
+        Number of the segment, from 0 to `SEGMENTS` − 1.
+    share
+        Of the channel's power.
+    duration
+        Of the record [s].
+    """
+
+    channel: str
+    segment: int
+    share: float
+    duration: float
+
+    def describe(self, advice: str) -> str:
+        """Why a result is in doubt, and what to do."""
+        low, high = (self.duration * edge / SEGMENTS for edge in (self.segment, self.segment + 1))
+        return (
+            f"{100.0 * self.share:.0f} % of the power of {self.channel} lies between {low:.4g} and {high:.4g} s after "
+            f"the beginning: a blow, a pull or a start, and no stationary load: {advice}"
+        )
+
+
+def find_burst(values: Array, channels: Sequence[str], rate: float) -> Burst | None:
+    """The least probable burst in readings (T, m) at `rate` [Hz]; None where chance can explain every channel."""
+    found = [(*_largest_share(column), name) for name, column in zip(channels, values.T, strict=True)]
+    bursts = [one for one in found if one[2] >= MIN_BURST_SHARE and one[0] * len(found) <= BURST_PROBABILITY]
+    if not bursts:
+        return None
+    _, segment, share, name = min(bursts)
+    return Burst(name, segment, share, len(values) / rate)
+
+
+def _largest_share(readings: Array) -> tuple[float, int, float]:
+    """Probability of Cochran's C of readings (T,), the segment of the largest variance, and C."""
+    from scipy.special import betaincc
+
+    known = _detrended(readings[np.isfinite(readings)])
+    power = np.abs(np.fft.rfft(known)) ** 2
+    if len(known) < 2 * SEGMENTS or not power.sum() > 0.0:
+        return 1.0, 0, 0.0
+    freedom = 4.0 * power.sum() ** 2 / np.sum(power**2) / SEGMENTS  # exponential ordinates: twice the mean's square
+    variances = _mean_squares(known, SEGMENTS)
+    largest = int(np.argmax(variances))
+    share = float(variances[largest] / variances.sum())
+    chance = SEGMENTS * betaincc(0.5 * freedom, 0.5 * (SEGMENTS - 1) * freedom, share)
+    return float(chance), largest, share
 
 
 def find_transient(values: Array, channels: Sequence[str]) -> Transient | None:
@@ -83,9 +151,7 @@ def _fall(readings: Array) -> float:
     known = readings[np.isfinite(readings)]
     if len(known) < 2 * SEGMENTS:
         return 0.0
-    time = np.linspace(-1.0, 1.0, len(known))
-    known = known - known.mean()
-    known = known - time * (time @ known) / (time @ time)
+    known = _detrended(known)
     power = _mean_squares(known, SEGMENTS)
     loudest = int(np.argmax(power))
     if loudest > SEGMENTS // 2 or not power[: max(loudest - 1, 0)].max(initial=0.0) <= MAX_BEFORE * power[loudest]:
@@ -95,6 +161,15 @@ def _fall(readings: Array) -> float:
     if (rises & (rest[1:] > rest[0] / MIN_FALL**2)).any():  # below that is noise
         return 0.0
     return float(np.sqrt(rest[0] / max(rest[-1], 1e-300)))
+
+
+def _detrended(readings: Array) -> Array:
+    """Readings (T,) about a straight line."""
+    if len(readings) < 2:
+        return readings
+    time = np.linspace(-1.0, 1.0, len(readings))
+    centred = readings - readings.mean()
+    return np.asarray(centred - time * (time @ centred) / (time @ time))
 
 
 def _mean_squares(values: Array, parts: int) -> Array:
