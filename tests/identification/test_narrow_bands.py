@@ -1,6 +1,7 @@
 """A narrow-band load that passed for a mode: with it, spectra and filters find the mode that was there."""
 
 import pytest
+import tomli_w
 from validation.adversary.campaign import identify_one
 from validation.adversary.loads import plus_narrow_band
 from validation.adversary.scenarios import SCENARIOS, Scenario
@@ -11,6 +12,7 @@ from windsysid.identification.identify import identify
 from windsysid.results.identification import Identification
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
+from windsysid.turbine.tables import as_tables
 from windsysid.turbine.turbine import Turbine
 
 NARROW = Kind(loads=_narrow(0.335, 0.003, 0.15, 1))
@@ -85,3 +87,14 @@ def test_a_support_that_nothing_pushes_has_no_such_load(verne555: Turbine):
     pushed = made.with_channels({f"load_{name}": (made.time * 0.0, "N") for name in ("side_side", "fore_aft")})
     with pytest.raises(ConfigurationError, match="narrow-band: expected a support with a spring"):
         identify(pushed, tower, loads="narrow-band", formulation="joint")
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_modal_mass_far_from_the_true_one_gives_no_negative_spectrum(tmp_path):
+    """The spectrum of a load was a difference of two much larger ones: rounding made it negative."""
+    tables = as_tables(load_turbine("tower"))
+    tables["side_side"]["modal_mass"] = "1e-6 kg"
+    (tmp_path / "tower.toml").write_text(tomli_w.dumps(tables), encoding="utf-8")
+    made, _ = simulate("healthy", 650001)
+    found = identify(made.section(0.0, 200.0), load_turbine(tmp_path / "tower.toml"))
+    assert all(0.2 < mode.frequency_hz[0] < 0.5 for mode in found.modes)

@@ -342,12 +342,18 @@ def test_a_tower_file_speaks_of_frequency_and_damping_ratio(tmp_path: Path):
         (("0.31 Hz", "0.31 rpm"), r"fore_aft\.frequency: expected a unit of the same quantity as Hz, got '0\.31 rpm'"),
         (("0.5 %", "0.5"), r"side_side\.damping_ratio: the unit is missing: .* in %, got '0\.5'"),
         (("0.5 %", "120 %"), r"side_side\.damping_ratio: expected a size of 1e-09 … 1 .*got '120 %'"),
+        (("0.5 %", "0 %"), r"side_side\.damping_ratio: expected a size other than 0 %"),
     ],
 )
 def test_a_wrong_tower_file_is_one_clear_line(tmp_path: Path, change: tuple[str, str], complaint: str):
     with pytest.raises(ConfigurationError, match=complaint) as caught:
         load_turbine(written(tmp_path, TOWER.replace(*change)))
     assert "\n" not in str(caught.value)
+
+
+def test_a_locked_direction_may_have_no_damping(tmp_path: Path):
+    text = TOWER.replace('kind = "tower"', 'kind = "tower"\nside_side = "locked"').replace("0.5 %", "0 %")
+    assert load_turbine(written(tmp_path, text)).values["c_side_side"] == 0.0
 
 
 @pytest.mark.parametrize("name", packaged_turbines())

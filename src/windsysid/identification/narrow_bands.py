@@ -282,7 +282,8 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
     without = expected(alone(-1, {}, NOTHING))
     for i, level in enumerate(levels):
         wide = alone(i, {FREQUENCY: modes[i], WIDTH: EVERYWHERE}, NOTHING)
-        answer = (expected(wide) - without) / (level.given**2 * narrow_density(frequency, modes[i], EVERYWHERE)[0])
+        added = np.maximum(expected(wide) - without, np.finfo(float).eps * without)  # rounding makes it negative
+        answer = added / (level.given**2 * narrow_density(frequency, modes[i], EVERYWHERE)[0])
         entry = int(np.argmax((answer / without).max(axis=0))) % len(model.combine)
         seen = model.place.entries % len(model.combine) == entry
         S, H, P, f = (values[:, seen] for values in (without, answer, power, frequency))

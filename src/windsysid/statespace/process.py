@@ -246,25 +246,34 @@ def _exponential(A: Array) -> Array:
 
 @lru_cache(maxsize=4096)
 def _exponential_of(content: bytes, n: int) -> Array:
-    """exp(A) of a matrix (n, n), for two states by Cayley and Hamilton.
-
-    exp(A) = e^μ (cosh δ I + sinh δ/δ (A − μ I)), μ = tr A/2, δ² = μ² − det A.
-    """
+    """exp(A) of a matrix (n, n), for two states by Cayley and Hamilton (`_exponential_of_two`)."""
     A = np.frombuffer(content).reshape(n, n)
     if n > 2:
         from scipy.linalg import expm
 
         found = np.asarray(expm(A), dtype=np.float64)
-    elif n == 1:
-        found = np.asarray(np.exp(A), dtype=np.float64)
     else:
-        mean = 0.5 * (A[0, 0] + A[1, 1])
-        root = np.sqrt(complex(mean**2 - A[0, 0] * A[1, 1] + A[0, 1] * A[1, 0]))
-        slope = np.sinh(root) / root if abs(root) > 1e-8 else 1.0 + 0.0j
-        even = np.exp(mean) * (np.cosh(root).real * np.eye(2) + slope.real * (A - mean * np.eye(2)))
-        found = np.asarray(even, dtype=np.float64)
+        found = np.asarray(np.exp(A) if n == 1 else _exponential_of_two(A), dtype=np.float64)
     found.flags.writeable = False
     return found
+
+
+def _exponential_of_two(A: Array) -> Array:
+    """exp(A) = e^μ (cosh δ I + sinh δ/δ (A − μ I)), μ = tr A/2, δ² = μ² − det A.
+
+    The factors are formed from e^(μ + δ) and e^(μ − δ): with μ = −1000 and δ = 999, e^μ is zero and cosh δ infinite,
+    but their product is not. Of real eigenvalues the smaller one is det A over the larger one, without cancellation.
+    """
+    mean = 0.5 * (A[0, 0] + A[1, 1])
+    determinant = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+    root = np.sqrt(complex(mean**2 - determinant))
+    far = mean + (root if mean > 0.0 else -root)
+    near = determinant / far if root.real > 0.0 and far != 0.0 else 2.0 * mean - far
+    upper, lower = (far, near) if mean > 0.0 else (near, far)
+    width = upper - lower
+    slope = -np.exp(upper) * np.expm1(-width) / width if abs(root) > 1e-8 else np.exp(mean) + 0.0j
+    even = 0.5 * (np.exp(upper) + np.exp(lower))
+    return np.asarray(even.real * np.eye(2) + slope.real * (A - mean * np.eye(2)))
 
 
 def _stationary(drift: Array) -> Array:

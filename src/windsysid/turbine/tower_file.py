@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from windsysid.mechanics.sensors import Sensor
 from windsysid.mechanics.tower import DIRECTIONS, TowerModel
@@ -63,6 +63,16 @@ class TowerFile(File):
     top: _Top = _Top()
     loads: _Forces
     blade_passing: _Forces
+
+    @model_validator(mode="after")
+    def _free_directions_are_damped(self) -> "TowerFile":
+        for name in DIRECTIONS:
+            if getattr(self.model, name) == "free" and getattr(self, name).damping_ratio == 0.0:
+                raise ValueError(
+                    f"{name}.damping_ratio: expected a size other than 0 %: a damping of zero is not "
+                    'identified; give a guess, such as "1 %", or lock the direction'
+                )
+        return self
 
     def turbine(self, sensors: tuple[Sensor, ...]) -> Turbine:
         """The turbine with this tower."""

@@ -156,3 +156,63 @@ def test_a_pattern_gives_many_channels_a_unit_and_names_none(tmp_path):
     with pytest.raises(ValueError, match="a pattern gives many channels one name"):
         Mapping(channels={"ch*": ChannelRule(name="a")})
     refused(path, "no such column", mapping=Mapping(channels={"zz*": ChannelRule(unit="mg")}))
+
+
+def fields(names):
+    table = np.zeros(T, dtype=[(name, "f8") for name in names])
+    for name, values in zip(names, (TIME, ACC, TABLE[:, 0]), strict=True):
+        table[name] = values
+    return table
+
+
+def hdf5_groups(path, names):
+    """A dataset of each name: HDF5 cuts the names at the slash."""
+    with h5py.File(path, "w") as file:
+        for name, values in zip(names, (TIME, ACC, TABLE[:, 0]), strict=True):
+            file[f"rec/{name}"] = values
+
+
+def hdf5_compound(path, names):
+    with h5py.File(path, "w") as file:
+        file["rec"] = fields(names)
+
+
+SAVED = {
+    "datasets.h5": hdf5_groups,
+    "compound.h5": hdf5_compound,
+    "structured.npy": lambda path, names: np.save(path, fields(names)),
+    "structured.npz": lambda path, names: np.savez(path, rec=fields(names)),
+    "named.npz": lambda path, names: np.savez(path, **{name: fields(names)[name] for name in names}),
+}
+
+
+@pytest.mark.parametrize("name", SAVED)
+@pytest.mark.parametrize("form", ["{} [{}]", "{} ({})", "{}[{}]"])
+def test_a_slash_in_the_brackets_of_a_unit_parts_no_groups(tmp_path, name, form):
+    names = [form.format(*cell) for cell in (("time", "s"), ("ax", "mm/s^2"), ("ay", "mm/s^2"))]
+    SAVED[name](tmp_path / name, names)
+    record = read_record(tmp_path / name)
+    assert record.channels == ("ax", "ay")
+    assert record.units == ("m/s^2", "m/s^2")
+    np.testing.assert_allclose(record["ax"], 1e-3 * ACC)
+    assert "left_out" not in record.attributes
+
+
+def test_structures_of_matlab_may_have_units_in_the_names_of_fields(tmp_path):
+    savemat(tmp_path / "x.mat", {"rec": {"time": TIME, "ax [m/s^2]": ACC, "ay [m/s^2]": ACC}})
+    assert read_record(tmp_path / "x.mat").channels == ("ax", "ay")
+
+
+def test_groups_with_channels_of_one_name_and_unit_stay_apart(tmp_path):
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file["time"] = TIME
+        file["top/ax [m/s^2]"], file["base/ax [m/s^2]"] = ACC, ACC
+    record = read_record(tmp_path / "x.h5")
+    assert record.channels == ("base_ax", "top_ax")
+    assert record.units == ("m/s^2", "m/s^2")
+
+
+def test_an_array_of_another_length_is_left_out_where_the_time_has_its_unit_in_brackets(tmp_path):
+    np.savez(tmp_path / "x.npz", **{"time [s]": TIME, "ax [m/s^2]": ACC, "gains": np.arange(4.0)})
+    record = read_record(tmp_path / "x.npz")
+    assert (record.channels, record.attributes["left_out"]) == (("ax",), "gains")

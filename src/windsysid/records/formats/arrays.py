@@ -6,6 +6,7 @@ wide. Arrays of other lengths than the time's, and what is no number, are no cha
 attribute ``left_out`` names them. One that the mapping lists must fit.
 """
 
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.formats.columns import Cell, is_called_time
+from windsysid.records.formats.columns import Cell, is_called_time, name_and_unit
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Series, cell_of, source_of_series
 from windsysid.records.formats.source import Source
@@ -25,6 +26,8 @@ __all__ = ["Stored", "rate_hint", "source_of_arrays"]
 _LONGER = 10  # times longer than wide is a matrix whose long axis must be the time
 _MOST = 4096  # columns of a matrix that are channels
 _RATES = ("fs", "f_s", "rate", "sampling_rate", "samplingrate", "sample_rate", "samplerate", "fsample", "freq")
+_SEPARATOR = re.compile(r"/(?![^\[\](){}]*[\])])")
+"""The ``/`` between a group and what is in it; one in brackets belongs to a unit, as in ``acc [m/s^2]``."""
 _HOW = "end the name in its unit, such as _m_s2"
 
 
@@ -53,7 +56,12 @@ class Stored:
     @property
     def name(self) -> str:
         """The last part of its path."""
-        return self.path.rsplit("/", 1)[-1]
+        return self.parts[-1]
+
+    @property
+    def parts(self) -> list[str]:
+        """The groups above it and its own name."""
+        return _SEPARATOR.split(self.path)
 
 
 def source_of_arrays(
@@ -72,7 +80,7 @@ def source_of_arrays(
     length = _length(arrays, mapping)
     series, left = [], []
     for array in arrays:
-        short = array.name if counts[array.name] == 1 else array.path.replace("/", "_")
+        short = array.name if counts[array.name] == 1 else "_".join(array.parts)
         parts = _series(array, short, length, mapping)
         listed = [one for one in parts if {one.cell.written, one.cell.name} & {*mapping.channels}]  # not by a pattern
         if length is not None and parts and parts[0].samples != length and not listed:
@@ -115,7 +123,7 @@ def _length(arrays: Sequence[Stored], mapping: Mapping) -> int | None:
     if wanted is not None:
         found = [array for array in vectors if wanted in (array.path, array.name)]
     else:
-        found = [array for array in vectors if is_called_time(array.name)]
+        found = [array for array in vectors if is_called_time(name_and_unit(array.name).name)]
     return found[0].shape[0] if len(found) == 1 else None
 
 
