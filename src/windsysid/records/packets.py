@@ -14,9 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from windsysid._types import Array
-from windsysid.records.stamps import lost_rows, near_step, rhythm
+from windsysid.errors import RecordError
+from windsysid.records.rounded import rounded_grid
+from windsysid.records.stamps import ENOUGH, grid_log_odds, lost_rows, near_step, rhythm
 
-__all__ = ["Placed", "is_even", "place_packets", "shares_stamps"]
+__all__ = ["Placed", "is_even", "place_packets", "place_rounded", "shares_stamps"]
 
 Rows = npt.NDArray[np.int64]
 
@@ -25,6 +27,12 @@ MIN_PACKETS = 8
 
 MIN_FULL_SHARE = 0.5
 """Share of packets with the greatest size, above which smaller ones have lost rows."""
+
+MAX_LOST_INSIDE = 0.01
+"""Share of rows lost inside packets, above which their places matter."""
+
+WALK = 64
+"""Packets over which stamps that follow counted rows have come back to them."""
 
 MAX_SPREAD_STEPS = 2.0
 """Range of 98 % of the stamps about the grid at most, in long steps (the 99th percentile of the steps of stamps)."""
@@ -73,9 +81,17 @@ def _changes_evenly(change: Array, across: npt.NDArray[np.bool_]) -> bool:
 
 
 def place_packets(time: Array) -> Placed | None:
-    """Place all rows on the grid that their stamps (T,) [s] show; None where they show none."""
+    """Place all rows on the grid that their stamps (T,) [s] show; None where they show none.
+
+    Raises
+    ------
+    RecordError
+        If so many rows were lost one by one that their places are not known.
+    """
     if not shares_stamps(time):
         return None
+    if (grid := rounded_grid(time)) is not None:
+        return _placed(grid.begin, grid.step, grid.index, time.size)
     first = np.flatnonzero(np.concatenate([[True], np.diff(time) > 0.0]))
     sizes = np.diff(np.append(first, time.size))
     if len(first) < MIN_PACKETS or np.count_nonzero(sizes > 1) < MIN_PACKETS:
@@ -84,14 +100,32 @@ def place_packets(time: Array) -> Placed | None:
     found = _by_stamps(stamps, sizes) or _by_count(stamps, first)
     if found is None:
         return None
+    if _wanders((stamps - found[0] - found[1] * found[2])[1:], found[1]):
+        raise RecordError(
+            f"rows were lost among rows that share a time stamp ({sizes[1:-1].min()} to {sizes.max()} rows a stamp), at"
+            " places that are not known; export time stamps with more digits"
+        )
     begin, step, row = found
     index = np.repeat(row, sizes) + np.arange(time.size) - np.repeat(first, sizes)
+    return _placed(begin, step, index, time.size)
+
+
+def place_rounded(time: Array, values: Array) -> Placed | None:
+    """Place rows with increasing stamps (T,) [s] of few digits on the grid behind them, unless readings (≤ T, m), with
+    angles unwrapped, are clearly smoother at their stamps; None where there is none."""
+    grid = rounded_grid(time)
+    if grid is None:
+        return None
+    placed = _placed(grid.begin, grid.step, grid.index, time.size)
+    rows = len(values)
+    against = rows > MIN_PACKETS and grid_log_odds(time[:rows], placed.time[:rows], values).sum() < -ENOUGH
+    return None if against else placed
+
+
+def _placed(begin: float, step: float, index: Array, rows: int) -> Placed:
     digits = 4 - int(np.floor(np.log10(step)))  # a beginning of 1e-14 s is none
-    return Placed(
-        np.asarray(round(begin, digits) + step * index, dtype=np.float64),
-        step,
-        int(index[-1] - index[0]) + 1 - time.size,
-    )
+    time = np.asarray(round(begin, digits) + step * index, dtype=np.float64)
+    return Placed(time, step, int(index[-1] - index[0]) + 1 - rows)
 
 
 def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
@@ -105,9 +139,21 @@ def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
         period, begin = map(float, np.polyfit(index, stamps, 1))
     if np.any(np.diff(index) < 1.0) or np.any(np.abs(stamps - begin - period * index) > 0.5 * period):
         return None
+    if np.sum(size - sizes[1:-1]) > MAX_LOST_INSIDE * np.sum(sizes):
+        return None
     row = size * (index - index[0]).astype(np.int64)
     row[0] = size - sizes[0]  # a packet that the record begins in has lost its first rows
     return begin + period * float(index[0]), period / size, row
+
+
+def _wanders(off: Array, step: float) -> bool:
+    """Whether stamps depart (n,) [s] from counted rows as a random walk, which rows lost one by one make, and not as
+    scatter."""
+    reach = min(WALK, len(off) // 4)
+    if reach < 2:
+        return False
+    near, far = (float(np.sqrt(np.mean(np.square(off[lag:] - off[:-lag])))) for lag in (1, reach))
+    return far > max(step, 2.0 * near)
 
 
 def _by_count(stamps: Array, first: Rows) -> tuple[float, float, Rows] | None:
