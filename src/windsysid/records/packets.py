@@ -97,10 +97,12 @@ def place_packets(time: Array) -> Placed | None:
     if len(first) < MIN_PACKETS or np.count_nonzero(sizes > 1) < MIN_PACKETS:
         return None
     stamps = time[first]
-    found = _by_stamps(stamps, sizes) or _by_count(stamps, first)
-    if found is None:
+    found = _by_stamps(stamps, sizes)
+    inside = found is not None and np.sum(sizes.max() - sizes[1:-1]) > MAX_LOST_INSIDE * time.size
+    found = found if found is not None and not inside else _by_count(stamps, first)
+    if found is None and not inside:
         return None
-    if _wanders((stamps - found[0] - found[1] * found[2])[1:], found[1]):
+    if found is None or _wanders((stamps - found[0] - found[1] * found[2])[1:], found[1]):
         raise RecordError(
             f"rows were lost among rows that share a time stamp ({sizes[1:-1].min()} to {sizes.max()} rows a stamp), at"
             " places that are not known; export time stamps with more digits"
@@ -138,8 +140,6 @@ def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
         index = np.rint((stamps - begin) / period)
         period, begin = map(float, np.polyfit(index, stamps, 1))
     if np.any(np.diff(index) < 1.0) or np.any(np.abs(stamps - begin - period * index) > 0.5 * period):
-        return None
-    if np.sum(size - sizes[1:-1]) > MAX_LOST_INSIDE * np.sum(sizes):
         return None
     row = size * (index - index[0]).astype(np.int64)
     row[0] = size - sizes[0]  # a packet that the record begins in has lost its first rows

@@ -198,9 +198,13 @@ def counted_clock(
     if len(numbers) < max(2, len(cells)):
         return _dated_clock(cells, unit, rule, place, decimal)
     step, steps = usual_step(numbers), np.diff(numbers)
+    said = [unit] if unit is not None and _is_of_time(unit) else []
+    if (
+        said and not np.ptp(steps) <= _IRREGULAR * step > 0.0
+    ):  # the whole column tells more (`source.with_regular_times`)
+        return make_clock(cells, unit, TimeRule(zone=rule.zone), place, decimal)
     if not np.all(steps > 0.0) or np.any(np.abs(steps / step - np.rint(steps / step)) > _IRREGULAR):
         return None
-    said = [unit] if unit is not None and _is_of_time(unit) else []
     for name in said or ("s", "ms", "µs", "min", "h", "d"):
         if abs(step * to_si(1.0, str(split_since(name)[0])) * rate - 1.0) < _SAME_RATE:
             return make_clock(cells, name, TimeRule(zone=rule.zone), place, decimal)
@@ -216,10 +220,10 @@ def counted_clock(
 def _dated_clock(
     cells: Sequence[str], unit: str | None, rule: TimeRule, place: Callable[[int], str], decimal: str
 ) -> Clock | None:
-    """The clock of dates that all increase; None for others, and for text that is no date."""
+    """The clock of dates in order; None for others, and for text that is no date."""
     try:
         clock = make_clock(cells, unit, TimeRule(zone=rule.zone), place, decimal)
-        return clock if np.all(np.diff(clock.seconds(cells, place)) > 0.0) else None
+        return clock if np.all(np.diff(clock.seconds(cells, place)) >= 0.0) else None
     except RecordError:
         return None
 

@@ -266,12 +266,11 @@ def with_regular_times(source: Source, start: float = -np.inf, end: float = np.i
     if held and (source.rate is not None or shares_stamps(held[0].time) or is_coarse(held[0].time)):
         times = np.concatenate([block.time for block in source.blocks(-np.inf, np.inf)])
         placed = _placed(times, held[0], source.units)
-        counted = source.rate is not None and not _has_rhythm(times)
-        if source.rate is not None and (placed is not None or counted):
-            _check_span(times, times.size + (placed.lost if placed else 0), source.rate)
+        if source.rate is not None:
+            _check_span(times, placed, source.rate)
         if placed is not None:
             return _timed(source, placed.time, {**source.attributes, STAMPS: _note(times, placed)})
-        if counted:
+        if source.rate is not None and not _has_rhythm(times):
             return _timed(source, np.arange(times.size) / source.rate, source.attributes)
 
     def resumed(_start: float, _end: float) -> Iterator[Block]:
@@ -291,7 +290,9 @@ def _placed(times: Array, first: Block, units: tuple[str, ...]) -> Placed | None
 
 def _note(times: Array, placed: Placed) -> str:
     shared = int(np.count_nonzero(np.diff(times) == 0.0))
-    what = f"{shared} of {times.size} rows have the time stamp of the row before" if shared else "stamps have few digits"
+    what = (
+        f"{shared} of {times.size} rows have the time stamp of the row before" if shared else "stamps have few digits"
+    )
     return f"{what}; all are placed evenly, at {1.0 / placed.step:.6g} Hz, with {placed.lost} lost"
 
 
@@ -304,12 +305,17 @@ def _has_rhythm(times: Array) -> bool:
     return bool(np.all(np.abs(counts - np.rint(counts)) <= IRREGULAR))
 
 
-def _check_span(times: Array, rows: int, rate: float) -> None:
-    """Refuse a rate [Hz] at which rows take another time than their stamps (T,) [s] span."""
-    steps = np.diff(times)
-    forward = steps[steps > 0.0]
-    spans = float(times[-1] - times[0]), float(np.sum(forward))  # the second one where the clock was set back
-    doubt = 2.0 * float(np.median(forward)) if forward.size else np.inf
+def _check_span(times: Array, placed: Placed | None, rate: float) -> None:
+    """Refuse a rate [Hz] at which rows, lost ones included, take another time than their stamps (T,) [s] span."""
+    if placed is not None:
+        rows, doubt = times.size + placed.lost, 0.0
+        spans = [rows * placed.step]
+    else:
+        steps = np.diff(times)
+        forward = steps[steps > 0.0]
+        rows = times.size if not _has_rhythm(times) else 1 + round(float(times[-1] - times[0]) / near_step(times))
+        doubt = 2.0 * float(np.median(forward)) if forward.size else np.inf
+        spans = [float(times[-1] - times[0]), float(np.sum(forward))]  # the second one where the clock was set back
     if all(abs(rows / rate - span) > MAX_SPAN_ERROR * span + doubt for span in spans):
         raise RecordError(
             f"{rows} rows at [time] rate = {rate:g} Hz take {rows / rate:.5g} s, but their time stamps span"
