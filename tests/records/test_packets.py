@@ -72,7 +72,7 @@ def test_times_with_few_digits_are_put_right_with_their_gaps(rate, decimals, gap
 def test_stamps_of_a_busy_computer_are_counted():
     time, rng = regular(), np.random.default_rng(4)
     late = np.maximum.accumulate(time + 0.001 * rng.random(ROWS) + 0.08 * (rng.random(ROWS) < 0.02))
-    is_placed_as(place_packets(np.round(late, 3)), time)
+    is_placed_as(place_packets(np.asarray(np.round(late, 3), dtype=np.float64)), time)
 
 
 @pytest.mark.parametrize("seed", range(3))

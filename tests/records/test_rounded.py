@@ -25,7 +25,7 @@ def test_stamps_with_few_digits_have_the_rate_of_their_rows(rate, decimals, cut)
     assert grid is not None
     assert grid.step == pytest.approx(1.0 / rate, rel=1e-4)
     assert grid.begin == 0.0
-    np.testing.assert_array_equal(grid.index, np.arange(len(time)))
+    np.testing.assert_array_equal(grid.places, np.arange(len(time)))
 
 
 @pytest.mark.parametrize(("rate", "decimals"), [(64.0, 2), (8.0, 1), (62.5, 2), (750.0, 3)])
@@ -34,7 +34,7 @@ def test_lost_rows_stay_gaps_where_stamps_have_few_digits(rate, decimals, lost):
     rows = np.delete(np.arange(2000), lost)
     grid = rounded_grid(np.round(rows / rate, decimals))
     assert grid is not None
-    np.testing.assert_array_equal(grid.index, rows)
+    np.testing.assert_array_equal(grid.places, rows)
 
 
 @pytest.mark.parametrize(("unit", "decimals", "rate"), [(86_400.0, 6, 20.0), (3600.0, 5, 20.0), (60.0, 3, 20.0)])
@@ -42,7 +42,7 @@ def test_days_hours_and_minutes_with_few_digits(unit, decimals, rate):
     grid = rounded_grid(np.round(np.arange(12_000) / rate / unit, decimals) * unit)
     assert grid is not None
     assert grid.step == pytest.approx(1.0 / rate, rel=1e-5)
-    assert grid.index[-1] == 11_999
+    assert grid.places[-1] == 11_999
 
 
 def test_stamps_that_scatter_by_more_than_their_digits_are_left():

@@ -91,7 +91,7 @@ def place_packets(time: Array) -> Placed | None:
     if not shares_stamps(time):
         return None
     if (grid := rounded_grid(time)) is not None:
-        return _placed(grid.begin, grid.step, grid.index, time.size)
+        return _placed(grid.begin, grid.step, grid.places, time.size)
     first = np.flatnonzero(np.concatenate([[True], np.diff(time) > 0.0]))
     sizes = np.diff(np.append(first, time.size))
     if len(first) < MIN_PACKETS or np.count_nonzero(sizes > 1) < MIN_PACKETS:
@@ -109,7 +109,7 @@ def place_packets(time: Array) -> Placed | None:
         )
     begin, step, row = found
     index = np.repeat(row, sizes) + np.arange(time.size) - np.repeat(first, sizes)
-    return _placed(begin, step, index, time.size)
+    return _placed(begin, step, index.astype(np.float64), time.size)
 
 
 def place_rounded(time: Array, values: Array) -> Placed | None:
@@ -118,7 +118,7 @@ def place_rounded(time: Array, values: Array) -> Placed | None:
     grid = rounded_grid(time)
     if grid is None:
         return None
-    placed = _placed(grid.begin, grid.step, grid.index, time.size)
+    placed = _placed(grid.begin, grid.step, grid.places, time.size)
     rows = len(values)
     against = rows > MIN_PACKETS and grid_log_odds(time[:rows], placed.time[:rows], values).sum() < -ENOUGH
     return None if against else placed

@@ -42,7 +42,7 @@ class Grid(NamedTuple):
 
     begin: float
     step: float
-    index: Array
+    places: Array
 
 
 def is_coarse(time: Array) -> bool:

@@ -19,7 +19,15 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.formats.dates import Moments, fitting_formats, is_stamp, is_zoned, parse_column
+from windsysid.records.formats.dates import (
+    Moments,
+    fitting_formats,
+    format_without_date,
+    has_year,
+    is_stamp,
+    is_zoned,
+    parse_column,
+)
 from windsysid.records.formats.mapping import TimeRule
 from windsysid.records.formats.time_units import RECENT, confirmed_unit, usual_step
 from windsysid.records.moments import SINCE, has_zone, moment_text, tidy, zone_offset
@@ -165,10 +173,11 @@ def make_clock(
     stamps = [cell for cell in cells if is_stamp(cell)]
     if not stamps:
         cell = cells[0][:40]
-        if re.fullmatch(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?", cell):
+        pattern = format_without_date(cell)
+        if pattern is not None:
             raise RecordError(
-                f"the time '{cell}' at {place(0)} has no date; write date and time into one column, or name both in the"
-                ' mapping file: [time] column = ["Date", "Time"]'
+                f"the time '{cell}' at {place(0)} has no date; write into a mapping file [time] format ="
+                f' "{pattern}" or rate = … [Hz], or column = ["Date", "Time"]'
             )
         fitting = " or ".join(f'"{one}"' for one in fitting_formats(cells)) or '"%d.%m.%Y %H:%M:%S" or the like'
         raise RecordError(
@@ -339,7 +348,8 @@ def _absolute(clock: Clock, first: Any, place: Callable[[int], str], zone: str =
         offset = _written_offset(first[0])
     elif clock.zoned or "%z" in clock.pattern:
         offset = 0
-    return replace(clock, origin=origin, start=moment_text(origin, offset))
+    dated = not clock.pattern or has_year(clock.pattern)
+    return replace(clock, origin=origin, start=moment_text(origin, offset) if dated else None)
 
 
 def _written_offset(cell: str) -> int:

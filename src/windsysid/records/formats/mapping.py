@@ -213,6 +213,11 @@ def _check_pattern(pattern: str) -> None:
     """Refuse a pattern that pandas cannot use for any text; ValueError with its reason."""
     import pandas as pd
 
+    if "%Z" in pattern.replace("%%", ""):
+        raise ValueError(
+            f"format '{pattern[:40]}': names of zones (%Z) are not read; write the name itself into the format, and"
+            " [time] zone, as in 'Europe/Stockholm'"
+        )
     try:
         pd.to_datetime(pd.Series(["x"], dtype="object"), format=pattern, errors="coerce", utc=True)
     except Exception as error:  # a ValueError, or what `re` raises where a field stands twice

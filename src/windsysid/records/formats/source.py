@@ -318,8 +318,8 @@ def _check_span(times: Array, placed: Placed | None, rate: float) -> None:
         spans = [float(times[-1] - times[0]), float(np.sum(forward))]  # the second one where the clock was set back
     if all(abs(rows / rate - span) > MAX_SPAN_ERROR * span + doubt for span in spans):
         raise RecordError(
-            f"{rows} rows at [time] rate = {rate:g} Hz take {rows / rate:.5g} s, but their time stamps span"
-            f" {spans[0]:.5g} s; drop rows that were written twice, export lost rows, or correct the rate"
+            f"{rows} rows at [time] rate = {rate:g} Hz take {rows / rate:.5g} s, but their stamps span"
+            f" {spans[0]:.5g} s; were rows lost or written twice? else correct the rate"
         )
 
 
