@@ -201,3 +201,12 @@ def test_a_time_without_a_date_is_read_in_the_format_of_the_message_and_has_no_s
 def test_names_of_zones_are_not_read_and_the_message_tells_how_to_give_the_zone():
     with pytest.raises(ValueError, match=r"names of zones \(%Z\) are not read.*\[time\] zone"):
         TimeRule(format="%Y-%m-%d %H:%M:%S.%f %Z")
+
+
+@pytest.mark.parametrize("rows", ["0,1\n", "0,1\n,2\n0.1,3\n", "2024-01-13 12:00:00,1\n"])
+def test_a_rate_is_taken_where_the_time_has_one_row_or_is_missing_in_some(tmp_path, rows):
+    path, mapping = write(tmp_path, "time [s],a [m]\n" + rows), Mapping(time=TimeRule(rate=20.0))
+    if rows.count("\n") < 2:
+        refused(path, "at least 2", mapping=mapping)
+    else:
+        np.testing.assert_allclose(read_record(path, mapping=mapping).time, np.arange(3) / 20.0)

@@ -232,7 +232,7 @@ def _dated_clock(
     """The clock of dates in order; None for others, and for text that is no date."""
     try:
         clock = make_clock(cells, unit, TimeRule(zone=rule.zone), place, decimal)
-        return clock if np.all(np.diff(clock.seconds(cells, place)) >= 0.0) else None
+        return clock if clock.textual and np.all(np.diff(clock.seconds(cells, place)) >= 0.0) else None
     except RecordError:
         return None
 

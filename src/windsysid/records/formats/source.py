@@ -299,7 +299,7 @@ def _note(times: Array, placed: Placed) -> str:
 def _has_rhythm(times: Array) -> bool:
     """Whether times (T,) [s] increase by nearly whole multiples of one step."""
     steps = np.diff(times)
-    if not np.all(steps > 0.0):
+    if not steps.size or not np.all(steps > 0.0):
         return False
     counts = steps / near_step(times)
     return bool(np.all(np.abs(counts - np.rint(counts)) <= IRREGULAR))
