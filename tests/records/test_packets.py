@@ -176,3 +176,44 @@ def test_one_row_in_ten_that_is_lost_is_a_gap_and_moves_no_frequency(tmp_path):
     record = read_record(write(tmp_path, "time,a [m]\n" + lines)).on_uniform_grid()
     assert record.samples == ROWS
     np.testing.assert_array_equal(np.isnan(record["a"]), ~kept)
+
+
+@pytest.mark.parametrize("size", [10, 20])
+@pytest.mark.parametrize("share", [0.02, 0.05])
+def test_rows_lost_one_by_one_inside_packets_are_refused(tmp_path, size, share):
+    time = regular(20.0, 12_000)
+    kept = np.random.default_rng(7).random(len(time)) > share
+    stamps = stamps_of(time, size)[kept]
+    refused(packets_file(tmp_path, stamps)[0], "rows were lost among rows that share a time stamp .*more digits")
+
+
+def test_packets_of_many_sizes_whose_stamps_follow_them_lose_nothing():
+    sizes = 1 + np.random.default_rng(8).poisson(4.0, 2000)
+    stamps = np.repeat(np.cumsum(sizes) / 20.0, sizes)
+    is_placed_as(place_packets(stamps), regular(20.0, len(stamps)), 20.0)
+
+
+@pytest.mark.parametrize(("kept", "rate"), [(np.arange(6000) % 20 > 0, 100.0), (np.ones(6000, dtype=bool), 80.0)])
+def test_a_rate_that_contradicts_the_span_of_the_stamps_is_refused(tmp_path, kept, rate):
+    seconds = np.floor(regular())
+    jitter = np.sort(regular() + 0.02 * np.random.default_rng(3).random(6000))
+    for k, stamps in enumerate((seconds, jitter)):
+        path, _ = packets_file(tmp_path, stamps[kept], f"{k}.csv")
+        mapping = Mapping(time=TimeRule(rate=rate))
+        refused(path, r"rows at \[time\] rate = \d+ Hz take [\d.]+ s, but .* span [\d.]+ s", mapping=mapping)
+
+
+def test_a_rate_that_fits_the_span_of_rounded_stamps_is_taken(tmp_path):
+    stamps = np.round(regular(8.0), 1)
+    path, _ = packets_file(tmp_path, stamps)
+    record = read_record(path, mapping=Mapping(time=TimeRule(rate=8.0)))
+    np.testing.assert_allclose(record.time, regular(8.0), atol=1e-4)
+
+
+def test_rows_that_are_written_twice_are_to_be_dropped_and_no_rate_is_advised(tmp_path):
+    twice = np.sort(np.concatenate([np.arange(6000), np.arange(0, 6000, 7)]))
+    values = np.random.default_rng(4).standard_normal(6000)
+    rows = "".join(f"{k / 20},{values[k]:.6f}\n" for k in twice)
+    path = write(tmp_path, "time [s],a [m/s^2]\n" + rows)
+    refused(path, "time is repeated at line 3 .*; drop the rows that were written twice")
+    refused(path, r"rate = 20 Hz take 342.9 s.*written twice", mapping=Mapping(time=TimeRule(rate=20.0)))

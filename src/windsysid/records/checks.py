@@ -11,8 +11,11 @@ from windsysid.errors import RecordError
 __all__ = ["UNIFORM", "Array", "check_block", "check_channels", "check_rows", "refuse_gaps", "refuse_outside"]
 
 
-SET_BACK = 100.0
-"""Usual steps by which a time jumps back, once, where a clock was set."""
+BESIDE = 8
+"""Rows before and after one whose time runs backwards that are regular in another order, if they were exchanged."""
+
+MAX_SET_BACKS = 0.05
+"""Share of rows whose time runs backwards, above which rows are in no order, and no clock was set back."""
 
 UNIFORM = 1e-3
 """Of a step: within this a time grid counts as uniform."""
@@ -92,14 +95,8 @@ def check_block(
         k = int(np.argmax(steps <= 0.0))
         what = "is repeated" if steps[k] == 0.0 else "runs backwards"
         before = previous if k == 0 else float(time[k - 1])
-        usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
-        back = np.count_nonzero(steps < 0.0) == 1 and steps[k] < -SET_BACK * usual < 0.0
-        what_to_do = "a clock was set back? shift what follows" if back else "sort the rows"
-        if steps[k] == 0.0:
-            what_to_do = (
-                "if readings are regular, write [time] rate = … [Hz] into a mapping file; if a row was written twice, "
-                "delete it"
-            )
+        twice = k > 0 and np.array_equal(values[k], values[k - 1], equal_nan=True)
+        what_to_do = _remedy_of_repeats(twice) if steps[k] == 0.0 else _remedy_of_order(time, steps, k, before)
         raise RecordError(
             f"the time {what} at {place(k)} ({before!r} s, then {float(time[k])!r} s): "
             f"expected strictly increasing; {what_to_do}"
@@ -116,6 +113,27 @@ def check_block(
             f"channel '{channels[column]}' is infinite at {place(row)}: expected a finite number; "
             "leave the cell empty or write NaN where a value is missing"
         )
+
+
+def _remedy_of_repeats(twice: bool) -> str:
+    """What to do about a time that is repeated, by a row with the same readings or with others."""
+    if twice:
+        return "drop the rows that were written twice"
+    return (
+        "if readings are regular, write [time] rate = … [Hz] into a mapping file; if a row was written twice, delete it"
+    )
+
+
+def _remedy_of_order(time: Array, steps: Array, k: int, before: float) -> str:
+    """What to do about a time (T,) that runs backwards at row k: where sorting gives no regular steps, two stretches
+    would be mixed."""
+    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    around = np.sort(np.append(time[max(k - BESIDE, 0) : k + BESIDE], [before] if k == 0 else []))
+    between = np.diff(around)
+    swapped = np.all((between > 0.5 * usual) & (between < 3.0 * usual))
+    if swapped or np.count_nonzero(steps < 0.0) > MAX_SET_BACKS * len(steps):
+        return "sort the rows"
+    return "a clock was set back? shift what follows"
 
 
 def refuse_gaps(name: str, time: Array, rows: int) -> NoReturn:

@@ -13,9 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from windsysid._types import Array
-from windsysid.records.stamps import count_lost_rows, rhythm, usual_step
+from windsysid.errors import RecordError
+from windsysid.records.rounded import rounded_grid
+from windsysid.records.stamps import ENOUGH, count_lost_rows, grid_log_odds, rhythm, usual_step
 
-__all__ = ["RegularTimes", "is_even", "place_packets", "shares_stamps"]
+__all__ = ["RegularTimes", "is_even", "place_packets", "place_rounded", "shares_stamps"]
 
 Rows = npt.NDArray[np.int64]
 
@@ -24,6 +26,12 @@ MIN_PACKETS = 8
 
 MIN_FULL_SHARE = 0.5
 """Smallest share of packets of the largest size for which smaller packets count as incomplete."""
+
+MAX_LOST_INSIDE = 0.01
+"""Share of rows lost inside packets, above which their places matter."""
+
+WALK = 64
+"""Packets over which stamps that follow counted rows have come back to them."""
 
 MAX_SPREAD_STEPS = 2.0
 """Largest range of 98 % of the stamps about the grid, relative to the 99th percentile of the steps between stamps."""
@@ -72,25 +80,53 @@ def _changes_evenly(change: Array, across: npt.NDArray[np.bool_]) -> bool:
 
 
 def place_packets(time: Array) -> RegularTimes | None:
-    """Place all rows on the regular grid that fits their stamps (T,) [s]; None if no grid fits."""
+    """Place all rows on the regular grid that fits their stamps (T,) [s]; None if no grid fits.
+
+    Raises
+    ------
+    RecordError
+        If so many rows were lost one by one that their places are not known.
+    """
     if not shares_stamps(time):
         return None
+    if (grid := rounded_grid(time)) is not None:
+        return _placed(grid.begin, grid.step, grid.places, time.size)
     first = np.flatnonzero(np.concatenate([[True], np.diff(time) > 0.0]))
     sizes = np.diff(np.append(first, time.size))
     if len(first) < MIN_PACKETS or np.count_nonzero(sizes > 1) < MIN_PACKETS:
         return None
     stamps = time[first]
-    found = _by_stamps(stamps, sizes) or _by_count(stamps, first)
-    if found is None:
+    found = _by_stamps(stamps, sizes)
+    inside = found is not None and np.sum(sizes.max() - sizes[1:-1]) > MAX_LOST_INSIDE * time.size
+    found = found if found is not None and not inside else _by_count(stamps, first)
+    if found is None and not inside:
         return None
+    if found is None or _wanders((stamps - found[0] - found[1] * found[2])[1:], found[1]):
+        raise RecordError(
+            f"rows were lost among rows that share a time stamp ({sizes[1:-1].min()} to {sizes.max()} rows a stamp), at"
+            " places that are not known; export time stamps with more digits"
+        )
     begin, step, row = found
     index = np.repeat(row, sizes) + np.arange(time.size) - np.repeat(first, sizes)
-    digits = 4 - int(np.floor(np.log10(step)))  # a first time of 1e-14 s becomes 0
-    return RegularTimes(
-        np.asarray(round(begin, digits) + step * index, dtype=np.float64),
-        step,
-        int(index[-1] - index[0]) + 1 - time.size,
-    )
+    return _placed(begin, step, index.astype(np.float64), time.size)
+
+
+def place_rounded(time: Array, values: Array) -> RegularTimes | None:
+    """Place rows with increasing rounded stamps (T,) [s] on the regular grid that explains them; None if no grid fits,
+    or if readings (≤ T, m), with angles unwrapped, are clearly smoother at their stamps."""
+    grid = rounded_grid(time)
+    if grid is None:
+        return None
+    placed = _placed(grid.begin, grid.step, grid.places, time.size)
+    rows = len(values)
+    against = rows > MIN_PACKETS and grid_log_odds(time[:rows], placed.time[:rows], values).sum() < -ENOUGH
+    return None if against else placed
+
+
+def _placed(begin: float, step: float, index: Array, rows: int) -> RegularTimes:
+    digits = 4 - int(np.floor(np.log10(step)))  # a beginning of 1e-14 s is none
+    time = np.asarray(round(begin, digits) + step * index, dtype=np.float64)
+    return RegularTimes(time, step, int(index[-1] - index[0]) + 1 - rows)
 
 
 def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
@@ -107,6 +143,16 @@ def _by_stamps(stamps: Array, sizes: Rows) -> tuple[float, float, Rows] | None:
     row = size * (index - index[0]).astype(np.int64)
     row[0] = size - sizes[0]  # an incomplete first packet lacks its first rows
     return begin + period * float(index[0]), period / size, row
+
+
+def _wanders(off: Array, step: float) -> bool:
+    """Whether stamps depart (n,) [s] from counted rows as a random walk, which rows lost one by one make, and not as
+    scatter."""
+    reach = min(WALK, len(off) // 4)
+    if reach < 2:
+        return False
+    near, far = (float(np.sqrt(np.mean(np.square(off[lag:] - off[:-lag])))) for lag in (1, reach))
+    return far > max(step, 2.0 * near)
 
 
 def _by_count(stamps: Array, first: Rows) -> tuple[float, float, Rows] | None:

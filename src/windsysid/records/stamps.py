@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from windsysid._types import Array
 
-__all__ = ["count_lost_rows", "grid_behind", "rhythm", "usual_step"]
+__all__ = ["ENOUGH", "count_lost_rows", "grid_behind", "grid_log_odds", "rhythm", "usual_step"]
 
 ENOUGH = 8.0
 """Log likelihood by which readings have to be smoother on the grid than at their stamps."""
@@ -83,11 +83,16 @@ def grid_behind(time: Array, values: Array, step: float) -> tuple[float, float, 
         if abs((time[-1] - time[0]) / step - index[-1]) > LATE:
             return None
         step, begin = map(float, np.polyfit(index, time, 1))
-    values = values[:, np.isfinite(values).any(axis=0)]
-    said = _log_ratio(_roughness(time, values), _roughness(begin + step * index, values))
+    said = grid_log_odds(time, begin + step * index, values)
     if said.sum() < ENOUGH or np.any(said < -ENOUGH):
         return None
     return begin + step * float(index[0]), step, index - index[0]
+
+
+def grid_log_odds(time: Array, grid: Array, values: Array) -> Array:
+    """Log odds, by each channel with readings (m,), of sampling at the times `grid` (T,) [s] against the stamps."""
+    values = values[:, np.isfinite(values).any(axis=0)]
+    return _log_ratio(_roughness(time, values), _roughness(grid, values))
 
 
 def usual_step(time: Array) -> float:

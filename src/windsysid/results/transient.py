@@ -84,8 +84,8 @@ class Burst(NamedTuple):
         """Why a result is in doubt, and what to do."""
         low, high = (self.duration * edge / SEGMENTS for edge in (self.segment, self.segment + 1))
         return (
-            f"{100.0 * self.share:.0f} % of the power of {self.channel} lies between {low:.4g} and {high:.4g} s after "
-            f"the beginning: a blow, a pull or a start, and no stationary load: {advice}"
+            f"{100.0 * self.share:.0f} % of the power of {self.channel} is between {low:.4g} and {high:.4g} s of the "
+            f"record: a blow, a pull or a start; {advice}"
         )
 
 

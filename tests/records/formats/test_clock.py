@@ -5,6 +5,7 @@ import xarray as xr
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import RecordError, WindsysidError
 from windsysid.records.formats import read_record, write_record
+from windsysid.records.formats.mapping import Mapping, TimeRule
 from windsysid.records.moments import in_words
 from windsysid.records.record import Record
 
@@ -180,3 +181,32 @@ def test_netcdf_of_others_and_of_version_010_says_its_start(tmp_path):
 def test_a_start_that_is_no_moment_is_refused():
     with pytest.raises(RecordError, match=r"start: expected a date and time .* got '2021-07-07'"):
         Record(np.arange(2.0), np.ones((2, 1)), ("a",), ("m",), start="2021-07-07")
+
+
+@pytest.mark.parametrize(
+    ("shape", "pattern"),
+    [("{h:02d}:{m:02d}:{s:06.3f}", "%H:%M:%S.%f"), ("{m:02d}:{s:04.1f}", "%M:%S.%f"),
+     ("{h}:{m:02d}:{w:02d}", "%H:%M:%S"), ("{m:02d}:{w:02d}", "%M:%S")],
+)  # fmt: skip
+def test_a_time_without_a_date_is_read_in_the_format_of_the_message_and_has_no_start(tmp_path, shape, pattern):
+    seconds = np.arange(200) * (0.2 if "s:" in shape else 1.0) + 50.0
+    cells = [shape.format(h=0, m=int(one // 60), s=one % 60, w=round(one % 60)) for one in seconds]
+    path = write(tmp_path, "time,a [m]\n" + "".join(f"{cell},{k % 7}\n" for k, cell in enumerate(cells)))
+    refused(path, rf'has no date; .*format = "{pattern}" or rate')
+    record = read_record(path, mapping=Mapping(time=TimeRule(format=pattern)))
+    np.testing.assert_allclose(record.time, seconds - 50.0, atol=1e-9)
+    assert record.start is None
+
+
+def test_names_of_zones_are_not_read_and_the_message_tells_how_to_give_the_zone():
+    with pytest.raises(ValueError, match=r"names of zones \(%Z\) are not read.*\[time\] zone"):
+        TimeRule(format="%Y-%m-%d %H:%M:%S.%f %Z")
+
+
+@pytest.mark.parametrize("rows", ["0,1\n", "0,1\n,2\n0.1,3\n", "2024-01-13 12:00:00,1\n"])
+def test_a_rate_is_taken_where_the_time_has_one_row_or_is_missing_in_some(tmp_path, rows):
+    path, mapping = write(tmp_path, "time [s],a [m]\n" + rows), Mapping(time=TimeRule(rate=20.0))
+    if rows.count("\n") < 2:
+        refused(path, "at least 2", mapping=mapping)
+    else:
+        np.testing.assert_allclose(read_record(path, mapping=mapping).time, np.arange(3) / 20.0)

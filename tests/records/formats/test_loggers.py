@@ -148,7 +148,7 @@ def test_a_data_set_that_holds_other_numbers_than_it_says_is_refused(tmp_path):
         whole = path.read_bytes()
         assert whole.count(b"       200         1") == 1
         path.write_bytes(whole.replace(b"       200         1", b"       199         1"))
-        refused(path, "says 199 samples, expected 199 numbers, got 200")
+        refused(path, "declares 199 samples, expected 199 numbers, got 200")
 
 
 def test_a_universal_file_of_seven_bytes_is_refused(tmp_path):

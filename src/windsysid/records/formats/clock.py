@@ -19,7 +19,15 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.records.formats.dates import Moments, fitting_formats, is_stamp, is_zoned, parse_column
+from windsysid.records.formats.dates import (
+    Moments,
+    fitting_formats,
+    format_without_date,
+    has_year,
+    is_stamp,
+    is_zoned,
+    parse_column,
+)
 from windsysid.records.formats.mapping import TimeRule
 from windsysid.records.formats.time_units import RECENT, confirmed_unit
 from windsysid.records.moments import SINCE, has_zone, moment_text, tidy, zone_offset
@@ -166,10 +174,11 @@ def make_clock(
     stamps = [cell for cell in cells if is_stamp(cell)]
     if not stamps:
         cell = cells[0][:40]
-        if re.fullmatch(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?", cell):
+        pattern = format_without_date(cell)
+        if pattern is not None:
             raise RecordError(
-                f"the time '{cell}' at {place(0)} has no date; write date and time into one column, or name both in the"
-                ' mapping file: [time] column = ["Date", "Time"]'
+                f"the time '{cell}' at {place(0)} has no date; write into a mapping file [time] format ="
+                f' "{pattern}" or rate = … [Hz], or column = ["Date", "Time"]'
             )
         fitting = " or ".join(f'"{one}"' for one in fitting_formats(cells)) or '"%d.%m.%Y %H:%M:%S" or the like'
         raise RecordError(
@@ -199,9 +208,12 @@ def counted_clock(
     if len(numbers) < max(2, len(cells)):
         return _dated_clock(cells, unit, rule, place, decimal)
     step, steps = usual_step(numbers), np.diff(numbers)
+    given = [unit] if unit is not None and _is_of_time(unit) else []
+    if given and not np.ptp(steps) <= _MAX_OFF_GRID * step > 0.0:
+        # the whole column contains more than its first rows (`source.with_regular_times`)
+        return make_clock(cells, unit, TimeRule(zone=rule.zone), place, decimal)
     if not np.all(steps > 0.0) or np.any(np.abs(steps / step - np.rint(steps / step)) > _MAX_OFF_GRID):
         return None
-    given = [unit] if unit is not None and _is_of_time(unit) else []
     for name in given or ("s", "ms", "µs", "min", "h", "d"):
         if abs(step * to_si(1.0, str(split_since(name)[0])) * rate - 1.0) < _MAX_RATE_DEVIATION:
             return make_clock(cells, name, TimeRule(zone=rule.zone), place, decimal)
@@ -217,10 +229,10 @@ def counted_clock(
 def _dated_clock(
     cells: Sequence[str], unit: str | None, rule: TimeRule, place: Callable[[int], str], decimal: str
 ) -> Clock | None:
-    """Make the clock of dates that all increase; None for other dates, and for text that is no date."""
+    """Make the clock of dates in order; None for other dates, and for text that is no date."""
     try:
         clock = make_clock(cells, unit, TimeRule(zone=rule.zone), place, decimal)
-        return clock if np.all(np.diff(clock.seconds(cells, place)) > 0.0) else None
+        return clock if clock.textual and np.all(np.diff(clock.seconds(cells, place)) >= 0.0) else None
     except RecordError:
         return None
 
@@ -336,7 +348,8 @@ def _absolute(clock: Clock, first: Any, place: Callable[[int], str], zone: str =
         offset = _written_offset(first[0])
     elif clock.zoned or "%z" in clock.pattern:
         offset = 0
-    return replace(clock, origin=origin, start=moment_text(origin, offset))
+    dated = not clock.pattern or has_year(clock.pattern)
+    return replace(clock, origin=origin, start=moment_text(origin, offset) if dated else None)
 
 
 def _written_offset(cell: str) -> int:

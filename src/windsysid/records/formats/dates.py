@@ -12,13 +12,15 @@ import numpy.typing as npt
 
 from windsysid.errors import RecordError
 
-__all__ = ["Moments", "fitting_formats", "is_stamp", "is_zoned", "parse_column"]
+__all__ = ["Moments", "fitting_formats", "format_without_date", "has_year", "is_stamp", "is_zoned", "parse_column"]
 
 Moments = npt.NDArray[np.int64]
 
 _ISO = re.compile(r"\d{4}-\d{2}-\d{2}[ T]\d{2}:\d{2}(?::\d{2}(?:[.,]\d{1,9})?)?")
 _ISO_ZONED = re.compile(_ISO.pattern + r" ?(?:Z|[+-]\d{2}(?::?\d{2})?)")
-_FRACTION = re.compile(r"(\d{1,2}:\d{2}:\d{2})[.,](\d{1,9})(?!\d)")
+_FRACTION = re.compile(r"(\d{1,2}:\d{2})[.,](\d{1,9})(?!\d)")
+_YEAR = re.compile(r"%[YyGcxDsF]")
+_TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}(?P<second>:\d{2})?(?:(?P<mark>[.,])\d{1,9})?")
 _SECONDS = re.compile(r"%S[.,]%f|%T[.,]%f")
 _DATES = (
     (r"\d{4}(?P<s>[-/.])\d{1,2}(?P=s)\d{1,2}", ("%Y{s}%m{s}%d",)),
@@ -50,6 +52,20 @@ def fitting_formats(cells: Sequence[str]) -> tuple[str, ...]:
             found = [pattern.format(s=mark) + _clock_pattern(clock, cells) for pattern in patterns]
             break
     return tuple(pattern for pattern in found if _fits(pattern, cells))
+
+
+def format_without_date(cell: str) -> str | None:
+    """The strptime pattern of a time of day, or of minutes and seconds; None for another cell."""
+    found = _TIME_OF_DAY.fullmatch(cell)
+    if found is None:
+        return None
+    mark = found["mark"]
+    return ("%H:%M:%S" if found["second"] else "%M:%S") + (f"{mark}%f" if mark else "")
+
+
+def has_year(pattern: str) -> bool:
+    """Whether a strptime pattern reads a year: without one, a time is no moment of the calendar."""
+    return bool(_YEAR.search(pattern.replace("%%", "")))
 
 
 def is_stamp(cell: str) -> bool:

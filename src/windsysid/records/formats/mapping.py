@@ -215,6 +215,11 @@ def _check_pattern(pattern: str) -> None:
     """Raise a ValueError with the reason if pandas cannot use a pattern for any text."""
     import pandas as pd
 
+    if "%Z" in pattern.replace("%%", ""):
+        raise ValueError(
+            f"format '{pattern[:40]}': names of zones (%Z) are not read; write the name itself into the format, and"
+            " [time] zone, as in 'Europe/Stockholm'"
+        )
     try:
         pd.to_datetime(pd.Series(["x"], dtype="object"), format=pattern, errors="coerce", utc=True)
     except Exception as error:  # a ValueError, or what `re` raises where a field stands twice

@@ -15,8 +15,10 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.records.checks import Array, check_block, check_channels, refuse_outside
-from windsysid.records.packets import is_even, place_packets, shares_stamps
+from windsysid.records.packets import RegularTimes, is_even, place_packets, place_rounded, shares_stamps
 from windsysid.records.record import STAMPS, Record
+from windsysid.records.rounded import is_coarse
+from windsysid.records.stamps import usual_step
 
 __all__ = [
     "Block", "Progress", "Source", "doubles", "gather", "gather_section", "indexed_source", "pieces", "reading_notes",
@@ -25,6 +27,12 @@ __all__ = [
 
 Progress = Callable[[float], None]
 """Called with the fraction of the file that has been read."""
+
+IRREGULAR = 0.25
+"""Part of a step by which stamps may be off multiples of it and still be a clock where the rate is given."""
+
+MAX_SPAN_ERROR = 0.01
+"""Relative difference between a given rate and time stamps, above which they contradict each other."""
 
 _NOTES = {
     "cut_off": "{}", "left_out": "left out, because they are no channels: {}", "left_over": "{}", "repeated": "{}",
@@ -245,23 +253,26 @@ def shifted(place: Callable[[int], str], first: int) -> Callable[[int], str]:
 
 
 def with_regular_times(source: Source, start: float = -np.inf, end: float = np.inf) -> Source:
-    """Place rows on a regular grid (`windsysid.records.packets`), if rows of the first block share time stamps.
+    """Place rows on a regular grid (`windsysid.records.packets`), if rows of the first block share time stamps or have
+    rounded ones.
 
     The source that is returned can be read once, from `start` to `end` [s]; its attribute `STAMPS` describes the grid.
+
+    Raises
+    ------
+    RecordError
+        If the source's rate contradicts the span of its time stamps, or the places of lost rows are not known.
     """
     blocks = source.blocks(start, end)
     held = list(itertools.islice(blocks, 1))
-    if held and (source.rate is not None or shares_stamps(held[0].time)):
+    if held and (source.rate is not None or shares_stamps(held[0].time) or is_coarse(held[0].time)):
         times = np.concatenate([block.time for block in source.blocks(-np.inf, np.inf)])
-        placed = place_packets(times) if is_even(held[0].time, held[0].values) else None
+        placed = _placed(times, held[0], source.units)
+        if source.rate is not None:
+            _check_span(times, placed, source.rate)
         if placed is not None:
-            shared = int(np.count_nonzero(np.diff(times) == 0.0))
-            note = (
-                f"{shared} of {times.size} rows have the time stamp of the row before; rows were placed on a regular"
-                f" grid of {1.0 / placed.step:.6g} Hz, with {placed.lost} lost"
-            )
-            return _timed(source, placed.time, {**source.attributes, STAMPS: note})
-        if source.rate is not None and not np.all(np.diff(times) > 0.0):
+            return _timed(source, placed.time, {**source.attributes, STAMPS: _note(times, placed)})
+        if source.rate is not None and not _has_rhythm(times):
             return _timed(source, np.arange(times.size) / source.rate, source.attributes)
 
     def resumed(_start: float, _end: float) -> Iterator[Block]:
@@ -270,6 +281,48 @@ def with_regular_times(source: Source, start: float = -np.inf, end: float = np.i
         yield from blocks
 
     return replace(source, blocks=resumed)
+
+
+def _placed(times: Array, first: Block, units: tuple[str, ...]) -> RegularTimes | None:
+    """All rows on the grid behind their stamps (T,) [s], if there is one and the `first` block's readings agree."""
+    if shares_stamps(times):
+        return place_packets(times) if is_even(first.time, first.values) else None
+    return place_rounded(times, first.values[:, [unit != "rad" for unit in units]]) if is_coarse(times) else None
+
+
+def _note(times: Array, placed: RegularTimes) -> str:
+    shared = int(np.count_nonzero(np.diff(times) == 0.0))
+    what = (
+        f"{shared} of {times.size} rows have the time stamp of the row before" if shared else "stamps have few digits"
+    )
+    return f"{what}; rows were placed on a regular grid of {1.0 / placed.step:.6g} Hz, with {placed.lost} lost"
+
+
+def _has_rhythm(times: Array) -> bool:
+    """Whether times (T,) [s] increase by nearly whole multiples of one step."""
+    steps = np.diff(times)
+    if not steps.size or not np.all(steps > 0.0):
+        return False
+    counts = steps / usual_step(times)
+    return bool(np.all(np.abs(counts - np.rint(counts)) <= IRREGULAR))
+
+
+def _check_span(times: Array, placed: RegularTimes | None, rate: float) -> None:
+    """Refuse a rate [Hz] at which rows, lost ones included, take another time than their stamps (T,) [s] span."""
+    if placed is not None:
+        rows, doubt = times.size + placed.lost, 0.0
+        spans = [rows * placed.step]
+    else:
+        steps = np.diff(times)
+        forward = steps[steps > 0.0]
+        rows = times.size if not _has_rhythm(times) else 1 + round(float(times[-1] - times[0]) / usual_step(times))
+        doubt = 2.0 * float(np.median(forward)) if forward.size else np.inf
+        spans = [float(times[-1] - times[0]), float(np.sum(forward))]  # the second one where the clock was set back
+    if all(abs(rows / rate - span) > MAX_SPAN_ERROR * span + doubt for span in spans):
+        raise RecordError(
+            f"{rows} rows at [time] rate = {rate:g} Hz take {rows / rate:.5g} s, but their stamps span"
+            f" {spans[0]:.5g} s; were rows lost or written twice? else correct the rate"
+        )
 
 
 def _timed(source: Source, times: Array, attributes: Mapping[str, str]) -> Source:
