@@ -199,8 +199,8 @@ class _Footer:
                 continue
             if found["min"] < min(low for low, _ in pairs) or found["max"] > max(high for _, high in pairs):
                 raise RecordError(
-                    f"is damaged: column '{self.names[index]}' has values beyond the least and greatest that the footer says; copy"
-                    " or export it again"
+                    f"is damaged: column '{self.names[index]}' has values beyond the least and greatest that the footer"
+                    " says; copy or export it again"
                 )
 
     def check_end(self) -> None:
