@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 __all__ = [
-    "ConfigurationError", "NumericalError", "OutputError", "RecordError", "StoreError", "WindsysidError",
+    "ConfigurationError", "NumericalError", "OutputError", "RecordError", "StoreError", "UnknownTimeError",
+    "WindsysidError",
     "one_line_of_numerics",
 ]  # fmt: skip
 
@@ -15,6 +16,10 @@ class WindsysidError(Exception):
 
 class RecordError(WindsysidError, ValueError):
     """A record cannot be read or does not hold what is asked of it."""
+
+
+class UnknownTimeError(RecordError):
+    """A file can be read but does not give its times: a rate, a column or a unit is missing."""
 
 
 class ConfigurationError(WindsysidError, ValueError):
