@@ -14,7 +14,8 @@ import pytest
 import windsysid as ws
 from tests.identification.test_own_equations import fitted, shaken
 from windsysid.errors import ConfigurationError
-from windsysid.output.folders import MANIFEST, result_file
+from windsysid.output.folders import result_file
+from windsysid.output.locks import MANIFEST
 from windsysid.records.formats.netcdf import sealed
 from windsysid.results.plain import as_plain, from_plain
 from windsysid.spectral.known_modes import as_modes

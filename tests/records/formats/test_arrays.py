@@ -1,5 +1,7 @@
 """MATLAB of both kinds and HDF5 of any layout, written by scipy and h5py, are read bit for bit."""
 
+from typing import Any
+
 import h5py
 import numpy as np
 import pytest
@@ -213,6 +215,7 @@ def test_groups_with_channels_of_one_name_and_unit_stay_apart(tmp_path):
 
 
 def test_an_array_of_another_length_is_left_out_where_the_time_has_its_unit_in_brackets(tmp_path):
-    np.savez(tmp_path / "x.npz", **{"time [s]": TIME, "ax [m/s^2]": ACC, "gains": np.arange(4.0)})
+    arrays: dict[str, Any] = {"time [s]": TIME, "ax [m/s^2]": ACC, "gains": np.arange(4.0)}
+    np.savez(tmp_path / "x.npz", **arrays)
     record = read_record(tmp_path / "x.npz")
     assert (record.channels, record.attributes["left_out"]) == (("ax",), "gains")
