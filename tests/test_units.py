@@ -23,14 +23,51 @@ from windsysid.units import UNITS, canonical, is_same_quantity, parse_quantity, 
         (("um/m", "µm/m", "μm/m", "um\\m", "µm\\m", "(um/m)", "µm / m"), "µm/m"),
         (("mstrain", "mε"), "mε"),
         (("kN\ufffdm", "kNÂ·m"), "kN*m"),
-        (("sec", "seconds", "(s)"), "s"),
+        (("sec", "seconds", "(s)", "Seconds", "SEC", "Sec"), "s"),
+        (("m s-2", "m s^-2", "m s**-2", "m*s^-2", "m.s-2", "ms-2", "m·s⁻²", "m/(s^2)", "m/second^2"), "m/s^2"),
+        (("s-2 m", "m s-1 s-1", "m / s2", "meters/second^2"), "m/s^2"),
+        (("cm/s2", "cm s-2", "cms-2"), "cm/s^2"),
+        (("Gal", "gal"), "Gal"),
+        (("rad s-1", "rads-1", "rad.s^-1", "rad·s⁻¹"), "rad/s"),
+        (("deg s-1", "°/s", "degrees/s", "degrees s-1"), "deg/s"),
+        (("N m", "N·m", "N.m", "m*N"), "N*m"),
+        (("N s m-1", "N.s/m", "N/m*s"), "N*s/m"),
+        (("kN m s rad-1", "kN*m*s/rad"), "kN*m*s/rad"),
+        (("kg m2", "kg*m2", "kg.m^2"), "kg*m^2"),
+        (("MINUTES", "Min", "minute"), "min"),
+        (("um s-1", "µm s^-1", "um/s"), "µm/s"),
     ],
 )
 def test_one_unit_has_many_spellings(spellings: tuple[str, ...], unit: str):
     assert {canonical(spelling) for spelling in spellings} == {unit}
 
 
-@pytest.mark.parametrize("unit", ["furlong", "N/s", "M", "kn", "m\\s", "m/s^3"])
+@pytest.mark.parametrize(
+    "unit",
+    [
+        "furlong",
+        "N/s",
+        "M",
+        "kn",
+        "m\\s",
+        "m/s^3",
+        "m s2",
+        "m/s-2",
+        "ms2",
+        "S",
+        "H",
+        "m1",
+        "1/s",
+        "s-1",
+        "m s-3",
+        "m//s",
+        "m/s/",
+        "G",
+        "V.V",
+        "m-1",
+        "N m m-1",
+    ],
+)
 def test_an_unknown_unit_is_an_error_and_never_a_guess(unit: str):
     with pytest.raises(
         ConfigurationError, match=r"unknown unit .* expected one of the units windsysid knows"
@@ -70,6 +107,7 @@ BROCHURE: dict[str, tuple[str, Fraction | int]] = {
     "h": ("s", 60 * 60),
     "d": ("s", 24 * 60 * 60),
     "m": ("m", 1), "mm": ("m", Fraction(1, 1000)), "cm": ("m", Fraction(1, 100)), "km": ("m", 1000),
+    "cm/s": ("m/s", Fraction(1, 100)), "cm/s^2": ("m/s^2", Fraction(1, 100)), "Gal": ("m/s^2", Fraction(1, 100)),
     "m/s": ("m/s", 1), "mm/s": ("m/s", Fraction(1, 1000)), "km/h": ("m/s", Fraction(1000, 3600)),
     "m/s^2": ("m/s^2", 1), "mm/s^2": ("m/s^2", Fraction(1, 1000)), "g": ("m/s^2", G), "mg": ("m/s^2", G / 1000),
     "rad": ("rad", 1), "deg": ("rad", DEGREE), "mrad": ("rad", Fraction(1, 1000)),

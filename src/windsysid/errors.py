@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 __all__ = [
-    "ConfigurationError", "NumericalError", "OutputError", "RecordError", "StoreError", "WindsysidError",
-    "as_numerical_error",
+    "ConfigurationError", "NumericalError", "OutputError", "RecordError", "StoreError", "UnknownTimeError",
+    "WindsysidError", "as_numerical_error",
 ]  # fmt: skip
 
 
@@ -15,6 +15,10 @@ class WindsysidError(Exception):
 
 class RecordError(WindsysidError, ValueError):
     """A record cannot be read or does not hold what is asked of it."""
+
+
+class UnknownTimeError(RecordError):
+    """A file can be read but does not give its times: a rate, a column or a unit is missing."""
 
 
 class ConfigurationError(WindsysidError, ValueError):

@@ -6,6 +6,8 @@ and data sheets are known; a unit nobody listed is an error, never a guess.
 
 import math
 import re
+from collections import Counter
+from functools import cache
 
 from windsysid.errors import ConfigurationError
 
@@ -37,9 +39,10 @@ UNITS: dict[str, tuple[str, float]] = {
     "s": ("s", 1.0), "ns": ("s", 1e-9), "µs": ("s", 1e-6), "ms": ("s", 1e-3),
     "min": ("s", 60.0), "h": ("s", 3600.0), "d": ("s", 86400.0),
     "m": ("m", 1.0), "µm": ("m", 1e-6), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "km": ("m", 1e3),
-    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3), "µm/s": ("m/s", 1e-6), "km/h": ("m/s", 1.0 / 3.6),
+    "m/s": ("m/s", 1.0), "cm/s": ("m/s", 1e-2), "mm/s": ("m/s", 1e-3), "µm/s": ("m/s", 1e-6),
+    "km/h": ("m/s", 1.0 / 3.6),
     "m/s^2": ("m/s^2", 1.0), "mm/s^2": ("m/s^2", 1e-3), "g": ("m/s^2", _G), "mg": ("m/s^2", 1e-3 * _G),
-    "µg": ("m/s^2", 1e-6 * _G), "µm/s^2": ("m/s^2", 1e-6),
+    "µg": ("m/s^2", 1e-6 * _G), "µm/s^2": ("m/s^2", 1e-6), "cm/s^2": ("m/s^2", 1e-2), "Gal": ("m/s^2", 1e-2),
     "rad": ("rad", 1.0), "deg": ("rad", _DEGREE), "mrad": ("rad", 1e-3), "µrad": ("rad", 1e-6),
     "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", _DEGREE), "rpm": ("rad/s", _TURN / 60.0), "Hz": ("Hz", 1.0),
     "rad/s^2": ("rad/s^2", 1.0), "deg/s^2": ("rad/s^2", _DEGREE),
@@ -62,13 +65,13 @@ _EXAMPLES = ("m/s^2", "g", "mm", "deg", "rpm", "kN*m", "N/m")
 # Two letters look like µ, and three like ε: the Greek μ becomes the micro sign, ϵ and ɛ the letter ε. UTF-8 that was
 # read as Latin-1 has an Â before such a letter; the dot of kN·m may have become U+FFFD.
 _SPELLINGS = str.maketrans(
-    {"·": "*", "⋅": "*", "•": "*", "∙": "*", "\ufffd": "*", "²": "^2", "μ": "µ", "ϵ": "ε", "ɛ": "ε", "Â": None,
-      " ": None, "\xa0": None}
+    {"·": "*", "⋅": "*", "•": "*", "∙": "*", "\ufffd": "*", "²": "^2", "¹": "^1", "⁻": "^-", "μ": "µ", "ϵ": "ε",
+     "ɛ": "ε", "Â": None, "\xa0": " "}
 )  # fmt: skip
 _PIECES = (
     ("**", "^"),
+    ("^-^", "^-"),
     ("m\\m", "m/m"),
-    ("/sec", "/s"),
     ("N-m", "N*m"),
     ("Nm", "N*m"),
     ("kg-m", "kg*m"),
@@ -79,8 +82,7 @@ _PIECES = (
 )
 _WORDS = {
     "sec": "s", "seconds": "s", "second": "s", "degrees": "deg", "degree": "deg", "RPM": "rpm",
-    "rev/min": "rpm", "1/min": "rpm", "m/s2": "m/s^2", "m/ss": "m/s^2", "m/s/s": "m/s^2", "mm/s2": "mm/s^2",
-    "deg/s2": "deg/s^2", "rad/s2": "rad/s^2", "kg*m2": "kg*m^2", "degrees/s": "deg/s",
+    "rev/min": "rpm", "1/min": "rpm", "m/ss": "m/s^2", "gal": "Gal",
     "microstrains": "microstrain", "micro-strain": "microstrain", "ustrain": "microstrain", "µstrain": "microstrain",
     "ustr": "microstrain", "µstr": "microstrain", "uStrain": "microstrain", "µStrain": "microstrain",
     "µe": "µε", "mstrain": "mε", "millistrain": "mε", "strains": "strain", "none": "1",
@@ -89,8 +91,10 @@ _WORDS = {
     "millisecond": "ms", "milliseconds": "ms", "usec": "µs", "micros": "µs", "microsecond": "µs", "microseconds": "µs",
     "nanos": "ns", "nsec": "ns", "nanosecond": "ns", "nanoseconds": "ns",
     "DegC": "degC", "Deg": "deg", "Degrees": "deg",
-    "Volts": "V", "volts": "V", "meters/second": "m/s", "meters/s": "m/s",
+    "Volts": "V", "volts": "V", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
 }  # fmt: skip
+_FACTOR = re.compile(r"([*/]?)([a-zA-Zµ]+)(?:\^?(-[1-9]|[2-9]))?")
+"""A factor of a product: how it is joined to the one before, its unit, and its exponent."""
 
 
 def canonical(unit: str) -> str:
@@ -114,11 +118,14 @@ def canonical(unit: str) -> str:
     text = unit.strip()
     if len(text) > 1 and text[0] + text[-1] in ("()", "[]"):
         text = text[1:-1]
-    text = text.translate(_SPELLINGS)
+    spaced = text.translate(_SPELLINGS)
+    text = spaced.replace(" ", "")
     if text not in UNITS:
         for written, spelt in _PIECES:
-            text = text.replace(written, spelt)
+            text, spaced = text.replace(written, spelt), spaced.replace(written, spelt)
         text = _known_spelling(text)
+    if text not in UNITS:
+        text = _product(spaced) or text
     if text not in UNITS:
         raise ConfigurationError(
             f"unknown unit '{unit[:40]}': expected one of the units windsysid knows (such as "
@@ -134,7 +141,37 @@ def _known_spelling(text: str) -> str:
     small = text.lower()
     if "strain" in small:
         tried.append(_WORDS.get(small, small))
+    if len(small) > 2 and UNITS.get(word := _WORDS.get(small, small), ("", 1.0))[0] == "s":  # SEC, Minutes; not S or H
+        tried.append(word)
     return next((one for one in tried if one in UNITS), text)
+
+
+def _product(text: str) -> str | None:
+    """The key of `UNITS` that is the same product of powers, as ``m s-2`` is ``m/s^2``; None where there is none."""
+    text = re.sub(r"\s*([*/.^])\s*", r"\1", text.strip())
+    text = re.sub(r"[\s.]+|-(?=[^\W\d])", "*", re.sub(r"\(([^()*/.]*)\)", r"\1", text))
+    parted = re.sub(r"(?<=[^\W\d])s(?=\^?-\d)", "*s", text)  # ms-2, where no unit is per square millisecond
+    return next((_products()[key] for one in (text, parted) if (key := _powers(one)) in _products()), None)
+
+
+@cache
+def _products() -> dict[frozenset[tuple[tuple[str, bool], int]], str]:
+    """The units that are products, by their factors."""
+    return {powers: unit for unit in UNITS if (powers := _powers(unit))}
+
+
+def _powers(text: str) -> frozenset[tuple[tuple[str, bool], int]]:
+    """The factors of a product, each with whether it multiplies and its power; empty where it is no product."""
+    found: Counter[tuple[str, bool]] = Counter()
+    at = 0
+    while at < len(text):
+        factor = _FACTOR.match(text, at)
+        if factor is None or (factor[1] == "") != (at == 0):
+            return frozenset()
+        power = int(factor[3] or 1) * (-1 if factor[1] == "/" else 1)
+        found[_known_spelling(factor[2]), power > 0] += abs(power)
+        at = factor.end()
+    return frozenset(found.items()) if len(found) > 1 else frozenset()
 
 
 def si_unit(unit: str) -> str:

@@ -210,3 +210,30 @@ def test_a_matlab_file_with_constants_beside_its_signals_gets_a_mapping_that_rea
     )
     rules = load_mapping(write(tmp_path, text, "m.toml"))
     assert read_record(tmp_path / "x.mat", mapping=rules).channels == ("y_2",)
+
+
+@pytest.mark.parametrize("first", ["", "time,", "tick,"])
+def test_a_file_that_gives_no_times_gets_a_mapping_with_a_place_for_the_rate(tmp_path, first):
+    values = np.random.default_rng(1).standard_normal((400, 2))
+    ticks = [f"{10 * k}," if first else "" for k in range(400)]
+    rows = [f"{tick}{a:.6f},{b:.6f}" for tick, (a, b) in zip(ticks, values, strict=True)]
+    path = tmp_path / "x.csv"
+    path.write_text("\n".join([f"{first}ax_g,ay_g", *rows]) + "\n")
+    proposal = propose_mapping(path)
+    assert "The file gives no times" in str(proposal)
+    assert "Hz." not in str(proposal)
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(proposal.to_toml())
+    with pytest.raises(RecordError, match="rate"):
+        read_record(path, mapping=mapping)
+    mapping.write_text(proposal.to_toml().replace("# ? rate = # Hz", "rate = 20.0"))
+    record = read_record(path, mapping=mapping)
+    assert record.rate == pytest.approx(20.0)
+    assert set(record.channels) >= {"ax", "ay"}
+
+
+def test_a_time_that_a_mapping_gives_wrongly_is_refused_and_not_counted(tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text("a_g,b_g\n" + "1,2\n" * 20)
+    with pytest.raises(ConfigurationError, match="time"):
+        propose_mapping(path, Mapping(time=TimeRule(column="clock")))

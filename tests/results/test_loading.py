@@ -1,18 +1,24 @@
 """A saved result comes back as the object that made it, or one line says why not."""
 
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 import windsysid as ws
 from tests.identification.test_own_equations import fitted, shaken
 from windsysid.errors import ConfigurationError
+from windsysid.output.folders import result_file
+from windsysid.output.locks import MANIFEST
+from windsysid.records.formats.netcdf import sealed
 from windsysid.results.plain import as_plain, from_plain
+from windsysid.spectral.known_modes import as_modes
 
 
 @pytest.fixture(scope="module")
@@ -162,12 +168,34 @@ def test_what_is_no_result_is_one_line(tmp_path: Path):
         "{}",
         "[]",
         "no JSON",
+        '{"answer": ' + "[" * 100_000,
         '{"answer": "Path", "fields": {}}',
         '{"answer": "Plan", "fields": {"turbine": 1}}',
     ):
         (tmp_path / "answer.json").write_text(text)
         with pytest.raises(ConfigurationError, match=r"answer\.json is damaged or of another version"):
             ws.load_result(tmp_path)
+
+
+def test_json_that_is_nested_too_deeply_is_one_line_wherever_a_result_is_read(tmp_path: Path):
+    deep = "[" * 100_000
+    (tmp_path / "summary.json").write_text(deep)
+    with pytest.raises(ConfigurationError, match="expected a folder that windsysid oma wrote"):
+        as_modes(tmp_path)
+    (tmp_path / ".windsysid").mkdir()
+    (tmp_path / ".windsysid" / MANIFEST).write_text(deep)
+    assert result_file(tmp_path, "summary.json") == tmp_path / "summary.json"
+
+
+def test_an_identification_whose_fields_are_nested_too_deeply_is_one_line(saved: Path, tmp_path: Path):
+    shutil.copytree(saved, tmp_path / "deep")
+    path = result_file(tmp_path / "deep", "identification.nc")
+    path.write_bytes(path.read_bytes().rpartition(b"windsysid crc32 ")[0])
+    with h5py.File(path, "r+") as file:
+        file.attrs["statistics"] = "[" * 50_000
+    path.write_bytes(sealed(path.read_bytes()))
+    with pytest.raises(ConfigurationError, match="identification"):
+        ws.load_result(tmp_path / "deep")
 
 
 def test_plain_values_keep_what_json_has_no_word_for():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Mask
 from windsysid.inspection.channels import VIBRATION, Kind, is_torque, kinds
-from windsysid.records.record import AS_WRITTEN, STAMPS, Record
+from windsysid.records.record import AS_WRITTEN, RATE_DOUBT, STAMPS, Record
 from windsysid.units import unit_text
 
 __all__ = [
@@ -137,6 +137,8 @@ def clock_faults(record: Record) -> list[Finding]:
         )  # fmt: skip
     if STAMPS in record.attributes:
         found.append(Finding("", "shared time stamps", "note", record.attributes[STAMPS], 0, np.empty((0, 2))))
+    if RATE_DOUBT in record.attributes:
+        found.append(_everywhere("", "sampling rate", "warning", record.attributes[RATE_DOUBT], 0))
     return found + _repeated_rows(record)
 
 

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.errors import ConfigurationError
+from windsysid.errors import ConfigurationError, UnknownTimeError
 from windsysid.inspection.plausibility import GRAVITY, Rotor, once_per_turn
 from windsysid.inspection.tags import Meaning, meaning_of
 from windsysid.output.console import render
 from windsysid.output.table import Table
 from windsysid.records.formats import csv, format_of, read_record
 from windsysid.records.formats.files import named_after
-from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, load_mapping
+from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, TimeRule, load_mapping
 from windsysid.records.formats.openfast import known_channel
 from windsysid.records.formats.source import reading_notes
 from windsysid.records.moments import has_zone
@@ -33,6 +33,8 @@ __all__ = ["Guess", "MappingProposal", "propose_mapping"]
 _UPRIGHT = 0.03  # of g: so near to it is the mean of an upright accelerometer, or its swing in a turning rotor
 _UNITS_OF_ACCELERATION = ("m/s^2", "g", "mg", "mm/s^2")
 _MOST_SAMPLES = 1 << 18  # that show a spectrum
+_UNTIMED = "The file gives no times: write the rate, or the column and unit of the time, into [time] below."
+_TIME_TO_FILL_IN = ["", "[time]", "# ? rate = # Hz", "# ? column = ", '# ? unit = "s"']
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,8 @@ class MappingProposal:
         On the whole record.
     optional : bool
         Whether the file can be read without a mapping: then all channels are written as comments.
+    timed : bool
+        Whether the file gives its times; if not, the mapping has a place for them.
     """
 
     record: str
@@ -78,12 +82,14 @@ class MappingProposal:
     given: Mapping
     remarks: tuple[str, ...]
     optional: bool = False
+    timed: bool = True
 
     def to_toml(self) -> str:
         """The mapping file; lines that somebody must decide are comments beginning with ``# ?``."""
         lines = [f"# Proposed by windsysid for {self.record}. Check each line; what is marked with ? is in doubt."]
         lines += [f"# {text}" for text in self.remarks]
         lines += [*([] if self.optional else ["", "only_listed = true"]), *_tables(self.given)]
+        lines += [] if self.timed else _TIME_TO_FILL_IN
         for guess in self.guesses:
             lines += ["", *_channel(guess, self.optional)]
         return "\n".join(lines) + "\n"
@@ -109,17 +115,28 @@ def propose_mapping(path: str | Path, mapping: str | Path | Mapping | None = Non
         If the file cannot be read even without the units of its channels.
     """
     given = mapping if isinstance(mapping, Mapping) else Mapping() if mapping is None else load_mapping(mapping)
-    given = _with_format(Path(path), given)
-    whole, texts = _as_it_is(Path(path), given)
+    try:
+        return _proposal(Path(path), given)
+    except UnknownTimeError:
+        if given.time != TimeRule():
+            raise
+    return _proposal(Path(path), given, timed=False)
+
+
+def _proposal(path: Path, given: Mapping, *, timed: bool = True) -> MappingProposal:
+    """The proposal; where the file gives no times, without what only times show."""
+    given = _with_format(path, given) if timed else given
+    whole, texts = _as_it_is(path, given if timed else replace(given, time=TimeRule(rate=1.0)))
     record = read_record(path, mapping=whole)
     if record.attributes.get("source") == "OpenFAST":
         return _of_openfast(record, given)
     known = {name: meaning_of(name) for name in record.channels}
-    rotor, remark = _rotor(record, known)
-    guesses = [_guess(record, name, known[name], rotor) for name in record.channels]
+    rotor, remark = _rotor(record, known) if timed else (None, _UNTIMED)
+    guesses = [_guess(record, name, known[name], rotor, timed=timed) for name in record.channels]
     left = [f"Left out, because they hold text: {', '.join(texts)}."] if texts else []
     left += reading_notes(record.attributes)
-    return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*_about(record), remark, *left))
+    about = _about(record) if timed else [f"{record.samples} samples."]
+    return MappingProposal(record.name, tuple(_told_apart(guesses)), given, (*about, remark, *left), timed=timed)
 
 
 def _of_openfast(record: Record, given: Mapping) -> MappingProposal:
@@ -196,7 +213,7 @@ def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], s
     return units, "told by the range of its values" if units else "its values fit no unit of what its name says"
 
 
-def _guess(record: Record, name: str, meaning: Meaning | None, rotor: Rotor | None) -> Guess:
+def _guess(record: Record, name: str, meaning: Meaning | None, rotor: Rotor | None, *, timed: bool = True) -> Guess:
     ours = meaning.name if meaning is not None else None
     evidence = [meaning.source] if meaning is not None else []
     doubts = list(meaning.doubts) if meaning is not None else []
@@ -221,7 +238,7 @@ def _guess(record: Record, name: str, meaning: Meaning | None, rotor: Rotor | No
             doubts.append(f"the unit is told by the values only ({units[0]})")
     else:
         doubts.append(f"in {' or '.join(units)}? Its values allow each" if units else why)
-    evidence += _peak(record, values, rotor)
+    evidence += _peak(record, values, rotor) if timed else []
     unit = units[0] if len(units) == 1 else None
     if unit is not None and ours is not None and _contradicts(ours, unit):
         doubts.append(f"the name says a quantity that is not measured in {unit}")

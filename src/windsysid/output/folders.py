@@ -23,6 +23,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from windsysid.configuration import parse_json
 from windsysid.errors import OutputError
 from windsysid.output.files import explain_errors, make_folders, place_file, remove_empty, replace_file, sync
 from windsysid.output.locks import HOME, MANIFEST, TRIES, release, remove_abandoned, try_lock
@@ -181,7 +182,7 @@ class _Note:
 def _noted(folder: Path) -> _Note | None:
     """What the folder's note says; None without one that can be read, so that nothing counts as ours."""
     try:
-        found = json.loads((folder / HOME / MANIFEST).read_text(encoding="utf-8"))
+        found = parse_json((folder / HOME / MANIFEST).read_text(encoding="utf-8"))
         files, replaced = (
             {str(name): _Entry(int(entry["size"]), str(entry["sha256"])) for name, entry in found[key].items()}
             for key in ("files", "replaced")

@@ -32,13 +32,16 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["AS_WRITTEN", "LOW_PASS", "STAMPS", "Array", "Record"]
+__all__ = ["AS_WRITTEN", "LOW_PASS", "RATE_DOUBT", "STAMPS", "Array", "Record"]
 
 AS_WRITTEN = "as written: "
 """Prefix of a unit that windsysid does not know: the values are as the file has them, not converted."""
 
 LOW_PASS = "low_pass_hz"
 """Attribute of a record that went through a low-pass when its rate was lowered: the frequency [Hz]."""
+
+RATE_DOUBT = "rate_doubt"
+"""Attribute of a record whose file may give a wrong rate: the reason."""
 
 STAMPS = "time_stamps"
 """Attribute of a record whose rows share time stamps: how the rows were placed on a regular grid."""

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError
 from windsysid.output.answers import Answer
 from windsysid.output.folders import result_file
@@ -57,7 +58,7 @@ def load_result(folder: str | Path) -> Answer:
     if not path.exists():
         raise ConfigurationError(f"result {folder}: expected a folder that windsysid wrote, got {_found(folder)}")
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
+        said = parse_json(path.read_text(encoding="utf-8"))
         found: Answer = from_plain(reports.answer_class(_known(said["answer"])), said["fields"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise ConfigurationError(

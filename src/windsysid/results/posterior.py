@@ -1,6 +1,5 @@
 """What a result says about a turbine, and how to read it back from its folder."""
 
-import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
 from windsysid.output.folders import result_file
@@ -213,13 +213,13 @@ def read_parameters(file: "h5netcdf.File") -> tuple[Parameter, ...]:
 
 def read_tolerances(file: "h5netcdf.File") -> tuple[Tolerance, ...]:
     """What was known of instruments and masses within tolerances only."""
-    return tuple(Tolerance(**row) for row in json.loads(file.attrs.get("tolerances", "[]")))
+    return tuple(Tolerance(**row) for row in parse_json(file.attrs.get("tolerances", "[]")))
 
 
 def read_statistics(file: "h5netcdf.File") -> tuple[Statistic, ...]:
     """What was learned of loads and noise; version 0.1.0 wrote none."""
     found = []
-    for row in json.loads(file.attrs.get("statistics", "[]")):
+    for row in parse_json(file.attrs.get("statistics", "[]")):
         known: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
         found.append(Statistic(**known))
     return tuple(found)

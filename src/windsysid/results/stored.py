@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid._version import __version__
+from windsysid.configuration import parse_json
 from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
 from windsysid.results.diagnosis import Diagnosis
@@ -171,7 +172,7 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
         If there is none, it was changed after windsysid wrote it, or it was written by version 0.1.0.
     """
     with opened(folder) as file:
-        said = json.loads(file.attrs["result"])
+        said = parse_json(file.attrs["result"])
         fields = {name: from_plain(kind, said[name]) for name, kind in REST.items()}
         fields |= {name: str(file.attrs[name]) for name in ("method", "formulation", "record", "turbine")}
         parameters = read_parameters(file)
@@ -193,7 +194,7 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
             "loads": _read_loads(file),
             "machine": None,
             "conditions": Conditions(*(None if mean is None else float(mean) for mean in conditions)),
-            "provenance": None if traced is None else _read_provenance(json.loads(traced)),
+            "provenance": None if traced is None else _read_provenance(parse_json(traced)),
             "joint_cov": file["joint_cov"][...] if "joint_cov" in file else None,
             "tolerances": read_tolerances(file),
         }

@@ -1,6 +1,5 @@
 """The modes of a result as later questions need them: from `windsysid.oma`, or from the folder it was saved in."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -8,6 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from windsysid._types import Complex
+from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError
 from windsysid.modal.campbell import MeasuredMode
 from windsysid.output.folders import result_file
@@ -105,7 +105,7 @@ def without_damping_prior(mode: KnownMode) -> tuple[float, float]:
 
 def _summary_of(folder: Path) -> dict[str, Any]:
     try:
-        found = json.loads(result_file(folder, "summary.json").read_text(encoding="utf-8"))
+        found = parse_json(result_file(folder, "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -14,7 +14,7 @@ from windsysid.inspection.health import MAX_SHORT_GAP_SAMPLES, Finding, sampled_
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
-from windsysid.records.record import LOW_PASS, STAMPS, Record
+from windsysid.records.record import LOW_PASS, RATE_DOUBT, STAMPS, Record
 from windsysid.signals.condition import resample
 from windsysid.signals.short_gaps import fill_short_gaps
 from windsysid.spectral.dft import transform
@@ -252,8 +252,7 @@ def transforms(readings: Readings, part: slice = slice(None)) -> tuple[Array, Co
 
 def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> Record:
     """The record on a uniform grid; its longest stretch without gaps where more is missing than can be bridged."""
-    if STAMPS in record.attributes:
-        notes.append(record.attributes[STAMPS])
+    notes += [record.attributes[key] for key in (STAMPS, RATE_DOUBT) if key in record.attributes]
     try:
         record = record.on_uniform_grid()
     except RecordError:

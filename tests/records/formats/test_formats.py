@@ -7,6 +7,7 @@ import pytest
 
 from windsysid.errors import ConfigurationError, OutputError, RecordError
 from windsysid.records.formats import read_record, write_record
+from windsysid.records.formats.mapping import ChannelRule, Mapping
 from windsysid.records.record import Record
 
 SHARED = Path(__file__).parents[4] / "shared" / "data"
@@ -207,6 +208,17 @@ def test_a_bad_netcdf_is_refused_in_one_line(tmp_path, record):
     refused(csv_file(tmp_path, whole[: len(whole) // 2], "cut.nc"), "damaged")
     xr.Dataset({"map": (("lat", "lon"), np.ones((2, 3)))}).to_netcdf(tmp_path / "map.nc", engine="h5netcdf")
     refused(tmp_path / "map.nc", "not a record: expected a coordinate 'time'")
+
+
+def test_scalars_of_a_netcdf_file_are_left_out_with_a_note_and_refused_where_they_are_listed(tmp_path):
+    import xarray as xr
+
+    dataset = xr.Dataset({"u": ("time", np.arange(5.0)), "height": 80.0, "fs": 10.0}, {"time": 0.1 * np.arange(5)})
+    dataset.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
+    record = read_record(tmp_path / "x.nc")
+    assert (record.channels, record.attributes["left_out"]) == (("u",), "height, fs")
+    with pytest.raises(RecordError, match=r"'fs' is float64 with dimensions \(\)"):
+        read_record(tmp_path / "x.nc", mapping=Mapping(channels={"fs": ChannelRule(unit="1")}))
 
 
 def test_netcdf_packed_elsewhere_reads_as_xarray_unpacks_it(tmp_path):

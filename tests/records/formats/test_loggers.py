@@ -13,6 +13,7 @@ import pytest
 
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import ConfigurationError
+from windsysid.inspection import inspect_record
 from windsysid.records.formats import iterate_record, read_record
 from windsysid.records.formats.mapping import ChannelRule, Mapping, TimeRule
 
@@ -85,6 +86,14 @@ def test_tdms_without_waveforms_takes_a_channel_of_moments_or_asks_for_the_rate(
     path = tdms(tmp_path / "y.tdms", ("g", "a", VALUES[:, 0], {"unit_string": "g"}))
     refused(path, r"no series is known to be the time.*\[time\] rate")
     assert read_record(path, mapping=Mapping(time=TimeRule(rate=25.0))).rate == pytest.approx(25.0)
+
+
+def test_the_rate_that_labview_gives_where_none_was_set_is_a_warning(tmp_path):
+    unset, fast = {**WAVE, "wf_increment": 1.0}, ("g", "b", VALUES[:, 1], WAVE)
+    found = inspect_record(tdms(tmp_path / "x.tdms", ("g", "a", VALUES[:, 0], unset)))
+    assert [one.severity for one in found.findings if "LabVIEW's default" in one.text] == ["warning"]
+    other = tdms(tmp_path / "y.tdms", fast, ("g", "scada", VALUES[:2, 0], unset))
+    assert "LabVIEW's default" not in str(inspect_record(other))
 
 
 def test_the_rate_of_a_file_that_says_its_times_is_not_given_again(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from tests.records.formats.helpers import refused, write
 from windsysid.errors import OutputError, RecordError
 from windsysid.records.formats import read_record, write_record
-from windsysid.records.formats.mapping import Mapping, TimeRule
+from windsysid.records.formats.mapping import Mapping, TimeRule, load_mapping
 from windsysid.records.record import Record
 
 pa = pytest.importorskip("pyarrow", reason="the extra windsysid[parquet] is not installed")
@@ -145,14 +145,29 @@ def test_the_index_of_a_filtered_frame_is_not_its_time(tmp_path):
     assert record.attributes["dropped"] == "pandas' index counts the rows; it is left out"
 
 
-def test_a_column_that_occurs_twice_is_refused_and_never_read_by_the_wrong_one(tmp_path):
+def twice(path, again):
+    """A file with a column `again` of the name of an earlier one."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = pa.table([pa.array(0.1 * np.arange(50)), pa.array(np.arange(50.0)), pa.array(np.arange(50.0) + 1.0)],
-                     names=["time [s]", "a [m]", "a [m]"])  # fmt: skip
-    pq.write_table(table, tmp_path / "x.parquet")
-    with pytest.raises(RecordError, match=r"column 'a \[m\]' occurs 2 times; rename one"):
-        read_record(tmp_path / "x.parquet")
-    pq.write_table(table.rename_columns(["time [s]", "a [m]", "b [m]"]), tmp_path / "x.parquet")
-    assert read_record(tmp_path / "x.parquet").channels == ("a", "b")
+    columns = [0.1 * np.arange(50), np.arange(50.0), np.arange(50.0) + 1.0, again]
+    names = ["time [s]", "a [m]", "b [m]", "a [m]"]
+    pq.write_table(pa.table([pa.array(column) for column in columns], names=names), path)
+    return path
+
+
+def test_a_column_that_occurs_twice_with_equal_values_is_kept_once(tmp_path):
+    record = read_record(twice(tmp_path / "x.parquet", np.arange(50.0)))
+    assert record.channels == ("a", "b")
+    np.testing.assert_array_equal(record["a"], np.arange(50.0))
+    assert record.attributes["repeated"] == "listed several times with the same values, one kept: a"
+
+
+def test_a_column_that_occurs_twice_with_other_values_is_refused_unless_it_is_renamed(tmp_path):
+    path = twice(tmp_path / "x.parquet", np.arange(50.0) + 7.0)
+    refused(path, r"channel 'a' is listed twice with different values \(sample 0\); rename one")
+    toml = '[channels."a#2"]\nname = "a_2"\n'
+    record = read_record(path, mapping=load_mapping(write(tmp_path, toml, "m.toml")))
+    assert record.channels == ("a", "b", "a_2")
+    np.testing.assert_array_equal(record["a_2"], np.arange(50.0) + 7.0)
+    np.testing.assert_array_equal(record["b"], np.arange(50.0) + 1.0)

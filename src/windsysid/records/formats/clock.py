@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from windsysid.errors import ConfigurationError, RecordError
+from windsysid.errors import ConfigurationError, RecordError, UnknownTimeError
 from windsysid.records.formats.dates import (
     Moments,
     fitting_formats,
@@ -311,7 +311,10 @@ def _numeric(numbers: Array, unit: str | None, rule: TimeRule) -> Clock:
     first = float(numbers[0])
     if unit is None:
         with np.errstate(over="ignore"):  # the check of the rows reports a time that is too large
-            unit = confirmed_unit(numbers)
+            try:
+                unit = confirmed_unit(numbers)
+            except RecordError as error:
+                raise UnknownTimeError(str(error)) from None
     try:
         factor = to_si(1.0, unit)
         if si_unit(unit) != "s":

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from windsysid.errors import ConfigurationError, RecordError
+from windsysid.errors import ConfigurationError, RecordError, UnknownTimeError
 from windsysid.records.checks import Array, check_channels
 from windsysid.records.formats.mapping import AS_IT_IS, ChannelRule, Mapping, matches
 from windsysid.records.quantities import implied_unit, missing_units
@@ -216,7 +216,7 @@ def find_time(cells: Sequence[Cell], mapping: Mapping) -> int:
         return found[0]
     if not cells or not is_called_time(cells[0].name):
         first = cells[0].written if cells else ""
-        raise RecordError(
+        raise UnknownTimeError(
             f"the first column is '{first[:40]}', expected 'time [s]'; put the time first, or write [time] column"
             " into a mapping file, or [time] rate where none is a time"
         )

@@ -49,7 +49,7 @@ def named_after(path: Path) -> Iterator[None]:
     except RecordError as error:
         if str(error).startswith(f"{path}: "):
             raise
-        raise RecordError(f"{path}: {error}") from error
+        raise type(error)(f"{path}: {error}") from error
     except OSError as error:
         raise RecordError(f"{path}: cannot be read ({error.strerror or error}); copy it again") from error
     except MemoryError as error:

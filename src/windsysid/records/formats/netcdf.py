@@ -62,6 +62,8 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
                 f"{', '.join(list(file.variables)[:12]) or 'none'}"
             )
         names = [name for name in _order(file) if name != time_name]
+        scalars = [name for name in names if not file[name].dimensions and name not in mapping.channels]
+        names = [name for name in names if name not in scalars]
         (dimension,) = file[time_name].dimensions
 
         def some(index: int) -> Array:
@@ -74,6 +76,8 @@ def open_netcdf(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
         time = _seconds(file[time_name], time_name, mapping)
         texts = {k: str(v) for k, v in file.attrs.items() if not k.startswith("windsysid_")}
         said, attributes = split_start(texts, float(time[0]) if time.size else 0.0)
+        if scalars and not mapping.only_listed:
+            attributes = {**attributes, "left_out": ", ".join(scalars)}
         began = start_of(mapping.time, _since(file[time_name]) or said)
         name = str(file.attrs.get("windsysid_name", path.name))
     except (RecordError, ConfigurationError):

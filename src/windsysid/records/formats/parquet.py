@@ -62,8 +62,8 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
 
         def some(index: int) -> Array:
             _check_type(schema.field(index), dates=False)
-            batch = next(file.iter_batches(_SOME, columns=[schema.field(index).name]), None)
-            return np.empty(0) if batch is None else _numbers(batch.column(0))
+            batch = next(file.iter_batches(_SOME, columns=[schema.names[index]]), None)
+            return np.empty(0) if batch is None else _numbers(_column(batch, schema.names, index))
 
         columns = plan_columns(cells, (*times, *counter), mapping, some, "name the column '{}'")
         for i in [*times, *(column.index for column in columns)]:
@@ -71,24 +71,25 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
         attributes = {str(k): str(v) for k, v in parse_json(notes.get("windsysid_attributes", "{}")).items()}
         if counter:
             attributes["dropped"] = "pandas' index counts the rows; it is left out"
-        first = next(file.iter_batches(20, columns=[schema.field(times[0] if times else 0).name]), None)
-        if first is None or not first.num_rows:
+        shown = times[0] if times else 0
+        batch = next(file.iter_batches(20, columns=[schema.names[shown]]), None)
+        if batch is None or not batch.num_rows:
             raise RecordError("expected at least 2 samples, got 0; give a longer record")
-        clock = _clock(first.column(0), cells[times[0]].unit, mapping) if times else None
+        first = _column(batch, schema.names, shown)
+        clock = _clock(first, cells[shown].unit, mapping) if times else None
         times = times if clock is not None else ()
-        start = 0.0 if clock is None else float(_seconds(clock, first.column(0))[0])
+        start = 0.0 if clock is None else float(_seconds(clock, first)[0])
         said, attributes = split_start(attributes, start)
     except (RecordError, ConfigurationError):
         raise
     except (ValueError, OSError, AttributeError, KeyError, TypeError) as error:
         raise _damaged(error) from error
-    wanted = [schema.field(i).name for i in (*times, *(column.index for column in columns))]
-    _check_distinct(wanted, schema.names)
+    wanted = [*times, *(column.index for column in columns)]
     return Source(
         notes.get("windsysid_name", path.name),
         tuple(column.name for column in columns),
         tuple(column.unit for column in columns),
-        partial(_blocks, file, wanted, clock, columns, rate),
+        partial(_blocks, file, schema.names, wanted, clock, columns, rate),
         attributes,
         start,
         start_of(mapping.time, (None if clock is None else clock.start) or said),
@@ -96,20 +97,13 @@ def open_parquet(path: Path, mapping: Mapping, *, whole: bool = False) -> Source
     )
 
 
-def _check_distinct(wanted: list[str], names: list[str]) -> None:
-    """Refuse columns that occur several times: columns are read by their names."""
-    repeated = next((name for name in wanted if names.count(name) > 1), None)
-    if repeated is not None:
-        raise RecordError(f"column '{repeated}' occurs {names.count(repeated)} times; rename one and write it again")
-
-
 def _blocks(
-    file: Any, wanted: list[str], clock: Clock | None, columns: Sequence[Column], rate: float | None, start: float,
-    end: float,
+    file: Any, names: list[str], wanted: list[int], clock: Clock | None, columns: Sequence[Column], rate: float | None,
+    start: float, end: float,
 ) -> Iterator[Block]:  # fmt: skip
     """Blocks of the rows from `start` to `end` [s]; without a clock rows are counted, with no time in `wanted`."""
     done, total, waiting = 0, max(file.metadata.num_rows, 1), None
-    for rows in _batches(file, wanted):
+    for rows in _batches(file, names, wanted):
         counted = np.arange(done, done + len(rows[0])) / (rate or 1.0)
         seconds = counted if clock is None else _seconds(clock, rows[0])
         done += seconds.size
@@ -178,39 +172,40 @@ class _Footer:
     was read of.
     """
 
-    def __init__(self, file: Any, names: list[str]) -> None:
+    def __init__(self, file: Any, names: list[str], wanted: list[int]) -> None:
         self.about, self.names = file.metadata, names
         paths = [self.about.schema.column(i).path for i in range(self.about.num_columns)]
-        self.at = {name: paths.index(name) for name in names if name in paths}
+        places = {name: [i for i, path in enumerate(paths) if path == name] for name in names}
+        self.at = {i: places[names[i]][_occurrence(names, i)] for i in wanted if places[names[i]]}
         self.group, self.begin, self.done = 0, 0, 0  # the group at hand, its first row, rows that came
 
     def check(self, batch: Any) -> None:
         """Refuse rows of which the footer says something else."""
         self.done += batch.num_rows
-        limits: dict[str, list[tuple[Any, Any]]] = {name: [] for name in self.at}
+        limits: dict[int, list[tuple[Any, Any]]] = {index: [] for index in self.at}
         groups = 0
         while self.begin < self.done and self.group < self.about.num_row_groups:
             group = self.about.row_group(self.group)
-            for name, i in self.at.items():
+            for index, i in self.at.items():
                 column = group.column(i)
-                if column.path_in_schema != name:
+                if column.path_in_schema != self.names[index]:
                     raise RecordError("is damaged: its footer gives a column two names; copy or export it again")
                 told = column.statistics
                 if told is not None and told.has_min_max and isinstance(told.min, int | float):
-                    limits[name].append((told.min, told.max))
+                    limits[index].append((told.min, told.max))
             groups += 1
             if self.begin + group.num_rows > self.done:
                 break
             self.group, self.begin = self.group + 1, self.begin + group.num_rows
         compute = _pyarrow("pyarrow.compute")
-        for name, pairs in limits.items():
-            found = compute.min_max(batch.column(batch.schema.get_field_index(name))).as_py()
+        for index, pairs in limits.items():
+            found = compute.min_max(_column(batch, self.names, index)).as_py()
             if len(pairs) < groups or found["min"] is None:
                 continue
             if found["min"] < min(low for low, _ in pairs) or found["max"] > max(high for _, high in pairs):
                 raise RecordError(
-                    f"is damaged: column '{name}' has values beyond the least and greatest that the footer says; copy"
-                    " or export it again"
+                    f"is damaged: column '{self.names[index]}' has values beyond the least and greatest that the footer"
+                    " says; copy or export it again"
                 )
 
     def check_end(self) -> None:
@@ -236,17 +231,29 @@ def _damaged(error: Exception) -> RecordError:
     return RecordError(f"is damaged, cut off or no Parquet ({reason}); copy or export it again")
 
 
-def _batches(file: Any, names: list[str]) -> Iterator[list[Any]]:
+def _batches(file: Any, names: list[str], wanted: list[int]) -> Iterator[list[Any]]:
+    """The columns at the indices `wanted` of a file with columns of these names, batch by batch."""
     try:
-        footer = _Footer(file, names)
-        for batch in file.iter_batches(max(1, min(_GROUP, _VALUES // len(names))), columns=names):
+        footer = _Footer(file, names, wanted)
+        read = list(dict.fromkeys(names[i] for i in wanted))
+        for batch in file.iter_batches(max(1, min(_GROUP, _VALUES // len(wanted))), columns=read):
             footer.check(batch)
-            yield [batch.column(batch.schema.get_field_index(name)) for name in names]
+            yield [_column(batch, names, i) for i in wanted]
         footer.check_end()
     except (ValueError, OSError, KeyError) as error:
         if isinstance(error, RecordError):
             raise
         raise _damaged(error) from error
+
+
+def _column(batch: Any, names: list[str], index: int) -> Any:
+    """The column at `index` of the file: pyarrow reads by name, and gives all columns of that name in their order."""
+    return batch.column(sorted(batch.schema.get_all_field_indices(names[index]))[_occurrence(names, index)])
+
+
+def _occurrence(names: list[str], index: int) -> int:
+    """How many columns before the one at `index` have its name."""
+    return names[:index].count(names[index])
 
 
 def _cell(field: Any) -> Cell:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from windsysid.errors import ConfigurationError, RecordError
+from windsysid.errors import ConfigurationError, RecordError, UnknownTimeError
 from windsysid.records.checks import UNIFORM
 from windsysid.records.formats.clock import Moments, counted_clock, exact_seconds, make_clock, moments_clock, start_of
 from windsysid.records.formats.columns import Cell, Column, find_time, is_called_time, name_and_unit, plan_columns
@@ -201,7 +201,7 @@ def _time_index(series: Sequence[Series], mapping: Mapping, hint: str) -> int | 
         return None
     found = f"{len(called)} are called so" if called else "none is called so"
     found += f"; {hint}" if hint else ""
-    raise RecordError(
+    raise UnknownTimeError(
         f"no series is known to be the time: {found}; name it in the mapping file ([time] column), or say the rate [Hz]"
         " there ([time] rate)"
     )

@@ -24,7 +24,7 @@ from windsysid.records.formats.format import Format, package
 from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.series import Grid, Series, cell_of, short_names, source_of_series, utc
 from windsysid.records.formats.source import Source, doubles
-from windsysid.records.record import Array
+from windsysid.records.record import RATE_DOUBT, Array
 
 __all__ = ["FORMAT"]
 
@@ -32,6 +32,11 @@ _LEAD = 28  # bytes
 _BIG_ENDIAN, _DAQMX = 1 << 6, 1 << 7  # flags of a segment
 _VERSIONS, _FLAGS = (4712, 4713), 0b1111_1110
 _OPEN_END = 0xFFFFFFFFFFFFFFFF  # the length of a segment that LabVIEW had not finished
+
+_DEFAULT_RATE = (
+    "the file gives 1 Hz, LabVIEW's default where no rate was set: check it; if it is wrong, every frequency is; set"
+    " wf_increment [s] in the file"
+)
 
 
 def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
@@ -44,6 +49,8 @@ def open_tdms(path: Path, mapping: Mapping, *, whole: bool = False) -> Source:
             file = nptdms.TdmsFile.open(stream)
         channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
         attributes = {str(key): str(value) for key, value in file.properties.items()}
+        if mapping.time.column is None and {channel.properties.get("wf_increment") for channel in channels} == {1.0}:
+            attributes[RATE_DOUBT] = _DEFAULT_RATE
         if plain and all(channel.data_type.size for channel in channels):
             needed = sum(len(channel) * channel.data_type.size for channel in channels)
             if needed != numbers:
