@@ -31,8 +31,7 @@ BURST_PROBABILITY = 1e-4
 """False-alarm probability of a burst in a stationary record, all channels together."""
 
 MIN_BURST_SHARE = 0.375
-"""Share of a channel's power in one of 16 segments from which a burst matters: its rms is three times that of the rest,
-which is more than a gust makes."""
+"""Smallest share of a channel's power in one of 16 segments of a burst: the rms is three times that of the rest."""
 
 MIN_FALL, MIN_COMMON_FALL = 3.0, 1.5
 """Smallest ratio of rms values of a transient, for one channel, and for two or more channels together."""
@@ -90,7 +89,7 @@ class Burst(NamedTuple):
 
 
 def find_burst(values: Array, channels: Sequence[str], rate: float) -> Burst | None:
-    """The least probable burst in readings (T, m) at `rate` [Hz]; None where chance can explain every channel."""
+    """Find the least probable burst in readings (T, m) at `rate` [Hz]; None if chance explains every channel."""
     found = [(*_largest_share(column), name) for name, column in zip(channels, values.T, strict=True)]
     bursts = [one for one in found if one[2] >= MIN_BURST_SHARE and one[0] * len(found) <= BURST_PROBABILITY]
     if not bursts:
