@@ -10,6 +10,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import Info
 from windsysid.identification.outcome import PART_OF, Outcome
+from windsysid.inspection import MIN_SAMPLES
 from windsysid.inspection.channels import VIBRATION, kinds
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import read_besides, screen
@@ -45,9 +46,8 @@ TAKEN_AS_MISSING = {
 """Faults of readings that are left out, and what an inspection says of them."""
 
 
-FEWEST_PER_PERIOD, FEWEST = 2.5, 20
-"""Samples per period of the slowest mode below which nothing of it is left in a resampled record, and fewest samples of
-such a record."""
+FEWEST_PER_PERIOD = 2.5
+"""Samples per period of the slowest mode below which nothing of it is left in a resampled record."""
 
 MAX_STEP = 0.31
 """Longest step of the equations, times the highest natural frequency [rad].
@@ -193,7 +193,7 @@ def resample_for_model(
     """
     read = [sensor.channel for sensor in sensors]
     slow = choose_rate(record.rate, record.duration, turbine, rate)
-    needed = FEWEST / (slow or record.rate)
+    needed = MIN_SAMPLES / (slow or record.rate)
     if record.duration < needed - 1.0 / record.rate:
         raise RecordError(
             f"{record.name}: {record.samples} samples in {record.duration:.3g} s are too few: expected at least"
@@ -280,7 +280,7 @@ def _check_rate(duration: float, turbine: Turbine, rate: float) -> None:
     """Refuse a rate whose low-pass, flat to 0.4 of it, takes every mode out of the record, or that leaves next to no
     readings."""
     slowest = turbine.slowest_frequency / (2.0 * math.pi)
-    least = max(FEWEST_PER_PERIOD * slowest, FEWEST / duration)
+    least = max(FEWEST_PER_PERIOD * slowest, MIN_SAMPLES / duration)
     if rate < least:
         periods = duration * slowest
         left = (

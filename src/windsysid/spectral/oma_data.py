@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
+from windsysid.inspection import MIN_MODAL_SAMPLES
 from windsysid.inspection.continuity import copies_among
 from windsysid.inspection.health import MAX_SHORT_GAP_SAMPLES, Finding, sampled_every
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
@@ -24,7 +25,6 @@ from windsysid.spectral.tonal import find_lines, without_harmonics, without_line
 
 __all__ = ["Line", "Readings", "prepare_readings", "transforms"]
 
-LEAST_SAMPLES = 256
 MAX_BRIDGED = 0.02
 """Largest share of missing samples that are bridged by straight lines; if more are missing, the longest segment
 without gaps is used."""
@@ -279,7 +279,7 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
         whole = ~missing.any(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], whole.astype(np.int8), [0]])))
         lengths = edges[1::2] - edges[::2]
-        if not lengths.size or lengths.max() < LEAST_SAMPLES:
+        if not lengths.size or lengths.max() < MIN_MODAL_SAMPLES:
             raise RecordError(
                 f"{record.name}: {100 * share:.0f} % of a channel is missing and no stretch is whole: choose other "
                 f"channels, or a section"
@@ -294,10 +294,10 @@ def _without_gaps(record: Record, channels: Sequence[str], notes: list[str]) -> 
         )
     elif share:
         notes.append(f"{100 * share:.2g} % of a channel is missing and was bridged by straight lines")
-    if record.samples < LEAST_SAMPLES:
+    if record.samples < MIN_MODAL_SAMPLES:
         raise RecordError(
-            f"{record.name}: {record.samples} samples are too few for modes: expected {LEAST_SAMPLES} at least, and "
-            f"100 cycles of a mode"
+            f"{record.name}: {record.samples} samples are too few for modes: expected {MIN_MODAL_SAMPLES} at least, "
+            f"and 100 cycles of a mode"
         )
     return record
 
