@@ -18,8 +18,13 @@ from numba import types
 
 from filters import joint_model, record, scenarios
 from windsysid import EKF, Prior, StateSpace, Turbine
-from windsysid.identification.force_balance import analysis_band, balance_forces, balance_statespace, measured_motion
-from windsysid.identification.prior import identifiable
+from windsysid.identification.estimate.force_balance import (
+    analysis_band,
+    balance_forces,
+    balance_statespace,
+    measured_motion,
+)
+from windsysid.identification.model.prior import identifiable
 from windsysid.kernels.jit import JACOBIAN, VALUE, compiled, inlined
 from windsysid.signals import rotor_inputs
 from windsysid.simulation.record import simulate_record

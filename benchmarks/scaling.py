@@ -26,12 +26,12 @@ from sheets import Sheet, number, present
 
 from windsysid import EKF, Prior, Turbine, load_turbine
 from windsysid.filters import Belief, ParticleFilter
-from windsysid.identification import posterior_mode as likelihood
-from windsysid.identification.force_balance import Balance, analysis_band, balance_statespace
-from windsysid.identification.joint import first_estimate
-from windsysid.identification.prior import identifiable
-from windsysid.identification.problem import TurbineProblem, pose
-from windsysid.identification.recursive import MEMORY, advance, begin
+from windsysid.identification.estimate import scoring as likelihood
+from windsysid.identification.estimate.force_balance import Balance, analysis_band, balance_statespace
+from windsysid.identification.estimate.online import MEMORY, advance, begin
+from windsysid.identification.estimate.time_domain import first_estimate
+from windsysid.identification.model.prior import identifiable
+from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.simulation.record import simulate_record

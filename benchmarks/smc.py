@@ -26,8 +26,8 @@ from rich.table import Table
 
 from windsysid import load_turbine
 from windsysid.filters import EKF, ParticleFilter
-from windsysid.identification.force_balance import Balance, analysis_band, balance_statespace
-from windsysid.identification.prior import identifiable
+from windsysid.identification.estimate.force_balance import Balance, analysis_band, balance_statespace
+from windsysid.identification.model.prior import identifiable
 from windsysid.statespace.compose import StateSpace
 from windsysid.study.arms import START, record_balance
 from windsysid.study.scenario import RATE, simulate_reference

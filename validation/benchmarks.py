@@ -31,7 +31,7 @@ import sympy as sp
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.filters import FILTERS, Filter
-from windsysid.identification.own_equations import Reading, fit
+from windsysid.identification.fit_equations import Reading, fit
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.equations import Equations
 from windsysid.output.console import render

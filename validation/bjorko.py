@@ -27,7 +27,7 @@ import sympy as sp
 
 from windsysid._types import Array
 from windsysid.errors import RecordError, WindsysidError
-from windsysid.identification.own_equations import Fit, Reading, fit
+from windsysid.identification.fit_equations import Fit, Reading, fit
 from windsysid.mechanics.equations import Equations
 from windsysid.output.console import render
 from windsysid.records.record import Record

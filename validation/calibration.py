@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.identification.condition.readings import usable_sensors
+from windsysid.identification.estimate.scoring import INCREMENT, information
 from windsysid.identification.identify import identify
-from windsysid.identification.posterior_mode import INCREMENT, information
-from windsysid.identification.prepare import usable_sensors
-from windsysid.identification.prior import Prior
-from windsysid.identification.problem import pose
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.mechanics.compile import compile_model
 from windsysid.output.console import render
 from windsysid.records.record import Record

@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from windsysid.identification.identify import identify
-from windsysid.identification.prior import Prior
+from windsysid.identification.model.prior import Prior
 from windsysid.monitoring.change import Change
 from windsysid.monitoring.comparison import compare
 from windsysid.output.console import render

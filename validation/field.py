@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from windsysid.errors import RecordError, WindsysidError
+from windsysid.identification.condition.readings import add_noise, with_noise
 from windsysid.identification.identify import identify
-from windsysid.identification.prepare import add_noise, with_noise
-from windsysid.identification.prior import Prior
+from windsysid.identification.model.prior import Prior
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes_with_slopes
 from windsysid.monitoring.change import MOVED_MIN_ODDS, Comparison

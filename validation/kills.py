@@ -21,14 +21,14 @@ from pathlib import Path
 import h5netcdf
 import numpy as np
 
-from windsysid.identification.recursive import History, begin, restore
-from windsysid.identification.recursive import save as save_checkpoint
+from windsysid.checks.verdict import Diagnosis
+from windsysid.identification.estimate.online import History, begin, restore
+from windsysid.identification.estimate.online import save as save_checkpoint
 from windsysid.output.folders import Saveable, result_file
 from windsysid.output.locks import HOME, LOCK, PART
 from windsysid.records.formats import read_record, write_record
 from windsysid.records.record import Record
 from windsysid.reports.html import Section, report_page
-from windsysid.results.diagnosis import Diagnosis
 from windsysid.results.identification import Estimate, Identification
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.parameter import Parameter

@@ -31,9 +31,9 @@ import numpy as np
 
 from validation.oma import table
 from windsysid.records.record import Record
-from windsysid.spectral.association import Seen, follow_modes
-from windsysid.spectral.oma import analyse_vibration
-from windsysid.spectral.operational import OperationalMode, OperationalModes
+from windsysid.spectral.oma.analyse import analyse_vibration
+from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
+from windsysid.spectral.oma.result import OperationalMode, OperationalModes
 
 Array = np.ndarray
 

@@ -33,8 +33,8 @@ from scipy.signal import lfilter
 from windsysid.output.console import render
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record
-from windsysid.spectral.oma import analyse_vibration
-from windsysid.spectral.operational import OperationalModes
+from windsysid.spectral.oma.analyse import analyse_vibration
+from windsysid.spectral.oma.result import OperationalModes
 
 Array = np.ndarray
 

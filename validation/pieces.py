@@ -22,9 +22,11 @@ import sympy as sp
 from windsysid import Equations, GaussMarkov, Parameter, Reading, fit
 from windsysid.filters import bank
 from windsysid.filters.protocol import Filter
-from windsysid.identification import load_choice, posterior_mode, problem
+from windsysid.identification.estimate import load_selection as load_choice
+from windsysid.identification.estimate import scoring as posterior_mode
 from windsysid.identification.identify import identify
-from windsysid.identification.pieces import identify_pieces
+from windsysid.identification.model import turbine_problem as problem
+from windsysid.identification.streaming.time_domain import identify_pieces
 from windsysid.output.console import render
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record

@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from validation.field import READ
 from windsysid._types import Array
 from windsysid.errors import RecordError, WindsysidError
+from windsysid.identification.condition.readings import add_noise, with_noise
 from windsysid.identification.identify import identify
-from windsysid.identification.prepare import add_noise, with_noise
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import PlacedSensor
 from windsysid.modal.analysis import modes

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.identification.conclude import conclude
-from windsysid.identification.joint import identify_jointly
-from windsysid.identification.prepare import usable_sensors
-from windsysid.identification.prior import Prior
+from windsysid.identification.condition.readings import usable_sensors
+from windsysid.identification.estimate.time_domain import identify_jointly
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.verdict.conclude import conclude
 from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification

@@ -32,13 +32,13 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.identifiability import standard_deviations
 from windsysid.errors import WindsysidError
-from windsysid.identification.planning import plan
+from windsysid.identification.planning.plan import plan
 from windsysid.monitoring.changes import Watch
 from windsysid.monitoring.series import DAY, Blocks, gather
 from windsysid.monitoring.watch import TOLERATED_DRIFT, YEAR, watch
 from windsysid.output.console import render
-from windsysid.results.directions import standard_deviations
 from windsysid.results.posterior import Posterior
 from windsysid.turbine.file import load_turbine
 

@@ -27,7 +27,7 @@ from windsysid.live.block import Block
 from windsysid.live.codec import BlockRefused, Limits, decode, encode_arrow
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.store.contents import Alarm, Commit, Status
-from windsysid.results.plain import finite
+from windsysid.results.serialization import finite
 
 FOLLOWED = [Followed(Member("T01", "tower")), Followed(Member("T02", "tower"))]
 """Put your turbines here."""

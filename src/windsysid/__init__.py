@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from windsysid.filters.particles.filter import ParticleFilter
     from windsysid.filters.particles.raoblackwell import RaoBlackwellised
     from windsysid.fleet.batch import Batch, batch
+    from windsysid.identification.condition.readings import add_noise
+    from windsysid.identification.estimate.profile import Profile, profile_likelihood
+    from windsysid.identification.fit_equations import Fit, Reading, fit
     from windsysid.identification.identify import identify
-    from windsysid.identification.own_equations import Fit, Reading, fit
-    from windsysid.identification.pieces import identify_pieces
-    from windsysid.identification.planning import Plan, plan
-    from windsysid.identification.prepare import add_noise
-    from windsysid.identification.prior import Prior
-    from windsysid.identification.profile import Profile, profile_likelihood
+    from windsysid.identification.model.prior import Prior
+    from windsysid.identification.planning.plan import Plan, plan
+    from windsysid.identification.streaming.time_domain import identify_pieces
     from windsysid.inspection import inspect_record as inspect
     from windsysid.inspection.inspection import Inspection
     from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, register_loads
@@ -67,9 +67,9 @@ if TYPE_CHECKING:
     from windsysid.results.posterior import Posterior, load_posterior
     from windsysid.results.provenance import Provenance
     from windsysid.simulation.record import simulate_record as simulate
-    from windsysid.spectral.modal_sensors import ModalSensor
-    from windsysid.spectral.oma import analyse_vibration as oma
-    from windsysid.spectral.operational import OperationalMode, OperationalModes
+    from windsysid.spectral.oma.analyse import analyse_vibration as oma
+    from windsysid.spectral.oma.result import OperationalMode, OperationalModes
+    from windsysid.spectral.oma.sensors import ModalSensor
     from windsysid.statespace.compose import StateSpace, compose
     from windsysid.statespace.gauss_markov import GaussMarkov
     from windsysid.statespace.parameter import Parameter
@@ -84,12 +84,12 @@ _WHERE = {
     "filters.particles.raoblackwell": "RaoBlackwellised",
     "fleet.batch": "Batch batch",
     "identification.identify": "identify",
-    "identification.own_equations": "Fit Reading fit",
-    "identification.pieces": "identify_pieces",
-    "identification.planning": "Plan plan",
-    "identification.prepare": "add_noise",
-    "identification.prior": "Prior",
-    "identification.profile": "Profile profile_likelihood",
+    "identification.fit_equations": "Fit Reading fit",
+    "identification.streaming.time_domain": "identify_pieces",
+    "identification.planning.plan": "Plan plan",
+    "identification.condition.readings": "add_noise",
+    "identification.model.prior": "Prior",
+    "identification.estimate.profile": "Profile profile_likelihood",
     "inspection": "inspect=inspect_record",
     "inspection.inspection": "Inspection",
     "mechanics.compile": "CompiledModel compile_model",
@@ -122,9 +122,9 @@ _WHERE = {
     "results.posterior": "Posterior load_posterior",
     "results.provenance": "Provenance",
     "simulation.record": "simulate=simulate_record",
-    "spectral.modal_sensors": "ModalSensor",
-    "spectral.oma": "oma=analyse_vibration",
-    "spectral.operational": "OperationalMode OperationalModes",
+    "spectral.oma.sensors": "ModalSensor",
+    "spectral.oma.analyse": "oma=analyse_vibration",
+    "spectral.oma.result": "OperationalMode OperationalModes",
     "statespace.compose": "StateSpace compose",
     "statespace.gauss_markov": "GaussMarkov",
     "statespace.parameter": "Parameter",

@@ -11,7 +11,7 @@ from tests.filters.test_protocol import LOADS, MODELS, chain_with, record
 from tests.mechanics.models import CHAIN_VALUES, chain_sensors
 from windsysid.filters import EKF
 from windsysid.filters.bank import bank_of, run_bank
-from windsysid.identification.posterior_mode import neighbours, score
+from windsysid.identification.estimate.scoring import neighbours, score
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.parameter import Parameter
 from windsysid.statespace.process import LoadBlock

@@ -9,7 +9,7 @@ from tests.filters.test_protocol import every_filter
 from tests.filters.textbook import composed, dense, kalman, rauch_tung_striebel, simulated
 from windsysid.filters import EKF, IEKF, Filter, smooth
 from windsysid.filters.bank import bank_of, run_bank
-from windsysid.identification.own_equations import Reading
+from windsysid.identification.fit_equations import Reading
 from windsysid.mechanics.equations import Equations
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.gauss_markov import GaussMarkov

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from windsysid.identification.clocks import Lateness, Shifted, advance, clock_information, derivative
-from windsysid.identification.own_equations import Reading
-from windsysid.identification.posterior_mode import look
+from windsysid.identification.effects.clock_lag import Lateness, Shifted, advance, clock_information, derivative
+from windsysid.identification.estimate.scoring import look
+from windsysid.identification.fit_equations import Reading
 from windsysid.mechanics.equations import Equations
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.gauss_markov import GaussMarkov

@@ -7,8 +7,8 @@ import pytest
 from validation.adversary.instruments import Instruments
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
-from windsysid.identification import drifting_clocks
-from windsysid.identification.drifting_clocks import Drift, find_drift, persists, together, without_drift
+from windsysid.identification.effects import clock_drift as drifting_clocks
+from windsysid.identification.effects.clock_drift import Drift, find_drift, persists, together, without_drift
 from windsysid.identification.identify import identify
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record

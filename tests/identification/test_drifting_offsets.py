@@ -5,11 +5,11 @@ import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
 from validation import towers
-from windsysid.identification.drifting_offsets import with_drifting_offsets
+from windsysid.identification.effects.random_walk_bias import with_drifting_offsets
+from windsysid.identification.estimate.frequency_domain import ask
 from windsysid.identification.identify import identify
-from windsysid.identification.outcome import known_inputs
-from windsysid.identification.prior import Prior
-from windsysid.identification.spectral import ask
+from windsysid.identification.model.fit import known_inputs
+from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from windsysid.errors import RecordError
-from windsysid.identification.force_balance import (
+from windsysid.identification.estimate.force_balance import (
     LOADS_WITHHELD,
     Balance,
     Kinematic,
@@ -18,8 +18,8 @@ from windsysid.identification.force_balance import (
     identify_by_force_balance,
     measured_motion,
 )
-from windsysid.identification.outcome import Outcome
-from windsysid.identification.prior import Prior, identifiable
+from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.mechanics import RotorModel
 from windsysid.records.record import Record
 from windsysid.signals import band_pass

@@ -12,13 +12,13 @@ import pytest
 import xarray as xr
 
 from windsysid.errors import ConfigurationError, NumericalError, RecordError
+from windsysid.identification import formulations as ways
 from windsysid.identification import identify as identify_module
-from windsysid.identification import ways
-from windsysid.identification.joint import identify_jointly_from
-from windsysid.identification.pieces import identify_pieces
-from windsysid.identification.prepare import add_noise, usable_sensors, with_noise
-from windsysid.identification.prior import Prior
-from windsysid.identification.spectral import identify_by_spectrum
+from windsysid.identification.condition.readings import add_noise, usable_sensors, with_noise
+from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
+from windsysid.identification.estimate.time_domain import identify_jointly_from
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.streaming.time_domain import identify_pieces
 from windsysid.mechanics import Sensor
 from windsysid.mechanics.sensors import Accelerometer
 from windsysid.modal.sweep import find_modes
@@ -281,7 +281,9 @@ def test_a_section_must_leave_something_to_the_force_balance(verne555, record):
 @pytest.mark.parametrize(("rate", "left"), [(0.1, 4), (1e-6, 1), (4.0, 160)])
 def test_a_rate_that_leaves_no_motion_is_refused_at_once(verne555, record, rate, left, monkeypatch):
     # verne555's slowest mode stands at 1.67 Hz: 40 s hold 67 periods of it, and 2.5 samples a period are 4.2 Hz.
-    monkeypatch.setattr("windsysid.identification.ways.identify_jointly", lambda *_, **__: pytest.fail("went on"))
+    monkeypatch.setattr(
+        "windsysid.identification.formulations.identify_jointly", lambda *_, **__: pytest.fail("went on")
+    )
     slowest = verne555.natural_frequency("y") / (2.0 * np.pi)
     with pytest.raises(ConfigurationError, match=rf"rate: {rate:g} Hz would leave {left} samples of 6\d") as error:
         identify(record, verne555, rate=rate)
@@ -465,7 +467,7 @@ def test_auto_goes_by_filters_and_holds_them_against_spectra(verne555):
 
 def test_auto_takes_the_long_way_where_the_load_model_of_spectra_does_not_explain_the_record(verne555, monkeypatch):
     record = simulate_record(verne555, duration=60.0, rate=100.0, seed=8).section(0.0, 45.0)
-    monkeypatch.setattr("windsysid.identification.joint.is_explained", lambda whiteness: False)
+    monkeypatch.setattr("windsysid.identification.estimate.time_domain.is_explained", lambda whiteness: False)
     sensors = verne555.sensors
     near = identify_by_spectrum(record, verne555, sensors, Prior())
     assert identify_jointly_from(near, record, verne555, sensors, Prior()) is None

@@ -8,8 +8,8 @@ import pytest
 
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification import identify as front
-from windsysid.identification.outcome import check_finite, known_loads
-from windsysid.identification.prior import Prior, identifiable
+from windsysid.identification.model.fit import check_finite, known_loads
+from windsysid.identification.model.prior import Prior, identifiable
 from windsysid.mechanics import RotorModel, compile_model
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
@@ -252,7 +252,7 @@ def test_a_recursion_that_loses_its_way_costs_the_history_only(verne555, driven,
     def astray(*_):
         raise WindsysidError("rational spectrum: expected a positive rms, got nan")
 
-    monkeypatch.setattr("windsysid.identification.solve._take_in", astray)
+    monkeypatch.setattr("windsysid.identification.estimate.search._take_in", astray)
     result = identify(driven, verne555, prior=Prior(1.3, 1.3))
     whole = found[1.3]
     assert result.diagnosis.trusted
@@ -286,7 +286,7 @@ def test_readings_in_another_unit_than_they_say_are_one_clear_error(verne555, dr
     def singular(*_):
         raise np.linalg.LinAlgError("Singular matrix")
 
-    monkeypatch.setattr("windsysid.identification.solve._search", singular)
+    monkeypatch.setattr("windsysid.identification.estimate.search._search", singular)
     with pytest.raises(WindsysidError, match="the filter diverged"):
         identify(driven.section(0.0, 20.0), verne555, loads="broadband")
 

@@ -9,11 +9,11 @@ from scipy.stats import multivariate_normal
 
 from tests.mechanics.models import Reads, symbols
 from windsysid.filters.protocol import empty_info
-from windsysid.identification.joint import first_estimate, load_models
-from windsysid.identification.load_choice import Question, _loads_matter, _log_evidence, choose
-from windsysid.identification.prepare import usable_sensors
-from windsysid.identification.prior import Prior
-from windsysid.identification.recursive import begin
+from windsysid.identification.condition.readings import usable_sensors
+from windsysid.identification.estimate.load_selection import Question, _loads_matter, _log_evidence, choose
+from windsysid.identification.estimate.online import begin
+from windsysid.identification.estimate.time_domain import first_estimate, load_models
+from windsysid.identification.model.prior import Prior
 from windsysid.mechanics.equations import Equations
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.compose import compose

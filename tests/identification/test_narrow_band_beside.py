@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
-import windsysid.identification.narrow_band_beside as beside
-from windsysid.identification.joint import identify_jointly
-from windsysid.identification.outcome import Outcome
-from windsysid.identification.prior import Prior
-from windsysid.identification.tolerances import ALL
+import windsysid.identification.effects.narrow_band_alternative as beside
+from windsysid.identification.estimate.time_domain import identify_jointly
+from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.tolerances import ALL
 from windsysid.records.record import Record
-from windsysid.spectral.question import Question
+from windsysid.spectral.rotor.problem import Question
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine

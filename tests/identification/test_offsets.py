@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
+from windsysid.identification.effects.bias import with_offsets
 from windsysid.identification.identify import identify
-from windsysid.identification.offsets import with_offsets
 from windsysid.mechanics.sensors import Accelerometer
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record

@@ -9,8 +9,8 @@ import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as front
-from windsysid.identification import planned_ways
-from windsysid.identification.planning import plan
+from windsysid.identification.planning import formulations as planned_ways
+from windsysid.identification.planning.plan import plan
 from windsysid.inspection import inspect_record
 from windsysid.modal.sweep import find_modes
 from windsysid.records.record import Record

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from windsysid.errors import ConfigurationError
-from windsysid.identification import planned_ways
+from windsysid.identification.estimate.scoring import information
 from windsysid.identification.identify import identify
-from windsysid.identification.planned_ways import Planned
-from windsysid.identification.planning import Plan, plan
-from windsysid.identification.posterior_mode import information
-from windsysid.identification.prior import Prior, identifiable
-from windsysid.identification.problem import pose
+from windsysid.identification.model.prior import Prior, identifiable
+from windsysid.identification.model.turbine_problem import pose
+from windsysid.identification.planning import formulations as planned_ways
+from windsysid.identification.planning.formulations import Planned
+from windsysid.identification.planning.plan import Plan, plan
 from windsysid.mechanics import RotorModel
 from windsysid.output.progress import unheard
 from windsysid.simulation.record import simulate_record

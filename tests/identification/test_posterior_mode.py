@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from windsysid.identification.own_equations import Reading
-from windsysid.identification.posterior_mode import find_mode, information
+from windsysid.identification.estimate.scoring import find_mode, information
+from windsysid.identification.fit_equations import Reading
 from windsysid.mechanics.equations import Equations
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.gauss_markov import GaussMarkov

@@ -10,8 +10,8 @@ import pytest
 from tests.filters.test_drift import Drifts
 from tests.filters.test_protocol import chain_with
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
-from windsysid.identification.prior import Prior
-from windsysid.identification.problem import pose
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.loads.statistics import coordinates_of
 from windsysid.mechanics import RotorModel, compile_model
 from windsysid.mechanics.sensor_lists import as_sensor

@@ -7,9 +7,9 @@ from scipy.optimize import minimize
 from tests.identification.test_planning import one_mode
 from windsysid.errors import ConfigurationError
 from windsysid.filters import EKF
-from windsysid.identification.prior import Prior
-from windsysid.identification.problem import pose
-from windsysid.identification.profile import Profile, profile_likelihood
+from windsysid.identification.estimate.profile import Profile, profile_likelihood
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 

@@ -8,8 +8,8 @@ import pytest
 
 from tests.mechanics.models import Reads, symbols
 from windsysid.filters import EKF
-from windsysid.identification.posterior_mode import information, posterior_mode
-from windsysid.identification.recursive import advance, begin, finish
+from windsysid.identification.estimate.online import advance, begin, finish
+from windsysid.identification.estimate.scoring import information, posterior_mode
 from windsysid.mechanics.equations import Equations
 from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.gauss_markov import GaussMarkov

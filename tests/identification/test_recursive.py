@@ -8,8 +8,8 @@ import pytest
 
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
 from windsysid.errors import ConfigurationError
-from windsysid.identification.posterior_mode import posterior_mode
-from windsysid.identification.recursive import History, Online, advance, begin, finish, restore, save
+from windsysid.identification.estimate.online import History, Online, advance, begin, finish, restore, save
+from windsysid.identification.estimate.scoring import posterior_mode
 from windsysid.simulation.integrate import integrate
 from windsysid.simulation.random_loads import draw_loads
 from windsysid.statespace.compose import StateSpace, compose

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from windsysid.checks.nonlinearity import doubt_bending
 from windsysid.filters import EKF
-from windsysid.identification.prior import Prior
-from windsysid.identification.problem import pose
-from windsysid.identification.smoothed_loads import judge_smoothed_loads
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import pose
+from windsysid.identification.verdict.smoothed_loads import judge_smoothed_loads
 from windsysid.records.record import Record
 from windsysid.results.smoothed_loads import SmoothedLoads, doubt_correlated
-from windsysid.results.straightness import doubt_bending
 from windsysid.turbine.file import load_turbine
 
 RATE, SUBSTEPS, SECONDS, RECORDS = 10.0, 5, 400.0, 4

@@ -9,12 +9,12 @@ import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.identify import identify
-from windsysid.identification.pieces import identify_pieces
+from windsysid.identification.streaming.time_domain import identify_pieces
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.simulation.record import simulate_record
-from windsysid.spectral.lifted import lift
-from windsysid.spectral.lifted_sums import factored, sums_of
+from windsysid.spectral.transforms.lifted import lift
+from windsysid.spectral.transforms.lifted_blocks import factored, sums_of
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 

@@ -13,13 +13,13 @@ from validation.adversary.scenarios import SCENARIOS, Scenario, record
 import windsysid.identification.identify as front
 from validation import towers
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.identification import steady_lines
+from windsysid.identification.effects import sinusoid as steady_lines
+from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned, without_sines
+from windsysid.identification.effects.sinusoidal_force import SineForce, find_forces, with_forces
 from windsysid.identification.identify import identify
-from windsysid.identification.outcome import PART_OF, known_loads
-from windsysid.identification.prior import Prior
-from windsysid.identification.problem import pose
-from windsysid.identification.sine_forces import SineForce, find_forces, with_forces
-from windsysid.identification.steady_lines import Sine, find_sine, find_turning, one_turn, turned, without_sines
+from windsysid.identification.model.fit import PART_OF, known_loads
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.simulation.record import simulate_record

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from windsysid.identification.tolerances import learned_tolerances, seconds_late, tolerances_of, with_tolerances
+from windsysid.identification.model.tolerances import learned_tolerances, seconds_late, tolerances_of, with_tolerances
 from windsysid.mechanics import RotorModel, TowerModel
 from windsysid.mechanics.sensors import Accelerometer, AngularRateSensor, MomentSensor, instrument_parameters
 from windsysid.turbine.file import load_turbine, write_turbine

@@ -11,7 +11,7 @@ from validation.trust import identify_broadband
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as front
-from windsysid.identification.prior import Prior
+from windsysid.identification.model.prior import Prior
 from windsysid.mechanics import Sensor, compile_model
 from windsysid.mechanics.sensors import Accelerometer
 from windsysid.records.formats import read_record

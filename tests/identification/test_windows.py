@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from windsysid.errors import OutputError
-from windsysid.identification.outcome import known_inputs, known_loads
-from windsysid.identification.prepare import resample_for_model
-from windsysid.identification.samples import SamplesOnDisk, split_evenly
-from windsysid.identification.windows import Windows
+from windsysid.identification.condition.blockwise import Windows
+from windsysid.identification.condition.readings import resample_for_model
+from windsysid.identification.condition.samples import SamplesOnDisk, split_evenly
+from windsysid.identification.model.fit import known_inputs, known_loads
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.signals import resample

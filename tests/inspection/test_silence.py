@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from windsysid.identification.prepare import without_faulty
+from windsysid.identification.condition.readings import without_faulty
 from windsysid.inspection.screening import screen
 from windsysid.inspection.silence import silent_stretches
 from windsysid.records.record import Record

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from windsysid.identification.prior import Prior
-from windsysid.identification.problem import pose
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.loads.statistics import (
     coordinates_of,
     learned_statistics,

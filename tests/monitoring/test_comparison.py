@@ -15,7 +15,7 @@ from scipy.stats import multivariate_normal, norm
 from windsysid import cli
 from windsysid.errors import ConfigurationError
 from windsysid.identification import identify as front
-from windsysid.identification.prior import Prior
+from windsysid.identification.model.prior import Prior
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.compile import compile_model
 from windsysid.modal.analysis import modes

@@ -17,7 +17,7 @@ from validation.years import Site, simulate_blocks
 from windsysid import ConfigurationError, cli
 from windsysid._types import Array
 from windsysid.identification.identify import identify
-from windsysid.identification.planning import plan
+from windsysid.identification.planning.plan import plan
 from windsysid.monitoring.jumps import threshold
 from windsysid.monitoring.series import DAY, Blocks, gather, read_blocks
 from windsysid.monitoring.watch import NOISE, SENSOR, STRUCTURE, percent_of, watch

@@ -106,7 +106,7 @@ def test_every_result_is_saved_into_a_new_folder_given_as_text_and_never_silentl
 
 
 def test_every_result_type_is_saved_by_the_one_way():
-    from windsysid.identification.planning import Plan
+    from windsysid.identification.planning.plan import Plan
     from windsysid.inspection import Inspection
     from windsysid.modal.campbell import Campbell
     from windsysid.monitoring.change import Comparison

@@ -16,7 +16,7 @@ from windsysid.reports import files
 from windsysid.reports.canvas import label
 from windsysid.reports.html import png
 from windsysid.reports.plots import innovations, record_overview, symbol, whiteness
-from windsysid.spectral.oma import analyse_vibration
+from windsysid.spectral.oma.analyse import analyse_vibration
 
 HOSTILE = [
     "a$b$c", "$", "$x_{$", r"\frac$\alpha", "k_$x$_y",

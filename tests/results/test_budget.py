@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from windsysid.checks.conditioning import hold
 from windsysid.results.budget import budget_of
-from windsysid.results.held import hold
 from windsysid.results.tolerance import Tolerance
 
 

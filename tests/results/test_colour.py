@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from windsysid.results.colour import smooth_colour
-from windsysid.results.whiteness import examine
+from windsysid.checks.colour import smooth_colour
+from windsysid.checks.whiteness import examine
 
 RATE, MODES = 50.0, (1.7, 1.8, 4.0)
 

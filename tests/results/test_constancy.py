@@ -7,7 +7,7 @@ import pytest
 from scipy.special import gammainccinv, ndtri
 
 from windsysid._types import Array
-from windsysid.results.constancy import (
+from windsysid.checks.constancy import (
     CHANCE,
     CHANCE_OF_SCATTER,
     Constancy,

@@ -10,11 +10,11 @@ import pytest
 from scipy import signal, stats
 from validation.trust import FAULTS, faulty_record, identify_broadband
 
+from windsysid.checks.verdict import Diagnosis, diagnose
+from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.filters import Info
 from windsysid.identification import identify as front
-from windsysid.identification.prior import Prior
-from windsysid.results.diagnosis import Diagnosis, diagnose
-from windsysid.results.whiteness import Whiteness, examine
+from windsysid.identification.model.prior import Prior
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from windsysid.results.directions import describe_directions, describe_information, standard_deviations
+from windsysid.checks.identifiability import describe_directions, describe_information, standard_deviations
 
 NAMES = ("k_x", "c_x", "hub_mass_x", "load_rms")
 

@@ -17,8 +17,8 @@ from windsysid.errors import ConfigurationError
 from windsysid.output.folders import result_file
 from windsysid.output.locks import MANIFEST
 from windsysid.records.formats.netcdf import sealed
-from windsysid.results.plain import as_plain, from_plain
-from windsysid.spectral.known_modes import as_modes
+from windsysid.results.serialization import as_plain, from_plain
+from windsysid.spectral.oma.known_modes import as_modes
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from windsysid.results.passing import Passing, find_passing
+from windsysid.checks.blade_passing import Passing, find_passing
 
 RATE, SAMPLES, F = 20.0, 12000, 0.32
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from windsysid.results.lines import PARABOLA_LOSS, find_line, line_bound, stand_out_of_a_bend
-from windsysid.results.steadiness import how_late, levels, steadiness
-from windsysid.results.whiteness import Whiteness, examine
+from windsysid.checks.lines import PARABOLA_LOSS, find_line, line_bound, stand_out_of_a_bend
+from windsysid.checks.stationarity import how_late, levels, steadiness
+from windsysid.checks.whiteness import Whiteness, examine
 
 RATE, NATURAL, NAMES = 50.0, (1.0, 2.0), ("first", "second")
 

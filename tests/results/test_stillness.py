@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from windsysid.checks.dead_channel import find_still
 from windsysid.identification.identify import identify
-from windsysid.identification.prior import Prior
+from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record
-from windsysid.results.stillness import find_still
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.turbine import Turbine
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from windsysid.results.straightness import Bending, Law, doubt_bending, find_bent
+from windsysid.checks.nonlinearity import Bending, Law, doubt_bending, find_bent
 
 STEP, OMEGA = 0.02, 2.0 * np.pi
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from windsysid.results.stretches import Stretch, measure_stretch
-from windsysid.results.whiteness import Whiteness, examine, judge_stretches
+from windsysid.checks.innovation_sums import Stretch, measure_stretch
+from windsysid.checks.whiteness import Whiteness, examine, judge_stretches
 
 RATE, NATURAL, NAMES = 50.0, (1.0, 3.0), ("first", "second")
 

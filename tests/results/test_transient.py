@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import lfilter
 
 from windsysid._types import Array
+from windsysid.checks.verdict import Diagnosis
 from windsysid.identification.identify import identify
 from windsysid.records.record import Record
-from windsysid.results.diagnosis import Diagnosis
 from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient, without_cause
 from windsysid.turbine.file import load_turbine
 

@@ -12,18 +12,18 @@ from validation.auto import KINDS
 import windsysid as ws
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
-from windsysid.identification.tolerances import in_numbers, tolerances_of
+from windsysid.identification.model.tolerances import in_numbers, tolerances_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
-from windsysid.spectral.band_model import BandModel
-from windsysid.spectral.band_places import Place, find_places
-from windsysid.spectral.band_pose import PosedBands, belongs_in_bands, pose_bands, search_bands
-from windsysid.spectral.band_rows import bins_between, combine, turned_spectra
-from windsysid.spectral.band_search import FAINT, best_of, trace
-from windsysid.spectral.hump_loads import hump_terms, line_terms, wind_of
-from windsysid.spectral.question import Question
-from windsysid.spectral.turned_sums import TurnedSums
+from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor_bands.build import PosedBands, belongs_in_bands, pose_bands, search_bands
+from windsysid.spectral.rotor_bands.channels import bins_between, combine, turned_spectra
+from windsysid.spectral.rotor_bands.mode_locations import Place, find_places
+from windsysid.spectral.rotor_bands.model import BandModel
+from windsysid.spectral.rotor_bands.peak_search import FAINT, best_of, trace
+from windsysid.spectral.rotor_bands.rotational_sampling import hump_terms, line_terms, wind_of
+from windsysid.spectral.transforms.rotating_frame import TurnedSums
 from windsysid.statespace.compose import compose
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from windsysid.spectral.known_modes import KnownMode, without_damping_prior
-from windsysid.spectral.modal_scoring import DAMPING_PRIOR
+from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR
+from windsysid.spectral.oma.known_modes import KnownMode, without_damping_prior
 
 
 def mode(ln_damping: float, std: float) -> KnownMode:

@@ -5,21 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from windsysid.identification.prior import Prior
-from windsysid.identification.tolerances import in_numbers, tolerances_of
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.tolerances import in_numbers, tolerances_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.simulation.integrate import constant_speed_inputs, integrate
 from windsysid.simulation.record import simulate_record
 from windsysid.simulation.wind.field import WindConditions, rotating_turbulence
-from windsysid.spectral import lifted_likelihood, lifted_model
-from windsysid.spectral.dft import taper
-from windsysid.spectral.lifted import _without_lines, lift, turn_lines
-from windsysid.spectral.lifted_loads import STATIONS, WindLoads
-from windsysid.spectral.lifted_mechanics import coupled, matrix_harmonics
-from windsysid.spectral.lifted_model import LiftedModel
-from windsysid.spectral.lifted_pose import pose_lifted
-from windsysid.spectral.question import Posed, Question
+from windsysid.spectral.rotor import likelihood as lifted_likelihood
+from windsysid.spectral.rotor import model as lifted_model
+from windsysid.spectral.rotor.build import pose_lifted
+from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
+from windsysid.spectral.rotor.load_spectra import STATIONS, WindLoads
+from windsysid.spectral.rotor.model import LiftedModel
+from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.transforms.dft import taper
+from windsysid.spectral.transforms.lifted import _without_lines, lift, turn_lines
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
 

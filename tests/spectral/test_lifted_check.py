@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from windsysid.spectral.lifted_check import Part, parts_of, unsteady
+from windsysid.spectral.rotor.check import Part, parts_of, unsteady
 
 
 def part(low: float, energy: float, channel: str = "tower_x_acceleration") -> Part:

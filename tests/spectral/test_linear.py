@@ -9,9 +9,9 @@ from tests.identification.test_own_equations import AT_REST, NOISE, PARAMETERS, 
 from windsysid import ConfigurationError, Fit, GaussMarkov, Parameter, Record, RecordError, fit
 from windsysid.mechanics.compile import compile_model
 from windsysid.simulation.random_loads import draw_loads
-from windsysid.spectral.cross_spectra import cross_spectra
-from windsysid.spectral.linear_model import LinearModel
-from windsysid.spectral.load_shapes import LoadShape, load_shapes
+from windsysid.spectral.lti.likelihood import LinearModel
+from windsysid.spectral.rotor.load_filters import LoadShape, load_shapes
+from windsysid.spectral.transforms.cross_spectra import cross_spectra
 from windsysid.statespace.process import load_on, rational, second_order
 
 LOAD = GaussMarkov("force", 3.0, 0.5)

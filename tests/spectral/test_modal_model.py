@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from windsysid.spectral.dft import Band, band_data, taper_factor, transform, window_weights
-from windsysid.spectral.modal_model import Modes, advance, scores, spectrum, with_real_elements
+from windsysid.spectral.modal_bands.model import Modes, advance, scores, spectrum, with_real_elements
+from windsysid.spectral.transforms.dft import Band, band_data, taper_factor, transform, window_weights
 
 
 def some_modes(rng, m=3, r=2, *, drift=False):

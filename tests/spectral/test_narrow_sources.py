@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import quad
 
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_band_statistics
-from windsysid.spectral.lifted_loads import BroadbandLoads, slopes_by_differences
-from windsysid.spectral.narrow_sources import NarrowBandBeside, narrow_density
+from windsysid.spectral.rotor.load_spectra import BroadbandLoads, slopes_by_differences
+from windsysid.spectral.rotor.narrow_band_spectra import NarrowBandBeside, narrow_density
 from windsysid.statespace.process import second_order
 from windsysid.turbine.turbine import Turbine
 

@@ -8,12 +8,12 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 
 import windsysid as ws
 from windsysid.simulation.record import simulate_record
-from windsysid.spectral.bands import Peak
-from windsysid.spectral.modal_sensors import choose_sensors
-from windsysid.spectral.mode_search import fit_between, search_again
-from windsysid.spectral.multiblade import multiblade
-from windsysid.spectral.oma_data import prepare_readings, transforms
-from windsysid.spectral.tonal import find_lines
+from windsysid.spectral.modal_bands.peak_bands import Peak
+from windsysid.spectral.oma.condition import prepare_readings, transforms
+from windsysid.spectral.oma.search import fit_between, search_again
+from windsysid.spectral.oma.sensors import choose_sensors
+from windsysid.spectral.transforms.harmonics import find_lines
+from windsysid.spectral.transforms.multiblade import multiblade
 
 from .oscillators import modal_responses
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from windsysid._types import Complex
-from windsysid.spectral.operational import OperationalMode
+from windsysid.spectral.oma.result import OperationalMode
 
 
 def mode(shape: Complex, ln_damping_std: float = 0.2) -> OperationalMode:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from windsysid.identification.force_balance import analysis_band
+from windsysid.identification.estimate.force_balance import analysis_band
 from windsysid.output.folders import claim
 from windsysid.study import run
 from windsysid.study.methods import Method, gather, method_table

@@ -9,12 +9,12 @@ from validation.adversary.machine import Machine, accelerations
 from validation.adversary.scenarios import record, scenario
 
 import windsysid.identification.identify as front
+from windsysid.identification.automatic_choice import WITHOUT_WIND
+from windsysid.identification.condition.readings import resample_for_model
+from windsysid.identification.estimate.scoring import information
 from windsysid.identification.identify import identify
-from windsysid.identification.posterior_mode import information
-from windsysid.identification.prepare import resample_for_model
-from windsysid.identification.prior import Prior
-from windsysid.identification.problem import pose
-from windsysid.identification.what_fits import WITHOUT_WIND
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.loads.statistics import coordinates_of
 from windsysid.mechanics.compile import compile_model
 from windsysid.simulation.integrate import integrate

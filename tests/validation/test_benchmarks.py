@@ -27,8 +27,8 @@ from validation.benchmarks import (
 from validation import benchmarks
 from windsysid.errors import WindsysidError
 from windsysid.filters import FILTERS
-from windsysid.identification import own_problem as fitting
-from windsysid.identification.own_equations import fit
+from windsysid.identification.fit_equations import fit
+from windsysid.identification.model import equations_problem as fitting
 from windsysid.records.record import Record
 
 EL_CENTRO = Path(__file__).parents[3] / "shared" / "data" / "elcentro" / "elcentro_NS.dat"

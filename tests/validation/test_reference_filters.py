@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from windsysid import EKF, Prior, load_turbine
-from windsysid.identification.problem import pose
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.simulation.record import simulate_record
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"

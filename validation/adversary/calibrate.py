@@ -14,19 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.adversary.scenarios import SCENARIOS, record
-from windsysid.filters import EKF
-from windsysid.identification.clocks import PASSED
-from windsysid.identification.posterior_mode import find_mode
-from windsysid.identification.prepare import resample_for_model
-from windsysid.identification.prior import Prior
-from windsysid.identification.problem import TurbineProblem, pose
-from windsysid.identification.smoothed_loads import judge_smoothed_loads
-from windsysid.loads.statistics import coordinates_of
-from windsysid.mechanics.compile import compile_model
-from windsysid.modal.analysis import modes as find_modes
-from windsysid.output.console import render
-from windsysid.results.constancy import CHANCE, CHANCE_OF_SCATTER, Constancy, chances, judge_constancy
-from windsysid.results.diagnosis import (
+from windsysid.checks.constancy import CHANCE, CHANCE_OF_SCATTER, Constancy, chances, judge_constancy
+from windsysid.checks.lines import find_line
+from windsysid.checks.nonlinearity import find_bent
+from windsysid.checks.stationarity import how_late
+from windsysid.checks.verdict import (
     CHANNEL_MAX_FACTOR,
     MAX_SIGMAS,
     NEAR_MAX_LEVEL,
@@ -36,10 +28,18 @@ from windsysid.results.diagnosis import (
     TAILS_MAX,
     UNSTEADY_MAX,
 )
-from windsysid.results.lines import find_line
-from windsysid.results.steadiness import how_late
-from windsysid.results.straightness import find_bent
-from windsysid.results.whiteness import FALSE_ALARM_CHANCE, examine
+from windsysid.checks.whiteness import FALSE_ALARM_CHANCE, examine
+from windsysid.filters import EKF
+from windsysid.identification.condition.readings import resample_for_model
+from windsysid.identification.effects.clock_lag import PASSED
+from windsysid.identification.estimate.scoring import find_mode
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import TurbineProblem, pose
+from windsysid.identification.verdict.smoothed_loads import judge_smoothed_loads
+from windsysid.loads.statistics import coordinates_of
+from windsysid.mechanics.compile import compile_model
+from windsysid.modal.analysis import modes as find_modes
+from windsysid.output.console import render
 from windsysid.turbine.file import load_turbine
 
 __all__ = ["KINDS", "LIMITS", "is_condemned", "measure"]

@@ -50,7 +50,7 @@ def plan(
     overwrite: Overwrite = False,
 ) -> None:
     """Before measuring: how well will these sensors see each coefficient, and after how long?"""
-    from windsysid.identification.planning import plan as plan_record
+    from windsysid.identification.planning.plan import plan as plan_record
     from windsysid.mechanics.sensor_lists import read_sensors
     from windsysid.turbine.file import load_turbine
 
@@ -206,7 +206,7 @@ def modes(
     """Frequencies and damping ratios against rotor speed, distance from the rotor's harmonics, stability."""
     from windsysid.modal.sweep import find_modes
     from windsysid.results.posterior import load_posterior
-    from windsysid.spectral.known_modes import as_modes
+    from windsysid.spectral.oma.known_modes import as_modes
     from windsysid.turbine.file import load_turbine, packaged_turbines
 
     write = claim_output(context, output, source, *(measured or []), overwrite=overwrite)

@@ -13,7 +13,7 @@ from windsysid.output.console import printable
 from windsysid.output.files import path_text
 
 if TYPE_CHECKING:
-    from windsysid.identification.prior import Prior
+    from windsysid.identification.model.prior import Prior
     from windsysid.mechanics.sensors import Sensor
     from windsysid.output.progress import Progress
     from windsysid.records.formats.mapping import Mapping as FileMapping
@@ -92,7 +92,7 @@ def identify(
 
     from windsysid.filters import bank_kernel, ekf
     from windsysid.identification.identify import identify as identify_record
-    from windsysid.identification.prior import Prior
+    from windsysid.identification.model.prior import Prior
     from windsysid.kernels.ahead import compile_ahead
     from windsysid.mechanics.sensor_lists import read_sensors
     from windsysid.records.formats import load_mapping, read_record
@@ -163,7 +163,7 @@ def _identify_in_pieces(
     formulation: Literal["joint", "spectral"],
 ) -> tuple["Identification", "Record"]:
     """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
-    from windsysid.identification.pieces import identify_pieces
+    from windsysid.identification.streaming.time_domain import identify_pieces
     from windsysid.output.progress import hear
     from windsysid.records.formats import iterate_record
     from windsysid.results.provenance import mapping_tables
@@ -216,8 +216,8 @@ def _noisy(
     section: tuple[float, float] | None, percent: float, seed: int,
 ) -> "tuple[Record, tuple[Sensor, ...] | None]":  # fmt: skip
     """The record with noise added to what will be measured, and the sensors told of it."""
-    from windsysid.identification.force_balance import measured_channels
-    from windsysid.identification.prepare import add_noise, usable_sensors, with_noise
+    from windsysid.identification.condition.readings import add_noise, usable_sensors, with_noise
+    from windsysid.identification.estimate.force_balance import measured_channels
 
     if formulation == "force-balance":
         return add_noise(record, measured_channels(record, turbine), percent, seed)[0], sensors

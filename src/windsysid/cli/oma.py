@@ -81,8 +81,8 @@ def oma(
     from windsysid.records.coercion import RecordLike
     from windsysid.records.formats import load_mapping, read_record
     from windsysid.reports.loading import kept
-    from windsysid.spectral.modal_sensors import read_modal_sensors
-    from windsysid.spectral.oma import analyse_vibration
+    from windsysid.spectral.oma.analyse import analyse_vibration
+    from windsysid.spectral.oma.sensors import read_modal_sensors
 
     write = claim_output(context, output, *records, *(sensors or []), overwrite=overwrite)
     rules = load_mapping(mapping) if mapping is not None else None

@@ -27,7 +27,7 @@ from windsysid.monitoring.watch import watch
 from windsysid.output.answers import Answer
 from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
-from windsysid.results.plain import finite
+from windsysid.results.serialization import finite
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -37,7 +37,7 @@ from windsysid.records.formats.mapping import Mapping
 from windsysid.records.formats.probing import Guard
 from windsysid.records.moments import shift_moment
 from windsysid.records.record import Record
-from windsysid.results.plain import finite
+from windsysid.results.serialization import finite
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 

@@ -7,15 +7,15 @@ from typing import Any, Literal
 import numpy as np
 
 from windsysid.errors import ConfigurationError, WindsysidError, as_numerical_error
-from windsysid.identification.asked import Asked, Found
-from windsysid.identification.conclude import Formulation, conclude
-from windsysid.identification.held_priors import note_wide_priors
-from windsysid.identification.joint import innovations_of
-from windsysid.identification.line_dependence import doubt_line, doubt_sine, is_harmless
-from windsysid.identification.prior import Prior
-from windsysid.identification.steady_lines import Sine, find_sine, find_turning, one_turn
-from windsysid.identification.ways import by_filters, by_force_balance, by_spectra
-from windsysid.identification.what_fits import by_spectra_alone, by_what_fits
+from windsysid.identification.automatic_choice import by_spectra_alone, by_what_fits
+from windsysid.identification.effects.prior_conflict import note_wide_priors
+from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn
+from windsysid.identification.estimate.time_domain import innovations_of
+from windsysid.identification.formulations import by_filters, by_force_balance, by_spectra
+from windsysid.identification.job import Asked, Found
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.verdict.conclude import Formulation, conclude
+from windsysid.identification.verdict.influence import doubt_line, doubt_sine, is_harmless
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.family import Broadband
 from windsysid.mechanics.sensors import Sensor

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
 MIN_SAMPLES, MIN_MODAL_SAMPLES = 20, 256
-"""Smallest number of samples for identification (`windsysid.identification.prepare`) and for operational modal analysis
-(`windsysid.spectral.oma_data`)."""
+"""Smallest number of samples for identification (`windsysid.identification.condition.readings`) and for operational
+modal analysis (`windsysid.spectral.oma.condition`)."""
 
 __all__ = ["Finding", "Inspection", "Proposal", "Stop", "inspect_record"]
 

@@ -138,7 +138,7 @@ class Inspection(Answer):
 
     def to_json(self) -> str:
         """`summary` as JSON text; what is not a finite number becomes null."""
-        from windsysid.results.plain import finite
+        from windsysid.results.serialization import finite
 
         return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
 

@@ -15,7 +15,7 @@ from windsysid.fleet.members import Member
 from windsysid.fleet.rows import Row, empty_row, failed_row
 from windsysid.fleet.worker import pack_samples, take_samples
 from windsysid.live.timeline import Gathered
-from windsysid.results.plain import finite
+from windsysid.results.serialization import finite
 
 __all__ = ["LIMIT_SECONDS", "Estimated", "Estimator", "Here", "InWorker", "estimators"]
 

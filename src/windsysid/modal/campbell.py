@@ -14,8 +14,8 @@ from windsysid.modal.stability import GroundResonance, Unstable
 from windsysid.modal.tracking import Curve
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.results.plain import finite
 from windsysid.results.posterior import SIGMAS
+from windsysid.results.serialization import finite
 from windsysid.units import RPM
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.results.plain import finite
+from windsysid.results.serialization import finite
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:

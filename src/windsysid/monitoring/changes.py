@@ -9,7 +9,7 @@ from windsysid._types import Array
 from windsysid.monitoring.series import DAY, Blocks
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
-from windsysid.results.plain import finite
+from windsysid.results.serialization import finite
 from windsysid.units import unit_text
 
 if TYPE_CHECKING:

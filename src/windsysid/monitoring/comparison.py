@@ -42,7 +42,7 @@ from windsysid.monitoring.own_information import (
 )
 from windsysid.results.coercion import PosteriorLike, as_posterior
 from windsysid.results.posterior import SIGMAS, Posterior
-from windsysid.spectral.known_modes import ModesLike, holds_modes
+from windsysid.spectral.oma.known_modes import ModesLike, holds_modes
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["compare"]

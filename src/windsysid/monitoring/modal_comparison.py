@@ -1,7 +1,7 @@
 """What moved between the modes of two records: frequencies and damping ratios, mode by mode.
 
-Modes are paired by frequency and shape (`windsysid.spectral.association`). Each pair's change of ln f and of ln ζ is
-Gaussian, the prior of damping taken out of both. Odds are those of `windsysid.monitoring.comparison`, with priors of
+Modes are paired by frequency and shape (`windsysid.spectral.oma.mode_tracking`). Each pair's change of ln f and of ln ζ
+is Gaussian, the prior of damping taken out of both. Odds are those of `windsysid.monitoring.comparison`, with priors of
 changes of half the size for a frequency, which goes with the root of a stiffness.
 """
 
@@ -13,14 +13,14 @@ from windsysid.errors import ConfigurationError
 from windsysid.monitoring.change import UNTOLD, Change, Comparison
 from windsysid.monitoring.own_information import TYPICAL_CHANGE
 from windsysid.results.posterior import SIGMAS
-from windsysid.spectral.association import Seen, assurance, follow_modes
-from windsysid.spectral.known_modes import (
+from windsysid.spectral.oma.known_modes import (
     KnownMode,
     ModesLike,
     as_modes,
     in_channels,
     without_damping_prior,
 )
+from windsysid.spectral.oma.mode_tracking import Seen, assurance, follow_modes
 
 __all__ = ["compare_modes"]
 

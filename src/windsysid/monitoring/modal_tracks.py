@@ -9,8 +9,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
-from windsysid.spectral.association import Seen, follow_modes
-from windsysid.spectral.known_modes import KnownModes, in_channels, without_damping_prior
+from windsysid.spectral.oma.known_modes import KnownModes, in_channels, without_damping_prior
+from windsysid.spectral.oma.mode_tracking import Seen, follow_modes
 
 __all__ = ["ModalTrack", "modal_tracks"]
 

@@ -21,7 +21,7 @@ from windsysid.monitoring.dates import MIN_BLOCKS, in_order, spans_of
 from windsysid.monitoring.modal_tracks import modal_tracks
 from windsysid.monitoring.own_information import without_prior
 from windsysid.results.posterior import SIGMAS, Posterior, load_posterior
-from windsysid.spectral.known_modes import KnownModes, ModesLike, as_modes, holds_modes
+from windsysid.spectral.oma.known_modes import KnownModes, ModesLike, as_modes, holds_modes
 
 __all__ = ["DAY", "MIN_BLOCKS", "Blocks", "gather", "gather_modes", "read_blocks"]
 

@@ -8,7 +8,7 @@ from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError
 from windsysid.output.answers import Answer
 from windsysid.output.folders import result_file
-from windsysid.results.plain import as_plain, from_plain
+from windsysid.results.serialization import as_plain, from_plain
 
 __all__ = ["Reported", "holds_result", "kept", "load_result"]
 
@@ -98,9 +98,9 @@ class Reported:
 
 
 def _load_identification(folder: Path) -> Answer:
-    from windsysid.identification.own_equations import Fit
+    from windsysid.identification.fit_equations import Fit
     from windsysid.results.identification import Identification
-    from windsysid.results.stored import read_fields
+    from windsysid.results.storage import read_fields
 
     fields: dict[str, Any] = read_fields(folder)
     return Fit(**fields) if "states" in fields else Identification(**fields)

@@ -8,7 +8,7 @@ from windsysid.output.table import Table
 from windsysid.reports.canvas import MAX_TICK_CHARACTERS, canvas, label
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import BAND, ERROR, ESTIMATE, MEASURED, REFERENCE, tidy
-from windsysid.spectral.operational import OperationalMode, OperationalModes
+from windsysid.spectral.oma.result import OperationalMode, OperationalModes
 
 __all__ = ["figure", "files"]
 

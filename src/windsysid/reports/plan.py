@@ -7,12 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from windsysid.identification.planning import Plan, percent
+from windsysid.checks.identifiability import standard_deviations
+from windsysid.identification.planning.plan import Plan, percent
 from windsysid.output.table import Table
 from windsysid.reports.canvas import label, single
 from windsysid.reports.html import Section, png, report_page
 from windsysid.reports.plots import ERROR, ESTIMATE, MEASURED, REFERENCE, symbol, tidy
-from windsysid.results.directions import standard_deviations
 from windsysid.results.posterior import SIGMAS
 from windsysid.units import RPM, spell
 

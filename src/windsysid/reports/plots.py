@@ -13,10 +13,10 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from windsysid._types import Array
+from windsysid.checks.verdict import PEAK_MAX_LEVEL
 from windsysid.errors import ConfigurationError
 from windsysid.records.record import Record
 from windsysid.reports.canvas import canvas, label
-from windsysid.results.diagnosis import PEAK_MAX_LEVEL
 from windsysid.results.identification import Identification, coefficient_errors
 from windsysid.units import unit_text
 

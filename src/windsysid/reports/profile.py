@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from windsysid.identification.profile import Profile, interpolate_on
+from windsysid.identification.estimate.profile import Profile, interpolate_on
 from windsysid.reports.canvas import single
 from windsysid.reports.plots import BAND, ESTIMATE, REFERENCE, symbol, tidy
 from windsysid.results.posterior import SIGMAS

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.conditioning import hold
 from windsysid.output.table import Table
-from windsysid.results.held import hold
 from windsysid.results.tolerance import Tolerance
 
 __all__ = ["CAUSES", "Budget", "Share", "budget_of"]

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.verdict import Diagnosis
 from windsysid.loads.statistics import Statistic
 from windsysid.results.budget import Budget
-from windsysid.results.diagnosis import Diagnosis
 from windsysid.results.estimate import Estimate
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode

@@ -13,9 +13,9 @@ from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.estimate import Estimate
 from windsysid.results.findings import Findings
-from windsysid.results.plain import finite
 from windsysid.results.posterior import Posterior, section_name
-from windsysid.results.stored import as_netcdf, attributes_of, variables_of
+from windsysid.results.serialization import finite
+from windsysid.results.storage import as_netcdf, attributes_of, variables_of
 from windsysid.units import RPM, unit_text
 
 if TYPE_CHECKING:

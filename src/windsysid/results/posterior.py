@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
 from windsysid.output.folders import result_file
 from windsysid.records.formats.netcdf import check_seal, open_hdf5
-from windsysid.results.held import hold
 from windsysid.results.tolerance import Group, Tolerance
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.tables import parse_turbine

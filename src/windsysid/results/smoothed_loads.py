@@ -1,4 +1,4 @@
-"""What smoothed loads say against a model (`windsysid.identification.smoothed_loads`).
+"""What smoothed loads say against a model (`windsysid.identification.verdict.smoothed_loads`).
 
 Where loads push a support in two directions at once, its readings share what a model of independent loads has to
 explain by sensors off their axes; that moves damping.
@@ -6,7 +6,7 @@ explain by sensors off their axes; that moves damping.
 
 from typing import NamedTuple
 
-from windsysid.results.straightness import Bending
+from windsysid.checks.nonlinearity import Bending
 
 __all__ = ["CorrelatedLoads", "SmoothedLoads", "doubt_correlated"]
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.results.diagnosis import Diagnosis
+from windsysid.checks.verdict import Diagnosis
 
 __all__ = ["Burst", "Transient", "explain_by_transient", "find_burst", "find_transient", "without_cause"]
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
-from windsysid.spectral.oma_data import Readings
-from windsysid.spectral.operational import DoubtKind, OperationalMode
+from windsysid.spectral.oma.condition import Readings
+from windsysid.spectral.oma.result import DoubtKind, OperationalMode
 
 __all__ = ["Lag", "aligned", "clock_lags", "lag_doubt", "lag_note"]
 

@@ -3,15 +3,15 @@
 from typing import Literal
 
 from windsysid._types import Array
-from windsysid.identification.conclude import conclude
-from windsysid.identification.force_balance import (
+from windsysid.identification.estimate.force_balance import (
     Balance,
     analysis_band,
     balance_forces,
     filter_balance,
     measured_motion,
 )
-from windsysid.identification.prior import Prior, identifiable
+from windsysid.identification.model.prior import Prior, identifiable
+from windsysid.identification.verdict.conclude import conclude
 from windsysid.results.identification import Identification
 from windsysid.study.scenario import RATE, SECTION, Reference
 from windsysid.turbine.turbine import Turbine

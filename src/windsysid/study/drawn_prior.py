@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from windsysid.identification.prior import Prior
+from windsysid.identification.model.prior import Prior
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 

@@ -18,7 +18,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters import FILTERS, Filter
 from windsysid.identification.identify import identify
-from windsysid.identification.problem import pose
+from windsysid.identification.model.turbine_problem import pose
 from windsysid.mechanics.compile import compile_model
 from windsysid.output.console import render
 from windsysid.output.table import Table

@@ -17,11 +17,11 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.filters import EKF, Cloud, Info, ParticleFilter, ParticleInfo, RaoBlackwellised, Split, degeneracy
-from windsysid.identification.conclude import conclude
-from windsysid.identification.force_balance import Balance, analysis_band, balance_statespace
-from windsysid.identification.outcome import Outcome
-from windsysid.identification.prior import Prior, identifiable
-from windsysid.identification.problem import pose
+from windsysid.identification.estimate.force_balance import Balance, analysis_band, balance_statespace
+from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.prior import Prior, identifiable
+from windsysid.identification.model.turbine_problem import pose
+from windsysid.identification.verdict.conclude import conclude
 from windsysid.mechanics.equations import Equations
 from windsysid.output.console import render
 from windsysid.results.identification import Identification

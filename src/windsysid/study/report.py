@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from windsysid._types import Array
-from windsysid.identification.force_balance import LOADS_WITHHELD, analysis_band
+from windsysid.identification.estimate.force_balance import LOADS_WITHHELD, analysis_band
 from windsysid.output.table import Table
 from windsysid.reports.html import Section, report_page
 from windsysid.reports.plots import (

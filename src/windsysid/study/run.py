@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.identification.force_balance import analysis_band, measured_motion
-from windsysid.identification.prior import Prior
+from windsysid.identification.estimate.force_balance import analysis_band, measured_motion
+from windsysid.identification.model.prior import Prior
 from windsysid.mechanics.compile import compile_model
 from windsysid.output.progress import Progress, unheard
 from windsysid.results.identification import Identification, coefficient_errors

@@ -157,7 +157,7 @@ def make_rows() -> None:
     """Identify two simulated records, and write their rows."""
     import windsysid
     from windsysid.fleet.rows import empty_row, row_of
-    from windsysid.results.plain import finite
+    from windsysid.results.serialization import finite
     from windsysid.turbine.file import load_turbine
 
     rows = {}

@@ -16,7 +16,7 @@ from windsysid.live.block import Block
 from windsysid.live.codec import encode_arrow
 from windsysid.live.engine import Engine, Followed
 from windsysid.live.store import open_store
-from windsysid.results.plain import finite
+from windsysid.results.serialization import finite
 
 TOWER = Followed(Member("T01", "tower"), window=120.0)
 

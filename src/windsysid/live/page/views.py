@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from windsysid._version import __version__
+from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_toml
 from windsysid.errors import StoreError
 from windsysid.live.page import models
@@ -17,7 +18,6 @@ from windsysid.live.series_words import series_title
 from windsysid.live.sources.source import Source
 from windsysid.live.store.contents import Alarm, Health, Level, Result, Status
 from windsysid.live.store.store import Store
-from windsysid.results.held import hold
 from windsysid.units import unit_text
 
 __all__ = [

@@ -1,0 +1,1 @@
+"""Statistical checks that know no estimator."""

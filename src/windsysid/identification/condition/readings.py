@@ -1,0 +1,340 @@
+"""From a record to what the filters read: sensors, rate, added noise."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.filters import Info
+from windsysid.identification.model.fit import PART_OF, Outcome
+from windsysid.inspection import MIN_SAMPLES
+from windsysid.inspection.channels import VIBRATION, kinds
+from windsysid.inspection.health import Finding
+from windsysid.inspection.screening import read_besides, screen
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.results.load_history import Loads
+from windsysid.signals import resample
+from windsysid.signals.azimuth import steadied
+from windsysid.turbine.turbine import Turbine
+
+__all__ = [
+    "add_noise",
+    "check_length",
+    "check_readings",
+    "choose_rate",
+    "describe_rate",
+    "describe_steps",
+    "refine",
+    "resample_for_model",
+    "screened",
+    "slow_down",
+    "steps_per_reading",
+    "thin_to_readings",
+    "usable_sensors",
+    "with_noise",
+    "without_faulty",
+]
+
+TAKEN_AS_MISSING = {
+    "frozen": "treat them as missing", "silent": "treat them as missing",
+    "spikes": "remove them (despike) before anything else",
+}  # fmt: skip
+"""Faults of readings that are left out, and what an inspection says of them."""
+
+
+FEWEST_PER_PERIOD = 2.5
+"""Samples per period of the slowest mode below which nothing of it is left in a resampled record."""
+
+MAX_STEP = 0.31
+"""Longest step of the equations, times the highest natural frequency [rad].
+
+The Runge–Kutta method is fast by a share (ωh)⁴/60 of a mode's stiffness: 0.015 %, a tenth of the standard deviation
+that ten minutes leave of a mode with 1 % damping at some hertz.
+"""
+
+MAX_READING = 2.5
+"""Longest time between readings, times the highest natural frequency [rad]: two and a half readings for each period."""
+
+MAX_UNREFINED_STEP = 0.6
+"""The same where the equations cannot take shorter steps than readings."""
+
+MAX_READING_OF_SPECTRA = 1.3
+"""The same of spectra, which take no steps: what is faster than half the rate hardly reaches down to the modes."""
+
+
+def add_noise(record: Record, channels: Sequence[str], percent: float, seed: int) -> tuple[Record, dict[str, float]]:
+    """White noise of `percent` of each channel's standard deviation added to it; returns the noise rms per channel too.
+
+    Parameters
+    ----------
+    record
+        Left as it is.
+    channels
+        To which noise is added.
+    percent
+        Of each channel's standard deviation [%].
+    seed
+        The same seed gives the same noise.
+
+    Returns
+    -------
+    Record, dict
+        The noisy record, and the standard deviation of the noise of each channel, in the channel's unit.
+
+    Raises
+    ------
+    ConfigurationError
+        If `percent` is negative or not finite.
+    """
+    if not (math.isfinite(percent) and 0.0 <= percent <= 1000.0):
+        raise ConfigurationError(f"added noise: expected a percentage between 0 and 1000, got {percent:g}")
+    rng = np.random.default_rng(seed)
+    added: dict[str, float] = {}
+    changed: dict[str, tuple[Array, str]] = {}
+    for channel in channels:
+        values = record[channel]
+        added[channel] = percent / 100.0 * float(np.nanstd(values))
+        noisy = values + added[channel] * rng.standard_normal(len(values))
+        changed[channel] = (noisy, record.units[record.channels.index(channel)])
+    return record.with_channels(changed), added
+
+
+def with_noise(sensors: Sequence[Sensor], added: Mapping[str, float]) -> tuple[Sensor, ...]:
+    """The same sensors, as noisy as they and the added noise are together."""
+    return tuple(
+        sensor.model_copy(update={"noise": math.hypot(sensor.noise, added.get(sensor.channel, 0.0))})
+        for sensor in sensors
+    )
+
+
+def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None) -> tuple[Sensor, ...]:
+    """The sensors given, all of which the record must hold, or those of the turbine's usual ones that it does hold."""
+    if sensors is None:
+        found = tuple(sensor for sensor in turbine.sensors if sensor.channel in record)
+        if not found:
+            wanted = ", ".join(sensor.channel for sensor in turbine.sensors)
+            raise RecordError(
+                f"{record.name}: expected at least one of the channels {wanted}; got {', '.join(record.channels)}; "
+                "list the record's own channels with --sensors FILE"
+            )
+    else:
+        found = tuple(sensors)
+        if not found:
+            raise ConfigurationError(
+                "the sensor list is empty: expected at least one sensor; leave it out for the usual ones"
+            )
+    for sensor in found:
+        values = record[sensor.channel]
+        unit = record.units[record.channels.index(sensor.channel)]
+        if not sensor.accepts(unit):
+            raise RecordError(
+                f"channel '{sensor.channel}': expected {sensor.unit} for {sensor.quantity}, got {unit}: correct the "
+                f"unit or the sensor"
+            )
+        if not np.isfinite(values).any():
+            raise RecordError(
+                f"channel '{sensor.channel}' holds no numbers in this section: leave it out of the sensor list, "
+                "or choose another section"
+            )
+    for name in turbine.model.loads:
+        expected = turbine.model.freedom(name).load_unit
+        for channel in (name, PART_OF + name):
+            if channel in record and record.unit(channel) != expected:
+                raise RecordError(
+                    f"channel '{channel}': expected {expected}, got {record.unit(channel)}: correct its unit"
+                )
+    return found
+
+
+def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, refuse: bool = True) -> list[Finding]:
+    """What is wrong with the channels that the joint formulation reads (`windsysid.inspection.screening`); RecordError
+    where it makes estimates wrong."""
+    return screen(
+        record, turbine, [sensor.channel for sensor in sensors],
+        others=read_besides(record, turbine),
+        offsets={sensor.channel: sensor.bias for sensor in sensors},
+        refuse=refuse,
+    )  # fmt: skip
+
+
+def without_faulty(record: Record, faults: Sequence[Finding]) -> tuple[Record, list[Finding]]:
+    """The record with readings missing where a channel repeats one value, falls silent or has a spike, and what is to
+    be said of its faults."""
+    told, held, half = [], dict[str, tuple[Array, str]](), 0.5 / record.rate
+    for fault in faults:
+        if (
+            fault.kind in TAKEN_AS_MISSING
+            and fault.severity == "warning"
+            and kinds(record).get(fault.channel) in VIBRATION
+        ):
+            wrong = np.zeros(record.samples, dtype=np.bool_)
+            for first, last in fault.spans:  # time stamps may scatter about the record's times
+                wrong |= (record.time > first - half) & (record.time < last + half)
+            readings = held[fault.channel][0] if fault.channel in held else record[fault.channel]
+            held[fault.channel] = np.where(wrong, np.nan, readings), record.unit(fault.channel)
+            told.append(replace(fault, text=fault.text.replace(TAKEN_AS_MISSING[fault.kind], "taken as missing")))
+        else:
+            told.append(fault)
+    return (record.with_channels(held) if held else record), told
+
+
+def resample_for_model(
+    record: Record, turbine: Turbine, rate: float | None, sensors: Sequence[Sensor]
+) -> tuple[Record, int, tuple[str, ...]]:
+    """The record at a lower rate, where one is asked for or the turbine's model has nothing to say of what is faster;
+    samples per reading, and a note.
+
+    Where the equations need shorter steps than a reading takes, sensors are missing between their readings and all else
+    is as the fine grid has it.
+    """
+    read = [sensor.channel for sensor in sensors]
+    slow = choose_rate(record.rate, record.duration, turbine, rate)
+    needed = MIN_SAMPLES / (slow or record.rate)
+    if record.duration < needed - 1.0 / record.rate:
+        raise RecordError(
+            f"{record.name}: {record.samples} samples in {record.duration:.3g} s are too few: expected at least"
+            f" {math.ceil(needed * record.rate)} at {record.rate:.4g} Hz ({needed:.3g} s); give a longer record"
+        )
+    steps = steps_per_reading(turbine, slow or record.rate) if slow or record.is_uniform else 1
+    if slow is None:
+        check_readings(record.name, record.rate, turbine)
+        return (record, 1, ()) if steps == 1 else (refine(record, read, steps), steps, (describe_steps(steps),))
+    return slow_down(record, read, slow, steps), steps, describe_rate(record.rate, slow, steps, turbine)
+
+
+def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float | None) -> float | None:
+    """Readings per second [Hz] for a record of `duration` seconds at the rate `recorded`; None to take it as it is.
+
+    Raises
+    ------
+    ConfigurationError
+        If the rate that is asked for takes every mode out of the record, or leaves next to no readings.
+    """
+    asked = rate is not None
+    if rate is None and turbine.model.samples_per_period is not None:
+        fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+        rate = min(turbine.model.samples_per_period * fastest / (2.0 * math.pi), recorded)
+    elif rate is not None and not 0.0 < rate <= 1.001 * recorded:
+        raise ConfigurationError(f"rate: expected more than 0 and at most the record's {recorded:.4g} Hz, got {rate:g}")
+    if rate is None or rate > 0.95 * recorded:
+        return None
+    if asked:  # of a record too short for a rate that nobody asked for, its length is what is wrong
+        _check_rate(duration, turbine, rate)
+    return rate
+
+
+def steps_per_reading(turbine: Turbine, rate: float) -> int:
+    """How many steps the equations need for each reading at that rate [Hz]."""
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    return max(math.ceil(fastest / MAX_STEP / rate * (1.0 - 1e-9)), 1)
+
+
+def describe_rate(recorded: float, rate: float, steps: int, turbine: Turbine) -> tuple[str, ...]:
+    """What resampling from the rate `recorded` to `rate` [Hz] does."""
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    note = f"resampled from {recorded:.4g} to {rate:.3g} Hz"
+    if steps <= 1:
+        return (note,)
+    if fastest > 0.8 * math.pi * rate:
+        note += (
+            f", which takes the mode near {fastest / (2.0 * math.pi):.3g} Hz out of the record and not out of "
+            f"the model: do not rely on what is said of it"
+        )
+    return (f"{note}, {describe_steps(steps)}",)
+
+
+def describe_steps(steps: int) -> str:
+    """How finely the equations go."""
+    return f"{steps} steps of the equations for each reading"
+
+
+def slow_down(record: Record, read: Sequence[str], rate: float, steps: int, *, start: float | None = None) -> Record:
+    """The record with the channels `read` at `rate` [Hz] from `start` [s] on, its own by default, and all others
+    `steps` times as often."""
+    slow = resample(record, rate, start=start)
+    return slow if steps <= 1 else _between_readings(slow, record, read, rate, steps)
+
+
+def refine(record: Record, read: Sequence[str], steps: int) -> Record:
+    """The record as it is in the channels `read`, and all others `steps` times as often."""
+    return _between_readings(record, record, read, record.rate, steps)
+
+
+def _between_readings(readings: Record, record: Record, read: Sequence[str], rate: float, steps: int) -> Record:
+    """Readings at `rate` [Hz] that are missing between them, and all other channels of `record` on the fine grid."""
+    others = [name for name in record.channels if name not in read]
+    time = readings.time[0] + np.arange(steps * (readings.samples - 1) + 1) / (steps * rate)
+    values = np.full((len(time), len(record.channels)), np.nan)
+    values[::steps] = readings.values
+    if others:
+        fine = resample(steadied(record).select(others), steps * rate, start=float(time[0]), end=float(time[-1]))
+        values[:, [record.channels.index(name) for name in others]] = fine.values
+    return replace(readings, time=time, values=values)
+
+
+def _check_rate(duration: float, turbine: Turbine, rate: float) -> None:
+    """Refuse a rate whose low-pass, flat to 0.4 of it, takes every mode out of the record, or that leaves next to no
+    readings."""
+    slowest = turbine.slowest_frequency / (2.0 * math.pi)
+    least = max(FEWEST_PER_PERIOD * slowest, MIN_SAMPLES / duration)
+    if rate < least:
+        periods = duration * slowest
+        left = (
+            "few samples"
+            if math.isinf(duration)
+            else f"{math.floor(duration * rate) + 1} samples of {periods:.3g} periods"
+        )
+        raise ConfigurationError(
+            f"rate: {rate:g} Hz would leave {left} of the slowest mode ({slowest:.3g} Hz): expected at least "
+            f"{1.001 * least:.3g} Hz"
+        )
+
+
+def thin_to_readings(outcome: Outcome, steps: int) -> Outcome:
+    """What a formulation found at every reading, on a record that has `steps` samples for each."""
+    loads = outcome.loads
+    return outcome._replace(
+        history_mean=outcome.history_mean[::steps],
+        history_std=outcome.history_std[::steps],
+        final=Info._make(array[::steps] for array in outcome.final),
+        loads=None if loads is None else Loads(loads.names, loads.mean[::steps], loads.std[::steps]),
+    )
+
+
+def check_length(
+    name: str, duration: float, rate: float, turbine: Turbine, longest: float = MAX_UNREFINED_STEP
+) -> None:
+    """Refuse a record that is too short [s], or read too slowly [Hz], for the turbine's modes; `longest` as for
+    `check_readings`."""
+    for coordinate in turbine.model.coordinates:
+        if turbine.natural_frequency(coordinate) == 0.0:
+            raise ConfigurationError(
+                f"turbine '{turbine.name}': expected a positive "
+                f"{'/'.join(turbine.model.coefficients_of(coordinate, 'stiffness'))}, got 0: correct the turbine file, "
+                f"or lock {coordinate}"
+            )
+    least, why = turbine.least_duration
+    if duration < least:
+        raise RecordError(f"{name}: expected at least {why}, got {duration:.3g} s: choose a longer record or section")
+    period = 2.0 * math.pi / turbine.slowest_frequency
+    if duration < period:
+        raise RecordError(
+            f"{name}: expected at least one period of the turbine's slowest mode ({period:.3g} s), got "
+            f"{duration:.3g} s: choose a longer record, or correct its stiffness"
+        )
+    check_readings(name, rate, turbine, longest)
+
+
+def check_readings(name: str, rate: float, turbine: Turbine, longest: float = MAX_READING) -> None:
+    """Refuse a record that is read too slowly [Hz] for the fastest mode, `longest` [rad] of it from reading to
+    reading."""
+    fastest = max(turbine.natural_frequency(coordinate) for coordinate in turbine.model.coordinates)
+    if fastest / rate > longest:
+        raise RecordError(
+            f"{name}: expected at least {fastest / longest:.3g} samples per second for a mode at "
+            f"{fastest / (2.0 * math.pi):.3g} Hz, got {rate:.3g}"
+        )

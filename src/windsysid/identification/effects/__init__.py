@@ -1,0 +1,1 @@
+"""Nuisance effects: everything in a record that is not the structure."""

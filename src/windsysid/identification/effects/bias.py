@@ -1,0 +1,106 @@
+"""Offsets of accelerometers that their list does not know of.
+
+An accelerometer is easily off by some thousandths of gravity, and a structure that vibrates has no mean acceleration. A
+filter that knows of no offset takes it for a load that never changes, and damping and clocks pay for it. So the mean of
+the readings, weighted so that a vibration does not count, is held against the reading of the machine at rest: where
+they differ by more than chance, the sensor gets an offset to be found. Spectra leave constants out anyway.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.identification.model.fit import known_inputs
+from windsysid.identification.model.turbine_problem import seen_by
+from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.sensors import Accelerometer, Sensor
+from windsysid.records.record import Record
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["with_offsets"]
+
+SIGMAS = 5.0
+"""Standard deviations of the mean by chance, beyond which it is an offset."""
+
+NEIGHBOURS = (3, 23)
+"""Periods in a record, from and to, of the slow variations that tell what chance does to a mean."""
+
+SLOW = 0.5
+"""Of the slowest mode's frequency, below which they are."""
+
+LEAST = 0.1
+"""Of the noise of one sample: an offset below hardly shows."""
+
+AT_REST = 2000
+"""Samples, at most, at which the machine at rest is read."""
+
+
+def with_offsets(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor]
+) -> tuple[tuple[Sensor, ...], tuple[str, ...]]:
+    """The sensors, those with an offset as large as what the readings are off by that have one, and what to say."""
+    asked = [i for i, s in enumerate(sensors) if isinstance(s, Accelerometer) and not s.bias]
+    if not asked or record.samples < 3:
+        return tuple(sensors), ()
+    turbine = seen_by(turbine, sensors, [])
+    inputs, turning = known_inputs(record, turbine, sensors), "rotor_azimuth" in turbine.model.inputs
+    psi = np.unwrap(inputs[:, turbine.model.inputs.index("rotor_azimuth")]) if turning else np.zeros(len(inputs))
+    some = slice(None, None, max(1, record.samples // AT_REST))
+    at_rest = _at_rest(turbine, sensors, inputs[some])
+    found, said = list(sensors), []
+    for i in asked:
+        sensor = sensors[i]
+        off = _mean(record[sensor.channel], psi) - _mean(at_rest[:, i], psi[some])
+        chance = _chance(record[sensor.channel], record.duration * turbine.slowest_frequency / (2.0 * np.pi))
+        if abs(off) > max(SIGMAS * chance, LEAST * sensor.noise):
+            found[i] = sensor.model_copy(update={"bias": abs(off)})
+            said.append(f"{sensor.channel} by {off:.2g} {sensor.unit}")
+    if not said:
+        return tuple(sensors), ()
+    return tuple(found), (f"readings are off by a constant, which is found beside: {', '.join(said)}",)
+
+
+def _at_rest(turbine: Turbine, sensors: Sequence[Sensor], inputs: Array) -> Array:
+    """What the sensors read of a machine that turns and is held where its springs are at ease (T, m)."""
+    compiled = compile_model(turbine.model, tuple(sensors), instruments=True)
+    p = np.array([turbine.values.get(name, 0.0) for name in compiled.parameters])
+    n, nw = len(compiled.states), len(compiled.loads)
+    rest, nothing, rate = np.zeros(n), np.zeros(nw), np.empty(n)
+    A, B, G = np.zeros((n, n)), np.zeros((n, 0)), np.zeros((n, nw))
+    read = np.empty((len(inputs), len(sensors)))
+    for row, out in zip(np.ascontiguousarray(inputs), read, strict=True):
+        compiled.rates_jacobian(rest, row, p, nothing, rate, A, B, G)
+        held = -np.linalg.solve(G[n - nw :], rate[n - nw :])
+        compiled.reading(rest, row, p, held, out)
+    return read
+
+
+def _mean(readings: Array, psi: Array) -> float:
+    """The mean beside what goes with the rotor once and twice a turn."""
+    known, weight = _weighed(readings)
+    terms = [np.ones(len(readings))]
+    if abs(psi[-1] - psi[0]) > 4.0 * np.pi:
+        terms += [f(n * psi) for n in (1, 2) for f in (np.cos, np.sin)]
+    design = np.column_stack(terms)
+    normal = design.T @ (weight[:, None] * design)
+    rows = np.linalg.pinv(normal)[0] @ (weight[:, None] * design).T  # of few readings not every term is told
+    return float(rows @ known)
+
+
+def _chance(readings: Array, periods: float) -> float:
+    """Standard deviation of a mean, from how strong slow variations are, of a record of so many periods of the slowest
+    mode."""
+    known, weight = _weighed(readings)
+    counts = np.arange(NEIGHBOURS[0], max(min(NEIGHBOURS[1], SLOW * periods), NEIGHBOURS[0] + 1))
+    mean = float(weight @ known / weight.sum())
+    off, turn = weight * (known - mean), 2j * np.pi * np.arange(len(readings)) / len(readings)
+    return float(np.sqrt(np.mean([abs(np.exp(count * turn) @ off) ** 2 for count in counts])) / weight.sum())
+
+
+def _weighed(readings: Array) -> tuple[Array, Array]:
+    """Readings, zero where they are missing, and weights that fall to nothing there and at the ends: a vibration which
+    is cut off leaves nothing in the mean."""
+    known = np.isfinite(readings)
+    weight = np.sin(np.pi * (np.arange(len(readings)) + 0.5) / len(readings)) ** 2
+    return np.where(known, readings, 0.0), np.where(known, weight, 0.0)

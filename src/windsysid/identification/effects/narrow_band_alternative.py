@@ -1,0 +1,129 @@
+"""A narrow-band load is asked for beside what a search found, of filters or of spectra."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import WindsysidError
+from windsysid.identification.condition.spectral_readings import read_bridged
+from windsysid.identification.effects.clock_lag import put_on_time
+from windsysid.identification.effects.narrow_band_load import NarrowBandFit, fit_narrow_band
+from windsysid.identification.estimate.frequency_domain import ask, inexact_of, tolerances_in
+from windsysid.identification.model.fit import Outcome, known_inputs, known_loads
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.tolerances import seconds_late
+from windsysid.identification.model.turbine_problem import seen_by
+from windsysid.loads.family import Broadband
+from windsysid.loads.narrow_band import NarrowBand, narrow_band_statistics
+from windsysid.loads.rotor_wind import RotorWind
+from windsysid.loads.statistics import coordinates_of
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.spectral.rotor.build import pose_lifted, turns_couple
+from windsysid.spectral.rotor.fit import WHOLE, fit
+from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor_bands.build import belongs_in_bands
+from windsysid.spectral.transforms.lifted_blocks import LiftedSums
+from windsysid.spectral.transforms.rotating_frame import TurnedSums
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["heard_on_time", "narrow_band_beside", "told_before"]
+
+
+AGAIN = ((0.2, 1), *WHOLE)
+"""The stages of a search that begins where another one has ended, which knew loads by other statistics."""
+
+FAR = 0.5
+"""Share of a gain or of a mass by which a search may have moved it, where spectra are asked beside."""
+
+TURNED = 0.05
+"""[rad] by which a nacelle may yaw in a record whose spectra are asked beside filters."""
+
+
+def narrow_band_beside(
+    near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor],
+    sums: LiftedSums | TurnedSums | None = None,
+) -> NarrowBandFit | None:  # fmt: skip
+    """What spectra say of a narrow-band load beside broad ones where a search has ended `near`, of filters or of
+    spectra; None where they do not apply, or such a load could push nothing, under wind, and where damping, a gain or a
+    mass is nothing like what it should be. Other arguments as for `identify_by_spectrum`.
+
+    Priors are those that were given. One that was made wider since the readings want more damping stays so: no
+    narrow-band load makes a mode look damped more, and it would be held against what the prior does not explain.
+    """
+    undamped = any(q.name.startswith("c_") and t <= 0.0 for q, t in zip(near.model.parameters, near.theta, strict=True))
+    far = any(one.group in ("gain", "masses") and abs(one.estimate) > FAR for one in near.tolerances)
+    if undamped or far or near.hypothesis in (NarrowBand.name, RotorWind.name):
+        return None
+    turbine = seen_by(turbine, sensors, [])
+    known = {
+        q.name: q if float(theta) > q.prior[0] else given
+        for q, given, theta in zip(near.model.parameters, near.priors, near.theta, strict=True)
+    }
+    try:
+        record = heard_on_time(record, near, turbine, sensors)
+        inputs = known_inputs(record, turbine, sensors)
+        readings = read_bridged(record, [sensor.channel for sensor in sensors], [])
+        measured, loads = known_loads(record, turbine)
+        some_known = measured.any() or len({load.load for load in loads}) < len(turbine.model.loads)
+        turned = np.ptp(inputs[:, 2:], axis=0).max(initial=0.0) > TURNED  # a yaw that varies: spectra know one only
+        if some_known or turned or not narrow_band_statistics(turbine, loads):
+            return None
+        question = ask(record, turbine, sensors, Prior(), [*known], inputs, readings, Broadband.name, sums)
+        if turns_couple(question) and belongs_in_bands(question):
+            return None
+        question = question._replace(parameters=tuple(known[q.name] for q in question.parameters))
+        question = _with_tolerances(question, near)
+        posed = pose_lifted(question, Broadband.name)
+        broad = fit(posed.model, *_where_it_ended(near, question, posed), posed.smoothed)
+        return fit_narrow_band(question, posed, broad)
+    except (WindsysidError, np.linalg.LinAlgError):
+        return None
+
+
+def heard_on_time(record: Record, near: Outcome, turbine: Turbine, sensors: Sequence[Sensor]) -> Record:
+    """A record with what loggers are late, as a search has found, taken back: blades that are 2 ms late look to spectra
+    like loads of another kind."""
+    tau = np.array([one.estimate / one.spread for one in near.tolerances])
+    late = seconds_late(near.tolerances, tau, sensors).tolist()
+    highest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    return put_on_time(record, dict(zip([sensor.channel for sensor in sensors], late, strict=True)), highest)
+
+
+def told_before(near: Outcome, found: Outcome) -> Outcome:
+    """What spectra say of a record that was put on time as `found` has it, told of the record as it was: loggers are
+    late by what was taken back, and by what spectra find beside."""
+    late = {one.name: one.estimate for one in found.tolerances if one.group == "clock"}
+    tolerances = [replace(one, estimate=one.estimate + late.get(one.name, 0.0)) for one in near.tolerances]
+    return near._replace(tolerances=tuple(tolerances))
+
+
+def _with_tolerances(question: Question, near: Outcome) -> Question:
+    """The question with instruments and masses where a search has put them: an axis that is off shows a mode of one
+    direction in the other."""
+    tolerances = tolerances_in(question)
+    if not tolerances or [one.name for one in tolerances] != [one.name for one in near.tolerances]:
+        return question
+    moves = inexact_of(question, tolerances).parameters
+    off = np.array([one.estimate / one.spread for one in near.tolerances])[: len(moves)] @ moves
+    values = dict(question.turbine.values)
+    for name, change in zip(question.compiled.parameters, off.tolist(), strict=True):
+        if change:
+            values[name] = values.get(name, 0.0) + change
+    return question._replace(turbine=replace(question.turbine, values=values))
+
+
+def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> tuple[Array, Sequence[tuple[float, int]]]:
+    """The unknowns of spectra where a search has ended, as far as it knows them (n,), and the stages of a search from
+    there."""
+    found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
+    start, statistics = posed.start.copy(), posed.model.statistics
+    for i, q in enumerate(question.parameters):
+        start[i] = q.coordinate(found[q.name])
+    known = {one.name: one.estimate for one in near.statistics}
+    if not all(one.name in known for one in statistics):
+        return start, AGAIN
+    start[posed.model.mechanical :] = coordinates_of(statistics, known)
+    return start, WHOLE

@@ -1,0 +1,166 @@
+"""Priors of damping that hold an estimate where the readings do not want it.
+
+Damping of a structure is known to half of it at best, and what the air adds may be several times as much. A prior that
+is too far off draws the estimate to itself, and Fisher's information, taken where the estimate came to lie, says that
+the readings know it well there: a tower with four times the damping of its file came out ten standard deviations off.
+So the likelihood is asked on the far side: where it rises by more than `GAIN` with up to twice as much damping, all
+other unknowns following, or with half as much where the prior is above, the prior is made wider, and the search is made
+again.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.checks.estimates import CONFLICT_SIGMAS, conflict_text
+from windsysid.identification.condition.samples import Samples
+from windsysid.identification.effects.clock_lag import shifted
+from windsysid.identification.estimate.online import Online
+from windsysid.identification.estimate.scoring import THREADS, log_likelihoods
+from windsysid.identification.estimate.search import Solution, solve
+from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import TurbineProblem
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["find_held", "note_wide_priors", "one_by_one", "solve_with_wide_priors", "with_wide_priors"]
+
+PULLED = 0.3
+"""Standard deviations of the prior from which on an estimate may be held by it."""
+
+FACTORS = (1.25, 1.5, 2.0)
+"""On damping, at which the likelihood is asked."""
+
+GAIN = 0.5
+"""Rise of the log likelihood: the readings alone would have it a standard deviation away."""
+
+WIDER = 4.0
+"""How many times as wide a prior becomes."""
+
+MOST_WIDENINGS = 2
+
+
+@dataclass(frozen=True)
+class _WidenedPrior(Prior):
+    """Another prior, some of whose standard deviations are `WIDER` times as wide."""
+
+    of: Prior = field(default_factory=Prior)
+    names: tuple[str, ...] = ()
+
+    def parameters(self, turbine: Turbine, names: Sequence[str], *, linear: bool) -> tuple[Parameter, ...]:
+        """As the other has them, but for their spreads."""
+        return tuple(_widened(q, self.names) for q in self.of.parameters(turbine, names, linear=linear))
+
+
+def _widened(q: Parameter, names: Sequence[str]) -> Parameter:
+    return replace(q, spread=WIDER * q.spread) if q.name in names else q
+
+
+def find_held(
+    log_likelihoods: Callable[[Sequence[Array]], Sequence[float] | Array], unknowns: Array, cov: Array,
+    parameters: Sequence[Parameter],
+) -> tuple[str, ...]:  # fmt: skip
+    """Damping coefficients that are held by their priors.
+
+    Parameters
+    ----------
+    log_likelihoods
+        Of all readings at each of several unknowns (n,), without the prior; not finite where one cannot be computed.
+    unknowns, cov
+        The mode of the posterior and its covariance (n,), (n, n); `parameters` come first.
+    """
+    asked = [(j, q) for j, q in enumerate(parameters) if _may_be_held(q, float(unknowns[j]))]
+    if not asked:
+        return ()
+    points = [unknowns, *(point for j, q in asked for point in _beyond(unknowns, cov, j, q))]
+    here, *beyond = log_likelihoods(points)
+    values = np.reshape(beyond, (len(asked), len(FACTORS)))
+    known = np.logical_and.accumulate(np.isfinite(values), axis=1)
+    rises = np.max(values, axis=1, initial=here, where=known) > here + GAIN
+    return tuple(q.name for (_, q), rise in zip(asked, rises, strict=True) if rise)
+
+
+def _may_be_held(q: Parameter, theta: float) -> bool:
+    mean, std = q.prior
+    return q.name.startswith("c_") and not q.logarithmic and theta > 0.0 and abs(theta - mean) > PULLED * std
+
+
+def _beyond(unknowns: Array, cov: Array, j: int, q: Parameter) -> list[Array]:
+    """Unknowns farther away from the prior than the estimate is."""
+    theta, away = float(unknowns[j]), math.copysign(1.0, float(unknowns[j]) - q.prior[0])
+    follow = cov[:, j] / cov[j, j]
+    return [unknowns + follow * theta * (factor**away - 1.0) for factor in FACTORS]
+
+
+def one_by_one(log_likelihood: Callable[[Array], float]) -> Callable[[Sequence[Array]], list[float]]:
+    """Log likelihoods at several unknowns for `find_held`, from one that raises LinAlgError where it cannot be
+    computed."""
+
+    def at_each(points: Sequence[Array]) -> list[float]:
+        found = []
+        for point in points:
+            try:
+                found.append(log_likelihood(point))
+            except np.linalg.LinAlgError:
+                found.append(math.nan)
+        return found
+
+    return at_each
+
+
+def with_wide_priors(identify: Callable[[Prior], Outcome], prior: Prior) -> tuple[Outcome, Prior]:
+    """What spectra find under a prior that is made wider where it holds an estimate, and that prior. A record that they
+    doubt, a short one for most, keeps it."""
+    found = identify(prior)
+    given = found.model.parameters
+    for _ in range(MOST_WIDENINGS):
+        if not found.held or found.doubts:
+            break
+        prior = _WidenedPrior(of=prior, names=found.held)
+        found = identify(prior)
+    return found._replace(given_priors=given), prior
+
+
+def solve_with_wide_priors(
+    problem: TurbineProblem, samples: Samples, online: Online, *, rate: float
+) -> tuple[TurbineProblem, Solution]:
+    """The same for filters: the search goes on from where it ended. Arguments as for
+    `windsysid.identification.estimate.search.solve`."""
+    solution = first = solve(problem, samples, online, rate=rate)
+    for _ in range(MOST_WIDENINGS):
+        n = len(solution.mean) - len(problem.clocks)
+        mean, cov = solution.mean[:n], solution.cov[:n, :n]
+        heard = shifted(problem, solution.outliers.left_out_of(samples), solution.mean[n:])
+        with ThreadPoolExecutor(THREADS) as pool:
+            of_readings = partial(log_likelihoods, problem.build, heard, pool=pool)
+            held = find_held(of_readings, mean, cov, problem.parameters)
+        if not (held and solution.settled):
+            break
+        model, block = problem.model, problem.model.parameter_block
+        wide = np.array([WIDER if q.name in held else 1.0 for q in model.parameters])
+        prior = model.cov.copy()
+        prior[block, block] *= np.outer(wide, wide)
+        parameters = tuple(_widened(q, held) for q in model.parameters)
+        problem = problem._replace(model=replace(model, parameters=parameters, cov=prior))
+        solution = solve(problem, samples, None, rate=rate, start=(mean, cov))
+    return problem, solution._replace(history=first.history)
+
+
+def note_wide_priors(found: Outcome) -> Outcome:
+    """The same with what is to be said of priors that were made wider: a doubt where one is far off as it was given."""
+    notes, doubts = list(found.notes), list(found.doubts)
+    for i, (q, given) in enumerate(zip(found.model.parameters, found.priors, strict=True)):
+        if q.spread > given.spread:
+            mean, std = given.prior
+            off = float(found.theta[i] - mean) / math.hypot(std, math.sqrt(found.cov[i, i]))
+            wider = f"the prior was made {q.spread / given.spread:.0f} times as wide"
+            notes.append(f"the readings want {q.name} {abs(off):.1f} standard deviations from its prior: {wider}")
+            if abs(off) > CONFLICT_SIGMAS:
+                doubts.append(conflict_text(q.name, off))
+    return found._replace(notes=tuple(notes), doubts=tuple(doubts))

@@ -1,0 +1,250 @@
+"""Lines that are no obstacle: sines of steady frequency, amplitude and phase.
+
+A machine nearby, or an imbalance of the rotor, pushes with a sine. A narrow-band load is none, and more than half of it
+would stay where a sine is taken away. Thomson's F tells them apart: of a sine it grows as its power over its
+surroundings, of a narrow-band load it does not. A sine that turns with the rotor at nP is looked for in the innovations
+of filters instead, which know what gravity and a given imbalance do.
+
+What a sine does to a linear structure that does not turn is a sine in each channel, and is left out by least squares:
+one frequency of the record is lost, of the many that tell a mode. Where blades turn, a sine at f on what stands is one
+at f ± Ω/2π on them, and the other way round. To take these out of the readings is good enough for a first answer; a
+filter then feels that channels have lost what hangs together. So sines become forces
+(`windsysid.identification.effects.sinusoidal_force`).
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.checks.lines import SURROUNDINGS, stand_out_of_a_bend
+from windsysid.errors import RecordError
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.signals.band import bridged
+from windsysid.signals.rotor import rotor_inputs
+from windsysid.spectral.transforms.harmonics import steadiness
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["APART", "Sine", "find_sine", "find_turning", "one_turn", "phase_of", "turned", "ways_of", "without_sines"]
+
+LEAST_STEADINESS = 40.0
+"""Thomson's F from which on a line may be a sine: chance exceeds it at one frequency in 200 000."""
+
+OWN_SHARE = 0.5
+"""Of a line's power over its surroundings, what F has to be: nearly all sines have more, most narrow-band loads less.
+"""
+
+LOUD = 9.0
+"""Power over its surroundings from which on a line in another channel has to be the same sine."""
+
+PARTS, SCATTER = 4, 8.4
+"""In how many parts of a record, which overlap by half, a sine has to have one amplitude and phase; and by how much
+they may scatter, squared, over what chance does: one in 100 of chance does more."""
+
+ALIKE, FAINT = 0.3, 25.0
+"""By how much the frequency of a sine may differ between channels, in frequencies of the periodogram; and the power
+over its surroundings below which chance moves it more, with the root of that power."""
+
+ORDERS = 6
+"""Harmonics nP of the rotor that are looked for."""
+
+LEAST_TURNING = 14.0
+"""Thomson's F of innovations at nP from which on the rotor pushes: of two channels chance exceeds it in one record of
+100, which costs a search."""
+
+APART = 4.0
+"""Frequencies of the periodogram within which two sines are not told from each other."""
+
+
+class Sine(NamedTuple):
+    """A steady sine: its frequency [Hz], whether it was found on the blades, and the order n if it turns with the rotor
+    at nP; 0 if it does not."""
+
+    frequency: float
+    on_blades: bool
+    order: int = 0
+
+    def same_as(self, other: "Sine", apart: float) -> bool:
+        """Whether two are within so many hertz of each other, in what stands or on what turns."""
+        return abs(self.frequency - other.frequency) < apart and self.on_blades == other.on_blades
+
+    @property
+    def doubt(self) -> str:
+        """That it is left in innovations, as a doubt."""
+        if self.order:
+            return (
+                f"what turns at {self.order}P is left over: likely loads that turn with the rotor; try another section"
+            )
+        return (
+            f"a steady line at {self.frequency:.4g} Hz is left over: likely a machine or waves; choose a section "
+            "without it"
+        )
+
+    def __str__(self) -> str:
+        return f"a steady line at {self.frequency:.4g} Hz was left out of the readings: likely a machine"
+
+
+def find_sine(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], channel: str, frequency: float
+) -> Sine | None:
+    """The sine that a line is, in a channel and at a frequency [Hz] that is right to one of the periodogram; None where
+    it is not steady, or at 1P, where gravity is."""
+    if not record.is_uniform:
+        return None
+    step, psi = 1.0 / record.duration, turned(record, turbine, sensors)
+    rotor_hz = 0.0 if psi is None else _turns(record, psi)
+    on_blades = any(sensor.blade for sensor in sensors if sensor.channel == channel)
+    seen = _Seen.of(record, channel, frequency)
+    if seen is None or abs(seen.frequency - rotor_hz) < APART * step:
+        return None
+    if seen.steadiness < max(LEAST_STEADINESS, OWN_SHARE * seen.over):
+        return None
+    others = [sensor.channel for sensor in sensors if bool(sensor.blade) is on_blades and sensor.channel != channel]
+    for one in (seen, *(_Seen.of(record, other, seen.frequency) for other in others)):
+        if one is None or (one is not seen and one.over < LOUD):
+            continue
+        apart = ALIKE * step * math.sqrt(max(1.0, FAINT / one.over))
+        if one.scatter > SCATTER or abs(one.frequency - seen.frequency) > apart:
+            return None
+    return Sine(seen.frequency, on_blades)
+
+
+class _Seen(NamedTuple):
+    """A line in a channel: its frequency [Hz], Thomson's F, its power over its surroundings, and the squared scatter of
+    its amplitude and phase in parts of the record over what chance does."""
+
+    frequency: float
+    steadiness: float
+    over: float
+    scatter: float
+
+    @classmethod
+    def of(cls, record: Record, channel: str, frequency: float) -> "_Seen | None":
+        """What stands near a frequency [Hz]; None where there are no surroundings."""
+        if not np.isfinite(record[channel]).any():
+            return None
+        values, samples, rate = bridged(record[channel], channel), record.samples, record.rate
+        values, time, window = values - values.mean(), record.time - record.time[0], np.hanning(samples)
+        frequency = _refined(window * values, time, frequency, rate / samples)
+        power, at = np.abs(np.fft.rfft(window * values)) ** 2, round(frequency * samples / rate)
+        if not SURROUNDINGS < at < len(power) - SURROUNDINGS:
+            return None
+        over = float(stand_out_of_a_bend(power[:, None], np.array([at]), SURROUNDINGS)[0, 0])
+        level = power[at] / over / np.sum(window**2)
+        scatter = _scatter(values * np.exp(-2j * math.pi * frequency * time), level)
+        return cls(frequency, steadiness(values, rate, frequency), over, scatter)
+
+
+def _scatter(wave: Complex, level: float) -> float:
+    """By how much the means of parts of a wave (T,) scatter, squared, over what white noise of a level per sample
+    does."""
+    samples = len(wave)
+    length = 2 * samples // (PARTS + 1)
+    windows = np.zeros((PARTS, samples))
+    for window, first in zip(windows, np.linspace(0, samples - length, PARTS).astype(int), strict=True):
+        window[first : first + length] = np.hanning(length) / np.hanning(length).sum()
+    means, weight = windows @ wave, np.linalg.inv(level * windows @ windows.T)
+    off = means - np.sum(weight @ means) / np.sum(weight)
+    return float((off.conj() @ weight @ off).real)
+
+
+def one_turn(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Sine | None:
+    """The sine at 1P on the support; None where no blades turn that are read."""
+    psi = turned(record, turbine, sensors)
+    hz = 0.0 if psi is None else _turns(record, psi)
+    return Sine(hz, on_blades=False, order=1) if hz > APART / record.duration else None
+
+
+def find_turning(
+    whitened: Array, record: Record, turbine: Turbine, sensors: Sequence[Sensor], known: Sequence[Sine] = ()
+) -> list[Sine]:
+    """Sines at nP on the support, and those known, that are left in innovations (T, m) of a record that a filter has
+    read; none where no blades turn."""
+    psi = turned(record, turbine, sensors)
+    if psi is None or not record.is_uniform or len(whitened) != record.samples:
+        return []
+    rotor_hz = _turns(record, psi)
+    turning = [Sine(order * rotor_hz, on_blades=False, order=order) for order in range(1, ORDERS + 1)]
+    apart, left = APART / record.duration, []
+    turning = [one for one in turning if apart < one.frequency < 0.4 * record.rate]
+    turning = [one for one in turning if not any(one.same_as(other, apart) for other in known)]
+    for sine in (*known, *turning):
+        felt = [i for i, sensor in enumerate(sensors) if bool(sensor.blade) is sine.on_blades]
+        if max(steadiness(np.nan_to_num(whitened[:, i]), record.rate, sine.frequency) for i in felt) > LEAST_TURNING:
+            left.append(sine)
+    return left
+
+
+def without_sines(record: Record, turbine: Turbine, sensors: Sequence[Sensor], sines: Sequence[Sine]) -> Record:
+    """The record without sines in any channel of the sensors, but at 1P, where the model has forces of its own."""
+    psi = turned(record, turbine, sensors)
+    rotor_hz, step = (0.0 if psi is None else _turns(record, psi)), 1.0 / record.duration
+    window, left = np.hanning(record.samples), {}
+    for sensor in sensors:
+        phases = []
+        for sine in sines:
+            phase = phase_of(sine, record, psi)
+            seen = [(sine.frequency, phase)]
+            if bool(sensor.blade) != sine.on_blades and psi is not None:
+                seen = [(abs(sine.frequency + turn * rotor_hz), phase + turn * psi) for turn in (-1.0, 1.0)]
+            phases += [one for hz, one in seen if min(hz, abs(hz - rotor_hz)) > APART * step]
+        values = record[sensor.channel]
+        left[sensor.channel] = values - _waves(values, window, phases), record.unit(sensor.channel)
+    return record.with_channels(left)
+
+
+def ways_of(sine: Sine, record: Record, psi: Array | None) -> list[Sine]:
+    """What a sine may be: itself, or what a sine on the other side of the hub looks like, whose rotor has the azimuth
+    ψ (T,)."""
+    if psi is None or sine.order:
+        return [sine]
+    rotor_hz, least = _turns(record, psi), APART / record.duration
+    others = [Sine(abs(sine.frequency + turn * rotor_hz), not sine.on_blades) for turn in (-1.0, 1.0)]
+    return [sine, *(one for one in others if min(one.frequency, abs(one.frequency - rotor_hz)) > least)]
+
+
+def phase_of(sine: Sine, record: Record, psi: Array | None) -> Array:
+    """The phase of a sine (T,) [rad] over a record whose rotor has the azimuth ψ (T,)."""
+    if sine.order and psi is not None:
+        return sine.order * psi
+    return np.asarray(2.0 * math.pi * sine.frequency * (record.time - record.time[0]))
+
+
+def turned(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array | None:
+    """The rotor's azimuth (T,) [rad], on and on, where some sensors turn with it and others do not; None elsewhere."""
+    if len({bool(sensor.blade) for sensor in sensors}) < 2 or "rotor_azimuth" not in record:
+        return None
+    try:
+        return np.asarray(rotor_inputs(record, abs(turbine.rotor_speed))[:, 0])
+    except RecordError:
+        return None
+
+
+def _turns(record: Record, psi: Array) -> float:
+    """1P [Hz]."""
+    return abs(float(psi[-1] - psi[0])) / (2.0 * math.pi * record.duration)
+
+
+def _refined(windowed: Array, time: Array, frequency: float, step: float) -> float:
+    """The frequency [Hz] near another at which windowed values (T,) have most."""
+    from scipy.optimize import minimize_scalar
+
+    found = minimize_scalar(
+        lambda f: -abs(windowed @ np.exp(-2j * math.pi * f * time)),
+        bounds=(frequency - step, frequency + step), method="bounded", options={"xatol": 1e-3 * step},
+    )  # fmt: skip
+    return float(found.x)
+
+
+def _waves(values: Array, window: Array, phases: Sequence[Array]) -> Array:
+    """What of values (T,) goes as sines of these phases (T,), by least squares under a window, so that neither a loud
+    line elsewhere nor the slope of a resonance bends it."""
+    known = np.isfinite(values)
+    columns = [wave for phase in phases for wave in (np.cos(phase), np.sin(phase))]
+    design = np.column_stack([np.ones(len(values)), *columns])
+    weighted = np.where(known, window, 0.0)[:, None] * design
+    found = np.linalg.lstsq(weighted.T @ design, weighted.T @ np.nan_to_num(values), rcond=None)[0]
+    return np.asarray(design[:, 1:] @ found[1:])

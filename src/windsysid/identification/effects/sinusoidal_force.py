@@ -1,0 +1,204 @@
+"""Sines of the readings as forces: how strongly each pushes, from the innovations of a filter.
+
+To first order, innovations change with a force as a filter that knows it says. So of each sine on each load that it may
+act on, cosine and sine, a filter goes over the record once more, and least squares of the innovations on the changes
+tell the amplitudes: generalised least squares, as innovations are white. The forces then act in the model as measured
+ones do, beside the loads that nobody measured.
+
+What turns with the rotor turns as gravity and imbalance do. A search without the force has taken a part of it for
+masses, gains and axes that are off, within their tolerances, and would never give that back. So of sines at nP these
+tolerances are unknowns beside the amplitudes, held by their priors, and coefficients move with them as the search says;
+innovations count as far as they repeat in every turn.
+"""
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.filters import EKF
+from windsysid.filters.bank import bank_of, run_bank
+from windsysid.identification.effects.sinusoid import APART, Sine, phase_of, turned, ways_of
+from windsysid.identification.estimate.scoring import THREADS
+from windsysid.identification.model.fit import PART_OF
+from windsysid.identification.model.turbine_problem import TurbineProblem
+from windsysid.records.record import Record
+from windsysid.statespace.compose import StateSpace
+
+__all__ = ["SineForce", "find_forces", "told", "with_forces"]
+
+
+STEP = 0.5
+"""Of the slopes of innovations, in standard deviations of a tolerance."""
+
+REPEATED = 8
+"""Harmonics nP by which innovations that repeat in every turn are told."""
+
+SURE = 4.0
+"""Standard deviations from which on a force is told: one in 3000 of chance is larger."""
+
+
+class SineForce(NamedTuple):
+    """How strongly a sine pushes on a load: what of cosine and of sine, and the standard deviation of either, in the
+    load's unit."""
+
+    sine: Sine
+    load: str
+    unit: str
+    cosine: float
+    quadrature: float
+    std: float
+
+    @property
+    def amplitude(self) -> float:
+        """In the load's unit."""
+        return math.hypot(self.cosine, self.quadrature)
+
+    @property
+    def matters(self) -> bool:
+        """Whether it is surely there."""
+        return self.amplitude > SURE * self.std
+
+    def __str__(self) -> str:
+        if not self.matters:
+            return (
+                f"what turns at {self.sine.order}P is taken into account: an imbalance of the rotor, or masses off "
+                "within their tolerances"
+            )
+        at, cause = f"{self.sine.frequency:.4g} Hz", "a machine"
+        if self.sine.order:
+            at = f"{self.sine.order}P"
+            cause = "an imbalance of the rotor" if self.sine.order == 1 else "what turns with the rotor"
+        return (
+            f"{self.load} has a steady sine of {self.amplitude:.2g} ± {2.0 * self.std:.1g} {self.unit} at {at}: "
+            f"likely {cause}; the estimates take it into account"
+        )
+
+
+def find_forces(
+    problem: TurbineProblem, unknowns: Array, record: Record, sines: Sequence[Sine], *, along: Array, at: Array
+) -> list[SineForce]:
+    """How strongly sines push.
+
+    A sine that was seen on the support may push the blades, and the other way round: what explains more is taken.
+
+    Parameters
+    ----------
+    unknowns
+        Where a search of the problem has ended, all but the clocks (n,).
+    record
+        The one that poses the problem.
+    along, at
+        How the unknowns move with each tolerance (n, t), and where the search has put these (t,), in standard
+        deviations of their priors.
+    """
+    model, psi = problem.build(unknowns), turned(record, problem.turbine, problem.sensors)
+    columns, rms = model.inputs, {one.load: one.rms for one in problem.turbine.loads if one.load not in record}
+
+    def innovations(model: StateSpace, inputs: Array) -> Array:
+        return np.nan_to_num(EKF.run(model, EKF.init(model), inputs, problem.readings)[1].whitened)
+
+    def push(sine: Sine) -> _Pushing:
+        freedoms = [one for one in problem.turbine.model.freedoms if bool(one.blade) is sine.on_blades]
+        loads = [(one.load, one.load_unit) for one in freedoms if one.load in rms]
+        changes = []
+        for load, _ in loads:
+            for wave in _waves(sine, record, psi):
+                inputs = problem.inputs.copy()
+                inputs[:, columns.index(load)] += rms[load] * wave
+                changes.append((now - innovations(model, inputs)).ravel() / rms[load])
+        return _Pushing(sine, loads, np.reshape(changes, (-1, now.size)).T)
+
+    now, pushing = innovations(model, problem.inputs), list[_Pushing]()
+    for sine in sorted(sines, key=lambda one: not one.order):  # what turns is seen on the other side of the hub, too
+        best = max((push(way) for way in ways_of(sine, record, psi)), key=lambda one: one.explains(now.ravel()))
+        if not any(best.sine.same_as(other.sine, APART / record.duration) for other in pushing):
+            pushing.append(best)
+    free, turning = ([one for one in pushing if bool(one.sine.order) is turns] for turns in (False, True))
+    found = _amplitudes(free, now.ravel(), np.empty((now.size, 0)), np.empty(0))
+    if turning and psi is not None:
+        slopes = [now - one for one in _innovations(problem, [unknowns + STEP * direction for direction in along.T])]
+        repeats = _turns_again(psi)
+        again = [one._replace(changes=_again(repeats, one.changes.T, now.shape)) for one in turning]
+        found += _amplitudes(again, (repeats @ now).ravel(), _again(repeats, slopes, now.shape) / STEP, at)
+    return found
+
+
+def _innovations(problem: TurbineProblem, points: Sequence[Array]) -> list[Array]:
+    """Of filters side by side at several unknowns (T, m), zero where a reading is missing."""
+    if not points:
+        return []
+    with ThreadPoolExecutor(THREADS) as pool:
+        scores = run_bank(bank_of([problem.build(one) for one in points]), problem.inputs, problem.readings, pool)[1]
+    return [np.nan_to_num(one) for one in np.moveaxis(scores.whitened, -1, 0)]
+
+
+def _turns_again(psi: Array) -> Array:
+    """What takes from values (T, m) what repeats in every turn, as coefficients of orthonormal waves (2K + 1, T)."""
+    waves = [wave for order in range(1, REPEATED + 1) for wave in (np.cos(order * psi), np.sin(order * psi))]
+    return np.asarray(np.linalg.qr(np.column_stack([np.ones(len(psi)), *waves]))[0].T)
+
+
+def _again(repeats: Array, changes: Sequence[Array] | Array, shape: tuple[int, ...]) -> Array:
+    """What of n changes of shape (T, m) repeats in every turn (K, n)."""
+    found = [(repeats @ np.reshape(change, shape)).ravel() for change in changes]
+    return np.column_stack(found) if found else np.empty((len(repeats) * shape[1], 0))
+
+
+def _amplitudes(pushing: "Sequence[_Pushing]", innovations: Array, slopes: Array, at: Array) -> list[SineForce]:
+    """How strongly forces push, by least squares of innovations (K,) on their changes with the forces, and with
+    tolerances (K, t) that are held by their priors, where a search has put them (t,)."""
+    if not pushing:
+        return []
+    C = np.hstack([*(one.changes for one in pushing), slopes])
+    first = C.shape[1] - len(at)
+    known = np.diag(np.concatenate([np.zeros(first), np.ones(len(at))]))
+    cov = np.linalg.pinv(C.T @ C + known, hermitian=True)
+    size = cov @ (C.T @ innovations - known @ np.concatenate([np.zeros(first), at]))
+    sizes, spread = size[:first].reshape(-1, 2), np.sqrt(np.diag(cov)[:first]).reshape(-1, 2).max(axis=1)
+    pushed = [(one.sine, *load) for one in pushing for load in one.loads]
+    return [
+        SineForce(sine, load, unit, float(cosine), float(quadrature), float(e))
+        for (sine, load, unit), (cosine, quadrature), e in zip(pushed, sizes, spread, strict=True)
+    ]
+
+
+class _Pushing(NamedTuple):
+    """A sine, the loads that it may act on with their units, and how innovations change with cosine and sine on each
+    (T m, 2 n)."""
+
+    sine: Sine
+    loads: list[tuple[str, str]]
+    changes: Array
+
+    def explains(self, innovations: Array) -> float:
+        """By how much squared innovations fall, beyond chance."""
+        said = self.changes.T @ innovations
+        inverse = np.linalg.pinv(self.changes.T @ self.changes)
+        return float(said @ inverse @ said) - float(len(said))
+
+
+def _waves(sine: Sine, record: Record, psi: Array | None) -> tuple[Array, Array]:
+    phase = phase_of(sine, record, psi)
+    return np.cos(phase), np.sin(phase)
+
+
+def told(forces: Sequence[SineForce]) -> list[str]:
+    """What a reader should know of forces: those that surely push, and what turns with the rotor."""
+    sure = [str(force) for force in forces if force.matters]
+    turning = {force.sine.order for force in forces} - {force.sine.order for force in forces if force.matters} - {0}
+    return sure + [str(next(one for one in forces if one.sine.order == order)) for order in sorted(turning)]
+
+
+def with_forces(record: Record, forces: Sequence[SineForce], psi: Array | None) -> Record:
+    """The record with forces as parts of its loads, beside those that it has; its rotor has the azimuth ψ (T,)."""
+    for one in forces:
+        cosine, sine = _waves(one.sine, record, psi)
+        part = PART_OF + one.load
+        measured = np.nan_to_num(record[part]) if part in record else 0.0
+        push = measured + one.cosine * cosine + one.quadrature * sine
+        record = record.with_channels({part: (push, one.unit)})
+    return record

@@ -1,0 +1,1 @@
+"""The posterior of the unknowns: by filters, by spectra, online."""

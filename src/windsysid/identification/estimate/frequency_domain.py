@@ -1,0 +1,328 @@
+"""The spectral formulation: coefficients from the spectra of a stationary record.
+
+Where loads are steady and the speed is constant, a record says all it knows in its spectra
+(`windsysid.spectral.transforms.lifted`). The coefficients and the statistics of loads and noise are found at the mode
+of the posterior by scoring (`windsysid.spectral.rotor.scoring`), with any smooth load spectrum and without load states.
+It is not for what is not stationary: a free decay, a start, a stop, or a speed that varies much.
+"""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, RecordError, WindsysidError
+from windsysid.identification.condition.spectral_readings import read_bridged
+from windsysid.identification.effects.narrow_band_load import (
+    doubts_of_narrow_band,
+    fit_narrow_band,
+    note_narrow_band,
+)
+from windsysid.identification.effects.prior_conflict import find_held, one_by_one
+from windsysid.identification.estimate.rotor_bands import read_in_bands
+from windsysid.identification.model.fit import Outcome, known_inputs, known_loads, no_innovations
+from windsysid.identification.model.prior import Prior, identifiable
+from windsysid.identification.model.tolerances import (
+    doubt_tolerances,
+    in_numbers,
+    learned_tolerances,
+    note_tolerances,
+    tolerances_of,
+)
+from windsysid.identification.model.turbine_problem import seen_by
+from windsysid.identification.verdict.spectral_findings import doubts_of_spectra, drifts_of, halves_of, passed_by
+from windsysid.loads.family import hypothesis
+from windsysid.loads.hypothesis import HYPOTHESES
+from windsysid.loads.narrow_band import NarrowBand
+from windsysid.loads.rotor_wind import RotorWind
+from windsysid.loads.statistics import Statistic, learned_statistics
+from windsysid.mechanics.compile import compile_model
+from windsysid.mechanics.rotor import MEAN_LAG, as_rotor
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.results.tolerance import Tolerance
+from windsysid.spectral.rotor.build import pose_lifted, turns_couple
+from windsysid.spectral.rotor.fit import COARSE, WHOLE, Fit, admit, fit
+from windsysid.spectral.rotor.model import Inexact
+from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor_bands.build import belongs_in_bands
+from windsysid.spectral.transforms.lifted_blocks import LiftedSums
+from windsysid.spectral.transforms.rotating_frame import TurnedSums
+from windsysid.statespace.compose import compose
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
+
+STEADY, VARYING = 0.005, 0.02
+"""Standard deviation of the rotor's speed over its mean: up to the first it costs nothing, beyond the second the
+spectra are not those of a constant speed."""
+
+STEADY_IN_BANDS, VARYING_IN_BANDS = 0.15, 0.2
+"""The same of a rotor that is read in bands, which follow its blades (``python -m validation.auto``)."""
+
+CLEAR = 50.0
+"""Log evidence by which a load model is out of the race after the first stages, which weigh the record with a fifth."""
+
+
+def identify_by_spectrum(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
+    loads: str = "auto", sums: LiftedSums | TurnedSums | None = None, speeds: Array | None = None,
+) -> Outcome:  # fmt: skip
+    """Identify the chosen parameters, or every coefficient that the sensors see, from the spectra of a uniformly
+    sampled record, or of the blocks that `sums` adds up: then `record` is the last of them, and `speeds` are the
+    blocks' rotor speeds [rad/s].
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If the record is too short, has gaps, holds measured loads or a speed that varies, or no such load model fits
+        this turbine.
+    """
+    notes: list[str] = []
+    turbine = seen_by(turbine, sensors, notes)
+    inputs = known_inputs(record, turbine, sensors)
+    readings = read_bridged(record, [sensor.channel for sensor in sensors], notes)
+    known, file_loads = known_loads(record, turbine)
+    if known.any() or len({load.load for load in file_loads}) < len(turbine.model.loads):
+        raise ConfigurationError(
+            "the spectral formulation takes no measured loads: leave load_… out, or use --formulation joint"
+        )
+    started = time.perf_counter()
+    questions = {"broadband": ask(record, turbine, sensors, prior, chosen, inputs, readings, "broadband", sums)}
+    coupled = turns_couple(questions["broadband"])
+    speeds = inputs[:, 1] if speeds is None else speeds
+    if coupled and belongs_in_bands(questions["broadband"]):
+        in_bands = _in_bands(questions["broadband"], loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
+        if in_bands is not None:
+            return in_bands
+        if sums is not None:
+            raise ConfigurationError(
+                "modes of the rotor are too near each other to be told apart in pieces: identify a section of it"
+            )
+    doubts = _speed(speeds, STEADY, VARYING) if coupled else []
+    names = _names(turbine, loads, coupled=coupled)
+    if "rotor-wind" in names:
+        questions["rotor-wind"] = ask(record, turbine, sensors, prior, chosen, inputs, readings, "rotor-wind", sums)
+    warming = time.perf_counter()
+    poses = {name: pose_lifted(questions[name], name) for name in names}
+    for posed in poses.values():  # kernels are compiled here
+        posed.model.likelihood(posed.start, max(1, len(posed.model.place.base)))
+    started += time.perf_counter() - warming
+    found = _fitted(poses)
+    name, best, why = found.name, found.fit, found.why
+    posed, question = poses[name], questions[name]
+    if loads == NarrowBand.name:
+        beside = fit_narrow_band(question, posed, best, thorough=True)
+        if beside is None:
+            raise WindsysidError("no narrow-band load fits this record: choose broadband")
+        name, posed, best = loads, beside.posed, beside.fit
+        notes.append(note_narrow_band(beside))
+        doubts += doubts_of_narrow_band(beside, asked=loads)
+        why = f" (log evidence over broad loads alone by {beside.gain:.0f})"
+    tolerances = tolerances_in(question)
+    if tolerances:
+        best = admit(best, inexact_of(question, tolerances))
+    model = posed.model
+    halves = halves_of(question, posed, best, name)
+    doubts += doubts_of_spectra(question, posed, best, name, halves)
+    if not coupled:
+        doubts += passed_by(question, best.unknowns, abs(float(speeds.mean())) / (2.0 * math.pi))
+    n, lag = len(question.parameters), model.lag
+    if lag:
+        angle, std = 1e3 * best.unknowns[n], 1e3 * math.sqrt(best.cov[n, n])
+        notes.append(f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad")
+
+    def log_likelihood(unknowns: Array) -> float:
+        return -best.model.likelihood(unknowns, slopes=False).value
+
+    where = ", ".join(f"{low:.3g} … {high:.3g} Hz" for low, high in posed.bands)
+    notes += [
+        f"loads: {posed.text}, learned from the record with the noise{why}; damping is total: structure and "
+        f"aerodynamics",
+        f"read at {where}; what repeats in every turn was taken out",
+    ]
+    return _outcome(
+        question, best.unknowns, best.cov, lag, tolerances, log_likelihood=best.log_likelihood,
+        statistics=model.statistics, elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
+        held=find_held(one_by_one(log_likelihood), best.unknowns, best.cov, model.parameters),
+    )._replace(turns=coupled, drifts=drifts_of(question, halves, best.unknowns, tolerances))  # fmt: skip
+
+
+def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome | None:
+    """The result of a rotor that is read in bands; None where its modes cannot be told apart."""
+    started = time.perf_counter()
+    tolerances = tolerances_in(question)
+    found = read_in_bands(question, loads, inexact_of(question, tolerances) if tolerances else None)
+    if found is None:
+        return None
+    return _outcome(
+        question, found.unknowns, found.cov, 1, tolerances, log_likelihood=found.log_likelihood,
+        statistics=found.statistics, elapsed=time.perf_counter() - started, notes=(*notes, *found.notes),
+        doubts=(*doubts, *found.doubts), hypothesis=RotorWind.name, held=found.held,
+    )._replace(in_bands=True)  # fmt: skip
+
+
+def _outcome(
+    question: Question, unknowns: Array, cov: Array, lag: int, tolerances: Sequence[Tolerance], *,
+    log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[str],
+    doubts: Sequence[str], hypothesis: str, held: tuple[str, ...],
+) -> Outcome:  # fmt: skip
+    """What was found, from all unknowns: θ, then the mean lag angle where `lag` is 1, then τ and η."""
+    n, end = len(question.parameters), len(question.parameters) + len(statistics)
+    first = n + lag + len(tolerances)
+    keep = np.r_[0:n, first : len(unknowns), n + lag : first]
+    mean, joint_cov = unknowns[keep], cov[np.ix_(keep, keep)]
+    learned = learned_tolerances(tolerances, mean[end:], joint_cov[end:, end:])
+    return Outcome(
+        turbine=question.turbine,
+        model=compose(
+            question.turbine.model,
+            rate=question.rate,
+            values=question.turbine.values,
+            parameters=question.parameters,
+            sensors=question.sensors,
+        ),
+        history_mean=unknowns[None, :n],
+        history_std=np.sqrt(np.diag(cov)[:n])[None],
+        final=no_innovations(len(question.sensors), log_likelihood),
+        theta=unknowns[:n],
+        cov=cov[:n, :n],
+        rotor=question.inputs,
+        channels=tuple(sensor.channel for sensor in question.sensors),
+        elapsed=elapsed,
+        notes=(*notes, *note_tolerances(learned)),
+        statistics=learned_statistics(statistics, mean[n:end], joint_cov[n:end, n:end]),
+        doubts=(*doubts, *doubt_tolerances(learned)),
+        joint_cov=joint_cov,
+        hypothesis=hypothesis,
+        tolerances=learned,
+        held=held,
+    )
+
+
+def tolerances_in(question: Question) -> tuple[Tolerance, ...]:
+    """What is known of instruments and masses within tolerances only."""
+    return tolerances_of(question.turbine, question.sensors, [q.name for q in question.parameters])
+
+
+def inexact_of(question: Question, tolerances: Sequence[Tolerance]) -> Inexact:
+    """The same in numbers."""
+    names = [q.name for q in question.parameters]
+    return in_numbers(tolerances, question.compiled.parameters, question.turbine, question.sensors, names)
+
+
+def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
+    """The load models to try."""
+    if loads not in ("auto", "broadband", NarrowBand.name, "rotor-wind"):
+        raise ConfigurationError(
+            "load model of the spectral formulation: expected auto, broadband, narrow-band or rotor-wind, got "
+            f"'{loads}'"
+        )
+    if loads == NarrowBand.name:  # which is looked for from where broad loads end
+        HYPOTHESES[loads].suppose(turbine, turbine.loads)
+        return ("broadband",)
+    if loads != "auto":
+        return (loads,)
+    pushed = [name for name in turbine.model.loads if name in ("load_x", "load_y")]
+    return ("broadband", "rotor-wind") if coupled and pushed else ("broadband",)
+
+
+def ask(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
+    inputs: Array, readings: Array, loads: str, sums: LiftedSums | TurnedSums | None = None,
+) -> Question:  # fmt: skip
+    """The question under a load model, which may bring coefficients of its own."""
+    file_loads = known_loads(record, turbine)[1]
+    supposed = hypothesis(loads, turbine, file_loads)
+    own = (q for q in supposed.parameters if q.name != MEAN_LAG)  # which is an unknown of spectra under any loads
+    parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *own)
+    rotor = as_rotor(supposed.turbine.model)
+    if rotor is not None and rotor.leads and MEAN_LAG not in turbine.values:
+        values = {name: value for name, value in supposed.turbine.values.items() if name != MEAN_LAG}
+        turbine = replace(supposed.turbine, model=replace(rotor, leads=False), values=values)
+    else:
+        turbine = supposed.turbine
+    compiled = compile_model(turbine.model, tuple(sensors), instruments=True)
+    question = Question(turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads))
+    return question._replace(turned=sums) if isinstance(sums, TurnedSums) else question._replace(sums=sums)
+
+
+def _speed(speed: Array, steady: float, varying: float) -> list[str]:
+    """What speaks against spectra of a constant speed; RecordError where it varies too much."""
+    varies = float(speed.std() / abs(speed.mean()))
+    if varies > varying:
+        raise RecordError(
+            f"the rotor's speed varies by ±{100 * varies:.2g} % (one σ): expected at most ±{100 * varying:g} % for "
+            "spectra; choose a steadier section, or use --formulation joint"
+        )
+    if varies > steady:
+        return [
+            f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation), and spectra were taken as if "
+            f"it did not"
+        ]
+    return []
+
+
+class _Found(NamedTuple):
+    """The load model that explains the record best, what the record says under it, and in words why it was taken."""
+
+    name: str
+    fit: Fit
+    why: str
+
+
+def _fitted(poses: dict[str, Posed]) -> _Found:
+    """Every load model on a few of the bins, and the one of the greatest evidence on all."""
+    try:
+        if len(poses) == 1:
+            ((name, posed),) = poses.items()
+            return _Found(name, _fit_alone(posed), "")
+        if any(posed.model.blocks > 1.0 for posed in poses.values()):
+            return _after_all(poses)
+        tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
+        rivals = _rivals(tried)
+        later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
+        why = f" (log evidence over {_margins(tried)}, of a fifth of the record)"
+        if len(rivals) > 1:
+            tried = {name: fit(poses[name].model, tried[name].unknowns, COARSE[-1:], rough=True) for name in rivals}
+            later, why = WHOLE, f" (log evidence over {_margins(tried)})"
+        name = _rivals(tried)[0]
+        return _Found(name, fit(poses[name].model, tried[name].unknowns, later, poses[name].smoothed), why)
+    except np.linalg.LinAlgError:
+        raise WindsysidError(
+            "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
+            "check units and the turbine file"
+        ) from None
+
+
+def _fit_alone(posed: Posed) -> Fit:
+    """The mode from the prior's centre; of a block, which has few bins, on all of them from the first stage on."""
+    whole = posed.model.blocks <= 1.0
+    stages = [(weight, every if whole else 1) for weight, every in (*COARSE, *WHOLE)]
+    return fit(posed.model, posed.start, stages, posed.smoothed)
+
+
+def _after_all(poses: dict[str, Posed]) -> _Found:
+    """The load model of the greatest evidence where all have been fitted to the end: what the taper of a short block
+    does to spectra can look like another load."""
+    tried = {name: _fit_alone(posed) for name, posed in poses.items()}
+    overlap = max(found.model.overlap for found in tried.values())
+    tried = {name: found._replace(log_evidence=found.evidence_at(overlap)) for name, found in tried.items()}
+    name = _rivals(tried)[0]
+    return _Found(name, tried[name], f" (log evidence over {_margins(tried)})")
+
+
+def _rivals(tried: dict[str, Fit]) -> list[str]:
+    """The load models that may still win, the best first."""
+    order = sorted(tried, key=lambda name: -tried[name].log_evidence)
+    return [name for name in order if tried[order[0]].log_evidence - tried[name].log_evidence < CLEAR]
+
+
+def _margins(tried: dict[str, Fit]) -> str:
+    """By how much the best load model explains the record better than each of the others."""
+    best, *others = sorted(tried, key=lambda name: -tried[name].log_evidence)
+    return ", ".join(f"{name} by {tried[best].log_evidence - tried[name].log_evidence:.0f}" for name in others)

@@ -1,0 +1,249 @@
+"""Which load model? The simplest is tried on the beginning of the record, and where it does not explain that, or others
+cost as little, the others too.
+
+A model explains a record when the spectra of its innovations have no peak within reach of a natural frequency that
+noise would not show in one record of a thousand (`windsysid.checks.verdict`). On a rotor no other is then tried. A
+fit can take in loads of another colour and leave no peak: under a rigid rotor, where others are cheap, they are
+compared all the same, on as many samples as are held. None is tried where the loads hardly matter, as in a free decay:
+what the simplest model's loads can do by themselves is then small beside the motion. Of those that are tried, the one
+with the greatest evidence p(y | model) = ∫ p(y | θ) p(θ) dθ is chosen, by Laplace's approximation at the mode of the
+posterior,
+
+    log p(y | model) ≈ log p(y | θ̂) − ½ (θ̂ − θ₀)ᵀ Λ₀ (θ̂ − θ₀) + ½ log det Λ₀ − ½ log det Λ,
+
+with Λ₀ the information of the prior and Λ that of the posterior, which the search for the mode leaves behind. Unlike
+Schwarz's criterion, which is its limit for long records, it does not pretend that each statistic was informed by every
+sample: that of a slow load never is. Source: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995,
+https://doi.org/10.1080/01621459.1995.10476572.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.checks.whiteness import Whiteness, examine
+from windsysid.errors import WindsysidError
+from windsysid.filters import EKF, Info
+from windsysid.filters.bank import bank_of, run_bank
+from windsysid.identification.estimate.online import MEMORY, History, Online, advance, begin, finish, join_histories
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import FIRST_WIDTH, TurbineProblem, pose
+from windsysid.loads.hypothesis import HYPOTHESES
+from windsysid.loads.statistics import coordinates_of, values_of
+from windsysid.mechanics.rotor import as_rotor
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.statespace.compose import StateSpace
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Candidate", "Choice", "Question", "choose", "is_explained", "warm"]
+
+Start = Callable[[Array, Array], tuple[Array, Array]]
+
+
+TRIAL_LENGTH = 2
+"""How many times the first samples are enough to compare models: a difference that matters is overwhelming there."""
+
+
+MIN_LOAD_SHARE = 0.1
+"""Share of the motion's rms that loads make by themselves in some degree of freedom, or they hardly matter."""
+
+
+class Question(NamedTuple):
+    """What is asked of a record, whatever its loads are: arguments of
+    `windsysid.identification.model.turbine_problem.pose`.
+    """
+
+    record: Record
+    turbine: Turbine
+    sensors: tuple[Sensor, ...]
+    prior: Prior
+    chosen: Sequence[str] | None
+
+
+class Candidate(NamedTuple):
+    """A load model after the first samples of a record.
+
+    Attributes
+    ----------
+    problem
+        With its load model.
+    online, history
+        What it knows after the first samples, and how it came to know it.
+    log_evidence
+        Of the samples that it has seen, as many for all that are compared.
+    white
+        Whether it explains what it has seen.
+    driven
+        Whether its loads make a good part of the motion.
+    """
+
+    problem: TurbineProblem
+    online: Online
+    history: History
+    log_evidence: float
+    white: bool
+    driven: bool
+
+
+class Choice(NamedTuple):
+    """The load model that was chosen, in words why, and the seconds that its kernels took to load or compile."""
+
+    best: Candidate
+    why: str
+    warming: float
+
+
+def choose(question: Question, names: Sequence[str], first: int) -> Choice:
+    """The load model of those named that explains the beginning of the record, or does it best.
+
+    Parameters
+    ----------
+    question
+        With the record, or so much of it as holds `MEMORY` × `first` samples.
+    names
+        The models, the cheapest first.
+    first
+        Samples before the first estimate on line.
+    """
+    rate, warming = question.record.rate, 0.0
+    tried: list[Candidate] = []
+    cheap, length = as_rotor(question.turbine.model) is None, TRIAL_LENGTH * first
+    for name in names:
+        begun = time.perf_counter()
+        problem = pose(*question, name)
+        warm(problem)
+        warming += time.perf_counter() - begun
+        candidate = _start_candidate(problem, first)
+        try:
+            candidate = _take_in(candidate, length, rate, _start(problem, tried))
+            if candidate.white and not tried:
+                later = _take_in(candidate, MEMORY * first, rate, problem.start)
+                candidate = later if cheap else later._replace(log_evidence=candidate.log_evidence)
+                length = MEMORY * first if cheap else length
+        except (WindsysidError, np.linalg.LinAlgError):  # the record drives this model out of bounds
+            if len(names) == 1:
+                raise
+            continue
+        tried.append(candidate)
+        if len(tried) == 1 and ((candidate.white and not cheap) or not candidate.driven):
+            break
+    if not tried:
+        raise WindsysidError("no load model fits this record: check units, the turbine file and the priors")
+    best = max(tried, key=lambda candidate: candidate.log_evidence)
+    return Choice(best, _describe_choice(best, tried, min(length, question.record.samples) / rate), warming)
+
+
+def warm(problem: TurbineProblem) -> None:
+    """Compile or load every kernel."""
+    nothing = problem.inputs[:0], problem.readings[:0]
+    for model in (problem.model, problem.build(problem.prior[0])):
+        EKF.run(model, EKF.init(model), *nothing)
+    run_bank(bank_of([model]), *nothing)
+
+
+def _start_candidate(problem: TurbineProblem, first: int) -> Candidate:
+    """A model that has seen nothing."""
+    online = begin(*problem.prior, first, (problem.inputs.shape[1], problem.readings.shape[1]))
+    history = advance(problem.build, online, problem.inputs[:0], problem.readings[:0])[1]
+    return Candidate(problem, online, history, -math.inf, white=True, driven=True)
+
+
+def _take_in(candidate: Candidate, until: int, rate: float, start: Start) -> Candidate:
+    """The candidate after so many samples of the record, or all that there are."""
+    problem, online = candidate.problem, candidate.online
+    part = slice(online.reached, until)
+    online, history = advance(problem.build, online, problem.inputs[part], problem.readings[part], start)
+    known = online if online.bank else finish(problem.build, online, start)[0]  # shorter than the first block
+    model, seen = problem.build(known.theta), slice(0, known.samples)
+    info = EKF.run(model, EKF.init(model), problem.inputs[seen], problem.readings[seen])[1]
+    evidence = _log_evidence(float(info.log_likelihood.sum()), known)
+    white = _explains(problem, info, rate)
+    driven = _loads_matter(model, problem.inputs[seen], info)
+    return Candidate(problem, online, join_histories([candidate.history, history]), evidence, white, driven)
+
+
+def _log_evidence(log_likelihood: float, known: Online) -> float:
+    """Laplace's approximation."""
+    prior = np.linalg.inv(known.prior_cov)
+    off = known.theta - known.prior_mean
+    sizes = [float(np.linalg.slogdet(information)[1]) for information in (prior, known.precision)]
+    return log_likelihood - 0.5 * float(off @ prior @ off) + 0.5 * (sizes[0] - sizes[1])
+
+
+def _explains(problem: TurbineProblem, info: Info, rate: float) -> bool:
+    """Whether the innovations have no peak within reach of a natural frequency."""
+    turbine = problem.turbine
+    natural = [turbine.natural_frequency(name) / (2.0 * math.pi) for name in turbine.model.coordinates]
+    return is_explained(
+        examine(info.whitened, names=problem.model.readings, rate=rate, frequencies=natural, gated=info.gated)
+    )
+
+
+def is_explained(whiteness: Whiteness) -> bool:
+    """Whether innovations have no peak within reach of a natural frequency that noise would not show."""
+    return not any(channel.peak > whiteness.spectrum_bound for channel in whiteness.channels)
+
+
+def _loads_matter(model: StateSpace, inputs: Array, info: Info) -> bool:
+    """Whether the loads, from rest and with nothing read, would make a good part of the motion in some degree of
+    freedom."""
+    n = len(model.compiled.states) // 2
+    cov = model.cov.copy()
+    cov[: 2 * n, : 2 * n] = 0.0
+    at_rest = replace(model, cov=cov)
+    nothing = np.full((len(inputs), len(model.readings)), np.nan)
+    alone = EKF.run(at_rest, EKF.init(at_rest), inputs, nothing)[1]
+    by_loads, motion = np.mean(alone.std[:, :n] ** 2, axis=0), np.mean(info.mean[:, :n] ** 2, axis=0)
+    return bool(np.any(by_loads > MIN_LOAD_SHARE**2 * motion))
+
+
+def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
+    """Where to look first: the simplest model where its joint filter ends, others at the prior, with loads as loud as
+    the simplest found them."""
+    if not tried and problem.loads.name == next(iter(HYPOTHESES)):
+        return problem.start
+    n = len(problem.parameters)
+    mean = problem.prior[0].copy()
+    if tried:
+        values = HYPOTHESES[problem.loads.name].start_from(_compare_levels(tried[0]), problem.loads.statistics)
+        mean[n:] = coordinates_of(problem.statistics, values)
+
+    def start(inputs: Array, readings: Array) -> tuple[Array, Array]:
+        return mean, np.diag(np.full(len(mean), FIRST_WIDTH**2))
+
+    return start
+
+
+def _compare_levels(simplest: Candidate) -> dict[str, float]:
+    """How much louder than in the file the loads are, by the level of their spectra: a factor for each statistic."""
+    n = len(simplest.problem.parameters)
+    statistics = simplest.problem.statistics
+    values = values_of(statistics, simplest.online.theta[n:])
+    given = {s.name: s.given for s in statistics}
+
+    def level(of: dict[str, float], name: str) -> float:
+        return of[name] / math.sqrt(of.get("load_time_constant", 1.0))
+
+    return {name: level(values, name) / level(given, name) for name in given if name.startswith("load_rms")}
+
+
+def _describe_choice(best: Candidate, tried: Sequence[Candidate], seconds: float) -> str:
+    """What was chosen, and by how much."""
+    name = best.problem.loads.name
+    if len(tried) == 1:
+        return f"load model {name}" + (
+            ": it explains the record" if best.white else "" if best.driven else ": loads hardly matter in this record"
+        )
+    others = ", ".join(
+        f"{other.problem.loads.name} by {best.log_evidence - other.log_evidence:.0f}"
+        for other in tried
+        if other is not best
+    )
+    doubt = "" if best.white else ", though it does not explain all of it"
+    return f"load model {name}: its log evidence beats {others} on the first {seconds:.3g} s{doubt}"

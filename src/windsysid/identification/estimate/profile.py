@@ -1,0 +1,215 @@
+"""The profile of the posterior of one parameter: how far it may go when all others give way.
+
+    ℓ_p(θ_k) = max over the others of ℓ(θ_k, others),      band: ℓ_p ≥ max ℓ − 2,
+
+which is ±2σ exactly where the posterior is Gaussian, and is right in any coordinate where it is not. The others are
+found anew at each value from where the Gaussian would put them. Between the values, and to the ends of the band, the
+signed root r = sign(θ_k − θ̂_k) √(2 (max ℓ − ℓ_p)), nearly a straight line, is interpolated. Source: Pawitan, In All
+Likelihood (Oxford 2001), ch. 3.4.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError
+from windsysid.identification.condition.readings import usable_sensors
+from windsysid.identification.estimate.scoring import Posterior, posterior_mode
+from windsysid.identification.identify import identify
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import TurbineProblem, pose
+from windsysid.mechanics.sensors import Sensor
+from windsysid.output.answers import Answer
+from windsysid.output.progress import Progress, unheard
+from windsysid.output.table import Table
+from windsysid.records.coercion import RecordLike, as_record
+from windsysid.results.identification import Identification
+from windsysid.results.posterior import SIGMAS
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.coercion import TurbineLike, as_turbine
+from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "Profile",
+    "interpolate_on",
+    "profile_likelihood",
+]
+
+
+STEPS = (1.0, 2.0, 3.0)
+"""Where the posterior is profiled on either side, in standard deviations of the Gaussian."""
+
+FARTHEST = 12.0
+"""How far it goes on where the band has not ended by then."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profile(Answer):
+    """The profile of one parameter.
+
+    Attributes
+    ----------
+    name, unit
+        Of the parameter.
+    values
+        Where it was held (P,), in `unit`, rising.
+    log_posterior
+        Log posterior with the others at their best, less its maximum (P,).
+    estimate
+        The mode, in `unit`.
+    low, high
+        Where the log posterior has dropped by 2, in `unit`; 0 or infinite where it does not.
+    gaussian
+        The ±2σ band of the identification, in `unit`, for comparison.
+    """
+
+    name: str
+    unit: str
+    values: Array
+    log_posterior: Array
+    estimate: float
+    low: float
+    high: float
+    gaussian: tuple[float, float]
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each place where the parameter was held: ``value`` in `unit`, and ``log_posterior``."""
+        import pandas as pd
+
+        return pd.DataFrame({"value": self.values, "log_posterior": self.log_posterior})
+
+    def __repr__(self) -> str:
+        return f"<Profile: {str(self).splitlines()[0]}>"
+
+    def contents(self) -> list[Table | str]:
+        """One line."""
+        unit = unit_text(self.unit)
+        return [
+            f"{self.name}: {self.estimate:.5g} {unit}, profile {self.low:.5g} … {self.high:.5g}, "
+            f"Gaussian ±2σ {self.gaussian[0]:.5g} … {self.gaussian[1]:.5g}"
+        ]
+
+
+def profile_likelihood(
+    record: RecordLike,
+    turbine: TurbineLike,
+    name: str,
+    *,
+    sensors: Sequence[Sensor] | None = None,
+    section: tuple[float, float] | None = None,
+    prior: Prior | None = None,
+    parameters: Sequence[str] | None = None,
+    progress: Progress = unheard,
+) -> Profile:
+    """Profile the posterior of one parameter of `turbine`, given `record`, in the joint formulation.
+
+    Parameters
+    ----------
+    name
+        The parameter.
+    record, turbine, sensors, section, prior, parameters
+        As for `windsysid.identify`.
+    progress
+        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+
+    Returns
+    -------
+    Profile
+        The log posterior over values of the parameter (P,), with the parameter's unit.
+
+    Raises
+    ------
+    RecordError, ConfigurationError, WindsysidError
+        As `windsysid.identify` raises them, and if `name` is not identified.
+    """
+    record, turbine = as_record(record), as_turbine(turbine)
+    progress("identifying", None)
+    found = identify(
+        record, turbine, sensors=sensors, formulation="joint", section=section, prior=prior, parameters=parameters
+    )
+    names = [q.name for q in found.parameters]
+    if name not in names:
+        raise ConfigurationError(f"profile of '{name}': expected one of the identified parameters {', '.join(names)}")
+    part = (record.section(*section) if section else record).on_uniform_grid()
+    problem = pose(part, turbine, usable_sensors(part, turbine, sensors), prior or Prior(), parameters)
+    return _profile(problem, names.index(name), found, progress)
+
+
+def _profile(problem: TurbineProblem, k: int, found: Identification, progress: Progress) -> Profile:
+    prior_mean, prior_cov = problem.prior
+    n, q = len(problem.parameters), problem.parameters[k]
+    start = np.concatenate(
+        [[_coordinate(p, found[p.name].estimate) for p in problem.parameters], np.zeros(len(prior_mean) - n)]
+    )
+    start_cov = prior_cov.copy()
+    start_cov[:n, :n] = found.cov
+    mode = posterior_mode(
+        problem.build,
+        problem.inputs,
+        problem.readings,
+        prior_mean=prior_mean,
+        prior_cov=prior_cov,
+        start=start,
+        start_cov=start_cov,
+    )
+    centre, sigma = mode.mean[k], math.sqrt(mode.cov[k, k])
+    height = _log_posterior(mode.mean, mode.log_likelihood, prior_mean, prior_cov)
+    drops = {0.0: 0.0}
+    for side in (-1.0, 1.0):
+        steps = list(STEPS)
+        while steps:
+            at = side * steps.pop(0)
+            progress(f"{q.name} held {at:+g} σ from its estimate", None)
+            drops[at] = height - _held(problem, k, centre + at * sigma, mode)
+            if not steps and drops[at] < 0.5 * SIGMAS**2 and abs(at) < FARTHEST:
+                steps = [2.0 * abs(at)]
+    shifts = np.array(sorted(drops))
+    depth = np.array([drops[shift] for shift in shifts])
+    shifts, depth = shifts + 0.0, depth - depth.min()  # should a held fit have found a higher place than the mode
+    root = np.sign(shifts) * np.sqrt(2.0 * depth)
+    low, high = (
+        float(interpolate_on(root, shifts, np.array([r]))[0]) if abs(root[end]) >= SIGMAS else r * math.inf
+        for r, end in ((-SIGMAS, 0), (SIGMAS, -1))
+    )
+    estimate, low, high = (float(q.physical(centre + shift * sigma)) for shift in (0.0, low, high))
+    e, values = found[q.name], q.physical(centre + shifts * sigma)
+    return Profile(q.name, e.unit, values, -depth, estimate, low, high, (e.low, e.high))
+
+
+def _held(problem: TurbineProblem, k: int, value: float, mode: Posterior) -> float:
+    """The greatest log posterior with unknown k held at `value`."""
+    prior_mean, prior_cov = problem.prior
+    others = np.arange(len(prior_mean)) != k
+    slope = mode.cov[others, k] / mode.cov[k, k]
+    free = posterior_mode(
+        lambda values: problem.build(np.insert(values, k, value)), problem.inputs, problem.readings,
+        prior_mean=prior_mean[others], prior_cov=prior_cov[np.ix_(others, others)],
+        start=mode.mean[others] + slope * (value - mode.mean[k]),
+        start_cov=mode.cov[np.ix_(others, others)] - np.outer(slope, mode.cov[k, others]),
+    )  # fmt: skip
+    return _log_posterior(np.insert(free.mean, k, value), free.log_likelihood, prior_mean, prior_cov)
+
+
+def _log_posterior(unknowns: Array, log_likelihood: float, prior_mean: Array, prior_cov: Array) -> float:
+    off = unknowns - prior_mean
+    return log_likelihood - 0.5 * float(off @ np.linalg.solve(prior_cov, off))
+
+
+def _coordinate(q: Parameter, value: float) -> float:
+    """θ of a physical value."""
+    return math.log(value / q.reference) if q.logarithmic else value / q.reference
+
+
+def interpolate_on(x: Array, y: Array, at: Array) -> Array:
+    """A monotone curve through points of rising x, at other places."""
+    from scipy.interpolate import PchipInterpolator
+
+    rising = np.maximum.accumulate(x) + 1e-12 * np.arange(len(x))
+    return np.asarray(PchipInterpolator(rising, y)(at), dtype=np.float64)

@@ -1,0 +1,101 @@
+"""Identify a turning rotor of a real machine from spectra in bands around its modes.
+
+The problem is built by `windsysid.spectral.rotor_bands.build`.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, WindsysidError
+from windsysid.identification.effects.prior_conflict import find_held, one_by_one
+from windsysid.loads.statistics import Statistic
+from windsysid.spectral.rotor.model import Inexact
+from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor.scoring import covariance
+from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
+from windsysid.spectral.rotor_bands.check import doubts_of_bands
+
+__all__ = ["ReadInBands", "read_in_bands"]
+
+
+class ReadInBands(NamedTuple):
+    """What bands say.
+
+    Attributes
+    ----------
+    unknowns, cov
+        θ, the mean lag angle, τ and η at the mode of the posterior (n,), and their covariance (n, n).
+    log_likelihood
+        There.
+    statistics
+        What η stands for.
+    doubts, notes
+        What speaks against it, and what a reader must know.
+    held
+        Damping coefficients that their priors hold.
+    """
+
+    unknowns: Array
+    cov: Array
+    log_likelihood: float
+    statistics: tuple[Statistic, ...]
+    doubts: tuple[str, ...]
+    notes: tuple[str, ...]
+    held: tuple[str, ...]
+
+
+def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None) -> ReadInBands | None:
+    """Coefficients and statistics from bands around the modes; with τ where instruments or masses are not exact. None
+    where the modes cannot be told apart.
+
+    Raises
+    ------
+    RecordError, ConfigurationError, WindsysidError
+        If the record is too short, loads of one kind are asked for, or no spectrum fits.
+    """
+    if loads == "rotor-wind":
+        raise ConfigurationError(
+            "load model rotor-wind: bands around the modes of a real rotor have loads of their own; leave --loads out"
+        )
+    posed = search_bands(question)
+    if posed is None:
+        return None
+    try:
+        posed = centre_bands(question, posed, posed.model.near(posed.start))
+        fit = posed.model.fit(posed.start)
+        wide = fit if inexact is None else fit.model.admit(fit.mode.unknowns, inexact)
+        found = wide.mode
+        cov = covariance(found.information)
+    except np.linalg.LinAlgError:
+        raise WindsysidError(
+            "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
+            "check units and the turbine file"
+        ) from None
+    settled = fit.mode.settled and found.settled
+    mean, spread = wide.model.prior
+    off = (found.unknowns - mean) / spread
+    return ReadInBands(
+        found.unknowns,
+        cov,
+        -(found.value - 0.5 * float(off @ off)),
+        posed.model.statistics,
+        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(settled=settled)))),
+        _notes(posed, found.unknowns, cov, len(question.parameters)),
+        find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
+    )
+
+
+def _notes(posed: PosedBands, unknowns: Array, cov: Array, n: int) -> tuple[str, ...]:
+    """Mean lag angle, loads, and where the modes were read."""
+    hz = posed.spectra.rotor_hz
+    places = [f"{p.name} near {p.frequency - (p.shape or 0) * hz:.3g} Hz" for p in posed.places]
+    angle, std = 1e3 * unknowns[n], 1e3 * math.sqrt(cov[n, n])
+    return (
+        f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad",
+        "loads: in each band humps at harmonics of the rotor and a level, learned from the record with the noise",
+        "damping is total: structure and aerodynamics",
+        f"read in bands: {', '.join(places)}; what repeats in every turn was taken out",
+    )

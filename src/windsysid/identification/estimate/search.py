@@ -1,0 +1,340 @@
+"""One way from samples to an estimate, for whole records, records in pieces, and equations of one's own.
+
+A `Problem` says what is looked for; samples come in blocks (`windsysid.identification.condition.samples`). `solve`
+takes them in as they would be on line (`windsysid.identification.estimate.online`), finds the mode of the posterior of
+all of them from where that ends (`windsysid.identification.estimate.scoring`), leaves outliers out, and filters once
+more at the mode: those innovations judge the result.
+
+Maximum likelihood needs a fixed set of readings. So the mode is found with all of them, the outliers there are left
+out, and the mode is found anew; the set is judged again from all readings, until it stays.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.checks.constancy import Constancy, judge_constancy
+from windsysid.checks.innovation_sums import Stretch, measure_stretch
+from windsysid.checks.whiteness import Whiteness, judge_stretches
+from windsysid.errors import WindsysidError
+from windsysid.filters import EKF, Info
+from windsysid.identification.condition.samples import Samples, split_evenly
+from windsysid.identification.effects.clock_lag import Lateness, add_clocks, shifted
+from windsysid.identification.effects.outlier import Outliers, find_spikes
+from windsysid.identification.estimate.online import History, Online, advance, finish, join_histories
+from windsysid.identification.estimate.scoring import Mode, find_mode
+from windsysid.identification.model.fit import check_finite, diverged
+from windsysid.output.progress import expect
+from windsysid.results.load_history import Loads
+from windsysid.statespace.acting_loads import acting_loads
+from windsysid.statespace.compose import StateSpace
+
+__all__ = ["Problem", "Solution", "expect_search", "solve"]
+
+GATE_SIGMAS = 5.0
+"""Standard deviations beyond which an innovation is an outlier: one in two million of normal ones."""
+
+MAX_GATED_SEARCHES = 4
+"""Searches for the mode until the set of outliers stays."""
+
+MAX_CLIMBS = 2
+"""How often a search that has not settled goes on."""
+
+MAX_SHIFTS = 3
+"""How often readings are shifted by what their clocks are late, and the search goes on."""
+
+CLOSE = 4.0
+"""The squared length of the step that a shift asks of the other unknowns, in their standard deviations, below which it
+is taken unseen."""
+
+COVARIANCE_CHUNK = 1024
+"""Samples whose covariances are held at once."""
+
+PASSES, LAST_PASS = 3.0, 0.25
+"""For progress only: how often a search goes through all samples, and what is left of it until it ends."""
+
+
+class Problem(Protocol):
+    """What a record leaves to be found: n unknowns, and the model at any value of them."""
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean (n,) and covariance (n, n) of the unknowns that are looked for on line."""
+
+    @property
+    def wide_prior(self) -> tuple[Array, Array]:
+        """The same of all unknowns but the clocks: what else is known within tolerances only comes behind."""
+
+    @property
+    def clocks(self) -> Sequence[Array]:
+        """For each clock, by how much readings (m,) are late [s] at one standard deviation of its tolerance."""
+
+    def build(self, unknowns: Array, /) -> StateSpace:
+        """The state-only model at the unknowns (n,)."""
+
+    def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
+        """Where to begin to look for the unknowns, and how uncertain that is (n,), (n, n), from the first T samples."""
+
+    def frequencies(self, unknowns: Array) -> Sequence[float]:
+        """Natural frequencies [Hz], near which unexplained vibration matters; none where every frequency does."""
+
+
+class Solution(NamedTuple):
+    """What samples say of a problem's unknowns.
+
+    Attributes
+    ----------
+    history
+        The estimates on line, after those that the search began with; None without a recursion, or where it lost its
+        way.
+    mean, cov
+        The mode of the posterior of all unknowns, the clocks last (n,), and the inverse of its information (n, n).
+    iterations, settled
+        Steps of the last search, and whether its last one was small enough.
+    log_likelihood
+        Of the readings at the mode.
+    info, inputs, loads
+        What the filter said at the mode, and what went in, and the loads that were states: of the last block.
+    whiteness
+        The innovations at the mode against white noise, all of them.
+    constancy
+        What parts of the samples say of the unknowns but the clocks.
+    outliers
+        The readings that were left out.
+    read
+        How many readings of each channel there were (m,).
+    samples, mean_inputs
+        How many samples there were, and the mean of what went in (n_u + n_w,).
+    """
+
+    history: History | None
+    mean: Array
+    cov: Array
+    iterations: int
+    settled: bool
+    log_likelihood: float
+    info: Info
+    inputs: Array
+    loads: Loads
+    whiteness: Whiteness
+    constancy: Constancy
+    outliers: Outliers
+    read: NDArray[np.int64]
+    samples: int
+    mean_inputs: Array
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out."""
+        counts = self.outliers.counts(len(self.read))
+        return tuple(
+            f"{count} of {read} samples of {channel.name} were left out as outliers (beyond {GATE_SIGMAS:g}σ)"
+            for channel, count, read in zip(self.whiteness.channels, counts, self.read, strict=True)
+            if count
+        )
+
+
+def expect_search(samples: int, before: float = 0.0) -> None:
+    """Tell who hears that a search through so many samples is left, and so many samples to go through before it."""
+    expect(before + PASSES * samples, LAST_PASS * samples)
+
+
+def solve(
+    problem: Problem, samples: Samples, online: Online | None, *, rate: float,
+    start: tuple[Array, Array] | None = None,
+) -> Solution:  # fmt: skip
+    """Find the mode of the posterior of all samples.
+
+    Parameters
+    ----------
+    samples
+        All of them, from the first on.
+    online
+        What is known on line after some of them, none perhaps (`windsysid.identification.estimate.online.begin`). With
+        None there is no recursion and no history, and `start` is needed.
+    rate
+        Samples per second [Hz].
+    start
+        Where the search for the mode begins, and how uncertain that is (n,), (n, n), the tolerances left out or not:
+        where the recursion ends by default, or where it was before it lost its way: that costs the history only.
+
+    Raises
+    ------
+    WindsysidError
+        If the filter diverges.
+    """
+    history: History | None = None
+    spikes = find_spikes(samples)
+    if online is not None:
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):  # of a recursion that loses its way
+                taken, known = _take_in(problem, spikes.left_out_of(samples), online)
+            check_finite(taken.theta, taken.precision)
+            online, history = taken, known
+            start = start or (online.theta, online.cov)
+        except (WindsysidError, np.linalg.LinAlgError):
+            if start is None and not online.samples:
+                raise
+            start = start or (online.theta, online.cov)
+    if start is None:
+        raise ValueError("a search begins where the recursion ends, or at a start")
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused
+            mode, outliers, seen = _search(problem, samples, start, rate, spikes)
+    except np.linalg.LinAlgError:
+        raise diverged() from None
+    return Solution(
+        history=history,
+        mean=mode.mean,
+        cov=mode.cov,
+        iterations=mode.iterations,
+        settled=mode.settled,
+        log_likelihood=seen.log_likelihood,
+        info=seen.info,
+        inputs=seen.inputs,
+        loads=seen.loads,
+        whiteness=judge_stretches(
+            seen.stretch, names=problem.build(mode.mean).readings, frequencies=problem.frequencies(mode.mean)
+        ),
+        constancy=_constancy(problem, mode),
+        outliers=outliers,
+        read=seen.read,
+        samples=seen.stretch.samples,
+        mean_inputs=seen.total_inputs / seen.stretch.samples,
+    )
+
+
+def _take_in(problem: Problem, samples: Samples, online: Online) -> tuple[Online, History]:
+    """Go on with the recursion from the sample that it has reached to the last."""
+    histories, first = [], 0
+    for inputs, readings in samples:
+        new = slice(max(online.reached - first, 0), None)
+        first += len(readings)
+        if first > online.reached:
+            online, history = advance(problem.build, online, inputs[new], readings[new], problem.start)
+            histories.append(history)
+    online, last = finish(problem.build, online, problem.start)
+    return online, join_histories([*histories, last])
+
+
+def _search(
+    problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float, spikes: Outliers
+) -> "tuple[Mode, Outliers, _Seen]":
+    """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the
+    mode. The first search leaves the spikes out."""
+    outliers, clocks, kept = spikes, np.zeros(len(problem.clocks)), spikes.left_out_of(samples)
+    for searches in range(1, MAX_GATED_SEARCHES + 1):
+        mode = _climb(problem, kept, start, clocks)
+        n = len(mode.look.theta)
+        start, clocks = (mode.mean[:n], mode.cov[:n, :n]), mode.mean[n:]
+        model, frequencies = problem.build(mode.mean[:n]), problem.frequencies(mode.mean)
+        gated = replace(model, blocks=model.blocks._replace(gate=np.array([GATE_SIGMAS])))
+        seen = _filter(gated, shifted(problem, samples, clocks), rate, frequencies)
+        found = seen.gated.that_matter(seen.gated_power, seen.read, seen.stretch.samples)
+        if found.same_as(outliers) or (searches > 1 and not mode.settled):  # no set of readings makes it settle
+            break
+        outliers, kept = found, found.left_out_of(samples)
+    if seen.gated.counts(len(seen.read)).any():  # what a filter without a gate says
+        seen = _filter(model, shifted(problem, samples, clocks), rate, frequencies, outliers)
+    return mode, outliers, seen
+
+
+def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clocks: Array) -> Mode:
+    """The mode of the posterior of all unknowns; of its `look`, the clocks are no part."""
+    prior = problem.wide_prior
+    n, known = len(prior[0]), len(start[0])
+    mean, cov = prior[0].copy(), prior[1].copy()
+    mean[:known], cov[:known, :known] = start
+    for _ in range(MAX_SHIFTS):
+        moved = shifted(problem, samples, clocks)
+        for _ in range(MAX_CLIMBS):
+            mode = find_mode(
+                problem.build, moved, prior_mean=prior[0], prior_cov=prior[1], start=mean, start_cov=cov,
+                changes=Lateness(moved, problem.clocks) if problem.clocks else None,
+            )  # fmt: skip
+            mean, cov = mode.mean, mode.cov
+            if mode.settled:
+                break
+        check_finite(mode.mean, mode.cov)
+        if not problem.clocks:
+            break
+        wide = add_clocks(problem.build, moved, mode.look, prior, problem.clocks, clocks)
+        check_finite(wide.mean, wide.cov)
+        mode = mode._replace(mean=wide.mean, cov=wide.cov)
+        mean, clocks = wide.mean[:n], wide.mean[n:]
+        if wide.moved < CLOSE or not mode.settled:
+            break
+    else:
+        mode = mode._replace(settled=mode.settled and not problem.clocks)
+    return mode
+
+
+def _constancy(problem: Problem, mode: Mode) -> Constancy:
+    """What parts of the samples say where a search has ended."""
+    theta = mode.look.theta
+    return judge_constancy(mode.look.found.parts, problem.wide_prior[1], mode.mean[: len(theta)] - theta)
+
+
+class _Seen(NamedTuple):
+    """What one pass of a filter over all samples gave: sums over all, arrays of the last block."""
+
+    info: Info
+    inputs: Array
+    loads: Loads
+    log_likelihood: float
+    stretch: Stretch
+    total_inputs: Array
+    read: NDArray[np.int64]
+    gated: Outliers
+    gated_power: Array
+
+
+def _filter(
+    model: StateSpace, samples: Samples, rate: float, frequencies: Sequence[float], outliers: Outliers | None = None
+) -> _Seen:
+    """Filter all samples with `model`, those marked as outliers left out."""
+    belief, m = EKF.init(model), len(model.readings)
+    log_likelihood, total_inputs = 0.0, np.zeros(len(model.inputs))
+    stretch: Stretch | None = None
+    read, power, gated = np.zeros(m, dtype=np.int64), np.zeros(m), []
+    for block, (inputs, readings) in enumerate(samples):
+        left_out = (outliers or Outliers()).mask(block, readings.shape)
+        kept = np.where(left_out, np.nan, readings) if outliers else readings
+        parts, loads = [], []
+        for first in range(0, len(inputs), COVARIANCE_CHUNK):
+            part = slice(first, first + COVARIANCE_CHUNK)
+            belief, info, covs = EKF.run_with_covariances(model, belief, inputs[part], kept[part])
+            parts.append(info)
+            loads.append(_acting_loads(model, inputs[part], info, covs))
+        info = Info(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        if outliers:
+            info = info._replace(gated=left_out)
+        log_likelihood += float(info.log_likelihood.sum())
+        total_inputs += inputs.sum(axis=0)
+        read += np.isfinite(readings).sum(axis=0)
+        power += np.nansum(np.square(np.where(info.gated, info.innovation / info.innovation_std, 0.0)), axis=0)
+        gated.append(np.flatnonzero(info.gated))
+        for part in split_evenly(len(inputs)):
+            stretch = measure_stretch(
+                info.whitened[part], rate=rate, frequencies=frequencies, gated=info.gated[part], before=stretch
+            )
+    if stretch is None:
+        raise WindsysidError("no samples: expected at least one, got an empty record")
+    names, means, stds = zip(*loads, strict=True)
+    acting = Loads(names[0], np.concatenate(means), np.concatenate(stds))
+    return _Seen(
+        info, inputs, acting, log_likelihood, stretch, total_inputs, read, Outliers(tuple(gated)), power
+    )  # fmt: skip
+
+
+def _acting_loads(model: StateSpace, inputs: Array, info: Info, covs: Array) -> Loads:
+    """The loads that are states as the filter knew them after each sample."""
+    nx, nz = model.blocks.sizes[:2]
+    names, H = acting_loads(model, inputs)
+    z, P = info.mean[:, nx : nx + nz], covs[:, nx : nx + nz, nx : nx + nz]
+    std = np.sqrt(np.maximum(np.einsum("twz,tzy,twy->tw", H, P, H), 0.0))
+    return Loads(names, np.einsum("twz,tz->tw", H, z), std)

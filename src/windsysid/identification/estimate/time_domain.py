@@ -1,0 +1,282 @@
+"""The joint formulation: states, loads and coefficients together, from accelerometers.
+
+The unknowns are the coefficients and the statistics of loads and noise
+(`windsysid.identification.model.turbine_problem`). The record chooses what its loads are taken for
+(`windsysid.identification.estimate.load_selection`), and the rest is the one way from samples to an estimate
+(`windsysid.identification.estimate.search`). A record in pieces goes the same way
+(`windsysid.identification.streaming.time_domain`).
+"""
+
+import math
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import WindsysidError
+from windsysid.filters import EKF
+from windsysid.identification.effects.clock_lag import shifted
+from windsysid.identification.effects.prior_conflict import solve_with_wide_priors
+from windsysid.identification.effects.sinusoid import Sine
+from windsysid.identification.effects.sinusoidal_force import SineForce, find_forces
+from windsysid.identification.estimate.load_selection import Question, choose, is_explained, warm
+from windsysid.identification.estimate.online import MEMORY, join_histories, spread_over_samples
+from windsysid.identification.estimate.scoring import THREADS, log_likelihoods
+from windsysid.identification.estimate.search import Solution, expect_search, solve
+from windsysid.identification.model.fit import Outcome, known_loads
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.tolerances import doubt_tolerances, learned_tolerances, note_tolerances
+from windsysid.identification.model.turbine_problem import TurbineProblem, pose
+from windsysid.identification.verdict.smoothed_loads import judge_smoothed_loads
+from windsysid.loads.family import candidates
+from windsysid.loads.hypothesis import HYPOTHESES
+from windsysid.loads.narrow_band import NarrowBand
+from windsysid.loads.statistics import coordinates_of, learned_statistics
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.results.smoothed_loads import SmoothedLoads
+from windsysid.results.tolerance import Tolerance
+from windsysid.turbine.turbine import Turbine
+
+__all__ = [
+    "describe_solution",
+    "first_estimate",
+    "forces_of",
+    "identify_jointly",
+    "identify_jointly_from",
+    "innovations_of",
+    "load_models",
+]
+
+
+FIRST_PERIODS = 10.0
+"""Periods of the slowest degree of freedom before the first estimate on line."""
+
+QUIETER = 1.0, 0.7, 0.5, 0.35
+"""Shares of the noise where a search has ended, with which another one may begin."""
+
+CHOICE = 4.0
+"""For progress only: how often the choice of a load model goes through the samples that it looks at."""
+
+
+def identify_jointly(
+    record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
+    loads: str = "auto",
+) -> Outcome:  # fmt: skip
+    """Identify the chosen parameters, or every coefficient that the sensors see, from a record.
+
+    `loads` names a load model (`windsysid.loads.family`), or leaves the choice to the record.
+    """
+    started = time.perf_counter()
+    question = Question(record, turbine, tuple(sensors), prior, chosen)
+    first, count = first_estimate(turbine, record.rate), record.samples
+    expect_search(count, count + CHOICE * min(MEMORY * first, count))
+    choice = choose(question, load_models(record, turbine, loads), first)
+    expect_search(count, count)
+    problem, best = choice.best.problem, choice.best
+    given = problem.parameters
+    samples = [(problem.inputs, problem.readings)]
+    problem, solution = solve_with_wide_priors(problem, samples, best.online, rate=record.rate)
+    elapsed = time.perf_counter() - started - choice.warming
+    history = join_histories([best.history, *filter(None, [solution.history])])
+    known = spread_over_samples(*problem.prior, history, solution.samples)
+    found = describe_solution(problem, solution, turbine, choice.why, known, elapsed)
+    return found._replace(smoothed_loads=_smoothed_loads(problem, solution), given_priors=given)
+
+
+def identify_jointly_from(
+    near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    chosen: Sequence[str] | None = None, *, explained: bool = True,
+) -> Outcome | None:  # fmt: skip
+    """The same from where another search has ended `near`, without estimates on line: the spectra of a stationary
+    record, or filters that knew less of it.
+
+    Nothing has to be found in the first samples then: the search begins where it almost ends, under the load model of
+    the other. None where that does not explain the record, if it has to, or the search does not end: the long way is
+    asked then.
+    """
+    if explained and near.hypothesis not in (load_models(record, turbine, "auto")[0], NarrowBand.name):
+        return None
+    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
+    warm(problem)
+    started = time.perf_counter()
+    start = _where_it_ended(near, problem)
+    if start is None:
+        return None
+    samples = [(problem.inputs, problem.readings)]
+    expect_search(record.samples)
+    try:
+        solution = solve(problem, samples, None, rate=record.rate, start=_with_likeliest_noise(problem, *start))
+    except (WindsysidError, np.linalg.LinAlgError):
+        return None
+    if not solution.settled or (explained and not is_explained(solution.whiteness)):
+        return None
+    n, elapsed = len(problem.parameters), time.perf_counter() - started
+    only = solution.mean[None, :n], np.sqrt(np.diag(solution.cov)[:n])[None]
+    why = f"load model {near.hypothesis}: {'it explains the record' if explained else 'as before'}"
+    found = describe_solution(problem, solution, turbine, why, only, elapsed)
+    return found._replace(smoothed_loads=_smoothed_loads(problem, solution), given_priors=near.given_priors)
+
+
+def forces_of(
+    sines: Sequence[Sine], near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    chosen: Sequence[str] | None = None,
+) -> list[SineForce]:  # fmt: skip
+    """How strongly sines push where a search has ended, on whatever record, with whatever priors."""
+    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
+    mean, first = _at_its_end(near, problem), len(problem.parameters) + len(problem.statistics)
+    count = len(mean) - first
+    along = np.zeros((len(mean), count))
+    along[first:] = np.eye(count)
+    if near.joint_cov is not None and count:
+        n, behind = len(near.theta), len(near.joint_cov) - len(near.tolerances)
+        own = slice(behind, behind + count)
+        along[:n] = near.joint_cov[:n, own] @ np.linalg.inv(near.joint_cov[own, own])
+    return find_forces(problem, mean, record, sines, along=along, at=mean[first:])
+
+
+def innovations_of(
+    near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    chosen: Sequence[str] | None = None,
+) -> Array:  # fmt: skip
+    """Whitened innovations (T, m) of a filter where a search has ended, of spectra perhaps; NaN without a reading."""
+    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
+    model = problem.build(_at_its_end(near, problem))
+    return EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1].whitened
+
+
+def _at_its_end(near: Outcome, problem: TurbineProblem) -> Array:
+    """Where a search ended, in a problem's unknowns but the clocks (n,)."""
+    mean = problem.wide_prior[0].copy()
+    found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
+    n = len(problem.parameters)
+    mean[:n] = [q.coordinate(found[q.name]) for q in problem.parameters]
+    first = n + len(problem.statistics)
+    mean[n:first] = coordinates_of(problem.statistics, {one.name: one.estimate for one in near.statistics})
+    mean[first:] = [one.estimate / one.spread for one in near.tolerances][: len(mean) - first]
+    return mean
+
+
+def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Array] | None:
+    """Where spectra ended, in a problem's unknowns but the clocks (n,), and how uncertain that is (n, n); what spectra
+    know by other statistics is as before. None where coefficients are others."""
+    if near.joint_cov is None or [*near.model.parameters] != [*problem.parameters]:
+        return None
+    mean, cov = _at_its_end(near, problem), problem.wide_prior[1].copy()
+    n, ours, theirs = len(near.theta), [one.name for one in problem.statistics], [one.name for one in near.statistics]
+    first = n + len(ours)
+    if ours == theirs:
+        known = near.joint_cov[: len(mean), : len(mean)]
+        return mean, known
+    same = [*range(n), *range(n + len(theirs), n + len(theirs) + len(mean) - first)]
+    kept = [*range(n), *range(first, len(mean))]
+    cov[np.ix_(kept, kept)] = near.joint_cov[np.ix_(same, same)]
+    return mean, cov
+
+
+def _with_likeliest_noise(problem: TurbineProblem, mean: Array, cov: Array) -> tuple[Array, Array]:
+    """A start of a search with the likeliest of some levels of noise: spectra take leakage for noise, too."""
+    n = len(problem.parameters)
+    noise = [n + i for i, one in enumerate(problem.statistics) if one.name.startswith("noise_")]
+    starts = [mean.copy() for _ in QUIETER]
+    for start, share in zip(starts, QUIETER, strict=True):
+        start[noise] += math.log(share)
+    with ThreadPoolExecutor(THREADS) as pool:
+        found = log_likelihoods(problem.build, [(problem.inputs, problem.readings)], starts, pool)
+    return starts[int(np.argmax(np.nan_to_num(found, nan=-np.inf)))], cov
+
+
+def _smoothed_loads(problem: TurbineProblem, solution: Solution) -> SmoothedLoads | None:
+    """What smoothed loads say, of a record in one block."""
+    n = len(solution.mean) - len(problem.clocks)
+    ((inputs, readings),) = shifted(problem, [(problem.inputs, problem.readings)], solution.mean[n:])
+    return judge_smoothed_loads(
+        problem.build(solution.mean[:n]), inputs, readings, solution.info, freedoms=problem.turbine.model.freedoms
+    )  # fmt: skip
+
+
+def load_models(record: Record, turbine: Turbine, loads: str) -> tuple[str, ...]:
+    """The load models to choose from: the one that is named, or for ``"auto"`` those that suit the turbine."""
+    return candidates(turbine, known_loads(record, turbine)[1]) if loads == "auto" else (loads,)
+
+
+def first_estimate(turbine: Turbine, rate: float) -> int:
+    """Samples before the first estimate on line."""
+    slowest = min(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    return math.ceil(FIRST_PERIODS * 2.0 * math.pi / slowest * rate)
+
+
+def describe_solution(
+    problem: TurbineProblem, solution: Solution, given: Turbine, why: str, history: tuple[Array, Array], elapsed: float
+) -> Outcome:
+    """What was found, with notes and doubts.
+
+    Parameters
+    ----------
+    given
+        The turbine before degrees of freedom were locked.
+    why
+        Why its load model was chosen.
+    history
+        Mean and standard deviation of the unknowns as they were known on line (T, n).
+    elapsed
+        Seconds in the filter.
+    """
+    n = len(problem.parameters)
+    end = n + len(problem.statistics)
+    tolerances = learned_tolerances(problem.tolerances, solution.mean[end:], solution.cov[end:, end:])
+    return Outcome(
+        turbine=problem.turbine,
+        model=problem.model,
+        history_mean=history[0][:, :n],
+        history_std=history[1][:, :n],
+        final=solution.info,
+        theta=solution.mean[:n],
+        cov=solution.cov[:n, :n],
+        rotor=solution.mean_inputs[None, : len(problem.model.compiled.inputs)],
+        channels=tuple(sensor.channel for sensor in problem.sensors),
+        elapsed=elapsed,
+        notes=(
+            *problem.notes,
+            *_describe_loads(problem, why),
+            *note_tolerances(tolerances),
+            *solution.notes,
+        ),
+        statistics=learned_statistics(problem.statistics, solution.mean[n:end], solution.cov[n:end, n:end]),
+        doubts=_list_doubts(solution, given, problem.turbine, tolerances),
+        loads=solution.loads,
+        joint_cov=solution.cov,
+        whiteness=solution.whiteness,
+        constancy=solution.constancy,
+        log_likelihood=solution.log_likelihood,
+        hypothesis=problem.loads.name,
+        tolerances=tolerances,
+    )
+
+
+def _describe_loads(problem: TurbineProblem, why: str) -> tuple[str, ...]:
+    """What was taken for the loads, and why."""
+    total = "damping is total: structure and aerodynamics"
+    if not problem.loads.statistics:
+        return (f"all loads are known, the noise learned from the record; {total}",)
+    taken = f"loads are states ({problem.loads.text}), their statistics and the noise learned from the record; {total}"
+    caution = HYPOTHESES[problem.loads.name].caution
+    return (taken, why, caution) if caution else (taken, why)
+
+
+def _list_doubts(solution: Solution, given: Turbine, used: Turbine, tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
+    """What speaks against the bands and does not show in the innovations."""
+    doubts = list(doubt_tolerances(tolerances))
+    if not solution.settled:
+        doubts.append(
+            f"the likelihood still rose after {solution.iterations} steps: choose a longer or steadier section, or "
+            f"priors nearer to the structure"
+        )
+    if getattr(given.model, "lag", "") == "free" and getattr(used.model, "lag", "") == "locked":
+        doubts.append(
+            "no channel sees the blades, so they are locked: the support's stiffness may be off by more than its band; "
+            "add a blade sensor (docs/tower.md)"
+        )
+    return tuple(doubts)

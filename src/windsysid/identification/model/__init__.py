@@ -1,0 +1,1 @@
+"""Unknowns, their priors and tolerances, and the problem that they pose."""

@@ -1,0 +1,219 @@
+"""The problem that a record poses to one's own equations: inputs, readings, prior, model at given unknowns."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.filters import EKF
+from windsysid.identification.condition.samples import Samples
+from windsysid.mechanics.compile import CompiledModel
+from windsysid.records.record import LOW_PASS, Record
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.statespace.load_model import LoadModel
+from windsysid.statespace.parameter import Parameter
+
+__all__ = ["OwnProblem", "constant_loads", "known_columns", "loads_behind_low_pass", "read_columns", "state_only_model"]
+
+
+LOUDER = (1.0, 10.0, 100.0)
+"""Factors on all noise with which the joint filter looks for a start."""
+
+FIRST_WIDTH = 0.05
+"""Standard deviation of the logarithm of a level that scales its first differences."""
+
+
+class OwnProblem(NamedTuple):
+    """What a record leaves to be found: θ and η, logarithms of factors on the noise of each reading and then on each
+    load.
+
+    Attributes
+    ----------
+    model
+        The joint model, θ in the state.
+    plain
+        The state-only model at the centres of the priors.
+    loads
+        Models of the loads that are states.
+    levels
+        Prior standard deviations of η (n_η,); none where levels are not learned.
+    """
+
+    model: StateSpace
+    plain: StateSpace
+    loads: tuple[LoadModel, ...]
+    levels: Array
+
+    def build(self, unknowns: Array) -> StateSpace:
+        """The state-only model at the unknowns (n,)."""
+        return state_only_model(self.plain, self.model.parameters, self.loads, unknowns)
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and covariance of the unknowns."""
+        block, n = self.model.parameter_block, len(self.model.parameters)
+        cov = np.diag(np.concatenate([np.zeros(n), np.square(self.levels)]))
+        cov[:n, :n] = self.model.cov[block, block]
+        return np.concatenate([self.model.mean[block], np.zeros(len(self.levels))]), cov
+
+    @property
+    def wide_prior(self) -> tuple[Array, Array]:
+        """The same: readings are taken as exact."""
+        return self.prior
+
+    @property
+    def clocks(self) -> tuple[Array, ...]:
+        """None."""
+        return ()
+
+    def frequencies(self, unknowns: Array) -> tuple[float, ...]:
+        """None are known."""
+        return ()
+
+    def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:
+        """Where to begin to look for the unknowns, and how uncertain that is, from T samples."""
+        return self.start_from([(inputs, readings)])
+
+    def start_from(self, samples: Samples) -> tuple[Array, Array]:
+        """The same from samples in blocks."""
+        block, n = self.model.parameter_block, len(self.model.parameters)
+        mean, cov = self.prior
+        best = -np.inf
+        for factor in LOUDER:
+            noise = self.model.blocks.noise * factor**2
+            louder = replace(self.model, blocks=self.model.blocks._replace(noise=noise))
+            belief = EKF.init(louder)
+            for inputs, readings in samples:
+                belief = EKF.run(louder, belief, inputs, readings)[0]
+            if not (np.isfinite(belief.mean).all() and np.isfinite(belief.cov).all()):
+                continue
+            at = np.concatenate([belief.mean[block], np.zeros(len(self.levels))])
+            if len(self.levels):  # of all levels together: rather too loud, from where a few steps lead down
+                at[n:] = np.log(_measure_excess(self.build(at), samples)[0])
+            off = at - self.prior[0]
+            log_likelihood = _measure_excess(self.build(at), samples)[1]
+            reached = float(log_likelihood - 0.5 * off @ np.linalg.solve(self.prior[1], off))
+            if reached > best:
+                best, mean, cov = reached, at, np.diag(np.full(len(at), FIRST_WIDTH**2))
+                cov[:n, :n] = belief.cov[block, block]
+        return mean, cov
+
+
+def _measure_excess(model: StateSpace, samples: Samples) -> tuple[float, float]:
+    """The greatest rms of a reading's innovations in their own standard deviations, 1 where nothing was read, and the
+    log-likelihood."""
+    belief, log_likelihood = EKF.init(model), 0.0
+    total, number = np.zeros(len(model.readings)), np.zeros(len(model.readings))
+    for inputs, readings in samples:
+        belief, info = EKF.run(model, belief, inputs, readings)
+        squares = np.square(info.innovation / info.innovation_std)
+        total, number = total + np.nansum(squares, axis=0), number + np.isfinite(squares).sum(axis=0)
+        log_likelihood += float(info.log_likelihood.sum())
+    return float(np.sqrt((total / np.maximum(number, 1)).max())) or 1.0, log_likelihood
+
+
+def state_only_model(
+    plain: StateSpace, parameters: Sequence[Parameter], loads: Sequence[LoadModel], at: Array
+) -> StateSpace:
+    """`plain` with the parameters and levels of [θ | η]: noise of each reading first, then one factor for each load."""
+    n, m = len(parameters), len(plain.readings)
+    p = plain.blocks.p.copy()
+    for q, theta in zip(parameters, at, strict=False):
+        p[plain.compiled.parameters.index(q.name)] = float(q.physical(theta))
+    if len(at) == n:
+        return replace(plain, blocks=plain.blocks._replace(p=p))
+    factor = np.exp(2.0 * at[n:])
+    load_noise, within, cov = plain.blocks.load_noise.copy(), plain.blocks.load_within.copy(), plain.cov.copy()
+    first = 0
+    for load, power in zip(loads, factor[m:], strict=True):
+        own = slice(first, first := first + len(load.states))
+        load_noise[:, own, own] *= power
+        within[:, own] *= math.sqrt(power)
+        own = slice(own.start + len(plain.compiled.states), own.stop + len(plain.compiled.states))
+        cov[own, own] *= power
+    blocks = plain.blocks._replace(
+        p=p, noise=plain.blocks.noise * factor[:m], load_noise=load_noise, load_within=within
+    )
+    return replace(plain, blocks=blocks, cov=cov)
+
+
+def loads_behind_low_pass(loads: Sequence[LoadModel], record: Record) -> tuple[tuple[LoadModel, ...], tuple[str, ...]]:
+    """The load models as far as the record's low-pass lets them through, and what to say of those that do not know
+    how."""
+    if LOW_PASS not in record.attributes:
+        return tuple(loads), ()
+    low_pass = float(record.attributes[LOW_PASS])
+    passed = tuple(
+        replace(load, low_pass=min(load.low_pass, low_pass)) if isinstance(load, GaussMarkov) else load
+        for load in loads
+    )
+    others = ", ".join(load.states[0] for load in loads if not isinstance(load, GaussMarkov))
+    note = (
+        f"the record went through a low-pass at {low_pass:.3g} Hz, and the model of {others} does not know it: "
+        f"damping may come out too low"
+    )
+    return passed, (note,) if others else ()
+
+
+def constant_loads(
+    acting: Sequence[str],
+    record: Record,
+    channels: Mapping[str, str],
+    loads: Sequence[LoadModel],
+    values: Mapping[str, float],
+) -> dict[str, float]:
+    """The constant value of each load of a model that was not measured: what `values` says, and zero beside a model."""
+    driven = {name for load in loads for name in load.outputs}
+    constant = {}
+    for name in acting:
+        if name in channels or name in record:
+            continue
+        if name not in values and name not in driven:
+            raise ConfigurationError(
+                f"load '{name}': nothing says what it was: expected a channel, a model in `loads`, or a constant in "
+                f"`values` (0: it does not act); the record has {', '.join(record.channels)}"
+            )
+        constant[name] = float(values.get(name, 0.0))
+    return constant
+
+
+def known_columns(
+    compiled: CompiledModel, record: Record, channels: Mapping[str, str], constant: Mapping[str, float]
+) -> Array:
+    """Known inputs and loads (T, n_u + n_w), measured or constant."""
+    names = (*compiled.inputs, *compiled.loads)
+    for name in channels:
+        if name not in names:
+            raise ConfigurationError(
+                f"channels: '{name}' is no input or load of the model: expected one of {', '.join(names) or 'none'}"
+            )
+    columns = np.zeros((record.samples, len(names)))
+    for column, name in enumerate(names):
+        if name in constant:
+            columns[:, column] = constant[name]
+            continue
+        channel = channels.get(name, name)
+        columns[:, column] = record[channel]
+        missing = int(np.isnan(columns[:, column]).sum())
+        if missing:
+            raise RecordError(
+                f"channel '{channel}' is an input of the model and lacks {missing} of {record.samples} samples: "
+                "expected all of them; choose a section without the gap, or fill it"
+            )
+    return columns
+
+
+def read_columns(record: Record, sensors: Sequence[Any], *, first: bool = True) -> Array:
+    """What the sensors read (T, m); in the first piece, each must hold numbers."""
+    if not sensors:
+        raise ConfigurationError("sensors: expected at least one reading, got none")
+    readings = np.column_stack([record[sensor.channel] for sensor in sensors])
+    for sensor, values in zip(sensors, readings.T, strict=True):
+        if first and not np.isfinite(values).any():
+            raise RecordError(f"channel '{sensor.channel}' holds no numbers: leave it out of the sensors")
+    return readings

@@ -1,0 +1,199 @@
+"""What the two formulations share: priors, measured loads, and what they hand back."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.checks.conditioning import hold
+from windsysid.checks.constancy import Constancy
+from windsysid.checks.whiteness import Whiteness
+from windsysid.errors import WindsysidError
+from windsysid.filters import Info
+from windsysid.identification.effects.clock_drift import Drift
+from windsysid.loads.statistics import Statistic
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import LOW_PASS, Record
+from windsysid.results.load_history import Loads
+from windsysid.results.smoothed_loads import SmoothedLoads
+from windsysid.results.tolerance import Group, Tolerance
+from windsysid.signals import resample
+from windsysid.signals.inputs import TURNING, read_inputs
+from windsysid.statespace.compose import StateSpace
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["PART_OF", "Outcome", "check_finite", "compare", "diverged", "known_inputs", "known_loads", "no_innovations"]
+
+
+PART_OF = "part_of_"
+"""What the name of a channel begins with that holds what is known of a load beside what is not."""
+
+
+class Outcome(NamedTuple):
+    """What a formulation found, in filter coordinates.
+
+    Attributes
+    ----------
+    turbine
+        The turbine with the degrees of freedom that were really used.
+    model
+        The state-space model that was filtered.
+    history_mean, history_std
+        What was known of θ on line, after each sample (T, n_θ).
+    final
+        The last pass over the record, whose innovations judge the result.
+    theta, cov
+        The identified parameters (n_θ,) and their covariance (n_θ, n_θ).
+    rotor
+        The known inputs, ψ, Ω and more (T, n_u), or their mean over the record (1, n_u).
+    channels
+        Channels of the record that were used as measurements.
+    elapsed
+        Seconds in the filter.
+    notes
+        What a reader must know.
+    statistics
+        Statistics of loads and noise that were learned with the parameters.
+    doubts
+        Why the formulation itself would not trust its result, in sentences.
+    loads
+        The loads that were states, as the filter knew them at the result; None where none were.
+    joint_cov
+        Covariance of θ, of the coordinates η of `statistics` and of `tolerances` together (n_θ + n_η + n_τ), the last
+        in standard deviations of their priors; None where no statistics were learned.
+    whiteness
+        The innovations against white noise where that was judged already; None where those of `final` are to be judged.
+    constancy
+        What parts of the record say of θ; None where they were not asked.
+    log_likelihood
+        Of all readings, where `final` does not hold them all.
+    hypothesis
+        Name of what the loads were taken for; empty where nothing was supposed.
+    tolerances
+        What is known of instruments and masses within tolerances only, as the record has it; none where they were taken
+        as exact.
+    smoothed_loads
+        What smoothed loads say; None where they were not asked.
+    turns
+        Whether the rotor's turns couple what moves, as far as the formulation has asked.
+    in_bands
+        Whether spectra were read in bands around the modes, which supposes wind on a turning rotor.
+    held
+        Damping coefficients that their priors hold where the readings do not want them.
+    given_priors
+        The identified parameters with their priors as they were given, where some were made wider; else none.
+    drifts
+        How clocks drift by what the halves of the record say, much or little.
+    """
+
+    turbine: Turbine
+    model: StateSpace
+    history_mean: Array
+    history_std: Array
+    final: Info
+    theta: Array
+    cov: Array
+    rotor: Array
+    channels: tuple[str, ...]
+    elapsed: float
+    notes: tuple[str, ...]
+    statistics: tuple[Statistic, ...] = ()
+    doubts: tuple[str, ...] = ()
+    loads: Loads | None = None
+    joint_cov: Array | None = None
+    whiteness: Whiteness | None = None
+    constancy: Constancy | None = None
+    log_likelihood: float | None = None
+    hypothesis: str = ""
+    tolerances: tuple[Tolerance, ...] = ()
+    smoothed_loads: SmoothedLoads | None = None
+    turns: bool = True
+    in_bands: bool = False
+    held: tuple[str, ...] = ()
+    given_priors: tuple[Parameter, ...] = ()
+    drifts: tuple[Drift, ...] = ()
+
+    @property
+    def priors(self) -> tuple[Parameter, ...]:
+        """The identified parameters (n_θ,) with their priors as they were given."""
+        known = {q.name: q for q in self.given_priors}
+        return tuple(known.get(q.name, q) for q in self.model.parameters)
+
+    def given(self, *groups: Group, as_in: "Outcome | None" = None) -> tuple[Array, Array]:
+        """θ (n_θ,), and the covariance of all unknowns, given that what these groups of tolerances hold is as the file
+        says, or as another result has found it."""
+        cov = self.cov if self.joint_cov is None else self.joint_cov
+        first = len(cov) - len(self.tolerances)
+        mean = np.zeros(len(cov))
+        mean[: len(self.theta)] = self.theta
+        known = {one.name: one.estimate for one in as_in.tolerances} if as_in is not None else {}
+        mean[first:] = [(one.estimate - known.get(one.name, 0.0)) / one.spread for one in self.tolerances]
+        found, left = hold(mean, cov, [first + at for at, one in enumerate(self.tolerances) if one.group in groups])
+        return found[: len(self.theta)], left
+
+
+def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
+    """The parameter on which two results differ most, in the larger of their standard deviations, with instruments and
+    masses as the first has found them: both share them, and wide bands would hide what loads do."""
+    shared: tuple[Group, ...] = ("gain", "alignment", "clock", "masses")
+    (theta, cov), (others, other_cov) = (found.given(*shared, as_in=one) for found in (one, other))
+    names = [q.name for q in other.model.parameters]
+    off = {}
+    for i, q in enumerate(one.model.parameters):
+        if q.name in names:
+            j = names.index(q.name)
+            off[q.name] = abs(theta[i] - others[j]) / math.sqrt(max(cov[i, i], other_cov[j, j]))
+    worst = max(off, key=lambda name: off[name])
+    return worst, float(off[worst])
+
+
+def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:
+    """The inputs that the turbine's model asks for (T, n_u); between samples of a uniform grid where times are
+    unequal."""
+    if not record.is_uniform:
+        wanted = (*TURNING, *turbine.model.inputs)
+        even = resample(record.select([c for c in record.channels if c in wanted]), record.rate)
+        inputs = known_inputs(even, turbine, sensors)
+        return np.column_stack([np.interp(record.time, even.time, column) for column in inputs.T])
+    required = {*turbine.model.required_inputs, *(name for sensor in sensors for name in sensor.needed_inputs)}
+    return read_inputs(record, turbine.model.inputs, turbine.rotor_speed, required=required)
+
+
+def known_loads(record: Record, turbine: Turbine) -> tuple[Array, list[GaussMarkov]]:
+    """Measured loads and parts of loads (T, n), zero where there is no channel, and the loads that are states, as far
+    as the record's low-pass lets them through: those that are not measured altogether."""
+    known = np.zeros((record.samples, len(turbine.model.loads)))
+    for column, name in enumerate(turbine.model.loads):
+        for channel in (name, PART_OF + name):
+            if channel in record:
+                known[:, column] += np.nan_to_num(record[channel])
+    low_pass = float(record.attributes.get(LOW_PASS, math.inf))
+    return known, [replace(load, low_pass=low_pass) for load in turbine.loads if load.load not in record]
+
+
+def check_finite(mean: Array, cov: Array) -> None:
+    """Raise where a filter has diverged."""
+    if not (np.isfinite(mean).all() and np.isfinite(cov).all()):
+        raise diverged()
+
+
+def diverged() -> WindsysidError:
+    """What to say where a filter has lost its way."""
+    return WindsysidError(
+        "the filter diverged: expected loads, noise and priors of the size of the record's; "
+        "check units and the turbine file, or move the priors with --prior-scale"
+    )
+
+
+def no_innovations(readings: int, log_likelihood: float) -> Info:
+    """One sample of nothing: spectra have no innovations."""
+    nothing = np.full((1, readings), np.nan)
+    return Info(
+        mean=np.empty((1, 0)), std=np.empty((1, 0)), innovation=nothing, innovation_std=nothing, whitened=nothing,
+        whitening_std=nothing, log_likelihood=np.array([log_likelihood]), gated=np.zeros((1, readings), dtype=np.bool_),
+    )  # fmt: skip

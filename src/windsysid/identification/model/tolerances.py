@@ -1,0 +1,116 @@
+"""Instruments and masses as unknowns: what is off, and what a model with that looks like.
+
+Each tolerance is an unknown τ in standard deviations of its prior, beside θ and η. Gains, axes and masses are numbers
+of the model (`windsysid.mechanics.sensors.instrument_parameters`); clocks act on the readings
+(`windsysid.identification.effects.clock_lag`). A body's mass and moments are wrong together. Those of different bodies
+are half wrong together, as they were weighed on one scale, or computed from one drawing and one density.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor, instrument_parameters
+from windsysid.results.tolerance import MOST, Tolerance
+from windsysid.spectral.rotor.model import Inexact
+from windsysid.turbine.turbine import Turbine
+
+__all__ = [
+    "doubt_tolerances",
+    "in_numbers",
+    "learned_tolerances",
+    "note_tolerances",
+    "seconds_late",
+    "tolerances_of",
+    "with_tolerances",
+]
+
+
+ALL = "all bodies"
+
+SHARED = 0.5
+"""Share of the variance of a body's mass that all have together; half is its own."""
+
+
+def tolerances_of(turbine: Turbine, sensors: Sequence[Sensor], identified: Sequence[str]) -> tuple[Tolerance, ...]:
+    """The tolerances that matter: gains, axes and masses, then clocks. What is `identified` is no tolerance."""
+    found = [Tolerance("gain", s.channel, s.gain_tolerance) for s in sensors]
+    found += [Tolerance("alignment", s.channel, s.alignment) for s in sensors]
+    bodies = [body for body in turbine.model.bodies() if _masses(turbine, body, identified)]
+    shared = SHARED if len(bodies) > 1 else 0.0
+    found += [Tolerance("masses", body, math.sqrt(1.0 - shared) * turbine.mass_tolerance) for body in bodies]
+    found.append(Tolerance("masses", ALL, math.sqrt(shared) * turbine.mass_tolerance))
+    loggers = dict.fromkeys(s.sampled_by for s in sensors if s.sampled_by != TOWER_LOGGER)
+    for logger in loggers:
+        spread = max(s.clock_tolerance for s in sensors if s.sampled_by == logger)
+        found.append(Tolerance("clock", logger, spread))
+    return tuple(one for one in found if one.spread > 0.0)
+
+
+def _masses(turbine: Turbine, body: str, identified: Sequence[str]) -> tuple[str, ...]:
+    """The inertias of a body, or of all, that are known and not zero."""
+    bodies = turbine.model.bodies()
+    names = bodies[body] if body != ALL else [name for names in bodies.values() for name in names]
+    return tuple(name for name in names if name not in identified and turbine.values[name] != 0.0)
+
+
+def with_tolerances(
+    p: Array, names: Sequence[str], tolerances: Sequence[Tolerance], tau: Array, turbine: Turbine,
+    sensors: Sequence[Sensor], identified: Sequence[str],
+) -> Array:  # fmt: skip
+    """The parameters p (n_p,) of the names given, with tolerances τ (n_τ,) [standard deviations of their priors]."""
+    p = p.copy()
+    channels = [sensor.channel for sensor in sensors]
+    for one, value in zip(tolerances, tau, strict=True):
+        off = value * one.spread
+        if one.group == "masses":
+            p[[names.index(name) for name in _masses(turbine, one.of, identified)]] *= 1.0 + off
+        elif one.group != "clock":
+            gain, turn = instrument_parameters(channels.index(one.of))
+            p[names.index(gain if one.group == "gain" else turn)] = off
+    return p
+
+
+def seconds_late(tolerances: Sequence[Tolerance], tau: Array, sensors: Sequence[Sensor]) -> Array:
+    """By how much the clock of each reading is late (m,) [s]."""
+    late = {one.of: value * one.spread for one, value in zip(tolerances, tau, strict=True) if one.group == "clock"}
+    return np.array([late.get(sensor.sampled_by, 0.0) for sensor in sensors])
+
+
+def in_numbers(
+    tolerances: Sequence[Tolerance], names: Sequence[str], turbine: Turbine, sensors: Sequence[Sensor],
+    identified: Sequence[str],
+) -> Inexact:  # fmt: skip
+    """What each tolerance moves at one standard deviation: parameters of the names given, and readings in time."""
+    at = np.array([turbine.values.get(name, 0.0) for name in names])
+    each = np.eye(len(tolerances))
+    moved = [with_tolerances(at, names, tolerances, tau, turbine, sensors, identified) - at for tau in each]
+    return Inexact(np.array(moved), np.array([seconds_late(tolerances, tau, sensors) for tau in each]))
+
+
+def note_tolerances(tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
+    """What a record says is off, which the estimates take into account."""
+    taken = "the estimates take it into account"
+    by_model = f", as far as the model goes: {taken}; correct its file, or look for a coupling"
+    return tuple(f"{one}{by_model if one.contradicted else f': {taken}'}" for one in tolerances if one.off)
+
+
+def doubt_tolerances(tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
+    """What a record says little of, and yet puts far off."""
+    return tuple(
+        f"{one}: more than {MOST:g} times its tolerance; correct it, or the turbine file"
+        for one in tolerances
+        if one.contradicted and not one.informed
+    )
+
+
+def learned_tolerances(tolerances: Sequence[Tolerance], tau: Array, cov: Array) -> tuple[Tolerance, ...]:
+    """The tolerances with what the record says, from τ (n_τ,) and its covariance (n_τ, n_τ)."""
+    std = np.sqrt(np.diag(cov))
+    return tuple(
+        replace(one, estimate=float(value * one.spread), std=float(e * one.spread))
+        for one, value, e in zip(tolerances, tau, std, strict=True)
+    )

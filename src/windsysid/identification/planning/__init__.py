@@ -1,0 +1,1 @@
+"""Expected uncertainty of a measurement before it is made."""

@@ -1,0 +1,144 @@
+"""What a planned record will tell, by the formulation that will identify it.
+
+Filters: the information of one long simulated record (`windsysid.identification.planning.information`). Spectra: that
+of a few of the planned length (`windsysid.identification.planning.spectral_information`).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import WindsysidError
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import TurbineProblem, pose
+from windsysid.identification.planning.information import planned_information
+from windsysid.identification.planning.spectral_information import planned_spectra
+from windsysid.loads.hypothesis import HYPOTHESES
+from windsysid.loads.rotor_wind import RotorWind
+from windsysid.output.progress import Progress
+from windsysid.results.tolerance import Tolerance
+from windsysid.simulation.record import simulate_record
+from windsysid.turbine.turbine import Turbine
+from windsysid.units import spell
+
+__all__ = ["WAYS", "Planned", "Told"]
+
+RELAXATIONS = 100.0
+"""How many times the energy of the least damped mode is renewed in the simulated record: σ is then known to 1/(2√100) =
+5 %."""
+
+MOST_SAMPLES = 50_000
+"""Of the simulated record, whatever the damping."""
+
+
+class Planned(NamedTuple):
+    """What is planned: turbine, unknown parameters, rate [Hz], duration [s], the slowest decay [1/s], how long the
+    filter finds the state [s], every how many-th sample is simulated, the seed, who hears."""
+
+    turbine: Turbine
+    unknown: tuple[str, ...]
+    rate: float
+    duration: float
+    damping: float
+    finding: float
+    thinning: int
+    seed: int
+    progress: Progress
+
+    @property
+    def simulated_rate(self) -> float:
+        """[Hz]."""
+        return self.rate / self.thinning
+
+    @property
+    def turns(self) -> bool:
+        """Whether a rotor with blades turns, which wind can drive."""
+        return HYPOTHESES[RotorWind.name].applies_to(self.turbine)
+
+    @property
+    def settling(self) -> float:
+        """Until the vibration is stationary [s]."""
+        return min(3.0 / self.damping, self.most)
+
+    @property
+    def most(self) -> float:
+        """The longest record that is simulated [s]."""
+        return max(MOST_SAMPLES / self.simulated_rate, 2.0 * self.finding)
+
+    @property
+    def thinned(self) -> Turbine:
+        """The turbine with sensors that have noise of the same spectral density in the samples that are simulated."""
+        factor = 1.0 / math.sqrt(self.thinning)
+        sensors = (s.model_copy(update={"noise": factor * s.noise}) for s in self.turbine.sensors)
+        return replace(self.turbine, sensors=tuple(sensors))
+
+
+class Told(NamedTuple):
+    """What simulated records of `length` [s] in all tell: names and information as in `Plan`, growth by part, and
+    whether identification would leave it at that."""
+
+    names: tuple[str, ...]
+    start: Array
+    growths: Array
+    tolerances: tuple[Tolerance, ...]
+    length: float
+    notes: tuple[str, ...]
+    fits: bool = True
+
+
+def _by_filters(planned: Planned) -> Told:
+    """What filters will say, under the loads of the turbine file."""
+    length = min(max(RELAXATIONS / planned.damping, 20.0 * planned.finding), planned.most)
+    planned.progress(f"simulating {spell(length)}", None)
+    problem = _simulated(planned, length)
+    start, growths = planned_information(problem, planned.simulated_rate, planned.finding, planned.progress)
+    names = (*planned.unknown, *(s.name for s in problem.statistics), *(one.name for one in problem.tolerances))
+    return Told(names, start, growths, problem.tolerances, length, (_rests_on("filters", length, problem.tolerances),))
+
+
+def _by_spectra(planned: Planned) -> Told:
+    """What spectra will say, where a rotor turns under wind, else under loads of any smooth spectrum."""
+    length = min(planned.duration, planned.most)
+    told = planned_spectra(
+        planned.thinned, planned.unknown, planned.simulated_rate, planned.settling, length, planned.seed,
+        RotorWind.name if planned.turns else "random", planned.progress,
+    )  # fmt: skip
+    doubts = (f"such a record will be in doubt: {doubt}" for doubt in told.doubts)
+    length *= len(told.growths)
+    notes = (_rests_on("spectra", length, told.tolerances), *doubts)
+    fits = not (told.turns or told.doubts)
+    return Told(told.names, told.start, told.growths, told.tolerances, length, notes, fits)
+
+
+def _by_what_fits(planned: Planned) -> Told:
+    """As `windsysid.identify` takes a record of the turbine file's loads."""
+    if planned.turns:
+        told = _by_filters(planned)
+        return told._replace(notes=(*told.notes, "for a rotor in wind, plan with the spectral formulation"))
+    try:
+        told = _by_spectra(planned)
+    except (WindsysidError, np.linalg.LinAlgError):
+        return _by_filters(planned)
+    return told if told.fits else _by_filters(planned)
+
+
+def _simulated(planned: Planned, length: float) -> TurbineProblem:
+    """The problem that a record of the planned kind poses, from stationary vibration."""
+    turbine, settling = planned.thinned, min(planned.settling, length)
+    record = simulate_record(turbine, duration=settling + length, rate=planned.simulated_rate, seed=planned.seed)
+    part = record.section(settling, float(record.time[-1]))
+    return pose(part, turbine, turbine.sensors, Prior(), planned.unknown)
+
+
+def _rests_on(what: str, length: float, tolerances: Sequence[Tolerance]) -> str:
+    unknown = "loads and noise unknown too, of the kind in the turbine file"
+    if tolerances:
+        unknown += ", instruments and masses within their tolerances"
+    return f"from the data alone, no prior, by {what}; {unknown}; from {spell(length)} of simulated vibration"
+
+
+WAYS = {"auto": _by_what_fits, "joint": _by_filters, "spectral": _by_spectra}

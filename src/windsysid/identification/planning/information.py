@@ -1,0 +1,82 @@
+"""What a planned record tells: information in its first seconds, and its growth after them.
+
+Readings come from a simulated record (`windsysid.identification.planning.plan`). Information on numbers of the model is
+the sum of squared slopes of the innovations; on clocks it is the curvature of the likelihood
+(`windsysid.identification.effects.clock_lag`).
+"""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.filters.bank import bank_of
+from windsysid.identification.effects.clock_lag import Lateness, clock_information, shifted
+from windsysid.identification.estimate.scoring import THREADS, look, neighbours, score
+from windsysid.identification.model.turbine_problem import TurbineProblem
+from windsysid.loads.statistics import learned_statistics
+from windsysid.output.progress import Progress
+
+__all__ = ["planned_information"]
+
+BLOCKS = 10
+"""Parts of the record from whose scatter the accuracy is told."""
+
+STEP = 1e-6
+"""Relative width of the differences."""
+
+CLOCK_SAMPLES = 10_000
+"""From which the information on clocks is taken."""
+
+
+def planned_information(
+    problem: TurbineProblem, rate: float, finding: float, progress: Progress
+) -> tuple[Array, Array]:
+    """I(t₀) (n, n), and the growth [1/s] in each block of the record (BLOCKS, n, n), in relative coordinates.
+
+    The tolerances come last, in standard deviations of what the files say; that is information from the start.
+    """
+    theta = problem.wide_prior[0]
+    n, exact = len(problem.parameters), len(problem.prior[0])
+    relative = np.array([1.0 if q.logarithmic else t for q, t in zip(problem.parameters, theta, strict=False)])
+    to_relative = np.zeros((len(theta), len(theta)))  # ∂ unknowns / ∂ ln p
+    to_relative[range(n), range(n)] = relative
+    to_relative[n:exact, n:exact] = np.linalg.inv(_logarithms(problem))
+    to_relative[range(exact, len(theta)), range(exact, len(theta))] = 1.0
+    widths = STEP * np.concatenate([np.abs(relative), np.ones(len(theta) - n)])
+    first = max(1, round(finding * rate))
+    ends = np.linspace(first, len(problem.readings), BLOCKS + 1).astype(int)
+    bank = bank_of([problem.build(values) for values in neighbours(theta, widths)])
+    found: list[Array] = []
+    with ThreadPoolExecutor(THREADS) as pool:
+        for begin, end in zip([0, *ends[:-1]], ends, strict=True):
+            progress("information of the simulated record", begin / len(problem.readings))
+            part = slice(begin, end)
+            bank, scored = score(bank, problem.inputs[part], problem.readings[part], widths, pool)
+            found.append(to_relative.T @ scored.fisher @ to_relative)
+    seconds = np.diff(ends)[:, None, None] / rate
+    size, whole = len(theta), len(theta) + len(problem.clocks)
+    growths = np.zeros((BLOCKS, whole, whole))
+    growths[:, :size, :size] = np.array(found[1:]) / seconds
+    start = np.diag(np.repeat([0.0, 1.0], [exact, whole - exact]))
+    start[:size, :size] += found[0]
+    if problem.clocks:
+        progress("information on clocks", None)
+        some = slice(first, first + CLOCK_SAMPLES)
+        block = problem.inputs[some], problem.readings[some]
+        samples = shifted(problem, [block], np.zeros(len(problem.clocks)))
+        seen = look(problem.build, samples, theta, widths, changes=Lateness(samples, problem.clocks))
+        said = clock_information(problem.build(theta), samples, seen.found, problem.clocks)
+        length = len(block[1]) / rate
+        growths[:, size:, :size] = (said.mixed.T @ to_relative) / length
+        growths[:, :size, size:] = growths[:, size:, :size].swapaxes(1, 2)
+        growths[:, size:, size:] = said.curvature / length
+    return start, growths
+
+
+def _logarithms(problem: TurbineProblem) -> Array:
+    """How the logarithms of the statistics move with η: the first derivative of each by each (n, n)."""
+    steps = np.eye(len(problem.statistics))
+    moved = [learned_statistics(problem.statistics, step, np.zeros_like(steps)) for step in steps]
+    return np.array([[math.log(s.estimate / s.given) for s in one] for one in moved]).reshape(steps.shape).T

@@ -1,0 +1,391 @@
+"""Before anything is measured: how well will a set of sensors see each coefficient, and after how long?
+
+A record of the planned kind is simulated and its Fisher information taken, for coefficients and statistics of loads
+and noise together, since nobody will know those either: at the turbine file's values for filters, and as identification
+itself computes it for spectra (`windsysid.identification.planning.formulations`). After the first seconds, in which a
+filter finds the state, information grows in proportion to time, so that for a record of T seconds
+
+    I(T) = I(t₀) + (T − t₀) İ,     σ(T) = √ diag I(T)⁻¹,
+
+the Cramér–Rao bound from the data alone, without any prior but the tolerances of instruments and masses, in coordinates
+∂ ln p: every σ is relative. For one mode driven by a broadband load and well measured it is σ_k/k = 2 √(ζ / ωT) and
+σ_c/c = 1/√(ζωT). The information is a sum of squares over a simulated record and scatters like the energy of the
+vibration does; how much is said (`windsysid.identification.planning.information`). Source: Kay, Fundamentals of
+Statistical Signal Processing: Estimation Theory (Prentice Hall 1993), ch. 3; Ljung, System Identification (2nd ed.
+1999), ch. 7.4 and 9.3.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.checks.identifiability import describe_information, standard_deviations
+from windsysid.errors import ConfigurationError
+from windsysid.identification.model.prior import identifiable
+from windsysid.identification.model.turbine_problem import seen_by
+from windsysid.identification.planning.formulations import WAYS, Planned
+from windsysid.kernels.threads import one_thread
+from windsysid.mechanics.sensors import Sensor
+from windsysid.output.answers import Answer
+from windsysid.output.progress import Progress, unheard
+from windsysid.output.table import Table
+from windsysid.results.budget import Budget, budget_of
+from windsysid.results.posterior import SIGMAS
+from windsysid.results.serialization import finite
+from windsysid.results.tolerance import Tolerance
+from windsysid.turbine.coercion import TurbineLike, as_turbine
+from windsysid.turbine.turbine import Turbine
+from windsysid.units import spell
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Plan", "plan"]
+
+
+PERIODS = 5.0
+"""Of the slowest mode, in which the filter finds the state."""
+
+ENOUGH = 20.0
+"""Samples per period of the fastest mode beyond which the simulation samples no faster than it must."""
+
+FOREVER = 10.0 * 365.25 * 86400.0
+"""[s] What takes longer than ten years is never seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan(Answer):
+    """What a planned record will tell.
+
+    Attributes
+    ----------
+    turbine, sensors
+        Names of the turbine and of the channels.
+    rotor_speed, rate, duration
+        [rad/s], [Hz], [s].
+    within
+        The wish: ±2σ relative to the value.
+    names, unknown
+        The unknown parameters, then the statistics of loads and noise; how many are parameters.
+    asked
+        The parameters that the question is about.
+    start_seconds, start, growth
+        t₀ [s], I(t₀) and İ [1/s] in relative coordinates (n, n).
+    accuracy
+        Relative standard error of the σ here, from the scatter of the simulated record.
+    locked
+        Parameters asked for whose degree of freedom no sensor sees.
+    notes
+        What a reader must know.
+    tolerances
+        What is known of instruments and masses within tolerances only: the last of `names`.
+    """
+
+    turbine: str
+    sensors: tuple[str, ...]
+    rotor_speed: float
+    rate: float
+    duration: float
+    within: float
+    names: tuple[str, ...]
+    unknown: int
+    asked: tuple[str, ...]
+    start_seconds: float
+    start: Array
+    growth: Array
+    accuracy: float
+    locked: tuple[str, ...]
+    notes: tuple[str, ...]
+    tolerances: tuple[Tolerance, ...] = ()
+
+    def information(self, duration: float) -> Array:
+        """I(T) (n, n) of a record of `duration` [s], not shorter than t₀."""
+        return self.start + max(duration - self.start_seconds, 0.0) * self.growth
+
+    def band(self, name: str, duration: float | None = None) -> float:
+        """Relative ±2σ of the parameter `name` after `duration` [s], as planned by default; infinite where not seen."""
+        if name in self.locked:
+            return math.inf
+        sigma = standard_deviations(self.information(self.duration if duration is None else duration))
+        return SIGMAS * float(sigma[self.names.index(name)])
+
+    def needed(self, name: str) -> float:
+        """Duration [s] after which ±2σ of the parameter `name` is within the wish; infinite if that takes more than ten
+        years."""
+        low = high = self.start_seconds
+        while self.band(name, high) > self.within:  # after ten years rounding would hide what tolerances leave open
+            if high >= FOREVER:
+                return math.inf
+            low, high = high, min(2.0 * high, FOREVER)
+        for _ in range(60):
+            middle = math.sqrt(low * high)
+            low, high = (low, middle) if self.band(name, middle) <= self.within else (middle, high)
+        return high
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """A row for each coefficient: ``name``, ``band``, its relative ±2σ after the planned duration, and ``needed``,
+        the duration [s] after which it is as wished; infinite where it is not seen, or never."""
+        import pandas as pd
+
+        names = list(self.coefficients)
+        bands, needed = [self.band(name) for name in names], [self.needed(name) for name in names]
+        return pd.DataFrame({"name": names, "band": bands, "needed": needed})
+
+    @cached_property
+    def budget(self) -> Budget:
+        """What widens the bands after the planned duration; empty where the record leaves something unseen."""
+        information = self.information(self.duration)
+        if not np.isfinite(standard_deviations(information)).all():
+            return Budget()
+        size = np.sqrt(np.diag(information))
+        cov = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
+        rows = [(name, slope, True) for name, slope in zip(self.names, np.eye(len(cov))[: self.unknown], strict=False)]
+        return budget_of(rows, cov, slice(self.unknown, len(cov) - len(self.tolerances)), self.tolerances)
+
+    @cached_property
+    def directions(self) -> tuple[str, ...]:
+        """What these sensors leave unseen or badly told apart after the planned duration, a sentence each."""
+        return tuple(
+            describe_information(self.names, self.information(self.duration), aside=self.names[self.unknown :])
+        )
+
+    def answer(self, name: str) -> str:
+        """Will these sensors see `name` in time, and if not, how long do they need?"""
+        band, needed, wish = self.band(name), self.needed(name), percent(self.within)
+        if name in self.locked:
+            return f"{name}: never; no sensor sees this degree of freedom"
+        if math.isinf(band):
+            return f"{name}: never; these sensors do not see it"
+        after = f"±{percent(band)} after {spell(self.duration)}"
+        if band <= self.within:
+            return (
+                f"{name}: yes, {after}; ±{wish} {'before' if needed <= self.start_seconds else 'after'} "
+                f"{spell(needed, 2)}"
+            )
+        return f"{name}: no, {after}; ±{wish} {'never' if math.isinf(needed) else f'after {spell(needed, 2)}'}"
+
+    @property
+    def verdict(self) -> str:
+        """One line on all that was asked for."""
+        needed = {name: self.needed(name) for name in self.asked}
+        late = sorted((name for name in self.asked if self.band(name) > self.within), key=lambda name: needed[name])
+        wish = f"within ±{percent(self.within)} (2σ) in {spell(self.duration)}"
+        if not late:
+            last = max(self.asked, key=lambda name: needed[name])
+            when = f"{'before' if needed[last] <= self.start_seconds else 'after'} {spell(needed[last], 2)}"
+            return f"yes: everything asked for will be known {wish}; the last is {last}, {when}"
+        times = [f"{name} ({'never' if math.isinf(needed[name]) else spell(needed[name], 2)})" for name in late]
+        return f"no: not known {wish}: {', '.join(times)}"
+
+    @property
+    def sentence(self) -> str:
+        """The verdict with a capital and a full stop."""
+        return f"{self.verdict[0].upper()}{self.verdict[1:]}."
+
+    @property
+    def answers(self) -> list[str]:
+        """An answer for each parameter that was asked for by name; none where that is all of them."""
+        return [self.answer(name) for name in self.asked] if set(self.asked) != set(self.coefficients) else []
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """The parameters of the table: all that are unknown, and those asked for that no sensor sees."""
+        return (*self.names[: self.unknown], *self.locked)
+
+    @property
+    def headings(self) -> tuple[str, str, str]:
+        """Of the table."""
+        return ("parameter", f"±2σ after {spell(self.duration)}", f"±{percent(self.within)} after")
+
+    @property
+    def rows(self) -> list[tuple[str, str, str]]:
+        """Of the table: name, ±2σ after the planned duration, and the duration that the wish needs."""
+        rows = []
+        for name in self.coefficients:
+            band, needed = self.band(name), self.needed(name)
+            early = "< " if needed <= self.start_seconds else ""
+            seen = "not seen" if math.isinf(band) else percent(band)
+            rows.append((name, seen, "never" if math.isinf(needed) else early + spell(needed, 2)))
+        return rows
+
+    def table(self) -> Table:
+        """`rows`."""
+        title = f"{self.turbine}: {len(self.sensors)} sensors, {spell(self.duration)} at {self.rate:g} Hz"
+        return Table(self.headings, self.rows, title)
+
+    def summary(self) -> dict[str, Any]:
+        """The plan as plain values: what ``summary.json`` holds."""
+        return {
+            "turbine": self.turbine,
+            "sensors": list(self.sensors),
+            "rotor_speed_rad_s": self.rotor_speed,
+            "rate_hz": self.rate,
+            "duration_s": self.duration,
+            "within_percent": 100.0 * self.within,
+            "verdict": self.verdict,
+            "parameters": {
+                name: {"two_sigma_percent": 100.0 * self.band(name), "needed_s": self.needed(name),
+                "answer": self.answer(name)}
+                for name in self.coefficients
+            },
+            "budget": self.budget.summary(),
+            "directions": list(self.directions),
+            "relative_accuracy": self.accuracy,
+            "notes": list(self.notes),
+        }  # fmt: skip
+
+    def to_json(self) -> str:
+        """`summary` as JSON text; null where something is never seen."""
+        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
+
+    def __repr__(self) -> str:
+        return f"<Plan of {self.turbine}: {self.sentence}; print it for the table>"
+
+    def contents(self) -> list[Table | str]:
+        """The sentence, the answers for each parameter, the tables, the notes."""
+        budget = [self.budget.table()] if self.tolerances and self.budget.rows else []
+        return [self.sentence, self.table(), *self.answers, *self.directions, *budget, *self.notes]
+
+
+@one_thread()
+def plan(
+    turbine: TurbineLike,
+    *,
+    sensors: Sequence[Sensor] | None = None,
+    duration: float = 600.0,
+    rate: float = 100.0,
+    parameters: Sequence[str] | None = None,
+    within: float = 0.2,
+    load_scale: float = 1.0,
+    rotor_speed: float | None = None,
+    formulation: Literal["auto", "joint", "spectral"] = "auto",
+    seed: int = 0,
+    progress: Progress = unheard,
+) -> Plan:
+    """Tell how well a planned record will show the coefficients of `turbine`, and how long a record the wish needs.
+
+    Parameters
+    ----------
+    sensors
+        The instruments; the turbine's usual ones by default.
+    duration, rate
+        Of the planned record [s], [Hz].
+    parameters
+        What is asked for; all coefficients by default. The coefficients of all free degrees of freedom are unknown in
+        any case, masses and geometry only where they are named here.
+    within
+        The wish: ±2σ relative to the value [1].
+    load_scale
+        Factor on the turbine file's loads [1].
+    rotor_speed
+        [rad/s]; the turbine's usual one by default.
+    formulation
+        By which the record will be identified (`windsysid.identify`). ``"joint"``: filters, under the loads of the
+        turbine file. ``"spectral"``: spectra, and where a rotor turns under wind. ``"auto"``: spectra where nothing
+        that moves turns and the planned record will do for them, else filters.
+    seed
+        Of the simulated record.
+    progress
+        Told what is being done and its share that is done, 0 to 1; None where nobody knows.
+
+    Returns
+    -------
+    Plan
+        The ±2σ band of each coefficient, relative to its value [1], after any length [s], and the length that the
+        wish needs [s].
+
+    Raises
+    ------
+    ConfigurationError
+        If a name is unknown, a number out of range, or the sensor list empty.
+    """
+    turbine = _as_planned(as_turbine(turbine), sensors, duration, rate, within, load_scale, rotor_speed)
+    if formulation not in WAYS:
+        raise ConfigurationError(f"formulation: expected {', '.join(WAYS)}; got '{formulation}'")
+    known = identifiable(turbine)
+    asked = identifiable(turbine, parameters) if parameters is not None else known
+    notes: list[str] = []
+    seen = seen_by(turbine, turbine.sensors, notes)
+    unknown = tuple(name for name in dict.fromkeys([*known, *asked]) if seen.model.acts(name))
+    slowest, fastest, damping = _time_scales(seen)
+    finding = min(PERIODS * 2.0 * math.pi / slowest, duration)
+    thinning = max(1, int(rate / (ENOUGH * fastest / (2.0 * math.pi))))
+    planned = Planned(seen, unknown, rate, duration, damping, finding, thinning, seed, progress)
+    told = WAYS[formulation](planned)
+    draft = Plan(
+        turbine.name, tuple(sensor.channel for sensor in turbine.sensors), turbine.rotor_speed, rate, duration, within,
+        told.names, len(unknown), tuple(asked), finding, told.start, told.growths.mean(axis=0), 0.0,
+        tuple(name for name in asked if name not in unknown), (*notes, *told.notes), told.tolerances,
+    )  # fmt: skip
+    accuracy = _accuracy(draft, told.growths, told.length * damping)
+    return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are good to {percent(accuracy)}"))
+
+
+def percent(share: float) -> str:
+    """A share in percent, with two digits."""
+    return f"{float(f'{100.0 * share:.2g}'):g} %"
+
+
+def _as_planned(
+    turbine: Turbine, sensors: Sequence[Sensor] | None, duration: float, rate: float, within: float, load_scale: float,
+    rotor_speed: float | None
+) -> Turbine:  # fmt: skip
+    """The turbine with the planned sensors, loads and rotor speed, all options checked."""
+    for what, value, most in (
+        ("within", within, 10.0), ("load scale", load_scale, 1e6), ("rate", rate, 1e5),
+    ):  # fmt: skip
+        if not (math.isfinite(value) and 0.0 < value <= most):
+            raise ConfigurationError(f"{what}: expected a positive number of at most {most:g}, got {value:g}")
+    turning = turbine.rotor_speed if rotor_speed is None else rotor_speed
+    if not (math.isfinite(turning) and 0.0 <= turning <= 1e3):
+        raise ConfigurationError(f"rotor speed: expected a number from 0 (parked) to 1000 rad/s, got {turning:g}")
+    chosen = turbine.sensors if sensors is None else tuple(sensors)
+    if not chosen:
+        raise ConfigurationError(
+            "the sensor list is empty: expected at least one sensor; leave it out for the usual ones"
+        )
+    turbine = replace(
+        turbine,
+        sensors=chosen,
+        rotor_speed=turning,
+        loads=tuple(replace(load, rms=load.rms * load_scale) for load in turbine.loads),
+    )
+    least, why = turbine.least_duration
+    if not (math.isfinite(duration) and least <= duration <= FOREVER):
+        raise ConfigurationError(f"duration: expected {why} to ten years, got {duration:g} s: plan another record")
+    fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
+    if fastest / rate > 0.6:
+        raise ConfigurationError(
+            f"rate: expected at least {fastest / 0.6:.3g} samples per second for a mode at "
+            f"{fastest / (2.0 * math.pi):.3g} Hz, got {rate:g}"
+        )
+    return turbine
+
+
+def _time_scales(turbine: Turbine) -> tuple[float, float, float]:
+    """Slowest and fastest natural frequency [rad/s] and the slowest decay ζω [1/s] of the free degrees of freedom."""
+    frequencies = {name: turbine.natural_frequency(name) for name in turbine.model.coordinates}
+    moving = [w for w in frequencies.values() if w > 0.0] or [turbine.rotor_speed]
+    return min(moving), max(moving), turbine.slowest_decay
+
+
+def _accuracy(draft: Plan, growths: Array, relaxations: float) -> float:
+    """Relative standard error of σ after the planned duration, the worst of what is seen: a jackknife over the blocks,
+    and not less than what the energy of so many relaxations leaves.
+    """
+    whole = growths.sum(axis=0)
+    n = len(growths)
+    sigmas = np.array([
+        standard_deviations(replace(draft, growth=(whole - growth) / (n - 1)).information(draft.duration))
+        for growth in growths
+    ])  # fmt: skip
+    logs = np.log(sigmas[:, : draft.unknown][:, np.isfinite(sigmas[:, : draft.unknown]).all(axis=0)])
+    return float(
+        np.sqrt((n - 1) / n * np.square(logs - logs.mean(axis=0)).sum(axis=0)).max(initial=0.5 / math.sqrt(relaxations))
+    )

@@ -1,0 +1,135 @@
+"""What a planned record tells by its spectra: the information that identification itself computes.
+
+Records of the planned kind are simulated and identified (`windsysid.identification.estimate.frequency_domain`), with
+the usual priors about the values that they were simulated with. The inverse of a posterior's covariance is information;
+without that of the priors it is the record's, Whittle's sum over frequencies, and grows in proportion to time. Unlike
+the filters' bound it holds what is left out: lines of the rotor, what lies between the bands of a rotor that is read in
+bands, and the levels that are learned in each band. Source: Whittle, Ark. Mat. 2, 1953,
+https://doi.org/10.1007/BF02590998.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
+from windsysid.identification.model.fit import Outcome
+from windsysid.identification.model.prior import Prior
+from windsysid.loads.statistics import to_logarithms
+from windsysid.output.progress import Progress
+from windsysid.results.tolerance import Tolerance
+from windsysid.simulation.record import simulate_record
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["PlannedSpectra", "planned_spectra"]
+
+RECORDS = 4
+"""Records that are simulated; their scatter tells the accuracy."""
+
+ROUNDING = 1e-7
+"""Scaled eigenvalue of the information up to which nothing is seen: what is left where the priors' is taken out."""
+
+
+class PlannedSpectra(NamedTuple):
+    """What simulated records told.
+
+    Attributes
+    ----------
+    names
+        The parameters that were asked for, then all other unknowns, the tolerances last (n,).
+    start, growths
+        Information before the first sample (n, n), and its growth [1/s] in each record (RECORDS, n, n), in relative
+        coordinates.
+    tolerances
+        What is known of instruments and masses within tolerances only.
+    turns
+        Whether the rotor's turns couple what moves.
+    doubts
+        What speaks against the results of more than half of the records.
+    """
+
+    names: tuple[str, ...]
+    start: Array
+    growths: Array
+    tolerances: tuple[Tolerance, ...]
+    turns: bool
+    doubts: tuple[str, ...]
+
+
+def planned_spectra(
+    turbine: Turbine, unknown: Sequence[str], rate: float, settling: float, length: float, seed: int, loads: str,
+    progress: Progress,
+) -> PlannedSpectra:  # fmt: skip
+    """Simulate records of `length` [s] after `settling` [s] and identify them.
+
+    Raises
+    ------
+    RecordError, ConfigurationError
+        If spectra do not apply to such a record.
+    """
+    found = []
+    for i in range(RECORDS):
+        progress("identifying simulated records", i / RECORDS)
+        record = simulate_record(turbine, duration=settling + length, rate=rate, seed=seed + i, loads=loads)
+        part = record.section(settling, float(record.time[-1]))
+        found.append(identify_by_spectrum(part, turbine, turbine.sensors, Prior(), unknown))
+    tolerances = found[0].tolerances
+    names = dict.fromkeys([*unknown, *(name for one in found for name in _names(one))])
+    for one in tolerances:
+        names[one.name] = names.pop(one.name)  # last
+    places = {name: i for i, name in enumerate(names)}
+    growths = np.zeros((RECORDS, len(names), len(names)))
+    for growth, outcome in zip(growths, found, strict=True):
+        at = [places[name] for name in _names(outcome)]
+        growth[np.ix_(at, at)] = _information(outcome) / length
+    known = [0.0] * (len(names) - len(tolerances)) + [1.0] * len(tolerances)
+    growths = _of_what_is_seen(growths)
+    return PlannedSpectra(tuple(names), np.diag(known), growths, tolerances, found[0].turns, _shared_doubts(found))
+
+
+def _names(found: Outcome) -> list[str]:
+    """Of all unknowns of an outcome, in their order. A level says where in its record's spectrum it is; here it has a
+    number, since the next record's is elsewhere."""
+    levels: list[str] = []
+    for one in found.statistics:
+        name = re.sub(r"_[\d.]+Hz$", "", one.name)
+        levels.append(name if name == one.name else f"{name}_{1 + sum(x.startswith(name) for x in levels)}")
+    return [*(q.name for q in found.model.parameters), *levels, *(one.name for one in found.tolerances)]
+
+
+def _shared_doubts(found: Sequence[Outcome]) -> tuple[str, ...]:
+    """Doubts of more than half of the results, whatever the numbers in them, as the first of them says it."""
+    kinds: dict[str, list[str]] = {}
+    for one in found:
+        for kind, doubt in {re.sub(r"[\d.]+", "", doubt): doubt for doubt in one.doubts}.items():
+            kinds.setdefault(kind, []).append(doubt)
+    return tuple(texts[0] for texts in kinds.values() if len(texts) > RECORDS // 2)
+
+
+def _information(found: Outcome) -> Array:
+    """That of the record about all unknowns (n, n), without the priors', in relative coordinates."""
+    cov = found.cov if found.joint_cov is None else found.joint_cov
+    size = np.sqrt(np.diag(cov))
+    whole = np.linalg.inv(cov / np.outer(size, size)) / np.outer(size, size)
+    parameters, statistics = found.model.parameters, found.statistics
+    spreads = [q.prior[1] for q in parameters] + [s.spread for s in statistics] + [1.0] * len(found.tolerances)
+    to_relative = np.eye(len(whole))  # ∂ unknowns / ∂ ln p
+    values = found.theta.tolist()
+    relative = [1.0 if q.logarithmic else value for q, value in zip(parameters, values, strict=True)]
+    n, end = len(parameters), len(parameters) + len(statistics)
+    to_relative[range(n), range(n)] = relative
+    to_relative[n:end, n:end] = np.linalg.inv(to_logarithms(statistics))
+    return np.asarray(to_relative.T @ (whole - np.diag(np.array(spreads) ** -2.0)) @ to_relative)
+
+
+def _of_what_is_seen(growths: Array) -> Array:
+    """The information (RECORDS, n, n) without that on directions of which the records together say nothing."""
+    mean = growths.mean(axis=0)
+    scale = np.sqrt(np.maximum(np.diag(mean), 1e-300))
+    values, vectors = np.linalg.eigh(mean / np.outer(scale, scale))
+    seen = vectors[:, values > ROUNDING]
+    project = seen @ seen.T * np.outer(1.0 / scale, scale)
+    return np.asarray(project.T @ growths @ project)

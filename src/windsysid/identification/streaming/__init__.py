@@ -1,0 +1,1 @@
+"""Identification of records that do not fit into memory, segment by segment."""

@@ -1,0 +1,1 @@
+"""From a fit to a result that can be judged."""

@@ -1,0 +1,185 @@
+"""Whether a result is what it is by one line.
+
+A machine's line beside a mode may become the mode's peak, and the mode its flank: it stands out less then, or by no
+more than chance may. So the frequency that stands out most of the support's readings is taken out where it might be a
+line, and spectra are asked again. A coefficient of a structure under random loads depends little on one frequency, and
+that of a line's mode altogether; that of a mode of a few frequencies' width depends on each, and is not asked.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.checks.lines import SURROUNDINGS, Line, find_line, stand_out_of_a_bend
+from windsysid.errors import WindsysidError
+from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
+from windsysid.identification.model.fit import Outcome, compare
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.verdict.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
+from windsysid.loads.narrow_band import NarrowBand
+from windsysid.loads.rotor_wind import RotorWind
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.spectral.transforms.harmonics import without_line
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Dependence", "doubt_line", "doubt_sine", "is_harmless"]
+
+REACH = 1.25
+"""Factor about a mode's frequency within which a line is looked for."""
+
+SUSPECT = 9.0
+"""Power over its surroundings from which on a frequency may be a line: one in ten healthy records has it."""
+
+MARGINAL = 1.25
+"""Times its bound within which a line may be chance: it is no reason if nothing depends on it."""
+
+MOVED = 2.5
+"""Standard deviations by which a coefficient may move when one frequency, or those beside a sine, are taken out."""
+
+BESIDE, AWAY = 3, 8
+"""Frequencies of the periodogram to either side of a sine in which a narrow-band load would have left something, and
+beyond which their surroundings tell what would be there without one."""
+
+
+class Dependence(NamedTuple):
+    """On which frequency [Hz] of which channel a coefficient depends, and that as a doubt."""
+
+    channel: str
+    frequency: float
+    doubt: str
+
+
+def doubt_line(
+    outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    parameters: Sequence[str] | None, *, by_spectra: bool,
+) -> Dependence | None:  # fmt: skip
+    """Whether a coefficient depends on one frequency; None where spectra do not apply, and for bands around the
+    modes of a real rotor, which have other tests. Arguments as for
+    `windsysid.identification.estimate.frequency_domain.identify_by_spectrum`, on whose record `outcome` was found, by
+    filters if not `by_spectra`."""
+    line = _suspect(outcome, record)
+    if line is None or line.ratio < SUSPECT:
+        return None
+    name, off = _moved(
+        _without(record, outcome.channels, line.frequency), outcome, record, turbine, sensors, prior, parameters,
+        by_spectra=by_spectra,
+    )  # fmt: skip
+    if off < MOVED:
+        return None
+    return Dependence(
+        line.channel, line.frequency,
+        f"without {line.frequency:.3g} Hz {name} would be {off:.1f} standard deviations elsewhere: likely a machine or "
+        "waves; choose a section without it",
+    )  # fmt: skip
+
+
+def is_harmless(
+    line: Line, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    parameters: Sequence[str] | None, *, by_spectra: bool,
+) -> bool:  # fmt: skip
+    """Whether a line hardly stands out more than chance may, and nothing depends on it. Arguments as for
+    `doubt_line`."""
+    if line.ratio > MARGINAL * line.bound:
+        return False
+    name, off = _moved(
+        _without(record, outcome.channels, line.frequency), outcome, record, turbine, sensors, prior, parameters,
+        by_spectra=by_spectra,
+    )  # fmt: skip
+    return bool(name) and off < MOVED
+
+
+def doubt_sine(
+    frequency: float, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    parameters: Sequence[str] | None, *, by_spectra: bool,
+) -> tuple[str, ...]:  # fmt: skip
+    """That what is left beside a sine at a frequency [Hz], which was taken out of the record, still moves a
+    coefficient, as a doubt: a narrow-band load would. Arguments as for `doubt_line`."""
+    name, off = _moved(
+        _without(record, outcome.channels, frequency, BESIDE), outcome, record, turbine, sensors, prior, parameters,
+        by_spectra=by_spectra,
+    )  # fmt: skip
+    if off < MOVED:
+        return ()
+    return (
+        f"without what is left around {frequency:.3g} Hz {name} would be {off:.1f} standard deviations elsewhere: "
+        "likely a machine or waves; choose a section without it",
+    )
+
+
+def _moved(
+    without: Record, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    parameters: Sequence[str] | None, *, by_spectra: bool,
+) -> tuple[str, float]:  # fmt: skip
+    """Which coefficient moves most, and by how many standard deviations, if a part of the record is left out; none
+    where spectra do not apply."""
+    spectral = (RotorWind.name, NarrowBand.name)  # others are for filters only
+    loads = outcome.hypothesis if outcome.hypothesis in spectral else "broadband"
+
+    def ask(one: Record) -> Outcome:
+        return identify_by_spectrum(one, turbine, sensors, prior, parameters, loads=loads)
+
+    try:
+        return compare(ask(without), outcome if by_spectra else ask(record))
+    except (WindsysidError, np.linalg.LinAlgError):
+        return "", 0.0
+
+
+def _suspect(outcome: Outcome, record: Record) -> Line | None:
+    """What stands out most near the frequencies of a support; its modes are not narrower than the file's."""
+    if not record.is_uniform:
+        return None
+    values = {q.name: float(q.physical(t)) for q, t in zip(outcome.model.parameters, outcome.theta, strict=True)}
+    turbine = outcome.turbine.with_values(values)
+    freedoms = [one.name for one in turbine.model.freedoms if not one.blade]
+    supports = [
+        name for name in freedoms if min(one.critical_damping(name) for one in (turbine, outcome.turbine)) > 0.0
+    ]
+    channels = {name: channel for name in supports if (channel := channel_of(outcome, record, name)) is not None}
+    if not channels:
+        return None
+    read = tuple(dict.fromkeys(channels.values()))
+    turned = [i for i, name in enumerate(outcome.model.compiled.inputs) if name == "rotor_speed"]
+    speed = float(outcome.rotor[:, turned[0]].mean()) if turned else turbine.rotor_speed
+    rotor_hz = abs(speed) / (2.0 * math.pi)
+    return find_line(
+        np.column_stack([record[channel] for channel in read]), read, rate=record.rate,
+        modes=[
+            (mode_of(turbine, name)[0], max(mode_of(one, name)[1] for one in (turbine, outcome.turbine)))
+            for name in channels
+        ],
+        rotor_hz=rotor_hz, reach=REACH, known=ranges_of_narrow_band(outcome, record, rotor_hz),
+    )  # fmt: skip
+
+
+def _without(record: Record, channels: Sequence[str], frequency: float, beside: int = 0) -> Record:
+    """The record without a sine in these channels, or with as much at so many frequencies to either side as their
+    surroundings have."""
+    values = np.column_stack([record[channel] for channel in channels])
+    known = np.nan_to_num(values - np.nanmean(values, axis=0))
+    if not beside:
+        left = without_line(known, record.rate, frequency)
+    else:
+        near = frequency + np.arange(-beside, beside + 1) * record.rate / record.samples
+        wave = np.exp(2j * np.pi * np.outer(np.arange(record.samples) / record.rate, near))
+        design = np.column_stack([wave.real, wave.imag])
+        there = design @ np.linalg.lstsq(design, known, rcond=None)[0]
+        over = _standing_out(known, frequency * record.samples / record.rate, beside)
+        left = known - there * (1.0 - np.maximum(over, 1.0) ** -0.5)
+    left = values - (known - left)
+    return record.with_channels(
+        {channel: (column, record.unit(channel)) for channel, column in zip(channels, left.T, strict=True)}
+    )
+
+
+def _standing_out(values: Array, line: float, beside: int) -> Array:
+    """Mean power of values (T, m) at a frequency of their periodogram, and at so many to either side, over that of
+    their surroundings (m,); infinite where there are none."""
+    power = np.abs(np.fft.rfft(np.hanning(len(values))[:, None] * values, axis=0)) ** 2
+    at = round(line) + np.arange(-beside, beside + 1)
+    if at[0] <= SURROUNDINGS or at[-1] >= len(power) - SURROUNDINGS:
+        return np.full(values.shape[1], np.inf)
+    return np.asarray(stand_out_of_a_bend(power, at, SURROUNDINGS, AWAY).mean(axis=0))

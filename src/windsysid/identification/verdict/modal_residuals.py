@@ -1,0 +1,155 @@
+"""What a record has beside the modes that were found, and speaks against them: lines, blades that pass; and channels in
+which nothing vibrates."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.checks.blade_passing import find_passing
+from windsysid.checks.dead_channel import find_still
+from windsysid.checks.lines import Line, find_line
+from windsysid.errors import RecordError
+from windsysid.identification.model.fit import Outcome
+from windsysid.loads.narrow_band import FREQUENCY, WIDTH
+from windsysid.records.record import Record
+from windsysid.results.mode import Mode
+from windsysid.signals.rotor import rotor_inputs
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["channel_of", "doubts_beside_modes", "line_beside_modes", "mode_of", "ranges_of_narrow_band"]
+
+
+REACHED = 4.0
+"""Half-widths of a narrow-band load, or frequencies of the periodogram, within which it may look like a line."""
+
+MIXED, NEIGHBOURS = 0.1, 1.6
+"""Share of one degree of freedom's motion in a reading of another, whose mode would look like a narrow-band load; and
+the factor of their frequencies within which it matters."""
+
+
+def doubts_beside_modes(
+    outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float, *, filtered: bool
+) -> tuple[str, ...]:
+    """What speaks against the modes of a turbine whose rotor has a mean speed [rad/s]; of filters, more is asked."""
+    return (
+        *_still(outcome, record, speed),
+        *(_passed(outcome, record, modes) if filtered else ()),
+    )
+
+
+def line_beside_modes(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float) -> Line | None:
+    """What stands out most of the readings beside a mode, but for a narrow-band load that was found; modes are not
+    narrower than the file's: a line that was taken for one is."""
+    if not (modes and record.is_uniform):
+        return None
+    known = _no_narrower(outcome.turbine, modes)
+    readings = np.column_stack([record[channel] for channel in outcome.channels])
+    rotor_hz = abs(speed) / (2.0 * math.pi)
+    return find_line(
+        readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=rotor_hz,
+        known=ranges_of_narrow_band(outcome, record, rotor_hz),
+    )  # fmt: skip
+
+
+def ranges_of_narrow_band(outcome: Outcome, record: Record, rotor_hz: float) -> list[tuple[float, float]]:
+    """Where a narrow-band load that was found stands out [Hz], as what turns and what does not reads it; none where it
+    is as narrow as a line."""
+    known = {one.name: one.estimate for one in outcome.statistics}
+    if FREQUENCY not in known:
+        return []
+    own, width = known[FREQUENCY], known[FREQUENCY] * known[WIDTH]
+    if 2.0 * width * record.duration < 1.0:
+        return []
+    away = max(REACHED * width, REACHED / record.duration)
+    return [(abs(seen) - away, abs(seen) + away) for seen in (own - rotor_hz, own, own + rotor_hz)]
+
+
+def _no_narrower(file: Turbine, modes: Sequence[Mode]) -> list[tuple[float, float]]:
+    """Frequency [Hz] and damping ratio of modes, none narrower than the file's."""
+    return [(m.frequency_hz[0], max(m.damping_ratio[0], _usual_damping(file, m))) for m in modes]
+
+
+def _usual_damping(file: Turbine, mode: Mode) -> float:
+    """The file's damping ratio of a mode or, where it has none of that name, of the degree of freedom that vibrates
+    most nearly as fast: a line may turn two modes of a tower into two that whirl."""
+    if mode.reference is not None:
+        return mode.reference[1]
+    ratios = {
+        abs(math.log(file.natural_frequency(name) / (2.0 * math.pi * mode.frequency_hz[0]))): file.damping(name)
+        / file.critical_damping(name)
+        for name in file.model.coordinates
+        if file.natural_frequency(name) > 0.0
+    }
+    return ratios[min(ratios)] if ratios else 0.0
+
+
+def _still(outcome: Outcome, record: Record, speed: float) -> tuple[str, ...]:
+    """Which channels hear no vibration, as a doubt; the file's frequencies tell where to listen: the fit's may be
+    anywhere then."""
+    if not record.is_uniform:
+        return ()
+    readings = np.column_stack([record[channel] for channel in outcome.channels])
+    file = outcome.turbine
+    natural = [file.natural_frequency(name) / (2.0 * math.pi) for name in file.model.coordinates]
+    still = find_still(
+        readings, outcome.channels, rate=record.rate, frequencies=natural, rotor_hz=abs(speed) / (2.0 * math.pi)
+    )
+    if not still:
+        return ()
+    more = f" and {len(still) - 1} more" if len(still) > 1 else ""
+    return (
+        f"nothing vibrates in {still[0]}{more}, only noise is there: likely an instrument (no power, a broken "
+        "cable); check it or leave it out",
+    )
+
+
+def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[str, ...]:
+    """That blades pass a support at a steady speed where it has a mode, as a doubt."""
+    model = outcome.turbine.model
+    if any(one.blade for one in model.freedoms) or not ("rotor_azimuth" in record and record.is_uniform):
+        return ()
+    try:
+        psi = rotor_inputs(record, abs(outcome.turbine.rotor_speed))[:, 0]
+    except RecordError:  # an azimuth that was not needed
+        return ()
+    readings = np.column_stack([record[channel] for channel in outcome.channels])
+    readings = np.nan_to_num(readings - np.nanmean(readings, axis=0))
+    found = find_passing(
+        readings, psi, rate=record.rate, modes=_no_narrower(outcome.turbine, modes), blades=model.blades
+    )  # fmt: skip
+    return () if found is None else (found.describe(model.blades),)
+
+
+def mode_of(turbine: Turbine, name: str) -> tuple[float, float]:
+    """Frequency [Hz] and damping ratio of a degree of freedom by itself."""
+    return turbine.natural_frequency(name) / (2.0 * math.pi), turbine.damping(name) / turbine.critical_damping(name)
+
+
+def channel_of(outcome: Outcome, record: Record, name: str) -> str | None:
+    """The channel without gaps of what does not turn in which a degree of freedom shows most, of those that read hardly
+    anything else near its frequency; None where there is none."""
+    file = outcome.turbine
+    hz = {other: file.natural_frequency(other) for other in file.model.coordinates}  # free ones have none
+    near = [hz[name] / NEIGHBOURS < hz[other] < hz[name] * NEIGHBOURS for other in hz if other != name]
+    i = list(hz).index(name)
+    seen, turned = (np.abs(_seen(outcome, turn)) for turn in (0.0, 1.0))
+    own, rest = seen[:, i], np.delete(seen, i, axis=1)[:, near]
+    stands = np.isclose(own, turned[:, i]) & (own > 0.0)
+    values = np.column_stack([record[channel] for channel in outcome.channels])
+    alone = stands & np.isfinite(values).all(axis=0) & (rest < MIXED * own[:, None]).all(axis=1)
+    if not alone.any():
+        return None
+    return outcome.channels[int(np.argmax(np.where(alone, own / np.maximum(values.std(axis=0), 1e-300), -1.0)))]
+
+
+def _seen(outcome: Outcome, turn: float) -> Array:
+    """What readings say of each degree of freedom's displacement (m, n), the rotor turned by an angle [rad]."""
+    file, compiled = outcome.turbine, outcome.model.compiled
+    p, (n, m) = np.array([file.values[name] for name in compiled.parameters]), (len(compiled.states), compiled.readings)
+    seen, loads, inputs = np.zeros((m, n)), len(compiled.loads), outcome.rotor.mean(axis=0)[: len(compiled.inputs)]
+    inputs = np.where([name == "rotor_azimuth" for name in compiled.inputs], turn, inputs)
+    others = np.zeros((m, len(compiled.identified))), np.zeros((m, loads))
+    compiled.reading_jacobian(np.zeros(n), inputs, p, np.zeros(loads), np.zeros(m), seen, *others)
+    return seen[:, : len(file.model.coordinates)]

@@ -1,0 +1,137 @@
+"""What smoothed loads say against a model: stiffness or damping that goes with amplitude, and loads that go together.
+
+Play, a spring that hardens and dry friction are forces on a degree of freedom that are no straight lines. A filter that
+knows none of them takes them in as loads, and finds the stiffness and damping of this amplitude. Had the model a small
+force κ f more, of known shape, the loads would be w + κ f, and what drives them e, about white, would move by κ d, d
+being the steps of f from one sample to the next. The score of κ is their product, as expected from all readings:
+
+    s = Σ e d,    t = Re Σ E*(f) D(f) / √(½ Σ |E(f)|² |D(f)|²),
+
+E and D being the Fourier transforms of e and d, of the smoothed loads and of f along the smoothed motion. t is normal
+with deviation 1, or less, where there is no such force: then E and D have no phase in common, and with phases at random
+no tail of t is longer than the normal one's. Of f, what goes with straight lines, the displacements and velocities of
+all degrees of freedom, is taken out first: coefficients explain that. Motion is smoothed, since a force of the kind
+shows where it turns round, and what happens a moment later tells when that was.
+
+Shapes are tanh q/σ, q in its rms: what cubes of a Gaussian q leave looks nearly alike, and so does the sign of q, of
+play, where a slow part of q is hidden from accelerometers; and the sign of q̇. Directions of one support are alike, and
+so are blades: their t are judged one by one and as their sum over the root of their number.
+
+In the same way two loads are held against each other, E against E: the score of a correlation that the model does not
+have. Where blades turn, or one sensor hears two directions, what is not known of one load is shared with another, and
+the score is none; so supports with a sensor for each direction are asked.
+
+Source: Rao, Proc. Camb. Phil. Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987 (score test); Masri &
+Caughey, J. Appl. Mech. 46, 1979, https://doi.org/10.1115/1.3424568 (restoring forces from motion); Cappé, Moulines &
+Rydén, Inference in Hidden Markov Models, 2005, section 10.1 (scores from smoothing, Fisher's identity).
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.checks.nonlinearity import Bending, Law
+from windsysid.filters import Info, smooth
+from windsysid.mechanics.model import Coordinate
+from windsysid.results.smoothed_loads import CorrelatedLoads, SmoothedLoads
+from windsysid.statespace.acting_loads import acting_loads
+from windsysid.statespace.compose import StateSpace
+
+__all__ = ["judge_smoothed_loads"]
+
+TURN_Q, TURN_V = 1.0, 0.1
+"""Displacement and velocity, in their rms, about which a force turns round."""
+
+CHUNK = 4096
+"""Samples for which all H(ψ) are held at once."""
+
+FEWEST = 500
+"""Samples with a reading below which nothing is said."""
+
+MAX_SIGMAS, MAX_SIGMAS_ALIKE = 3.8, 3.2
+"""Standard deviations of chance that count, of one degree of freedom and of those that are alike together. Of five, the
+ten and the four that are looked at exceed them in one healthy record of 140."""
+
+MAX_TOGETHER = 3.2
+"""Standard deviations of chance by which two loads may go together. Where sensors may be off their axes, healthy towers
+show a third of one, as the fit takes the rest for that."""
+
+
+def judge_smoothed_loads(
+    model: StateSpace, inputs: Array, readings: Array, info: Info, *, freedoms: Sequence[Coordinate]
+) -> SmoothedLoads | None:
+    """What loads show along the motion; None where that cannot be asked: of times that are unequal, of a record too
+    short or at rest, and where no load is a state.
+
+    Parameters
+    ----------
+    model, inputs, readings, info
+        What was filtered (T, n_u + n_w), (T, m), and what came out; readings that were gated are left out.
+    freedoms
+        The n degrees of freedom; one whose load is no state is not asked.
+    """
+    names = acting_loads(model, inputs[:1])[0]
+    asked = [j for j, one in enumerate(freedoms) if one.load in names and np.any(info.mean[:, j])]
+    if model.blocks.step.size > 1 or np.isfinite(info.whitened).any(axis=1).sum() < FEWEST or not asked:
+        return None
+    state = smooth(model, inputs, np.where(info.gated, np.nan, readings)).mean
+    n, own = len(freedoms), [freedoms[j].load for j in asked]
+    loads = _loads(model, inputs, state)[:, [names.index(name) for name in own]]
+    driven = np.fft.rfft(np.diff(loads, axis=0), axis=0)
+    found: list[Bending] = []
+    for law, t in _scores(state[:, asked], state[:, [n + j for j in asked]], driven).items():
+        groups = [[i] for i in range(len(asked))]
+        groups += [[i for i, j in enumerate(asked) if bool(freedoms[j].blade) is blade] for blade in (False, True)]
+        for group in groups:
+            if group:
+                sigmas = float(t[group].sum()) / math.sqrt(len(group))
+                bound = MAX_SIGMAS if len(group) == 1 else MAX_SIGMAS_ALIKE
+                found.append(Bending(law, tuple(freedoms[asked[i]].name for i in group), sigmas, bound))
+    apart = readings.shape[1] >= len(asked) and not any(one.blade for one in freedoms)
+    pairs = combinations(range(len(asked) if apart else 0), 2)
+    together = [
+        CorrelatedLoads((own[i], own[j]), float(_score(driven[:, i], driven[:, j])), MAX_TOGETHER) for i, j in pairs
+    ]
+    return SmoothedLoads(
+        max(found, key=lambda one: abs(one.sigmas) / one.bound),
+        max(together, key=lambda one: abs(one.sigmas), default=None),
+    )
+
+
+def _loads(model: StateSpace, inputs: Array, state: Array) -> Array:
+    """The loads that are states (T, n_w), of their states (T, n)."""
+    nx, nz = model.blocks.sizes[:2]
+    parts = [slice(first, first + CHUNK) for first in range(0, len(inputs), CHUNK)]
+    return np.concatenate(
+        [np.einsum("twz,tz->tw", acting_loads(model, inputs[at])[1], state[at, nx : nx + nz]) for at in parts]
+    )
+
+
+def _scores(q: Array, v: Array, driven: Complex) -> dict[Law, Array]:
+    """How many standard deviations t (n,) each law of force is from none, of smoothed displacements and velocities of n
+    degrees of freedom (T, n) and of what drives their loads (F, n). A load that goes with −q̇, as friction does, counts
+    as positive."""
+    q, v = _scaled(q), _scaled(v)
+    lines = np.linalg.qr(np.diff(np.hstack([q, v]), axis=0))[0]
+    forces: dict[Law, Array] = {"stiffness": np.tanh(q / TURN_Q), "damping": -np.tanh(v / TURN_V)}
+    found: dict[Law, Array] = {}
+    for law, force in forces.items():
+        steps = np.diff(force, axis=0)
+        steps -= lines @ (lines.T @ steps)
+        found[law] = _score(driven, np.fft.rfft(steps, axis=0))
+    return found
+
+
+def _score(e: Complex, d: Complex) -> Array:
+    """By how many standard deviations of chance two Fourier transforms (F, …) go together (…,)."""
+    chance = np.sqrt(0.5 * np.sum(np.abs(e) ** 2 * np.abs(d) ** 2, axis=0))
+    return np.asarray(np.sum((e.conj() * d).real, axis=0) / np.maximum(chance, 1e-300))
+
+
+def _scaled(values: Array) -> Array:
+    """Values (T, n) about their means, of rms 1."""
+    centred = values - values.mean(axis=0)
+    return np.asarray(centred / np.maximum(centred.std(axis=0), 1e-300))

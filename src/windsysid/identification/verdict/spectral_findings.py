@@ -1,0 +1,160 @@
+"""What speaks against the bands of spectra, and what the halves of a record say beside."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import RecordError
+from windsysid.identification.effects.clock_drift import Drift, drift_of_halves
+from windsysid.results.tolerance import Tolerance
+from windsysid.results.transient import find_burst
+from windsysid.spectral.rotor.build import pose_lifted
+from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
+from windsysid.spectral.rotor.fit import Fit
+from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.transforms.lifted_blocks import LiftedSums
+
+__all__ = ["doubts_of_spectra", "drifts_of", "halves_of", "passed_by"]
+
+MOST_RESONANCE = 50.0
+"""As how many independent values the narrowest resonance of a rotor under wind may count at most: bands grow narrower
+with the record, what the load model does not know stays. ``python -m validation.spectral`` shows them for 36."""
+
+LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
+"""As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
+Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
+
+PASSING = 1.2
+"""Factor about a natural frequency within which the load of passing blades bends what spectra find of it."""
+
+LEAST_OF_A_BLOCK = 20.0
+"""And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
+
+
+def halves_of(question: Question, posed: Posed, found: Fit, loads: str) -> list[Posed]:
+    """The halves of a record with the unknowns of what was found; none of blocks, and where it is too short."""
+    if question.sums is not None:
+        return []
+    half, halves = len(question.readings) // 2, []
+    for part in (slice(0, half), slice(half, 2 * half)):
+        piece = question._replace(readings=question.readings[part], inputs=question.inputs[part])
+        try:
+            halves.append(_alike(pose_lifted(piece, loads, posed.bands), found))
+        except RecordError:
+            return []
+    return halves
+
+
+def drifts_of(
+    question: Question, halves: Sequence[Posed], unknowns: Array, tolerances: Sequence[Tolerance]
+) -> tuple[Drift, ...]:
+    """How clocks drift by what the halves say."""
+    if not halves:
+        return ()
+    apart = 0.5 * len(question.readings) / question.rate
+    loggers = [one.of for one in tolerances if one.group == "clock"]
+    return tuple(drift_of_halves([half.model for half in halves], unknowns, loggers, apart))
+
+
+def doubts_of_spectra(question: Question, posed: Posed, found: Fit, loads: str, halves: Sequence[Posed]) -> list[str]:
+    """What speaks against the bands: a search that did not end, a record that the spectra do not explain or that is not
+    stationary."""
+    doubts = []
+    if not found.settled:
+        doubts.append(
+            f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors "
+            f"nearer to the structure"
+        )
+    least = LEAST_STANDING if posed.smoothed is None else LEAST_RESONANCE
+    if posed.resonance < least:
+        doubts.append(
+            f"the narrowest resonance counts as {posed.resonance:.2g} independent values only, and bands were not "
+            f"proven below {least:g}: choose a longer record"
+        )
+    if loads == "rotor-wind" and posed.resonance > MOST_RESONANCE:
+        proven = len(question.readings) / question.rate * MOST_RESONANCE / posed.resonance
+        doubts.append(
+            f"bands under wind were proven for {proven:.3g} s at most: in a longer record they are narrower than what "
+            f"the load model does not know"
+        )
+    doubts += unexplained(_parts(_alike(posed, found), posed, found.unknowns, question))[:3]
+    if question.sums is not None:
+        return doubts + _unsteady_blocks(question, question.sums, posed)
+    burst = find_burst(question.readings, [sensor.channel for sensor in question.sensors], question.rate)
+    if burst is not None:
+        doubts.append(burst.describe("choose a section without it"))
+    if not halves:
+        return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
+    first, second = (_parts(half, posed, found.unknowns, question) for half in halves)
+    return doubts + unsteady(first, second)[:2]
+
+
+def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[str]:
+    """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: what wind does then is a
+    hump, not a line, and spectra have no model of it."""
+    blades = question.turbine.model.blades
+    passing = blades * rotor_hz
+    values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, unknowns, strict=False)}
+    found = question.turbine.with_values(values)
+    for name in found.model.coordinates:
+        natural = found.natural_frequency(name) / (2.0 * math.pi)
+        if passing and natural / PASSING < passing < natural * PASSING:
+            return [
+                f"the blades pass at {passing:.3g} Hz ({blades}P), near {name} at {natural:.3g} Hz: their load was not "
+                "modelled; use --formulation joint"
+            ]
+    return []
+
+
+def _unsteady_blocks(question: Question, sums: LiftedSums, posed: Posed) -> list[str]:
+    """Whether the first half of the blocks is much louder or quieter than the second, and whether a block is long
+    enough."""
+    blocks, doubts = len(sums.energies), []
+    alone = posed.resonance / sums.blocks
+    if posed.smoothed is not None and alone < LEAST_OF_A_BLOCK:
+        doubts.append(
+            f"the narrowest resonance counts as {alone:.2g} independent values in a piece, expected "
+            f"{LEAST_OF_A_BLOCK:g}: choose longer pieces"
+        )
+    if blocks < 2:
+        return [*doubts, "one block only: it cannot be seen whether the record is stationary; choose a longer one"]
+    low, high = posed.bands[0][0], posed.bands[-1][1]
+    halves = [
+        [
+            Part(sensor.channel, low, high, 1.0, 1.0, float(energy), 0.5 * blocks * max(alone, 1.0))
+            for sensor, energy in zip(question.sensors, part.mean(axis=0), strict=True)
+        ]
+        for part in (sums.energies[: blocks // 2], sums.energies[blocks // 2 :])
+    ]
+    return doubts + unsteady(*halves)[:2]
+
+
+def _alike(posed: Posed, found: Fit) -> Posed:
+    """The same with the unknowns of what was found."""
+    return posed._replace(model=posed.model._replace(inexact=found.model.inexact))
+
+
+def _parts(posed: Posed, whole: Posed, unknowns: Array, question: Question) -> list[Part]:
+    """Mean squares of a record, or of a part of it, by channel and frequency."""
+    measured = posed.model.powers(unknowns)
+    channels = [sensor.channel for sensor in question.sensors]
+    entries = posed.model.place.entries % len(channels)
+    overlap = posed.model.overlap / posed.model.blocks
+    parts = []
+    for column, name in enumerate(channels):
+        power, expected, frequency = (values[:, entries == column].ravel() for values in measured)
+        parts += parts_of(power, expected, frequency, name, _ranges(whole), overlap, posed.resonance)
+    return parts
+
+
+def _ranges(posed: Posed) -> list[tuple[float, float]]:
+    """Frequency ranges that are judged: between harmonics of the rotor, or thirds of the bands."""
+    model = posed.model
+    if len(model.place.orders) > 1:
+        highest = round(posed.bands[0][1] / model.place.rotor_hz)
+        return [(k * model.place.rotor_hz, (k + 1) * model.place.rotor_hz) for k in range(highest)]
+    edges = [np.geomspace(low, high * 1.000001, 4) for low, high in posed.bands]
+    return [(float(a), float(b)) for edge in edges for a, b in pairwise(edge)]

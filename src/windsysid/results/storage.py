@@ -1,0 +1,229 @@
+"""``identification.nc``: an identification as a file, and all of it back."""
+
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid._version import __version__
+from windsysid.checks.verdict import Diagnosis
+from windsysid.configuration import parse_json
+from windsysid.records.formats.netcdf import sealed
+from windsysid.results.budget import Budget
+from windsysid.results.estimate import Estimate
+from windsysid.results.findings import Findings
+from windsysid.results.load_history import Loads
+from windsysid.results.mode import Mode
+from windsysid.results.posterior import (
+    PRIORS,
+    SIGMAS,
+    Conditions,
+    opened,
+    read_parameters,
+    read_statistics,
+    read_tolerances,
+)
+from windsysid.results.provenance import Provenance
+from windsysid.results.serialization import as_plain, finite, from_plain
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.tables import as_tables, parse_turbine
+
+if TYPE_CHECKING:
+    import h5netcdf
+
+__all__ = ["as_netcdf", "attributes_of", "read_fields", "variables_of"]
+
+Variable = tuple[tuple[str, ...], NDArray[Any], dict[str, str]]
+"""Dimensions, values and attributes."""
+
+REST: dict[str, Any] = {
+    "sensors": tuple[str, ...],
+    "rate": float,
+    "samples": int,
+    "elapsed": float,
+    "estimates": tuple[Estimate, ...],
+    "modes": tuple[Mode, ...],
+    "log_likelihood": float,
+    "notes": tuple[str, ...],
+    "budget": Budget,
+    "diagnosis": Diagnosis,
+}
+"""What the attribute ``result`` holds, and of which kind it is."""
+
+WHITENESS = {
+    "lags": "lag",
+    "autocorrelation": "autocorrelation",
+    "frequency": "whitened_frequency",
+    "spectrum": "whitened_spectrum",
+}
+"""The arrays of `windsysid.checks.whiteness.Whiteness`, and the variables that hold them."""
+
+
+def variables_of(found: Findings) -> dict[str, Variable]:
+    """What ``identification.nc`` holds."""
+    names = [parameter.name for parameter in found.parameters]
+    histories = np.reshape([found.history(name) for name in names], (len(names), 3, len(found.time)))
+    variables: dict[str, Variable] = {"time": (("time",), found.time, {"units": "s"})}
+    variables["parameter"] = ("parameter",), np.array(names, dtype=object), {}
+    for row, label in enumerate(("estimate", "low", "high")):
+        variables[label] = ("time", "parameter"), histories[:, row].T, {}
+    variables["unit"] = ("parameter",), np.array([found[name].unit for name in names], dtype=object), {}
+    for what in ("estimate", "low", "high", "std", "prior", "informed_by_data"):
+        finals = np.array([getattr(found[name], what) for name in names], dtype=np.float64)
+        variables[f"final_{what}"] = ("parameter",), finals, {}
+    note = "in filter coordinates: ln(k / prior_centre) for stiffness, c / coordinate_scale for damping"
+    variables["cov"] = ("parameter", "parameter_2"), found.cov, {"note": note}
+    for key, what in PRIORS.items():
+        variables[key] = ("parameter",), np.array([getattr(q, what) for q in found.parameters], dtype=np.float64), {}
+    if found.joint_cov is not None:
+        note = "of parameters, statistics' coordinates (windsysid.loads.statistics), tolerances [prior σ]"
+        variables["joint_cov"] = ("unknown", "unknown_2"), found.joint_cov, {"note": note}
+    if (w := found.diagnosis.whiteness) is not None:
+        variables["lag"] = ("lag",), w.lags, {"units": "s"}
+        variables["autocorrelation"] = ("lag", "channel"), w.autocorrelation, {}
+        variables["whitened_frequency"] = ("whitened_frequency",), w.frequency, {"units": "Hz"}
+        variables["whitened_spectrum"] = ("whitened_frequency", "channel"), w.spectrum, {"note": "1: white noise"}
+    axis = "time" if len(found.innovation) == len(found.time) else "innovation_time"
+    variables["innovation"] = (axis, "reading"), found.innovation, {}
+    variables["whitened"] = (axis, "reading"), found.whitened, {}
+    variables["reading"] = ("reading",), np.array(found.readings, dtype=object), {}
+    if found.loads is not None:
+        variables["load"] = (axis, "load_name"), found.loads.mean, {}
+        variables["load_std"] = (axis, "load_name"), found.loads.std, {}
+        variables["load_name"] = ("load_name",), np.array(found.loads.names, dtype=object), {}
+    states = getattr(found, "states", ())  # of a `Fit`
+    for what in ("state_mean", "state_std") if states else ():
+        values = getattr(found, what)
+        variables[what] = ("time" if len(values) == len(found.time) else axis, "state"), values, {}
+        variables["state"] = ("state",), np.array(states, dtype=object), {}
+    if axis != "time":
+        variables[axis] = (axis,), found.innovation_time, {"units": "s"}
+    return variables
+
+
+def attributes_of(found: Findings) -> dict[str, Any]:
+    """What ``identification.nc`` says of the whole."""
+    import tomli_w
+
+    known = found.provenance
+    traced: dict[str, Any] = {}
+    if known is not None:
+        traced = {"record_hash": known.record_hash, "provenance": json.dumps(finite(known.summary()))}
+        if known.start is not None:
+            traced["record_start"] = known.start
+    return {
+        "windsysid_version": __version__,
+        **traced,
+        "result": json.dumps(as_plain(_rest(found))),
+        "statistics": json.dumps(finite([asdict(s) for s in found.statistics])),
+        "tolerances": json.dumps(finite([asdict(one) for one in found.tolerances])),
+        **{"method": found.method, "formulation": found.formulation, "record": found.record},
+        **{"turbine": found.turbine, "sensors": ", ".join(found.sensors), "notes": "\n".join(found.notes)},
+        **{"trusted": int(found.diagnosis.trusted), "reasons": "\n".join(found.diagnosis.reasons)},
+        **{"section_start_s": found.section[0], "section_end_s": found.section[1]},
+        **{f"mean_{what}": mean for what, mean in found.conditions._asdict().items() if mean is not None},
+        **({} if found.machine is None else {"turbine_file": tomli_w.dumps(as_tables(found.machine))}),
+    }
+
+
+def _rest(found: Findings) -> dict[str, Any]:
+    """What ``identification.nc`` holds beside its variables: the rest of what `windsysid.load_result` needs."""
+    judged, w = found.diagnosis, found.diagnosis.whiteness
+    if w is not None:  # its arrays are variables
+        nothing: dict[str, Any] = dict.fromkeys(WHITENESS, np.empty(0))
+        judged = replace(judged, whiteness=w._replace(**nothing))
+    return {name: getattr(found, name) for name in REST} | {"diagnosis": judged}
+
+
+def as_netcdf(found: Findings) -> bytes:
+    """``identification.nc``."""
+    import h5netcdf
+    import h5py  # type: ignore[import-untyped,unused-ignore]
+
+    # xarray would write the same; to import it takes longer than to read, write and print.
+    written = io.BytesIO()  # a disk that is full makes HDF5 end the interpreter: it gets none
+    with h5netcdf.File(written, "w") as file:
+        for name, (axes, values, attributes) in variables_of(found).items():
+            file.dimensions.update(
+                {axis: n for axis, n in zip(axes, values.shape, strict=True) if axis not in file.dimensions}
+            )
+            text = values.dtype == object
+            variable = file.create_variable(
+                name, axes, h5py.string_dtype() if text else np.float64, values, fillvalue=None if text else np.nan
+            )
+            variable.attrs.update(attributes)
+        file.attrs.update(attributes_of(found))
+    return sealed(written.getvalue())
+
+
+def read_fields(folder: str | Path) -> dict[str, Any]:
+    """The fields of the `Identification` that was saved in a folder; those of a `Fit` where equations of one's own were
+    identified.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none, it was changed after windsysid wrote it, or it was written by version 0.1.0.
+    """
+    with opened(folder) as file:
+        said = parse_json(file.attrs["result"])
+        fields = {name: from_plain(kind, said[name]) for name, kind in REST.items()}
+        fields |= {name: str(file.attrs[name]) for name in ("method", "formulation", "record", "turbine")}
+        parameters = read_parameters(file)
+        histories = [file[name][...] for name in ("estimate", "low", "high")]
+        middle, _, high = (_coordinates(parameters, values) for values in histories)
+        conditions = (file.attrs.get(f"mean_{what}") for what in Conditions._fields)
+        traced = file.attrs.get("provenance")
+        fields |= {
+            "section": (float(file.attrs["section_start_s"]), float(file.attrs["section_end_s"])),
+            "parameters": parameters,
+            "time": file["time"][...],
+            "mean": middle,
+            "std": (high - middle) / SIGMAS,
+            "cov": file["cov"][...],
+            "readings": tuple(file["reading"][...].tolist()),
+            "innovation": file["innovation"][...],
+            "whitened": file["whitened"][...],
+            "statistics": read_statistics(file),
+            "loads": _read_loads(file),
+            "machine": None,
+            "conditions": Conditions(*(None if mean is None else float(mean) for mean in conditions)),
+            "provenance": None if traced is None else _read_provenance(parse_json(traced)),
+            "joint_cov": file["joint_cov"][...] if "joint_cov" in file else None,
+            "tolerances": read_tolerances(file),
+        }
+        judged: Diagnosis = fields["diagnosis"]
+        if judged.whiteness is not None:
+            arrays = {name: file[variable][...] for name, variable in WHITENESS.items()}
+            fields["diagnosis"] = replace(judged, whiteness=judged.whiteness._replace(**arrays))
+        if "turbine_file" in file.attrs:
+            fields["machine"] = parse_turbine(file.attrs["turbine_file"], f"of the result {folder}")
+        else:
+            known = "state" in file
+            nothing = np.empty((len(fields["time"]), 0))
+            fields["states"] = tuple(file["state"][...].tolist()) if known else ()
+            fields |= {name: file[name][...] if known else nothing for name in ("state_mean", "state_std")}
+    return fields
+
+
+def _coordinates(parameters: Sequence[Parameter], values: Array) -> Array:
+    """Filter coordinates (T, n_θ) of values in SI (T, n_θ)."""
+    relative = values / np.array([q.reference for q in parameters])
+    logarithmic = np.array([q.logarithmic for q in parameters], dtype=bool)
+    return np.asarray(np.where(logarithmic, np.log(relative, where=logarithmic, out=np.zeros_like(relative)), relative))
+
+
+def _read_loads(file: "h5netcdf.File") -> Loads | None:
+    if "load_name" not in file:
+        return None
+    return Loads(tuple(file["load_name"][...].tolist()), file["load"][...], file["load_std"][...])
+
+
+def _read_provenance(said: dict[str, Any]) -> Provenance:
+    return Provenance(**{**said, "sensors": tuple(said["sensors"])})

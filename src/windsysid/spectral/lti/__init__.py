@@ -1,0 +1,1 @@
+"""Cross-spectra of linear time-invariant equations of the user's own."""

@@ -1,0 +1,117 @@
+"""Whether equations of one's own explain a record's cross-spectra, and whether the record is stationary."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.spectral.lti.fit import LinearFit
+from windsysid.spectral.lti.likelihood import LinearModel
+from windsysid.spectral.rotor.check import Part, unexplained, unsteady
+from windsysid.spectral.transforms.cross_spectra import CrossSpectra
+
+__all__ = ["LEAST_RESONANCE", "doubts_of", "frequency_ranges", "range_energies"]
+
+RANGES = 8
+"""In how many ranges a record is judged."""
+
+REACH = 50.0
+"""Greatest factor between the edge of the first of them and the end of the last."""
+
+LEAST_RESONANCE = 12.0
+"""As how many independent values the narrowest resonance has to count in a block: what a finite record does to a
+narrower one was never proven."""
+
+ALL = "what all channels have in common"
+
+
+def frequency_ranges(limits: tuple[float, float]) -> list[tuple[float, float]]:
+    """Ranges between two frequencies [Hz]."""
+    low, high = limits
+    edges = np.geomspace(max(low, high / REACH), high, RANGES + 1)
+    edges[0], edges[-1] = low, 1.001 * high
+    return [(float(low), float(high)) for low, high in pairwise(edges)]
+
+
+def range_energies(spectra: CrossSpectra, ranges: Sequence[tuple[float, float]]) -> Array:
+    """Σ |Y|² over each range, per bin and block (R, m); NaN where there is no bin."""
+    power = np.einsum("kii->ki", spectra.power).real / spectra.blocks
+    found = np.full((len(ranges), power.shape[1]), np.nan)
+    for i, (low, high) in enumerate(ranges):
+        inside = (spectra.frequency >= low) & (spectra.frequency < high)
+        if inside.any():
+            found[i] = power[inside].mean(axis=0)
+    return found
+
+
+def doubts_of(
+    model: LinearModel,
+    spectra: CrossSpectra,
+    fit: LinearFit,
+    channels: Sequence[str],
+    energies: Sequence[Array],
+    ranges: Sequence[tuple[float, float]],
+) -> list[str]:
+    """What speaks against the bands: a search that did not end, resonances of few bins, what the model does not
+    explain, blocks of different loudness.
+
+    `energies` are `range_energies` of parts of the record in their order, over `ranges` [Hz].
+    """
+    doubts = []
+    if not fit.settled:
+        doubts.append(
+            "the likelihood still rose when the search ended: choose a longer record, or give narrower priors"
+        )
+    S = model.spectrum(fit.rows.frequency, fit.unknowns) + fit.smear
+    counts = fit.rows.counts
+    parts = _parts(S, fit, ranges, spectra.factor, channels)
+    duration = spectra.samples / spectra.rate
+    poles = model.poles(fit.unknowns)
+    poles = poles[(poles.imag > 0.0) & (poles.imag < 2.0 * math.pi * spectra.frequency[-1])]
+    least = float(np.min(-poles.real, initial=math.inf)) * duration
+    if least < LEAST_RESONANCE * spectra.factor:
+        doubts.append(
+            f"the narrowest resonance counts as {max(least / spectra.factor, 0.0):.2g} independent values only, and "
+            f"bands were not proven below {LEAST_RESONANCE:g}: choose a longer record"
+        )
+    doubts += unexplained(parts)[:3]
+    halves = [np.nanmean(half, axis=0) for half in np.array_split(np.array(energies), 2) if len(half)]
+    if len(halves) < 2:
+        return doubts
+    own = np.einsum("kii->ki", S).real
+    pairs: list[list[Part]] = [[], []]
+    for i, (low, high) in enumerate(ranges):
+        inside = (fit.rows.frequency >= low) & (fit.rows.frequency < high)
+        if not inside.any():
+            continue
+        for j, channel in enumerate(channels):
+            s, n = own[inside, j], 0.5 * counts[inside]
+            independent = float((n @ s) ** 2 / (n @ s**2))
+            independent = max(independent, min(0.5 * least, float(n.sum()))) / spectra.factor
+            for pair, half in zip(pairs, halves, strict=True):
+                pair.append(Part(channel, low, high, 1.0, 0.0, float(half[i, j]), independent))
+    return doubts + unsteady(*pairs)[:2]
+
+
+def _parts(
+    S: Complex, fit: LinearFit, ranges: Sequence[tuple[float, float]], factor: float, channels: Sequence[str]
+) -> list[Part]:
+    """Mean squares by channel and frequency, and of what whitens all channels together."""
+    rows = fit.rows
+    L_inv = np.linalg.inv(np.linalg.cholesky(S))
+    whitened = np.einsum("kij,kjl,kil->k", L_inv, rows.power, L_inv.conj()).real / S.shape[1]
+    own = np.einsum("kii->ki", rows.power).real / np.einsum("kii->ki", S).real
+    found = []
+    for low, high in ranges:
+        inside = (rows.frequency >= low) & (rows.frequency < high)
+        n = rows.counts[inside]
+        if not inside.any():
+            continue
+        for name, mean, number in [
+            *((channel, own[inside, j], n.sum()) for j, channel in enumerate(channels)),
+            (ALL, whitened[inside], n.sum() * len(channels)),
+        ]:
+            found.append(Part(name, low, high, float(n @ mean / n.sum()), math.sqrt(factor / number), 1.0, 1.0))
+    return found

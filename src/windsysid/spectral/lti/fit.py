@@ -1,0 +1,150 @@
+"""The mode of the posterior of equations of one's own, from cross-spectra.
+
+Far from the truth no resonance of the model meets one of the record. So the search begins with all resonances made wide
+(by a share of their frequencies), and the likelihood is let in little by little. What wide resonances say of natural
+frequencies is kept and what they say of damping is forgotten. Then come the spectra as they are; what a finite record
+does to them (`LinearModel.smear`) is taken at the last mode found, until that stays.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.spectral.lti.likelihood import LinearModel
+from windsysid.spectral.rotor.scoring import Mode, find_mode
+from windsysid.spectral.transforms.cross_spectra import CrossSpectra, Rows
+
+__all__ = ["LinearFit", "fit_linear"]
+
+WIDE = ((0.3, 0.05), (0.1, 0.2))
+"""Share of the frequency by which resonances are made wider, and weight of the likelihood, of the first stages."""
+
+TEMPERED = ((0.03, 3), (0.2, 3), (1.0, 1))
+"""Weight of the next, and every how many-th row is used."""
+
+MOST_ROUNDS = 8
+"""With what a finite record does to the spectra."""
+
+STAYS = 0.1
+"""Standard deviations by which no unknown moves any more."""
+
+CLOSE = 0.02
+"""How well the natural frequencies of the first stages are kept, relative."""
+
+ALIGNED = 6
+"""Steps towards them."""
+
+UNSTABLE = (0.0, 0.5, 1.0, 2.0, 4.0)
+"""Standard deviations above the prior's centre at which a start is tried."""
+
+
+class LinearFit(NamedTuple):
+    """What a record says of the unknowns.
+
+    Attributes
+    ----------
+    unknowns, cov
+        Mode of the posterior (n,) and Laplace's covariance (n, n).
+    log_likelihood
+        At the mode.
+    rows, smear
+        The rows of the last search, and what a finite record adds to their spectra.
+    settled
+        Whether the search ended by itself.
+    """
+
+    unknowns: Array
+    cov: Array
+    log_likelihood: float
+    rows: Rows
+    smear: Complex
+    settled: bool
+
+
+def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
+    """The mode of the posterior from the centre of the prior, or the nearest point of more damping that is stable.
+
+    Raises
+    ------
+    LinAlgError
+        If the spectrum there is not positive definite, or the equations are unstable.
+    """
+    mean, std = model.prior
+    factor, unknowns = spectra.factor, _stable_start(model)
+    for widening, weight in WIDE:
+        rows = model.rows(spectra, unknowns, widening)
+        evaluate = _evaluator(model, rows, factor, None, widening)
+        unknowns = find_mode(evaluate, unknowns, mean, std, [(weight, 1)], rough=True).unknowns
+        unknowns = _aligned(model, unknowns)
+    for stage in TEMPERED:
+        rows = model.rows(spectra, unknowns)
+        evaluate = _evaluator(model, rows, factor, None)
+        unknowns = find_mode(evaluate, unknowns, mean, std, [stage], rough=True).unknowns
+    stays = False
+    rows = model.rows(spectra, unknowns)
+    for _ in range(MOST_ROUNDS):
+        smear = model.smear(spectra, rows, unknowns)
+        mode = find_mode(_evaluator(model, rows, factor, smear), unknowns, mean, std, [(1.0, 1)])
+        stays = mode.settled and _moved(mode, unknowns) < STAYS
+        unknowns = mode.unknowns
+        if stays:
+            break
+    off = (mode.unknowns - mean) / std
+    cov = np.linalg.inv(mode.information)
+    log_likelihood = -(mode.value - 0.5 * float(off @ off))
+    return LinearFit(mode.unknowns, 0.5 * (cov + cov.T), log_likelihood, rows, smear, stays)
+
+
+def _moved(mode: Mode, before: Array) -> float:
+    """Greatest step of an unknown in its standard deviations, others held."""
+    return float(np.max(np.abs(mode.unknowns - before) * np.sqrt(np.diag(mode.information))))
+
+
+def _evaluator(
+    model: LinearModel, rows: Rows, factor: float, smear: Complex | None, widening: float = 0.0
+) -> Callable[[Array, int], tuple[float, Array, Array]]:
+    """J, g and F of the rows; of every n-th, as much as all of them would be."""
+
+    def evaluate(unknowns: Array, every: int) -> tuple[float, Array, Array]:
+        if every == 1:
+            return model.likelihood(rows, factor, unknowns, smear, widening)
+        some = slice(every // 2, None, every)
+        few = Rows(rows.first[some], rows.frequency[some], rows.counts[some], rows.power[some])
+        share = float(few.counts.sum() / rows.counts.sum())
+        return model.likelihood(few, factor * share, unknowns, None, widening)
+
+    return evaluate
+
+
+def _aligned(model: LinearModel, unknowns: Array) -> Array:
+    """The most probable θ beforehand that has the natural frequencies of `unknowns`, η as they are."""
+    n = len(model.parameters)
+    mean, std = (values[:n] for values in model.prior)
+    wanted = model.natural_frequencies(unknowns[None])[0]
+    steps = 1e-4 * np.minimum(std, 1.0)
+    theta = unknowns[:n].copy()
+    for _ in range(ALIGNED):
+        points = np.concatenate([theta[None], theta + np.diag(steps), theta - np.diag(steps)])
+        found = model.natural_frequencies(points)
+        if found.shape[1] != len(wanted) or not len(wanted):
+            return unknowns
+        slopes = (found[1 : n + 1] - found[n + 1 :]) / (2.0 * steps[:, None])
+        information = slopes @ slopes.T / CLOSE**2 + np.diag(std**-2.0)
+        pull = slopes @ (wanted - found[0]) / CLOSE**2 - (theta - mean) / std**2
+        theta = theta + np.clip(np.linalg.solve(information, pull), -std, std)
+    aligned = np.concatenate([theta, unknowns[n:]])
+    return aligned if model.stable(aligned) else unknowns
+
+
+def _stable_start(model: LinearModel) -> Array:
+    """The centre of the prior; where a motion grows there, linear parameters as far above as it takes."""
+    mean, std = model.prior
+    linear = np.zeros(len(mean))
+    linear[: len(model.parameters)] = [not q.logarithmic for q in model.parameters]
+    for above in UNSTABLE:
+        start = np.asarray(mean + above * linear * std)
+        if model.stable(start):
+            return start
+    return mean

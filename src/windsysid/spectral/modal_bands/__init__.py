@@ -1,0 +1,1 @@
+"""Modes within one frequency range: spectral model, likelihood, model order, checks."""

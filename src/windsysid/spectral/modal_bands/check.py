@@ -1,0 +1,275 @@
+"""What speaks against a mode: its spectrum, its history, the halves of the record, lines."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.spectral.modal_bands.model import prominence, spectrum
+from windsysid.spectral.modal_bands.model_order import BandFit, Shapes
+from windsysid.spectral.modal_bands.scoring import Fit, score
+from windsysid.spectral.oma.condition import Line, Readings
+from windsysid.spectral.oma.result import Doubt
+from windsysid.spectral.transforms.dft import band_data
+
+__all__ = ["fit_doubts", "is_flank", "misfit", "mode_doubts", "part_fits", "shape_doubts"]
+
+MAX_MISFIT = 5.0
+"""Standard deviations by which the spectrum may leave the model in an eighth of a band."""
+
+MAX_HALVES = 3.5
+"""Standard deviations by which the halves of a record may differ."""
+
+NARROWEST = 0.001
+"""Damping ratio of a structure: where the whole band is below, a machine is likelier."""
+
+BESIDE_LINE, BESIDE_HARMONIC = 0.3, 1.0
+"""In ζ f: a line nearer than that stands on a mode; round the rotor's harmonics the sampled wind makes humps."""
+
+LEAST_BINS = 8
+"""Of a half or a quarter of a record in a band: with fewer they are not compared."""
+
+MAX_QUARTERS = 21.1
+"""Of the χ² by which the frequencies of the quarters scatter about their mean, with three degrees of freedom: one in
+10 000."""
+
+MAX_ALONE = 2.0
+"""Standard deviations by which all channels together may differ from what is along the shape."""
+
+MAX_SHARED = 1.0
+"""Standard deviations by which a mode may be elsewhere than it would be if no load drove two modes."""
+
+UNSEEN = 1.2
+"""Standard deviation of ln ζ, beyond which it is the prior's."""
+
+SURE_OF_DAMPING = 0.6
+"""Standard deviation of ln ζ, beyond which a record is too short for the mode."""
+
+LEAST_CYCLES = 40
+
+FAINT, FAINT_AT_BORDER, CLEAR = 2.0, 7.0, 5.0
+"""Power of a mode at its natural frequency over what else is there. Below the first two it stands for how that varies
+over the band, as no one law of power has the flanks of several modes; below the third it may."""
+
+STEADY_ENVELOPE, STEADY_PER_LIFE = 0.35, 0.06
+"""Variance of a mode's squared amplitude over the square of its mean: 1 under a random load, 0 for a steady sine. Below
+the first, and the second times the root of ζ ω T, it is a line: of modes under white noise, one in 100 is as steady."""
+
+MAX_FADE = 4.5
+"""Standard deviations by which a quarter of the record may differ from the mean in energy …"""
+
+FADED = 2.6
+"""… where it also has that many times the mean."""
+
+
+MAX_SHAPE_STD = 0.15
+"""Root mean square of a shape's standard deviations, beyond which it is hardly seen."""
+
+
+def is_flank(found: BandFit, j: int, length: float) -> bool:
+    """Whether mode j stands for what reaches into the band from outside, or for what else is in it: its frequency is
+    not inside, its damping is not seen, or it does not stand out."""
+    modes = found.fit.modes
+    if not found.bins[0] < float(modes.frequency[j]) * length < found.bins[-1] or found.fit.std(j)[1] > UNSEEN:
+        return True
+    return prominence(modes, j, found.band) < (FAINT_AT_BORDER if _at_border(found, j, length) else FAINT)
+
+
+def _at_border(found: BandFit, j: int, length: float) -> bool:
+    """Whether a mode's half-width reaches out of its band."""
+    f, z = float(found.fit.modes.frequency[j]), float(found.fit.modes.damping[j])
+    return not found.bins[0] < (f - z * f) * length or not (f + z * f) * length < found.bins[-1]
+
+
+def misfit(found: BandFit) -> tuple[float, float]:
+    """The largest standard deviation by which the whitened spectrum leaves 1 in eighths of a band, and the frequency
+    there [Hz]."""
+    band = found.band
+    s = spectrum(found.fit.modes, band)
+    m = s.shape[1]
+    ratio = np.einsum("kij,kji->k", np.linalg.inv(s), band.power).real / m
+    worst = (0.0, float(band.frequency[0]))
+    for part in np.array_split(np.arange(len(ratio)), min(8, max(1, len(ratio) // 3))):
+        n = band.counts[part]
+        mean = float(n @ ratio[part] / n.sum())
+        z = (mean - 1.0) * np.sqrt(n.sum() * m / band.factor)
+        if abs(z) > abs(worst[0]):
+            worst = (float(z), float(np.mean(band.frequency[part])))
+    return worst
+
+
+def part_fits(found: BandFit, parts: Sequence[tuple[Array, Complex]], samples: int, rate: float) -> list[Fit]:
+    """The modes of a band from the transforms of equal parts of a record, starting from those of the whole; none where
+    a part has too few bins in the band."""
+    back = np.linalg.pinv(found.directions)
+    low, high = found.bins[[0, -1]] * rate / samples
+    fits = []
+    for frequency, values in parts:
+        bins = np.flatnonzero((frequency >= low) & (frequency <= high))
+        if len(bins) < LEAST_BINS:
+            return []
+        band = band_data(values[bins] @ back.T, bins, samples // len(parts), rate)
+        fits.append(score(found.fit.modes, band, max_steps=15, converged=0.01))
+    return fits
+
+
+def mode_doubts(
+    found: BandFit, j: int, shapes: Shapes, halves: Sequence[Fit], quarters: Sequence[Fit], readings: Readings
+) -> list[Doubt]:
+    """Why mode j of a band is not to be trusted, `halves` and `quarters` of the record being compared."""
+    fit = found.fit
+    f = float(fit.modes.frequency[j])
+    length = readings.samples / readings.rate
+    doubts = fit_doubts(found, j, shapes, readings)
+    if _at_border(found, j, length):
+        doubts.append(Doubt("border", "it sits at the border of its band"))
+    alone = _along_shape(found, j)
+    apart = abs(np.log(float(alone.modes.frequency[j]) / f)) / alone.std(j)[0]
+    if apart > MAX_ALONE:
+        there = f"{float(alone.modes.frequency[j]):.4g} Hz, {apart:.1f} σ away"
+        text = f"the channels disagree: along its shape alone its frequency is {there}"
+        doubts.append(Doubt("channels", text))
+    over = prominence(fit.modes, j, found.band)
+    if over < CLEAR:
+        text = (
+            f"it stands only {over:.2g} times above what else is there: it may stand for the flanks of its neighbours"
+        )
+        doubts.append(Doubt("faint", text))
+    return doubts + (_half_doubts(j, halves) or _quarter_doubts(j, quarters)) + shape_doubts(shapes.std[:, j])
+
+
+def fit_doubts(found: BandFit, j: int, shapes: Shapes, readings: Readings) -> list[Doubt]:
+    """What the fit of a band, lines and the mode's history say against mode j."""
+    fit = found.fit
+    f, z = float(fit.modes.frequency[j]), float(fit.modes.damping[j])
+    std_z = fit.std(j)[1]
+    length = readings.samples / readings.rate
+    doubts = []
+    if not fit.converged:
+        doubts.append(Doubt("search", "the search for its posterior did not end"))
+    if std_z > SURE_OF_DAMPING or f * length < LEAST_CYCLES:
+        factor = np.exp(2.0 * min(std_z, 3.0))
+        text = f"the record is too short for it: {f * length:.0f} cycles, damping known to a factor of {factor:.2g}"
+        doubts.append(Doubt("short", text))
+    off, at = misfit(found)
+    if abs(off) > MAX_MISFIT:
+        text = (
+            f"the spectrum does not follow the modes: {off:+.1f} σ around {at:.4g} Hz; give the band by hand (--band)"
+        )
+        doubts.append(Doubt("misfit", text))
+    doubts += [Doubt("line", text) for text in _line_doubts(f, z, std_z, length, readings.lines)]
+    doubts += [Doubt("history", text) for text in _history_doubts(found, f, z, shapes.responses[:, j], length)]
+    return doubts + _shared_doubts(found, j)
+
+
+def shape_doubts(std: Array) -> list[Doubt]:
+    """A doubt where a shape with these standard deviations (n,) is hardly seen."""
+    size = float(np.sqrt(np.mean(std**2)))
+    if size < MAX_SHAPE_STD:
+        return []
+    text = f"its shape is hardly seen (±{size:.2g}): it may stand for the flanks of its neighbours"
+    return [Doubt("shape", text)]
+
+
+def _half_doubts(j: int, halves: Sequence[Fit]) -> list[Doubt]:
+    if not halves:
+        text = "its band is too narrow to compare the halves of the record: record longer, or widen --band"
+        return [Doubt("halves", text)]
+    doubts = []
+    for i, name in enumerate(("frequency", "damping")):
+        logs = [np.log((half.modes.frequency, half.modes.damping)[i][j]) for half in halves]
+        apart = abs(logs[0] - logs[1]) / np.hypot(halves[0].std(j)[i], halves[1].std(j)[i])
+        if apart > MAX_HALVES:
+            doubts.append(Doubt("halves", f"the halves of the record differ in {name} by {apart:.1f} σ"))
+    return doubts
+
+
+def _quarter_doubts(j: int, quarters: Sequence[Fit]) -> list[Doubt]:
+    """A frequency that goes up and down again, with the sun for one, leaves both halves alike."""
+    if not quarters:
+        return []
+    logs = np.array([np.log(one.modes.frequency[j]) for one in quarters])
+    weight = np.array([one.std(j)[0] ** -2.0 for one in quarters])
+    square = float(weight @ (logs - weight @ logs / weight.sum()) ** 2)
+    if square < MAX_QUARTERS:
+        return []
+    text = f"its frequency moves during the record: its quarters differ by up to {100.0 * np.ptp(logs):.2g} %"
+    return [Doubt("halves", f"{text} (χ² {square:.3g} for 3)")]
+
+
+def _shared_doubts(found: BandFit, j: int) -> list[Doubt]:
+    """A doubt where loads are shared and the mode is elsewhere than it would be if they were not."""
+    if found.plain is None:
+        return []
+    f, plain = float(found.fit.modes.frequency[j]), found.plain.modes
+    i = int(np.argmin(np.abs(plain.frequency - f)))
+    moves = [
+        np.log(now / then) / max(stds)
+        for now, then, *stds in zip(
+            (f, found.fit.modes.damping[j]),
+            (plain.frequency[i], plain.damping[i]),
+            found.fit.std(j),
+            found.plain.std(i),
+            strict=True,
+        )
+    ]
+    if max(map(abs, moves)) < MAX_SHARED:
+        return []
+    text = f"its load drives its neighbours, too: that moves its frequency by {moves[0]:+.1f} σ, its damping by"
+    return [Doubt("shared", f"{text} {moves[1]:+.1f} σ")]
+
+
+def _along_shape(found: BandFit, j: int) -> Fit:
+    """The modes of a band from the readings along the shape of mode j alone: loads that reach other channels by other
+    ways have no say there."""
+    modes, band = found.fit.modes, found.band
+    way = modes.shape[:, j] / np.linalg.norm(modes.shape[:, j])
+    power = np.einsum("i,kij,j->k", way.conj(), band.power, way).reshape(-1, 1, 1)
+    rest = np.linalg.norm(way.conj() @ modes.rest)
+    drift = None if modes.drift is None else (way.conj() @ modes.drift)[None]
+    start = modes._replace(
+        shape=(way.conj() @ modes.shape)[None], rest=np.array([[rest]], dtype=np.complex128), drift=drift
+    )
+    return score(start, band._replace(power=np.ascontiguousarray(power)), converged=0.01)
+
+
+def _line_doubts(f: float, z: float, std_z: float, length: float, lines: Sequence[Line]) -> list[str]:
+    found = []
+    for line in lines:
+        reach = BESIDE_LINE if line.name == "line" else BESIDE_HARMONIC
+        if abs(line.frequency - f) < line.half_width + reach * z * f:
+            found.append(
+                f"{'a steady line' if line.name == 'line' else line.name} at {line.frequency:.4g} Hz stands on it"
+            )
+    if np.exp(2.0 * std_z) * z < NARROWEST:
+        found.append(
+            f"it is as narrow as a machine's line that wanders: a damping ratio of {100 * z:.2g} %, which structures "
+            f"hardly have"
+        )
+    if z * f * length < 0.4:
+        found.append(
+            f"it is as narrow as a line: a damping ratio of {100 * z:.2g} % cannot be told from none in {length:.4g} s"
+        )
+    return found[:1]
+
+
+def _history_doubts(found: BandFit, f: float, z: float, response: Complex, length: float) -> list[str]:
+    """A line that wanders, or a decay: from the envelope of the mode's response."""
+    near = np.abs(found.bins / length - f) <= max(3.0 * z * f, 4.0 / length)
+    kept = found.bins[near]
+    if len(kept) < 6:
+        return []
+    grid = np.zeros(int(kept[-1] - kept[0]) + 1, dtype=np.complex128)
+    grid[kept - kept[0]] = response[near]
+    energy = np.abs(np.fft.ifft(grid, 4 * len(grid))) ** 2
+    inner = energy[len(energy) // 16 : -(len(energy) // 16)]  # the taper's ends left out
+    lives = 2.0 * np.pi * z * f * length
+    doubts = []
+    steadiness = float(np.var(inner) / np.mean(inner) ** 2)
+    if steadiness < min(STEADY_ENVELOPE, STEADY_PER_LIFE * np.sqrt(lives)):
+        doubts.append("its amplitude is as steady as a machine's line, not that of a mode under random loads")
+    quarters = np.array([part.mean() for part in np.array_split(inner, 4)]) / inner.mean()
+    scatter = np.sqrt(4.0 / max(lives, 1.0))
+    if (quarters.max() > FADED and (quarters.max() - 1.0) / scatter > MAX_FADE) or quarters.max() > 3.6:
+        doubts.append(f"it is a transient: a quarter of the record has {25 * quarters.max():.0f} % of its energy")
+    return doubts

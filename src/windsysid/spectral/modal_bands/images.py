@@ -1,0 +1,88 @@
+"""Modes that are images of others, of readings that were taken more slowly and filled in between.
+
+Whatever fills in, straight lines, splines or a filter that is not steep enough, leaves a faint copy of a mode at
+F − f and at F + f, with F the rate at which the readings were taken. The motion of an image is that of its mode, turned
+back or not, times e^{2πiFt}: their product has one line and no band. Random motions of two modes have none.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.spectral.oma.result import Doubt, OperationalMode
+
+__all__ = ["with_images"]
+
+REACH = 6.0
+"""Half-widths ζ f of a mode within which its motion is taken."""
+
+LEAST_BINS = 20
+"""To either side, within which it is taken at least."""
+
+FEWEST = 8.0
+"""Independent values of a motion: with fewer, two modes may look alike by chance."""
+
+UNLIKELY = 1e-6
+"""Probability of so strong a line in the product of two modes."""
+
+
+class _Motion(NamedTuple):
+    """A mode's motion along its shape: its transform (k,) from `first` [Hz] to `last`, its power, and how many
+    independent values it has."""
+
+    transform: Complex
+    first: float
+    last: float
+    power: float
+    freedom: float
+
+
+def with_images(modes: Sequence[OperationalMode], frequency: Array, values: Complex) -> list[OperationalMode]:
+    """The same modes, with a doubt for each that is the image of a stronger one.
+
+    Parameters
+    ----------
+    frequency, values
+        Transforms (F, n) of the record at their frequencies (F,) [Hz].
+    """
+    motions = [_motion_of(mode, frequency, values) for mode in modes]
+    checked = []
+    for mode, motion in zip(modes, motions, strict=True):
+        origins = (
+            other.frequency
+            for other, its in zip(modes, motions, strict=True)
+            if its.last < motion.first and its.power > motion.power and _go_together(motion, its)
+        )
+        origin = next(origins, None)
+        if origin is not None:
+            text = f"it is an image of the mode at {origin:.4g} Hz: readings were taken more slowly and filled in"
+            mode = replace(mode, grounds=(*mode.grounds, Doubt("image", text)))
+        checked.append(mode)
+    return checked
+
+
+def _motion_of(mode: OperationalMode, frequency: Array, values: Complex) -> _Motion:
+    step = float(frequency[1])
+    half = max(int(REACH * mode.damping * mode.frequency / step), LEAST_BINS)
+    middle = round(mode.frequency / step)
+    bins = np.arange(max(middle - half, 1), min(middle + half, len(frequency)))
+    along = values[bins] @ mode.shape.conj()
+    power = np.abs(along) ** 2
+    freedom = float(power.sum() ** 2 / max(np.sum(power**2), 1e-300))
+    return _Motion(along, float(frequency[bins[0]]), float(frequency[bins[-1]]), float(power.sum()), freedom)
+
+
+def _go_together(one: _Motion, other: _Motion) -> bool:
+    """Whether the product of two motions, or of one and the other turned back, has one line."""
+    freedom = min(one.freedom, other.freedom)
+    if freedom < FEWEST:
+        return False
+    length = 2 * max(len(one.transform), len(other.transform))
+    first, second = (np.fft.ifft(motion.transform, length) for motion in (one, other))
+    bound = 1.0 - (UNLIKELY / length) ** (1.0 / (freedom - 1.0))
+    whole = float(np.sum(np.abs(first) ** 2) * np.sum(np.abs(second) ** 2))
+    lines = [np.abs(np.fft.fft(first * turned, 4 * length)).max() ** 2 for turned in (second, second.conj())]
+    return bool(max(lines) > bound * whole)

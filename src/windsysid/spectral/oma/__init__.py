@@ -1,0 +1,1 @@
+"""Operational modal analysis: from a record to modes."""

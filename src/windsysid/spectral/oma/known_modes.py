@@ -1,0 +1,140 @@
+"""The modes of a result as later questions need them: from `windsysid.oma`, or from the folder it was saved in."""
+
+import math
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from windsysid._types import Complex
+from windsysid.configuration import parse_json
+from windsysid.errors import ConfigurationError
+from windsysid.modal.campbell import MeasuredMode
+from windsysid.output.folders import result_file
+from windsysid.results.posterior import SIGMAS, section_name
+from windsysid.spectral.modal_bands.scoring import DAMPING_PRIOR
+from windsysid.spectral.oma.result import ANALYSIS, OperationalModes
+
+__all__ = ["KnownMode", "KnownModes", "ModesLike", "as_modes", "holds_modes", "in_channels", "without_damping_prior"]
+
+
+class KnownMode(NamedTuple):
+    """A mode: its name, ln f and ln ζ with their standard deviations, its shape by channel, and whether it was
+    trusted."""
+
+    name: str
+    ln_frequency: float
+    ln_frequency_std: float
+    ln_damping: float
+    ln_damping_std: float
+    shape: dict[str, complex]
+    trusted: bool
+
+
+class KnownModes(NamedTuple):
+    """The modes of a record.
+
+    Attributes
+    ----------
+    record
+        Its name, and its section where that is known.
+    start, section, record_hash
+        As in `windsysid.results.posterior.Posterior`.
+    modes
+        By rising frequency.
+    trusted
+        Whether nothing spoke against the record as a whole.
+    rotor_speed
+        [rad/s]; 0 where none turned.
+    """
+
+    record: str
+    start: str | None
+    section: tuple[float, float] | None
+    record_hash: str | None
+    modes: tuple[KnownMode, ...]
+    trusted: bool
+    rotor_speed: float = 0.0
+
+    def measured(self) -> list[MeasuredMode]:
+        """The modes, to stand beside a Campbell diagram."""
+        found = []
+        for mode in self.modes:
+            f, z, half = math.exp(mode.ln_frequency), math.exp(mode.ln_damping), SIGMAS * mode.ln_damping_std
+            band = (z, z * math.exp(-half), z * math.exp(half))
+            std = f * mode.ln_frequency_std
+            found.append(MeasuredMode(self.record, mode.name, self.rotor_speed, f, std, band, mode.trusted))
+        return found
+
+
+ModesLike: TypeAlias = OperationalModes | KnownModes | str | Path
+
+
+def holds_modes(given: object) -> bool:
+    """Whether something is a result of `windsysid.oma`, or the folder of one."""
+    if isinstance(given, OperationalModes | KnownModes):
+        return True
+    return isinstance(given, str | Path) and _summary_of(Path(given)).get("analysis") == ANALYSIS
+
+
+def as_modes(given: ModesLike) -> KnownModes:
+    """The modes of a result, or of the folder that it was saved in; ConfigurationError if there are none."""
+    if isinstance(given, KnownModes):
+        return given
+    summary = given.summary() if isinstance(given, OperationalModes) else _summary_of(Path(given))
+    if summary.get("analysis") != ANALYSIS:
+        raise ConfigurationError(f"result {given}: expected a folder that windsysid oma wrote")
+    try:
+        return _read(summary)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigurationError(
+            f"result {given}: expected a summary.json as windsysid oma writes it ({error.__class__.__name__}): analyse "
+            "the record again"
+        ) from None
+
+
+def without_damping_prior(mode: KnownMode) -> tuple[float, float]:
+    """ln ζ and its standard deviation by what the record itself says."""
+    centre, spread = DAMPING_PRIOR
+    information = mode.ln_damping_std**-2.0 - spread**-2.0
+    if information <= 1e-3 * spread**-2.0:
+        return mode.ln_damping, math.inf
+    mean = (mode.ln_damping * mode.ln_damping_std**-2.0 - centre * spread**-2.0) / information
+    return mean, information**-0.5
+
+
+def _summary_of(folder: Path) -> dict[str, Any]:
+    try:
+        found = parse_json(result_file(folder, "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _read(summary: dict[str, Any]) -> KnownModes:
+    modes = []
+    for one in summary["modes"]:
+        f, z, shape = one["frequency_hz"], one["damping_ratio"], one["shape"]
+        values: Complex = np.array(shape["real"]) + 1j * np.array(shape["imaginary"])
+        name = str(one["name"])
+        f_std, z_std = (f["high"] - f["low"]) / (2.0 * SIGMAS), math.log(z["high"] / z["low"]) / (2.0 * SIGMAS)
+        by_channel = dict(zip(shape["sensors"], values.tolist(), strict=True))
+        logs = (math.log(f["estimate"]), f_std / f["estimate"], math.log(z["estimate"]), z_std)
+        modes.append(KnownMode(name, *logs, by_channel, bool(one["trusted"])))
+    start, stop = (float(value) for value in summary["section"])
+    several = "parts" in summary
+    record = str(summary["record"])
+    return KnownModes(
+        record if several else section_name(record, start, stop),
+        summary["start"],
+        (start, stop),
+        summary["record_hash"],
+        tuple(modes),
+        not summary["doubts"],
+        float(summary["rotor_speed_rad_s"]),
+    )
+
+
+def in_channels(mode: KnownMode, channels: list[str]) -> Complex:
+    """The shape in a list of channels, NaN where it has none."""
+    return np.array([mode.shape.get(channel, math.nan) for channel in channels], dtype=np.complex128)

@@ -1,0 +1,360 @@
+"""The result of operational modal analysis: modes with their bands, shapes and what speaks against them."""
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array, Complex
+from windsysid.output.answers import Answer
+from windsysid.output.table import Table
+from windsysid.results.mode import Mode
+from windsysid.results.posterior import SIGMAS, section_name
+from windsysid.results.serialization import finite
+from windsysid.spectral.oma.sensors import ModalSensor
+from windsysid.units import unit_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["ANALYSIS", "BandSpectrum", "Doubt", "DoubtKind", "OperationalMode", "OperationalModes", "Part"]
+
+
+ANALYSIS = "operational modes"
+"""What ``summary.json`` is of."""
+
+DoubtKind = Literal[
+    "search",
+    "short",
+    "line",
+    "border",
+    "misfit",
+    "history",
+    "channels",
+    "halves",
+    "shape",
+    "faint",
+    "shared",
+    "image",
+    "neighbour",
+    "records",
+    "record",
+]
+
+
+class Doubt(NamedTuple):
+    """What speaks against a mode: of which kind, and in a sentence."""
+
+    kind: DoubtKind
+    text: str
+
+
+@dataclass(frozen=True)
+class OperationalMode:
+    """A mode under ambient loads.
+
+    Attributes
+    ----------
+    name
+        ``mode 1`` …, or what moves where a rotor turns: ``lag forward``.
+    frequency, frequency_std
+        [Hz].
+    damping, ln_damping_std
+        ζ [1], and the standard deviation of its logarithm [1].
+    shape, shape_std
+        (n,) complex, 1 in the channel that moves most, as accelerations; standard deviations of real and imaginary
+        part.
+    load, ln_load_std
+        One-sided spectrum of the load that drives it, per modal mass where the shape is 1 [unit²/Hz], and the standard
+        deviation of its logarithm.
+    band
+        Lowest and highest frequency that were used [Hz].
+    grounds
+        Why it is not to be trusted.
+    reference
+        Frequency [Hz] and damping ratio [1] that the turbine file gives; None where nothing is near.
+    shape_cov
+        Covariance (2 n, 2 n) of the shape's real parts and then its imaginary ones; None where it was not kept.
+    """
+
+    name: str
+    frequency: float
+    frequency_std: float
+    damping: float
+    ln_damping_std: float
+    shape: Complex
+    shape_std: Array
+    load: float
+    ln_load_std: float
+    band: tuple[float, float]
+    grounds: tuple[Doubt, ...]
+    reference: tuple[float, float] | None = None
+    shape_cov: Array | None = None
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing speaks against it."""
+        return not self.grounds
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why it is not to be trusted, in sentences."""
+        return tuple(doubt.text for doubt in self.grounds)
+
+    def doubted_for(self, *kinds: DoubtKind) -> bool:
+        """Whether a doubt of one of these kinds speaks against it."""
+        return any(doubt.kind in kinds for doubt in self.grounds)
+
+    @property
+    def mode(self) -> Mode:
+        """Frequency and damping ratio with ±2σ, as every other result has them; the damping's band is one of its
+        logarithm."""
+        half, factor = SIGMAS * self.frequency_std, float(np.exp(SIGMAS * min(self.ln_damping_std, 3.0)))
+        f, z = self.frequency, self.damping
+        return Mode(self.name, (f, f - half, f + half), (z, z / factor, z * factor), self.reference)
+
+    @property
+    def complexity(self) -> float:
+        """Share of the shape's square that is out of phase, 0 for a real shape, ½ for a travelling one."""
+        turned = self.shape * np.exp(-0.5j * np.angle(np.sum(self.shape**2)))
+        return float(np.sum(turned.imag**2) / np.sum(np.abs(turned) ** 2))
+
+    def summary(self, channels: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Any]:
+        """As plain values, its shape by `channels` in their `units`."""
+        factor = float(np.exp(SIGMAS * min(self.ln_load_std, 3.0)))
+        largest = int(np.argmax(np.abs(self.shape)))
+        return {
+            **self.mode.summary(),
+            "shape": {
+                "sensors": list(channels),
+                "real": self.shape.real.tolist(),
+                "imaginary": self.shape.imag.tolist(),
+                "std": self.shape_std.tolist(),
+                "complexity": self.complexity,
+            },
+            "load_level": {
+                "estimate": self.load,
+                "low": self.load / factor,
+                "high": self.load * factor,
+                "unit": f"({units[largest]})^2/Hz",
+            },
+            "band_hz": list(self.band),
+            "trusted": self.trusted,
+            "doubts": list(self.doubts),
+        }
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of several records that were analysed together.
+
+    Attributes
+    ----------
+    record, start, section, rate, samples
+        As in `OperationalModes`.
+    modes
+        Each mode as this record alone has it; None where it does not show it.
+    notes
+        What a reader must know of this record.
+    """
+
+    record: str
+    start: str | None
+    section: tuple[float, float]
+    rate: float
+    samples: int
+    modes: tuple[OperationalMode | None, ...]
+    notes: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """As plain values."""
+        alone = [None if mode is None else mode.mode.summary() for mode in self.modes]
+        own = {"record": self.record, "start": self.start, "section": list(self.section)}
+        return {**own, "rate_hz": self.rate, "samples": self.samples, "modes": alone, "notes": list(self.notes)}
+
+
+@dataclass(frozen=True)
+class BandSpectrum:
+    """What is drawn of a band: frequencies (K,), the sum of its channels' spectra, scaled, as measured and as fitted
+    (K,)."""
+
+    frequency: Array
+    measured: Array
+    fitted: Array
+
+
+@dataclass(frozen=True)
+class OperationalModes(Answer):
+    """Modes of a structure from its ambient vibration.
+
+    Attributes
+    ----------
+    record, section, rate, samples
+        What they come from; start and end [s], samples per second [Hz].
+    channels, units, sensors
+        Of the shapes: channels of the record, or multi-blade coordinates, which have no sensor.
+    modes
+        By rising frequency.
+    lines
+        Names and frequencies [Hz] of lines that were taken out.
+    empty
+        Bands that were asked for and hold no mode [Hz].
+    frequency, level, bands
+        Frequencies [Hz] (F,), the largest singular value of the scaled spectra there (F,), and each band, for the
+        figure.
+    rotor_hz
+        Turns per second [Hz]; 0 where none turns.
+    doubts
+        What makes all of it doubtful.
+    notes
+        What a reader must know.
+    elapsed
+        Time that it took [s].
+    start
+        The moment of the record's time 0.
+    parts
+        The records, where several were analysed together; the rest is then of all of them, `frequency`, `level` and
+        `bands` of the first.
+    record_hash
+        Of the whole record, as `windsysid.results.provenance.record_hash` gives it; None of several.
+    """
+
+    record: str
+    section: tuple[float, float]
+    rate: float
+    samples: int
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    sensors: tuple[ModalSensor | None, ...]
+    modes: tuple[OperationalMode, ...]
+    lines: tuple[tuple[str, float], ...]
+    empty: tuple[tuple[float, float], ...]
+    frequency: Array
+    level: Array
+    bands: tuple[BandSpectrum, ...]
+    rotor_hz: float
+    doubts: tuple[str, ...]
+    notes: tuple[str, ...]
+    elapsed: float
+    start: str | None = None
+    parts: tuple[Part, ...] = ()
+    record_hash: str | None = None
+
+    @property
+    def trusted(self) -> bool:
+        """Whether every mode is to be trusted."""
+        return not self.reasons
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why not."""
+        of_modes = (
+            f"{mode.name}, {mode.frequency:.4g} Hz: {doubt.text}"
+            for mode in self.modes
+            for doubt in mode.grounds
+            if doubt.kind != "record"
+        )
+        return (*self.reasons_of_record, *of_modes)
+
+    @property
+    def reasons_of_record(self) -> tuple[str, ...]:
+        """What speaks against the record or a band, and not against one mode."""
+        empty = [f"no mode stands out between {low:.4g} and {high:.4g} Hz" for low, high in self.empty]
+        return (*self.doubts, *empty, *(() if self.modes else ("no mode was found",)))
+
+    def summary(self) -> dict[str, Any]:
+        """What ``summary.json`` holds."""
+        return {
+            "analysis": ANALYSIS,
+            "record": self.record,
+            "record_hash": self.record_hash,
+            "start": self.start,
+            "section": list(self.section),
+            "rate_hz": self.rate,
+            "samples": self.samples,
+            "elapsed_s": self.elapsed,
+            "rotor_speed_rad_s": 2.0 * np.pi * self.rotor_hz,
+            "sensors": [None if s is None else s.model_dump(exclude_none=True) for s in self.sensors],
+            "modes": [mode.summary(self.channels, self.units) for mode in self.modes],
+            "lines": [{"name": name, "frequency_hz": f} for name, f in self.lines],
+            "trusted": self.trusted,
+            "doubts": list(self.doubts),
+            "reasons": list(self.reasons),
+            "notes": list(self.notes),
+            **({"parts": [part.summary() for part in self.parts]} if self.parts else {}),
+        }
+
+    def to_json(self) -> str:
+        """`summary` as JSON text."""
+        return json.dumps(finite(self.summary()), indent=2, ensure_ascii=False) + "\n"
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Frequency and damping ratio of each mode, a row each: ``name``, ``quantity``, ``unit``, ``estimate``,
+        ``low``, ``high`` (±2σ), ``in_file``, what the turbine file gives, NaN without one, and ``trusted``."""
+        import pandas as pd
+
+        rows: list[tuple[Any, ...]] = []
+        for mode in self.modes:
+            known, told = mode.reference or (np.nan, np.nan), mode.mode
+            rows.append((mode.name, "frequency", "Hz", *told.frequency_hz, known[0], mode.trusted))
+            rows.append((mode.name, "damping ratio", "1", *told.damping_ratio, known[1], mode.trusted))
+        columns = ["name", "quantity", "unit", "estimate", "low", "high", "in_file", "trusted"]
+        return pd.DataFrame(rows, columns=columns)
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Of `rows`."""
+        known = ("reference [Hz]",) if any(mode.reference for mode in self.modes) else ()
+        return ("mode", "f [Hz]", "±2σ band", "ζ [%]", "±2σ band", *known, "moves most", "trusted")
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """The modes as a table under `headings`."""
+        rows = []
+        for mode in self.modes:
+            known = (mode.mode.reference_cells()[0],) if any(m.reference for m in self.modes) else ()
+            largest = self.channels[int(np.argmax(np.abs(mode.shape)))]
+            rows.append((*mode.mode.cells(), *known, largest, "yes" if mode.trusted else "no"))
+        return rows
+
+    @property
+    def agreement(self) -> list[tuple[str, ...]]:
+        """Each mode's frequency and damping ratio record by record, under `agreement_headings`."""
+        rows = []
+        for i, mode in enumerate(self.modes):
+            alone = [part.modes[i] for part in self.parts]
+            told = ("not seen" if one is None else f"{one.frequency:.4f}, {100 * one.damping:.2f}" for one in alone)
+            rows.append((mode.name, *told))
+        return rows
+
+    @property
+    def agreement_headings(self) -> tuple[str, ...]:
+        """The records."""
+        return ("f [Hz], ζ [%]", *(part.record for part in self.parts))
+
+    def __repr__(self) -> str:
+        trusted = "trusted" if self.trusted else "not trusted"
+        return f"<OperationalModes of {self.record}: {len(self.modes)} modes, {trusted}; print it for the table>"
+
+    def contents(self) -> list[Table | str]:
+        """The modes, whether to trust them, record by record where there are several, the notes."""
+        verdict = "trusted" if self.trusted else "not to be trusted:"
+        return [
+            self.table(), verdict, *(f"  {reason}" for reason in self.reasons),
+            *([self.agreement_table()] if self.parts else []), *self.notes,
+        ]  # fmt: skip
+
+    def table(self, caption: str | None = None) -> Table:
+        """`rows`, under `caption`."""
+        of = self.record if self.parts else section_name(self.record, *self.section)
+        last = len(self.headings) - 2
+        return Table(self.headings, self.rows, f"modes of {of}" if caption is None else caption, (0, last, last + 1))
+
+    def agreement_table(self, caption: str = "record by record") -> Table:
+        """`agreement`, under `caption`."""
+        return Table(self.agreement_headings, self.agreement, caption, tuple(range(1 + len(self.parts))))
+
+    def unit(self, channel: str) -> str:
+        """The unit of a channel, as text."""
+        return unit_text(self.units[self.channels.index(channel)])

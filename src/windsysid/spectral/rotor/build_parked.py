@@ -1,0 +1,188 @@
+"""The spectrum of a tower or a parked machine, whose matrices do not turn: bands around its modes."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.errors import ConfigurationError, RecordError
+from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
+from windsysid.spectral.rotor.likelihood import Place
+from windsysid.spectral.rotor.load_spectra import BandLoads
+from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
+from windsysid.spectral.rotor.problem import Posed, Question
+from windsysid.spectral.rotor.start import damped_start
+from windsysid.spectral.transforms.lifted import Lifted
+from windsysid.spectral.transforms.lifted_blocks import factored
+from windsysid.statespace.gauss_markov import GaussMarkov
+
+__all__ = ["pose_standing"]
+
+BAND = 1.4
+"""How far the band of a mode reaches to either side of its frequency, as a factor."""
+
+SEARCHED = 3.0
+"""Standard deviations of the prior within which a mode's peak is looked for."""
+
+NARROW = 4.0
+"""Bins in half the half-power width of a mode below which spectra are smoothed by the taper's window."""
+
+LINE_BINS, LINE_SHARE = 2.5, 0.006
+"""Half-width of a harmonic of the rotor: in bins, and as a share of its frequency, since no speed is quite constant."""
+
+PEAK_BINS = 5
+"""Bins over which a spectrum is averaged where its peak is looked for."""
+
+ALIKE = 3.0
+"""Bins in half the half-power width of a mode for each bin that shares its spectrum, the one in their middle, with
+others."""
+
+LEAST_BINS = 12
+"""Fewest bins of a band."""
+
+
+def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]], *, narrow: bool = False) -> Posed:
+    """Matrices that do not turn: bands around the modes, with loads of any smooth spectrum in each, and a narrow-band
+    one on the support where that is asked."""
+    sums = question.sums
+    lifted, blocks = question.lifted(0), 1.0 if sums is None else sums.blocks
+    lines = _on_lines(lifted, question.inputs[:, 1])
+    peaks = _peaks(question, lifted, lines)
+    bands = tuple(given_bands) or _bands(list(peaks.values()), lifted)
+    used = np.zeros(len(lifted.base), dtype=np.bool_)
+    for low, high in bands:
+        inside = (lifted.base >= low) & (lifted.base <= high)
+        used |= inside
+    used &= ~lines
+    number = np.round(lifted.base * lifted.duration).astype(np.intp)[used]
+    if len(number) < LEAST_BINS * len(bands) and not given_bands:
+        needed = lifted.duration * LEAST_BINS * len(bands) / max(len(number), 1)
+        raise RecordError(
+            f"expected {needed:.3g} s or more for the bands around the modes, got {lifted.duration:.3g} s: choose a "
+            f"longer record"
+        )
+    width = question.narrowest * lifted.duration
+    m, alike = len(question.sensors), 1
+    if width < NARROW:
+        base, window = finer_bins(int(number[0]), int(number[-1])) / lifted.duration, taper_window(lifted.taper, number)
+    else:
+        alike = int(width / ALIKE)
+        groups = len(number) // alike
+        base, window = number[: groups * alike].reshape(groups, alike).mean(axis=1) / lifted.duration, None
+    groups = len(number) // alike
+    data = single = np.swapaxes(lifted.data[used, 0][: groups * alike].reshape(groups, alike, m), 1, 2)
+    if sums is not None:
+        data = factored(sums.power[used][: groups * alike].reshape(groups, alike, m, m).sum(axis=1))
+    orders = lifted.harmonics
+    place = Place(base, orders, lifted.rotor_hz, np.arange(m), np.zeros((len(base), m), dtype=np.bool_))
+    ends = np.array(bands).ravel()
+    given = {name: [_given_amplitude(question.loads, name, f) for f in ends] for name in question.compiled.loads}
+    broad = BandLoads(given, question.compiled.loads, bands, base[:, None])
+    sources = question.with_narrow_band(broad, base[:, None]) if narrow else broad
+    noise, levels = question.noise(base[:, None], place.entries)
+    model = LiftedModel(
+        np.ascontiguousarray(data),
+        place,
+        window,
+        None,
+        np.zeros(data.shape[:2], dtype=np.bool_),
+        lifted.overlap,
+        np.eye(m, dtype=np.complex128),
+        question.compiled,
+        question.turbine.model.coordinates,
+        question.centres,
+        question.inputs[0],
+        question.parameters,
+        False,
+        sources,
+        noise,
+        levels,
+        np.full(groups, blocks * alike),
+        blocks,
+        None if sums is None else np.ascontiguousarray(single),
+        1.0 if sums is None else sums.gusts,
+    )
+    start = damped_start(question.turbine, question.parameters, *model.prior)
+    for i, q in enumerate(question.parameters):
+        name = q.name.removeprefix("k_")
+        if q.name.startswith("k_") and q.logarithmic and name in peaks:
+            start[i] = 2.0 * math.log(peaks[name] / question.frequency(name))
+    return Posed(
+        model,
+        None,
+        start,
+        bands,
+        "any smooth spectrum in the bands around the modes" + narrow * ", and a narrow-band process on the support",
+        2.0 * math.pi * width * blocks / lifted.overlap,
+    )
+
+
+def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict[str, float]:
+    """For each degree of freedom where [Hz], within the prior's reach, the channel that sees most of it is loudest."""
+    found = matrix_harmonics(
+        question.compiled,
+        question.centres[None],
+        np.zeros((1, question.size)),
+        float(question.inputs[:, 1].mean()),
+        question.inputs[0],
+    )
+    known = {q.name: q for q in question.parameters}
+    kernel = np.full(PEAK_BINS, 1.0 / PEAK_BINS)
+    squares = np.abs(lifted.data[:, 0]) ** 2
+    if question.sums is not None:
+        squares = np.einsum("bii->bi", question.sums.power).real
+    power = np.array([np.convolve(channel, kernel, mode="same") for channel in squares.T])
+    peaks = {}
+    for i, name in enumerate(question.turbine.model.coordinates):
+        middle = question.frequency(name)
+        q = known.get(f"k_{name}")
+        reach = SEARCHED * 0.5 * q.spread if q is not None and q.logarithmic else 0.0
+        inside = np.flatnonzero(np.abs(np.log(lifted.base / middle)) <= max(reach, 1e-9))
+        R = coupled(found.readings[:, 0], np.array([middle]), lifted.harmonics, lifted.rotor_hz)[0, 0, :, 0, i]
+        off_lines = inside[~lines[inside]]
+        if not off_lines.size:
+            peaks[name] = middle
+            continue
+        peaks[name] = float(lifted.base[off_lines[np.argmax(power[int(np.argmax(np.abs(R)))][off_lines])]])
+    return peaks
+
+
+def _bands(peaks: Sequence[float], lifted: Lifted) -> tuple[tuple[float, float], ...]:
+    """Bands around the peaks; those that meet are one."""
+    joined: list[tuple[float, float]] = []
+    for peak in sorted(peaks):
+        low, high = max(peak / BAND, lifted.base[0]), min(peak * BAND, lifted.base[-1])
+        if low >= high:
+            raise RecordError(
+                f"a mode near {peak:.3g} Hz: expected it below {lifted.base[-1]:.3g} Hz: sample faster, or lock what "
+                f"moves there"
+            )
+        if joined and low <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], high)
+        else:
+            joined.append((low, high))
+    return tuple(joined)
+
+
+def _on_lines(lifted: Lifted, speed: Array) -> NDArray[np.bool_]:
+    """Which base frequencies are within reach of a harmonic of the rotor, which is as wide as the speed varies."""
+    if lifted.rotor_hz * lifted.duration < 1.0:
+        return np.zeros(len(lifted.base), dtype=np.bool_)
+    order = np.round(lifted.base / lifted.rotor_hz)
+    share = LINE_SHARE + 2.0 * float(speed.std() / abs(speed.mean()))
+    reach = np.maximum(LINE_BINS / lifted.duration, share * lifted.base)
+    return np.asarray((np.abs(lifted.base - order * lifted.rotor_hz) < reach) & (order > 0))
+
+
+def _given_amplitude(loads: Sequence[GaussMarkov], name: str, frequency: float) -> float:
+    """Spectral amplitude of the file's load at a frequency [unit/√Hz]."""
+    power = sum(
+        2.0 * load.rms**2 * load.time_constant / (1.0 + (2.0 * math.pi * frequency * load.time_constant) ** 2)
+        for load in loads
+        if load.load == name and not load.harmonic
+    )
+    if power <= 0.0:
+        raise ConfigurationError(f"load '{name}': expected its rms in the turbine file: add it to [loads]")
+    return math.sqrt(power)

@@ -1,0 +1,107 @@
+"""The mode of the posterior of a lifted spectrum, and its evidence."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.spectral.rotor.model import Inexact, LiftedModel
+from windsysid.spectral.rotor.scoring import SETTLED, Mode, covariance, find_mode, reach_mode
+
+__all__ = ["COARSE", "WHOLE", "Fit", "admit", "fit"]
+
+COARSE = ((0.03, 4), (0.2, 4), (1.0, 2))
+"""Weight of the likelihood, and every how many-th bin is used, from the first stage of a search to the last but one."""
+
+WHOLE = ((1.0, 1),)
+"""The last stage."""
+
+
+class Fit(NamedTuple):
+    """What a record says of the unknowns.
+
+    Attributes
+    ----------
+    unknowns, cov
+        Mode of the posterior (n,) and Laplace's covariance (n, n).
+    log_likelihood
+        At the mode.
+    log_evidence
+        ln ∫ p(y | u) p(u) du by Laplace's approximation.
+    steps, settled
+        Steps of the search, and whether it ended by itself.
+    model
+        With what the taper's window adds at the mode.
+    """
+
+    unknowns: Array
+    cov: Array
+    log_likelihood: float
+    log_evidence: float
+    steps: int
+    settled: bool
+    model: LiftedModel
+
+    def evidence_at(self, overlap: float) -> float:
+        """The log evidence if as many bins counted as one: only so are two models compared."""
+        return self.log_evidence + (self.model.overlap / overlap - 1.0) * self.log_likelihood
+
+
+def fit(
+    model: LiftedModel, start: Array, stages: Sequence[tuple[float, int]] = (*COARSE, *WHOLE),
+    smoothed: LiftedModel | None = None, *, rough: bool = False, enough: float = SETTLED,
+) -> Fit:  # fmt: skip
+    """The mode of the posterior from a start (n,).
+
+    What the taper's window adds to the spectra is the difference of those of `smoothed` and of `model`. It hardly
+    changes with the unknowns, so it is taken where the stages before the last one end, and once more at the mode that
+    is found with it; and so is how alike neighbouring bins are. A `rough` search is for comparing models; another one
+    ends with a step whose squared length in standard deviations is `enough`.
+
+    Raises
+    ------
+    LinAlgError
+        If the spectrum is not positive definite at the start.
+    """
+    mean, spread = model.prior
+    if model.window is not None:  # all bins at once
+        stages = [(weight, 1) for weight, _ in stages]
+    if smoothed is None:
+        mode = find_mode(_evaluator(model), start, mean, spread, stages, rough=rough)
+    else:
+        mode, plain = find_mode(_evaluator(model), start, mean, spread, stages[:-1], rough=True), model
+        for last in (False, True):
+            full = smoothed.spectrum(mode.unknowns).spectrum
+            smear = full - plain.spectrum(mode.unknowns).spectrum
+            model = plain._replace(smear=smear, overlap=model.likeness(full))
+            mode = find_mode(_evaluator(model), mode.unknowns, mean, spread, stages[-1:], rough=not last, enough=enough)
+    return _described(model, mode)
+
+
+def admit(found: Fit, inexact: Inexact) -> Fit:
+    """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without."""
+    model = found.model._replace(inexact=inexact)
+    start = np.insert(found.unknowns, found.model.mechanical, np.zeros(len(inexact.late)))
+    mode = reach_mode(_evaluator(model), start, *model.prior)
+    return _described(model, mode._replace(settled=mode.settled and found.settled))
+
+
+def _described(model: LiftedModel, mode: Mode) -> Fit:
+    """What a mode says."""
+    mean, spread = model.prior
+    off = (mode.unknowns - mean) / spread
+    log_likelihood = -(mode.value - 0.5 * float(off @ off))
+    evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])
+    cov = covariance(mode.information)
+    return Fit(mode.unknowns, cov, log_likelihood, evidence, mode.steps, mode.settled, model)
+
+
+def _evaluator(model: LiftedModel) -> Callable[[Array, int], tuple[float, Array, Array]]:
+    """J, g and F of a model."""
+
+    def evaluate(unknowns: Array, every: int) -> tuple[float, Array, Array]:
+        found = model.likelihood(unknowns, every)
+        return found.value, found.gradient, found.information
+
+    return evaluate

@@ -1,0 +1,389 @@
+"""The lifted spectrum of a record as a function of the unknowns: coefficients, mean lag angle, statistics of loads and
+noise."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.loads.statistics import Statistic, to_logarithms, values_of
+from windsysid.mechanics.compile import CompiledModel
+from windsysid.mechanics.rotor import MEAN_LAG_SPREAD
+from windsysid.spectral.rotor.harmonic_transfer import (
+    MatrixHarmonics,
+    element_sizes,
+    equal_lag,
+    matrix_harmonics,
+    without_rounding,
+)
+from windsysid.spectral.rotor.kernel_sparse import FEW, smooth
+from windsysid.spectral.rotor.likelihood import (
+    Ingredients,
+    Likelihood,
+    ModelSpectrum,
+    Place,
+    Slopes,
+    spectrum_of_bins,
+    whittle,
+    whittle_of_many,
+)
+from windsysid.spectral.rotor.load_spectra import Sources, SourceSpectra
+from windsysid.spectral.transforms.lifted import Complex
+from windsysid.statespace.parameter import Parameter
+
+__all__ = ["FINER", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
+
+STEP = 1e-4
+"""Of an unknown, for central differences: of a logarithm, of a damping ratio; in units of its prior's spread."""
+
+UNMOVED = 1e-11
+"""Change of an element, beside the size of the others of its matrix, below which it does not move."""
+
+MOST_NUMBERS = 400_000
+"""Complex numbers of derivatives that are held at once."""
+
+FINER = 2
+"""Spectra are smoothed on a grid this many times as fine as the bins: on it the window of the taper is exact."""
+
+REACH = 8
+"""Bins on either side over which the window of the taper is summed; 2 % of a Tukey window's power lies beyond."""
+
+
+LIKENESS = 0.25
+"""Share of the bins over which neighbours are compared."""
+
+
+class Matrices(NamedTuple):
+    """A model's matrices at its unknowns, and their derivatives to the mechanical ones."""
+
+    at: MatrixHarmonics
+    slopes: MatrixHarmonics
+
+
+class Inexact(NamedTuple):
+    """Instruments and masses that are known within tolerances only: τ, in standard deviations of those.
+
+    Attributes
+    ----------
+    parameters
+        By how much each τ moves all parameters (n_τ, n_p).
+    late
+        By how much it makes each reading later (n_τ, m) [s]; the clocks come last.
+    """
+
+    parameters: Array
+    late: Array
+
+    @property
+    def clocks(self) -> int:
+        """How many of them make readings late."""
+        return int(self.late.any(axis=1).sum())
+
+
+EXACT = Inexact(np.empty((0, 0)), np.empty((0, 0)))
+"""Everything is as files say."""
+
+
+class LiftedModel(NamedTuple):
+    """A record in the frequency domain, and what it is a function of.
+
+    Attributes
+    ----------
+    data
+        Active entries Y (B, e, g): up to g neighbouring bins share a spectrum; columns beyond are 0.
+    place
+        Where spectra are taken: at the bins, or, where they are smoothed, on a finer grid.
+    window
+        Weights (F, B): the smoothed spectra at the bins are sums of the F on the finer grid; None where nothing is
+        smoothed.
+    smear
+        What the taper's window adds to the spectra, where it is taken as known (B, e, e); None where it is not, or
+        where `window` smooths.
+    left_out
+        Entries of which nothing is said, bin by bin (B, e); `data` is 0 there.
+    overlap
+        c_h.
+    combine
+        The readings' combinations (r, m) that are the entries of one harmonic.
+    compiled, coordinates, given
+        The model with its readings, its degrees of freedom, and all its parameters (n_p,).
+    inputs
+        Its inputs but for azimuth and speed (n_u,).
+    parameters
+        What θ stands for.
+    lag
+        Whether the mean lag angle is an unknown.
+    sources
+        The loads, at the frequencies of `place`.
+    noise
+        Statistics of the sensors' noise.
+    noise_given
+        The spectral density of each, as given, on every entry (n, F, e) [unit²/Hz]; they add up.
+    shared
+        How many bins share each spectrum (B,); None where all g do.
+    blocks
+        Of how many blocks `data` are: of more than one they are no bins but what has the same products Y Yᴴ.
+    recent, gusts
+        Where there are several, the bins of the last, and how much larger c_h is for what changes between them.
+    inexact
+        What τ stands for.
+    """
+
+    data: Complex
+    place: Place
+    window: Array | None
+    smear: Complex | None
+    left_out: NDArray[np.bool_]
+    overlap: float
+    combine: Complex
+    compiled: CompiledModel
+    coordinates: tuple[str, ...]
+    given: Array
+    inputs: Array
+    parameters: tuple[Parameter, ...]
+    lag: bool
+    sources: Sources
+    noise: tuple[Statistic, ...]
+    noise_given: Array
+    shared: Array | None = None
+    blocks: float = 1.0
+    recent: Complex | None = None
+    gusts: float = 1.0
+    inexact: Inexact = EXACT
+
+    @property
+    def mechanical(self) -> int:
+        """How many unknowns come before those of loads and noise: θ, the mean lag angle where it is one, τ."""
+        return len(self.parameters) + self.lag + len(self.inexact.late)
+
+    @property
+    def counts(self) -> Array:
+        """How many bins share each spectrum (B,)."""
+        return np.full(len(self.data), float(self.data.shape[2])) if self.shared is None else self.shared
+
+    @property
+    def statistics(self) -> tuple[Statistic, ...]:
+        """What η stands for."""
+        return (*self.sources.statistics, *self.noise)
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and standard deviation of the unknowns: θ, the mean lag angle where it is one, τ, η."""
+        known = [q.prior for q in self.parameters] + [(0.0, MEAN_LAG_SPREAD)] * self.lag
+        known += [(0.0, 1.0)] * len(self.inexact.late)
+        known += [(0.0, s.spread) for s in self.statistics]
+        mean, spread = np.array(known).T
+        return mean, spread
+
+    def likelihood(
+        self, unknowns: Array, every: int = 1, *, slopes: bool = True, matrices: Matrices | None = None
+    ) -> Likelihood:
+        """J, g, F without the prior; of every n-th bin, as much as all of them would be.
+
+        `matrices` are those at the unknowns, where they are known.
+
+        Raises
+        ------
+        LinAlgError
+            Where a spectrum is not positive definite.
+        """
+        counts = self.counts
+        if self.window is not None:
+            whole = whittle(self.data, counts, self.spectrum(unknowns, slopes=slopes, matrices=matrices))
+            return _scaled(whole, 1.0 / self.overlap)
+        bins = np.arange(every // 2, len(self.place.base), every)
+        if slopes and len(self.place.entries) > FEW:
+            parts = [
+                whittle_of_many(of, self.data[at], counts[at])
+                for at, of in self._ingredients(unknowns, every, matrices, slopes=True)
+            ]
+        else:
+            parts = [
+                whittle(self.data[at], counts[at], model)
+                for at, model in self._spectra(unknowns, every, matrices, slopes=slopes, whiten=slopes)
+            ]
+        whole = Likelihood(
+            sum(part.value for part in parts),
+            np.sum([part.gradient for part in parts], axis=0),
+            np.sum([part.information for part in parts], axis=0),
+        )
+        return _scaled(whole, float(counts.sum() / counts[bins].sum()) / self.overlap)
+
+    def spectrum(self, unknowns: Array, *, slopes: bool = False, matrices: Matrices | None = None) -> ModelSpectrum:
+        """S (B, e, e) of all bins, smoothed where it has to be, and its derivatives (n, B, e, e)."""
+        parts = self._spectra(unknowns, 1, matrices, slopes=slopes, whiten=False)
+        if self.window is None:
+            every_part = [part for _, part in parts]
+            whole = np.concatenate([part.slopes for part in every_part], axis=1)
+            return ModelSpectrum(np.concatenate([part.spectrum for part in every_part]), whole, None)
+        e, bins = len(self.place.entries), len(self.data)
+        S = np.zeros((1, bins, e, e), dtype=np.complex128)
+        A = np.zeros((len(unknowns) if slopes else 0, bins, e, e), dtype=np.complex128)
+        for at, part in parts:
+            weights = np.ascontiguousarray(self.window[at])
+            smooth()(weights, part.spectrum[None], S)
+            smooth()(weights, part.slopes, A)
+        return self._masked(S[0], A)
+
+    def _masked(self, S: Complex, A: Complex) -> ModelSpectrum:
+        """S and its derivatives, entries that are left out with unit variance."""
+        if self.left_out.any():
+            kept = ~self.left_out[:, :, None] & ~self.left_out[:, None, :]
+            S, A = S * kept, A * kept
+            every = range(len(self.place.entries))
+            S[:, every, every] += self.left_out
+        return ModelSpectrum(S, A, None)
+
+    def powers(self, unknowns: Array) -> tuple[Array, Array, Array]:
+        """|Y|² of every entry (B g, e), NaN where nothing is said of it, S, and its unsigned frequency [Hz]; of several
+        blocks their mean."""
+        S = np.einsum("bii->bi", self.spectrum(unknowns).spectrum).real
+        order = self.place.orders[self.place.entries // self.combine.shape[0]]
+        frequency = np.abs(self.base[:, None] + self.place.rotor_hz * order)
+        if self.recent is not None:
+            mean = np.sum(np.abs(self.data) ** 2, axis=2) / self.counts[:, None]
+            bins = np.round(self.counts / self.blocks).astype(np.intp)
+            return np.repeat(mean, bins, axis=0), np.repeat(S, bins, axis=0), np.repeat(frequency, bins, axis=0)
+        beyond = np.arange(self.data.shape[2]) >= self.counts[:, None]
+        found = np.where(self.left_out[:, :, None] | beyond[:, None, :], np.nan, np.abs(self.data) ** 2)
+        alike = self.data.shape[2]
+        power = np.swapaxes(found, 1, 2).reshape(-1, found.shape[1])
+        return power, np.repeat(S, alike, axis=0), np.repeat(frequency, alike, axis=0)
+
+    def likeness(self, spectrum: Complex) -> float:
+        """c_h as the record has it, under S (B, e, e): that of the taper, or more."""
+        return self.gusts * max(self.overlap, 1.0 + 2.0 * self.shared_by_neighbours(spectrum)[0])
+
+    def shared_by_neighbours(self, spectrum: Complex) -> tuple[float, int]:
+        """Σ |M_d|² under S (B, e, e), and how many numbers tell it.
+
+        Loads that grow and fall with the gusts make neighbouring bins alike, as a taper does: with the power P(t) of
+        what whitens to y, the mean M_d of y_b* y_{b+d} is the d-th Fourier coefficient of P over its mean, and c_h = T
+        ∫P² / (∫P)² = 1 + 2 Σ |M_d|². Chance adds 1/(number of products) to each.
+        """
+        data = self.data if self.recent is None else self.recent
+        y = np.linalg.solve(np.linalg.cholesky(spectrum), data)
+        columns = np.arange(data.shape[2]) < np.round(self.counts / self.blocks)[:, None]
+        bins = np.swapaxes(y, 1, 2)[columns]
+        used = np.broadcast_to(~self.left_out[:, None], (*columns.shape, y.shape[1]))[columns]
+        bins = np.where(used, bins, 0.0)
+        shared = 0.0
+        for d in range(1, int(LIKENESS * len(bins)) + 1):
+            products = int(np.count_nonzero(used[:-d] & used[d:]))
+            if products:
+                shared += abs(np.vdot(bins[:-d], bins[d:]) / products) ** 2 - 1.0 / products
+        return float(shared), int(np.count_nonzero(used))
+
+    @property
+    def base(self) -> Array:
+        """Base frequencies (B,) of the data [Hz]."""
+        if self.window is None:
+            return self.place.base
+        return np.asarray(self.window.T @ self.place.base)
+
+    def _spectra(
+        self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool, whiten: bool
+    ) -> Iterator[tuple[NDArray[np.intp], ModelSpectrum]]:
+        """S and its derivatives at every n-th place, a few of them at a time."""
+        for at, of in self._ingredients(unknowns, every, matrices, slopes=slopes):
+            yield at, spectrum_of_bins(of, whiten=whiten)
+
+    def _ingredients(
+        self, unknowns: Array, every: int, matrices: Matrices | None, *, slopes: bool
+    ) -> Iterator[tuple[NDArray[np.intp], Ingredients]]:
+        """What spectra at every n-th place are made of, for a few of them at a time."""
+        bins = np.arange(every // 2, len(self.place.base), every)
+        still, moved = self.matrices(unknowns, slopes=slopes) if matrices is None else matrices
+        late, later = self._late(unknowns)
+        eta = unknowns[self.mechanical :]
+        spectra, noise = self._levels(eta, every)
+        loads, entries = len(self.sources.statistics), len(self.place.entries)
+        steps = self._source_slopes(eta, every) if slopes else None
+        densities = 2.0 * np.exp(2.0 * eta[loads:])[:, None, None] * self.noise_given
+        chunk = max(8, MOST_NUMBERS // (len(unknowns) * entries**2))
+        for first in range(0, len(bins), chunk):
+            at, near = bins[first : first + chunk], slice(first, first + chunk)
+            part = None
+            if steps is not None:
+                part = Slopes(moved, SourceSpectra(steps.own[:, near], steps.cross[:, near]), densities[:, at], later)
+            where = self.place._replace(base=self.place.base[at], left_out=self.place.left_out[at])
+            own, more = SourceSpectra(spectra.own[near], spectra.cross[near]), None
+            if self.smear is not None:
+                more = self.smear[at]
+            yield at, Ingredients(where, still, self.sources.placement, own, noise[at], part, more, late)
+
+    def _late(self, unknowns: Array) -> tuple[Array, Array]:
+        """By how much the readings of every entry are late (e,) [s], and by how much more for each clock (c, e): what
+        is combined has one clock."""
+        count, tolerances = self.inexact.clocks, len(self.inexact.late)
+        tau = unknowns[self.mechanical - tolerances : self.mechanical]
+        of = np.argmax(np.abs(self.combine), axis=1)[self.place.entries % len(self.combine)]
+        later = self.inexact.late[tolerances - count :][:, of] if count else np.empty((0, len(of)))
+        return np.asarray(tau[tolerances - count :] @ later), later
+
+    def matrices(self, unknowns: Array, *, slopes: bool) -> Matrices:
+        """The matrices at the unknowns, and their derivatives to the mechanical ones by central differences."""
+        n, end = len(self.parameters), self.mechanical - self.inexact.clocks
+        mechanical = unknowns[:end]
+        steps = STEP * self.prior[1][:end]
+        points = mechanical[None]
+        if slopes:
+            points = np.concatenate([points, mechanical + np.diag(steps), mechanical - np.diag(steps)])
+        p = np.tile(self.given, (len(points), 1))
+        for i, q in enumerate(self.parameters):
+            p[:, self.compiled.parameters.index(q.name)] = q.physical(points[:, i])
+        if end > n + self.lag:
+            p += points[:, n + self.lag :] @ self.inexact.parameters[: end - n - self.lag]
+        lag = equal_lag(self.coordinates, 1.0)
+        deflections = points[:, n : n + 1] * lag if self.lag else np.zeros((len(points), len(lag)))
+        found = matrix_harmonics(self.compiled, p, deflections, 2.0 * np.pi * self.place.rotor_hz, self.inputs)
+        readings = self.combine @ found.readings
+        at = MatrixHarmonics(found.mechanics[:, :1], readings[:, :1])
+        moved = []
+        for X, size in zip((found.mechanics, readings), element_sizes(at), strict=True):
+            up, down = X[:, 1 : 1 + len(steps)], X[:, 1 + len(steps) :]
+            change = without_rounding(up - down, UNMOVED * size) if slopes else X[:, :0]
+            moved.append(change / (2.0 * steps[:, None, None, None]) if slopes else change)
+        return Matrices(at, MatrixHarmonics(*moved))
+
+    def _levels(self, eta: Array, every: int) -> tuple[SourceSpectra, Array]:
+        """Spectra of the sources, and of the noise of every entry (F, e)."""
+        loads = len(self.sources.statistics)
+        values = values_of(self.sources.statistics, eta[:loads])
+        noise = np.tensordot(np.exp(2.0 * eta[loads:]), self.noise_given, 1)
+        return self.sources.spectra(values, every), np.asarray(noise)
+
+    def _source_slopes(self, eta: Array, every: int) -> SourceSpectra:
+        """Derivatives of the sources' spectra to η, (n, F, …)."""
+        statistics = self.sources.statistics
+        found = self.sources.slopes(values_of(statistics, eta[: len(statistics)]), every)
+        factors = to_logarithms(statistics)
+        if np.array_equal(factors, np.eye(len(factors))):
+            return found
+        return SourceSpectra(*(np.tensordot(factors.T, part, 1) for part in found))
+
+
+def finer_bins(first: int, last: int) -> Array:
+    """The finer grid (F,) for the bins first … last, in bins."""
+    reach = REACH * FINER
+    return np.asarray(np.arange(first * FINER - reach, last * FINER + reach + 1) / FINER)
+
+
+def taper_window(taper: Array, bins: NDArray[np.intp]) -> Array:
+    """The weights (F, B) with which spectra on the finer grid between the first and the last of `bins` make up the
+    smoothed ones at `bins` (B,)."""
+    padded = np.abs(np.fft.fft(taper, FINER * len(taper))) ** 2
+    reach = REACH * FINER
+    weights = np.concatenate([padded[-reach:], padded[: reach + 1]])
+    weights /= weights.sum()
+    out = np.zeros(((bins[-1] - bins[0]) * FINER + 2 * reach + 1, len(bins)))
+    for column, place in enumerate((bins - bins[0]) * FINER):
+        out[place : place + 2 * reach + 1, column] = weights
+    return out
+
+
+def _scaled(found: Likelihood, share: float) -> Likelihood:
+    """The likelihood of bins that count as `share` each."""
+    return Likelihood(share * found.value, share * found.gradient, share * found.information)

@@ -1,0 +1,147 @@
+"""What is asked of a record in the frequency domain, and what both kinds of machine, still and turning, ask of it."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.loads.narrow_band import narrow_band_statistics
+from windsysid.loads.statistics import Statistic, noise_groups
+from windsysid.mechanics.compile import CompiledModel
+from windsysid.mechanics.rotor import RotorModel
+from windsysid.mechanics.sensors import Sensor
+from windsysid.spectral.rotor.load_spectra import Sources
+from windsysid.spectral.rotor.model import LiftedModel
+from windsysid.spectral.rotor.narrow_band_spectra import NarrowBandBeside
+from windsysid.spectral.transforms.lifted import Lifted, lift
+from windsysid.spectral.transforms.lifted_blocks import LiftedSums
+from windsysid.spectral.transforms.rotating_frame import TurnedSums
+from windsysid.statespace.gauss_markov import GaussMarkov
+from windsysid.statespace.parameter import Parameter
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Posed", "Question"]
+
+
+class Question(NamedTuple):
+    """What is asked of a record.
+
+    Attributes
+    ----------
+    turbine
+        With the degrees of freedom that the sensors see.
+    sensors, readings, rate
+        Instruments, and what they read without gaps (T, m) at `rate` [Hz].
+    inputs
+        The model's inputs (T, n_u): ψ and Ω first.
+    compiled
+        The model with these sensors.
+    parameters
+        What is identified.
+    loads
+        The turbine file's, those that were measured left out.
+    sums
+        What blocks of it say together, where it came in pieces: readings and inputs are then those of the last.
+    turned
+        The same of a rotor that is read in bands.
+    """
+
+    turbine: Turbine
+    sensors: tuple[Sensor, ...]
+    readings: Array
+    rate: float
+    inputs: Array
+    compiled: CompiledModel
+    parameters: tuple[Parameter, ...]
+    loads: tuple[GaussMarkov, ...]
+    sums: LiftedSums | None = None
+    turned: TurnedSums | None = None
+
+    @property
+    def size(self) -> int:
+        """Degrees of freedom."""
+        return len(self.turbine.model.coordinates)
+
+    @property
+    def centres(self) -> Array:
+        """All parameters (n_p,), those that are identified at the centres of their priors."""
+        centres = {q.name: q.centre for q in self.parameters}
+        values = self.turbine.values
+        return np.array([centres.get(name, values.get(name, 0.0)) for name in self.compiled.parameters])
+
+    @property
+    def at_centres(self) -> Turbine:
+        """The turbine with what is identified at the centres of the priors."""
+        return self.turbine.with_values({q.name: q.centre for q in self.parameters})
+
+    @property
+    def narrowest(self) -> float:
+        """Half of the least half-power width of a mode, c/(4π m) [Hz], with the turbine file's damping."""
+        turbine = self.turbine
+        widths = [turbine.values[f"c_{name}"] / turbine.inertia(name) for name in turbine.model.coordinates]
+        return max(0.0, 0.5 * min(widths) / (2.0 * math.pi))
+
+    @property
+    def has_lag(self) -> bool:
+        """Whether the blades' mean lag angle matters: a rotor on a hub that moves."""
+        model = self.turbine.model
+        return isinstance(model, RotorModel) and model.lag == "free" and "load_x" in model.loads
+
+    def frequency(self, name: str) -> float:
+        """Natural frequency of a degree of freedom at the centres of the priors [Hz]."""
+        return self.at_centres.natural_frequency(name) / (2.0 * math.pi)
+
+    def lifted(self, harmonics: int) -> Lifted:
+        """The record's lifted spectrum; of several blocks the last's."""
+        if self.sums is not None:
+            return self.sums.last
+        return lift(self.readings, self.inputs[:, 0], self.rate, harmonics)
+
+    def with_narrow_band(self, broad: Sources, frequency: Array) -> NarrowBandBeside:
+        """Broad loads at signed frequencies (B, 2K+1) [Hz], and a narrow-band one on the support."""
+        narrow = narrow_band_statistics(self.turbine, self.loads)
+        return NarrowBandBeside(broad, narrow, self.turbine.model, self.compiled.loads, frequency)
+
+    def noise(self, frequency: Array, entries: NDArray[np.intp]) -> tuple[tuple[Statistic, ...], Array]:
+        """Statistics of the sensors' noise, and its density as given on every entry (n, F, e)."""
+        statistics = noise_groups(self.sensors)
+        names = [s.name for s in statistics]
+        given = np.zeros((len(statistics), *frequency.shape, len(self.sensors)))
+        w = 2.0 * np.pi * np.abs(frequency)
+        w = np.maximum(w, np.min(w[w > 0.0], initial=math.inf))  # a random walk in a record has no more at zero
+        for i, sensor in enumerate(self.sensors):
+            density = np.full(frequency.shape, sensor.noise**2 / self.rate)
+            if sensor.drift:
+                density += sensor.drift**2 / w**2
+            given[names.index(noise_groups([sensor])[0].name), :, :, i] = density
+        return statistics, np.ascontiguousarray(given.reshape(len(statistics), len(frequency), -1)[:, :, entries])
+
+
+class Posed(NamedTuple):
+    """A question in the frequency domain.
+
+    Attributes
+    ----------
+    model
+        The spectrum as a function of the unknowns.
+    smoothed
+        The same smoothed by the taper's window; None where `model` is.
+    start
+        Where to begin to look for them (n,).
+    bands
+        Frequencies that are used [Hz].
+    text
+        What the loads are taken for.
+    resonance
+        As how many independent entries the narrowest resonance of the turbine file counts in the record, 2πδT/c_h of a
+        half-power width 2δ.
+    """
+
+    model: LiftedModel
+    smoothed: LiftedModel | None
+    start: Array
+    bands: tuple[tuple[float, float], ...]
+    text: str
+    resonance: float

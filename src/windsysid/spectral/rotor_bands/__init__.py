@@ -1,0 +1,1 @@
+"""The spectrum of a turning rotor in narrow frequency ranges around its modes."""

@@ -1,0 +1,166 @@
+"""Whether a record read in bands bears its result out: the size of what is left, the halves, and narrower bands.
+
+Levels of loads are learned, so that the size of a whole band says nothing. What can be wrong is its shape (thirds of
+each row), its steadiness (energy of the halves), and the stiffness itself: each half of the record must say the same,
+and so must bands of two thirds of the width, which hold less of what the model may not have. Two estimates from the
+same data of which one uses less differ by the difference of their covariances (Hausman, Econometrica 46, 1978,
+https://doi.org/10.2307/1913827).
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.errors import RecordError
+from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
+from windsysid.spectral.rotor.model import LiftedModel
+from windsysid.spectral.rotor.problem import Question
+from windsysid.spectral.rotor.scoring import Mode
+from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
+from windsysid.spectral.rotor_bands.model import BandFit
+
+__all__ = ["doubts_of_bands"]
+
+CHANCE = 1e-3
+"""How rarely chance makes two estimates differ as much."""
+
+NARROWER, UNSAID = 0.65, 0.1
+"""Width of the bands that look again; what is left of a covariance where they hold as much, since levels at the ends of
+a band are learned anew. A step of less than a standard deviation is no doubt."""
+
+LEAST_OF_BLADES, LEAST_OF_SUPPORT = 6.0, 0.7
+"""As how many independent values the narrowest resonances have to count (``python -m validation.field_spectral``): in
+windows of 120 s of OpenFAST's records, where blades' count as 3, their whirls err by 2.5 times what the bands say."""
+
+LEAST_ENERGY = 4.0
+"""Independent values that an energy counts as at least: a resonance as narrow as a bin has few."""
+
+
+def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list[str]:
+    """What speaks against a result, in words."""
+    posed, found = posed._replace(model=fit.model), fit.mode
+    doubts = [*posed.doubts, *_short(posed)]
+    if not found.settled:
+        doubts.append(
+            f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors "
+            f"nearer to the structure"
+        )
+    doubts += unexplained(_parts(posed, found.unknowns))[:3]
+    try:
+        halves = _halves(question, posed)
+        narrow = pose_bands(question, posed.places, posed.spectra, width=NARROWER)
+    except RecordError:
+        return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
+    if len(halves) < 2:
+        return [*doubts, "one block only: it cannot be seen whether the record is stationary; choose a longer one"]
+    doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
+    try:
+        return doubts + _disagreements(question, posed, found, halves, narrow)
+    except np.linalg.LinAlgError:
+        return [*doubts, "parts of the record have no spectrum that the model could have: choose another section"]
+
+
+def _halves(question: Question, posed: PosedBands) -> list[PosedBands]:
+    """The problem of either half of the record; of one block none."""
+    if question.turned is not None:
+        return [pose_bands(question, posed.places, half) for half in question.turned.halves() or ()]
+    half = len(question.readings) // 2
+    pieces = [
+        question._replace(readings=question.readings[part], inputs=question.inputs[part])
+        for part in (slice(0, half), slice(half, 2 * half))
+    ]
+    return [pose_bands(piece, posed.places) for piece in pieces]
+
+
+def _disagreements(
+    question: Question, posed: PosedBands, found: Mode, halves: Sequence[PosedBands], narrow: PosedBands
+) -> list[str]:
+    """Whether the halves and the narrower bands say another stiffness than the record."""
+    which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
+    names = [question.parameters[i].name for i in which]
+    first, second, again = (_again(posed, found, other) for other in (*halves, narrow))
+    known, one, other, less = (
+        np.linalg.inv(mode.information)[np.ix_(which, which)] for mode in (found, first, second, again)
+    )
+    doubts = _differ(
+        first.unknowns[which] - second.unknowns[which], one + other, names,
+        "the halves of the record do not agree on {}: what drives it, or the structure, changed",
+    )  # fmt: skip
+    step = again.unknowns[which] - found.unknowns[which]
+    if np.any(np.abs(step) > np.sqrt(np.diag(known))):
+        text = "narrower bands do not agree on {}: something in the bands is not as modelled"
+        doubts += _differ(step, less - (1.0 - UNSAID) * known, names, text)
+    return doubts
+
+
+def _short(posed: PosedBands) -> list[str]:
+    """Whether resonances are narrower in the record than those whose bands were proven."""
+    spectra, doubts = posed.spectra, []
+    longer = "a longer record" if spectra.recent is None else "longer pieces"
+    for of_blades, least in ((True, LEAST_OF_BLADES), (False, LEAST_OF_SUPPORT)):
+        widths = [p.ratio * p.frequency for p in posed.places if (p.shape is not None) == of_blades]
+        counts = [2.0 * np.pi * width * spectra.duration / spectra.overlap for width in widths]
+        if counts and min(counts) < least:
+            what = "the blades" if of_blades else "the support"
+            doubts.append(
+                f"the narrowest resonance of {what} counts as {min(counts):.2g} independent values, and bands were not "
+                f"proven below {least:g}: choose {longer}"
+            )
+    return doubts
+
+
+def _again(whole: PosedBands, found: Mode, other: PosedBands) -> Mode:
+    """The mode of a part of the record, looked for from that of the whole."""
+    return other.model.fit(other.model.start_from(found.unknowns, whole.model), rough=True).mode
+
+
+def _differ(step: Array, cov: Array, names: list[str], text: str) -> list[str]:
+    """Whether a step is longer than chance makes it; the parameter that it moves most goes into the text."""
+    from scipy.special import chdtri
+
+    values, vectors = np.linalg.eigh(cov)
+    values = np.maximum(values, 1e-3 * values.max())
+    size = float(np.sum((vectors.T @ step) ** 2 / values))
+    if size <= float(chdtri(len(step), CHANCE)):
+        return []
+    worst = int(np.argmax(np.abs(step) / np.sqrt(np.diag(cov).clip(1e-300))))
+    return [text.format(f"{names[worst]} ({100.0 * step[worst]:+.2g} %)")]
+
+
+def _parts(posed: PosedBands, unknowns: Array) -> list[Part]:
+    """Mean squares by row and third of its band."""
+    found = []
+    for (band, _, rows), place in zip(posed.model.bands, posed.model.places(), strict=True):
+        S = np.einsum("bii->bi", band.spectrum(unknowns[place]).spectrum).real
+        power = _power(band)
+        f = band.base
+        for i, row in enumerate(rows):
+            edges = np.linspace(row.low, row.high * 1.000001, 4)
+            label = posed.combined[row.combination].label
+            thirds = [(float(a), float(b)) for a, b in pairwise(edges)]
+            found += parts_of(power[:, i], S[:, i], f, label, thirds, band.overlap / band.blocks, LEAST_ENERGY)
+    return found
+
+
+def _power(band: LiftedModel) -> Array:
+    """|Y|² (B, e), the mean of all blocks, NaN where nothing is said."""
+    return np.where(band.left_out, np.nan, np.sum(np.abs(band.data) ** 2, axis=2) / band.blocks)
+
+
+def _energies(whole: PosedBands, piece: PosedBands, unknowns: Array) -> list[Part]:
+    """The same of a part of the record, what is expected being the whole's, row by row."""
+    found = []
+    for (of, _, _), (band, _, rows), place in zip(
+        whole.model.bands, piece.model.bands, whole.model.places(), strict=True
+    ):
+        S = np.einsum("bii->bi", of.spectrum(unknowns[place]).spectrum).real
+        for i, row in enumerate(rows):
+            expected = np.interp(band.base, of.base, S[:, i])
+            power = _power(band)[:, i]
+            label = piece.combined[row.combination].label
+            every = [(row.low, row.high * 1.000001)]
+            overlap = band.overlap / band.blocks
+            found += parts_of(power, expected, band.base, label, every, overlap, LEAST_ENERGY)
+    return found

@@ -1,0 +1,229 @@
+"""Around which frequencies a turning rotor's modes are read, and where to begin to look for its stiffness.
+
+The turbine file names the modes, and its prior says how far they may be from where it puts them. Peaks of the record
+decide (`band_search`), group by group: one factor on the stiffness of all blades for both whirls, then one on the
+spring of the roll for the mode in which the blades move together, then one on each spring of the support.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.spectral.rotor_bands.channels import Combined, TurnedSpectra
+from windsysid.spectral.rotor_bands.peak_search import FAINT, Trace, best_of, trace
+from windsysid.statespace.parameter import Parameter
+
+__all__ = ["Place", "Places", "find_places"]
+
+WHIRLS = {"lag backward": 1, "lag collective": 0, "lag forward": -1}
+"""Modes of the blades, and the classes in which they show."""
+
+REACH = 3.0
+"""Standard deviations of the prior that are searched."""
+
+SCANNED = 0.01
+"""Between the factors on a stiffness that are tried, in the logarithm."""
+
+SUPPOSED = 9
+"""Factors for which the model's modes are computed; between them they are interpolated."""
+
+NEAR = 0.012
+"""How far a peak may be from where the best factor puts it, relative."""
+
+MATTERS = 0.03
+"""Least d ln f / d ln k of a spring that is searched by a mode."""
+
+
+class Place(NamedTuple):
+    """A mode and where it is read.
+
+    Attributes
+    ----------
+    name
+        As `windsysid.modal` has it.
+    shape
+        The class p of the blades in which it shows; None for a mode of the support.
+    frequency
+        In the frame in which it is read [Hz].
+    ratio
+        Its damping ratio in the turbine file.
+    """
+
+    name: str
+    shape: int | None
+    frequency: float
+    ratio: float
+
+
+class Places(NamedTuple):
+    """What the search found.
+
+    Attributes
+    ----------
+    places
+        The modes that are read.
+    start
+        θ to begin with (n,).
+    doubts
+        What speaks against them: peaks that do not stand out, and others that might be meant.
+    """
+
+    places: tuple[Place, ...]
+    start: Array
+    doubts: tuple[str, ...]
+
+
+class _Group(NamedTuple):
+    """Parameters that are moved by one factor, and the modes that tell it."""
+
+    members: tuple[Parameter, ...]
+    modes: tuple[str, ...]
+
+    @property
+    def middle(self) -> float:
+        """Geometric mean of the priors' centres."""
+        return math.exp(float(np.mean([math.log(q.centre) for q in self.members])))
+
+    @property
+    def spread(self) -> float:
+        """Prior standard deviation of the factor's logarithm: that of one, as if all were wrong alike."""
+        return float(np.mean([q.spread for q in self.members]))
+
+
+def find_places(
+    frequencies: Callable[[Mapping[str, float]], dict[str, float]], ratios: Mapping[str, float],
+    parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: int,
+) -> Places | None:  # fmt: skip
+    """The modes and where they are; None where they come so near each other within the priors' reach that the model's
+    change their names.
+
+    Parameters
+    ----------
+    frequencies
+        Gives the fixed-frame frequency [Hz] of every mode for values of the parameters; others at the priors' centres.
+    ratios
+        The damping ratio of each in the turbine file.
+    """
+    values = {q.name: q.centre for q in parameters}
+    there = frequencies(values)
+    seen_on = {combination.turns for combination in combined}
+    named = [name for name in there if (name in WHIRLS and True in seen_on) or (_stands(name) and False in seen_on)]
+    traces: dict[str, Trace] = {}
+    found: dict[str, float] = {}
+    doubts: list[str] = []
+    for group in _groups(frequencies, values, parameters, named, there):
+        scales = np.linspace(-REACH * group.spread, REACH * group.spread, SUPPOSED)
+        curves = _curves(frequencies, values, group, scales, spectra.rotor_hz)
+        if len(curves) < len(group.modes):
+            return None
+        fine = np.arange(scales[0], scales[-1] + SCANNED, SCANNED)
+        score = -0.5 * (fine / group.spread) ** 2
+        for name in group.modes:
+            low, high = float(np.exp(curves[name].min())), float(np.exp(curves[name].max()))
+            traces[name] = _trace(spectra, combined, name, blades, 0.97 * low, 1.03 * high)
+            score += traces[name].widened(NEAR).at(np.exp(np.interp(fine, scales, curves[name])))
+        leading = np.interp(fine, scales, curves[group.modes[0]])
+        best, rivals = best_of(score, fine, leading)
+        gain = 0.0
+        for name in group.modes:
+            expected = float(np.exp(np.interp(best, scales, curves[name])))
+            found[name] = traces[name].peak(expected, NEAR)
+            gain = max(gain, float(traces[name].widened(NEAR).at(np.array([expected]))[0]))
+        mean_curve = np.mean([curves[name] for name in group.modes], axis=0)
+        peaks = float(np.mean([math.log(found[name]) for name in group.modes]))
+        best = float(np.interp(peaks, mean_curve, scales))
+        values |= {q.name: group.middle * math.exp(best) for q in group.members}
+        doubts += _doubts(group, found, gain, rivals)
+    last = frequencies(values)
+    if not set(named) <= set(last) & set(ratios):
+        return None
+    places = tuple(
+        Place(name, WHIRLS.get(name), found.get(name, _base(name, last[name], spectra.rotor_hz)), ratios[name])
+        for name in named
+    )
+    start = np.array([float(q.coordinate(values[q.name])) for q in parameters])
+    return Places(places, start, tuple(doubts))
+
+
+def _stands(name: str) -> bool:
+    """Whether a mode is the support's and read there: not its roll, which stands for all that is faster."""
+    return name.startswith("tower") and name != "tower roll"
+
+
+def _base(name: str, frequency: float, rotor_hz: float) -> float:
+    """Where a mode of that frequency in the fixed frame is read."""
+    return frequency + WHIRLS.get(name, 0) * rotor_hz
+
+
+def _groups(
+    frequencies: Callable[[Mapping[str, float]], dict[str, float]], values: Mapping[str, float],
+    parameters: Sequence[Parameter], named: Sequence[str], there: Mapping[str, float],
+) -> list[_Group]:  # fmt: skip
+    """The groups in the order in which they are searched, each with the modes that it moves most."""
+    springs: dict[str, list[Parameter]] = {}
+    for q in parameters:
+        if q.logarithmic and q.name.startswith("k_"):
+            springs.setdefault("beta" if q.name.startswith("k_beta_") else q.name.removeprefix("k_"), []).append(q)
+    first: tuple[str, ...] = ("beta", "roll")
+    order = [name for name in first if name in springs]
+    order += [name for name in springs if name not in order]
+    told: dict[str, list[str]] = {name: [] for name in order}
+    moved = {name: frequencies({**values, **{q.name: 1.02 * values[q.name] for q in springs[name]}}) for name in order}
+    for mode in named:
+        slope = {name: math.log(moved[name].get(mode, there[mode]) / there[mode]) / math.log(1.02) for name in order}
+        if mode == "lag collective":
+            choices = ["roll"] if slope.get("roll", 0.0) > MATTERS else ["beta"]
+        elif mode in WHIRLS:
+            choices = ["beta"]
+        else:
+            choices = [name for name in order if name not in ("beta", "roll")]
+        choices = [name for name in choices if name in springs]
+        if choices:
+            told[max(choices, key=lambda name: slope[name])].append(mode)
+    return [_Group(tuple(springs[name]), tuple(told[name])) for name in order if told[name]]
+
+
+def _curves(
+    frequencies: Callable[[Mapping[str, float]], dict[str, float]], values: Mapping[str, float], group: _Group,
+    scales: Array, rotor_hz: float,
+) -> dict[str, Array]:  # fmt: skip
+    """ln of where each of the group's modes is read, for logarithms of the factor (S,), if any factor has it."""
+    each = [
+        frequencies({**values, **{q.name: group.middle * math.exp(s) for q in group.members}}) for s in scales.tolist()
+    ]
+    curves = {}
+    for name in group.modes:
+        known = [i for i, f in enumerate(each) if name in f]
+        if not known:
+            continue
+        base = np.log([_base(name, each[i][name], rotor_hz) for i in known])
+        curves[name] = np.maximum.accumulate(np.interp(scales, scales[known], base))
+    return curves
+
+
+def _trace(
+    spectra: TurnedSpectra, combined: Sequence[Combined], name: str, blades: int, low: float, high: float
+) -> Trace:
+    """L(F) of the rows in which a mode shows."""
+    shape = WHIRLS.get(name)
+    if shape is None:
+        rows = [spectra.combined(c.weights) for c in combined if not c.turns]
+        return trace(spectra, rows, 0, blades, low, high)
+    rows = [spectra.combined(c.weights) for c in combined if c.shape == shape]
+    if rows:
+        return trace(spectra, rows, shape, blades, low, high)
+    return trace(spectra, [spectra.combined(c.weights) for c in combined if c.blade], 0, 1, low, high)
+
+
+def _doubts(group: _Group, found: Mapping[str, float], gain: float, rivals: Sequence[float]) -> list[str]:
+    """What speaks against the peaks of a group."""
+    which, where = " and ".join(group.modes), ", ".join(f"{found[name]:.3g}" for name in group.modes)
+    if gain < FAINT:
+        return [f"no peak of {which} stands out near {where} Hz: choose a longer record, or a narrower prior"]
+    if rivals:
+        others = ", ".join(f"{rival:.3g}" for rival in rivals[:3])
+        return [f"{which} may be the peak at {where} Hz or that at {others} Hz: give a narrower prior (--prior-spread)"]
+    return []

@@ -1,0 +1,154 @@
+"""Several bands of a record as one function of the unknowns: their likelihoods multiply, the mechanics are shared.
+
+The unknowns are those of `windsysid.spectral.rotor.model.LiftedModel`: the coefficients θ, the mean lag angle and the
+tolerances τ, which all bands share, then the statistics of loads and readings, band by band.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from windsysid._types import Array
+from windsysid.loads.statistics import Statistic
+from windsysid.spectral.rotor.model import Inexact, LiftedModel
+from windsysid.spectral.rotor.scoring import SETTLED, Mode, find_mode, reach_mode
+from windsysid.spectral.rotor_bands.channels import Row
+
+__all__ = ["Band", "BandFit", "BandModel"]
+
+ROUGH, WHOLE = ((0.2, 3),), ((1.0, 1),)
+"""Weights of the likelihood, and every how many-th bin is used, stage by stage: from afar, and near the end."""
+
+COMPARED = 0.01
+"""Squared length of the last step, in standard deviations, where results are compared only."""
+
+
+class Band(NamedTuple):
+    """One band.
+
+    Attributes
+    ----------
+    model
+        Its spectrum as a function of the unknowns.
+    smoothed
+        The same smoothed by the taper's window; None where `model` is.
+    rows
+        What its entries are.
+    """
+
+    model: LiftedModel
+    smoothed: LiftedModel | None
+    rows: tuple[Row, ...]
+
+
+class BandFit(NamedTuple):
+    """The mode of a posterior, and the model that has it."""
+
+    model: "BandModel"
+    mode: Mode
+
+
+class BandModel(NamedTuple):
+    """The bands of a record: models of the same parameters."""
+
+    bands: tuple[Band, ...]
+
+    @property
+    def shared(self) -> int:
+        """How many unknowns all bands share: θ, the mean lag angle where it is one, τ."""
+        return self.bands[0].model.mechanical
+
+    @property
+    def statistics(self) -> tuple[Statistic, ...]:
+        """What η stands for."""
+        return tuple(s for band in self.bands for s in band.model.statistics)
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and standard deviation of the unknowns."""
+        each = [band.model.prior for band in self.bands]
+        mean, spread = (
+            np.concatenate([each[0][i][: self.shared], *(part[i][self.shared :] for part in each)]) for i in (0, 1)
+        )
+        return mean, spread
+
+    def places(self) -> list[NDArray[np.intp]]:
+        """For each band which of the unknowns are its own."""
+        places, first = [], self.shared
+        for band in self.bands:
+            count = len(band.model.statistics)
+            places.append(np.r_[0 : self.shared, first : first + count])
+            first += count
+        return places
+
+    def likelihood(self, unknowns: Array, every: int = 1) -> tuple[float, Array, Array]:
+        """J, g and F without the prior; of wide modes every n-th bin, as much as all of them would be.
+
+        Raises
+        ------
+        LinAlgError
+            Where a spectrum is not positive definite.
+        """
+        n = len(unknowns)
+        value, gradient, information = 0.0, np.zeros(n), np.zeros((n, n))
+        matrices = self.bands[0].model.matrices(unknowns[: self.shared], slopes=True)
+        for band, place in zip(self.bands, self.places(), strict=True):
+            found = band.model.likelihood(unknowns[place], every, matrices=matrices)
+            value += found.value
+            gradient[place] += found.gradient
+            information[np.ix_(place, place)] += found.information
+        return value, gradient, information
+
+    def start_from(self, unknowns: Array, other: "BandModel") -> Array:
+        """The unknowns (n,) of another model as those of this one: levels that both have stay what they are."""
+        levels = zip(other.statistics, unknowns[self.shared :].tolist(), strict=True)
+        known = {theirs.name: eta + math.log(theirs.given) for theirs, eta in levels}
+        ours = [known.get(s.name, math.log(s.given)) - math.log(s.given) for s in self.statistics]
+        return np.concatenate([unknowns[: self.shared], ours])
+
+    def admit(self, at: Array, inexact: Inexact) -> "BandFit":
+        """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without
+        (n,)."""
+        wide = BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in self.bands))
+        start = np.insert(at, self.shared, np.zeros(len(inexact.late)))
+        return BandFit(wide, reach_mode(wide.likelihood, start, *wide.prior))
+
+    def near(self, start: Array) -> Array:
+        """Unknowns (n,) roughly at the mode of the posterior, looked for from afar."""
+        mean, spread = self.prior
+        return find_mode(self.likelihood, start, mean, spread, ROUGH).unknowns
+
+    def fit(self, start: Array, *, rough: bool = False) -> BandFit:
+        """The mode of the posterior, looked for from `start` (n,).
+
+        What the taper's window adds to the spectra of wide modes, and how alike gusts make neighbouring bins, is taken
+        at the mode without them, and the mode found anew. A `rough` search ends with a step that is short beside the
+        bands: for comparing results.
+        """
+        mean, spread = self.prior
+        mode = find_mode(self.likelihood, start, mean, spread, WHOLE, enough=COMPARED)
+        bands = []
+        for band, place in zip(self.bands, self.places(), strict=True):
+            if band.smoothed is not None:
+                at = mode.unknowns[place]
+                smear = band.smoothed.spectrum(at).spectrum - band.model.spectrum(at).spectrum
+                band = band._replace(model=band.model._replace(smear=smear))
+            bands.append(band)
+        whole = BandModel(tuple(bands))._with_gusts(mode.unknowns)
+        enough = COMPARED if rough else SETTLED
+        return BandFit(whole, find_mode(whole.likelihood, mode.unknowns, mean, spread, WHOLE, enough=enough))
+
+    def _with_gusts(self, unknowns: Array) -> "BandModel":
+        """The same with c_h as the record has it: that of the taper, or more. Bands have few bins, so all have one."""
+        models = [band.model for band in self.bands]
+        told = [
+            m.shared_by_neighbours(m.spectrum(unknowns[at]).spectrum)
+            for m, at in zip(models, self.places(), strict=True)
+        ]
+        alike = 1.0 + 2.0 * sum(shared * count for shared, count in told) / sum(count for _, count in told)
+        bands = (
+            b._replace(model=b.model._replace(overlap=b.model.gusts * max(b.model.overlap, alike))) for b in self.bands
+        )
+        return BandModel(tuple(bands))

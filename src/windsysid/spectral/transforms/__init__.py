@@ -1,0 +1,3 @@
+"""Fourier transforms of readings: cross-spectra, rotating frame, multi-blade coordinates, lifted (harmonic)
+representation.
+"""
