@@ -10,7 +10,8 @@ parameters in the state, in the order
 
 where P is changed once for all readings of a sample: v = P⁻ h − Σ u (u h) over the readings before, u = v/√s, and P =
 P⁻ − Σ u uᵀ. With changes dy of the readings a bank carries how far means go with them, dm, through the same F and the
-same gains: dν = dy − h dm, and the log-likelihood goes by −Σ ν dν/s.
+same gains: dν = dy − h dm − E dw, and the log-likelihood changes by −Σ ν dν/s. A change may act on the loads w, too. Each
+lane may have changes of its own, so that one filter in all lanes tells `LANES` responses at the price of one.
 """
 
 from collections.abc import Sequence
@@ -44,6 +45,8 @@ class Bank(NamedTuple):
         How far the means go with each of c changes of the readings (groups, c, n, LANES).
     inputs
         Inputs at the beliefs' own time (n_u + n_w,).
+    changed
+        Changes at that time (m + n_w, c, LANES).
     samples
         How many samples they have seen.
     filters
@@ -56,6 +59,7 @@ class Bank(NamedTuple):
     cov: Array
     tangents: Array
     inputs: Array
+    changed: Array
     samples: int
     filters: int
 
@@ -71,11 +75,15 @@ class Scores(NamedTuple):
         Logarithm of what they were divided by (T, m, filters); 0 where missing.
     slopes
         Of the log-likelihood to each change of the readings (c, filters).
+    responses
+        By how much `whitened` of the first filters changes with each change (T, m, c, LANES); empty where they were not
+        asked for.
     """
 
     whitened: Array
     log_std: Array
     slopes: Array
+    responses: Array
 
 
 def bank_of(models: Sequence[StateSpace], changes: int = 0) -> Bank:
@@ -101,33 +109,39 @@ def bank_of(models: Sequence[StateSpace], changes: int = 0) -> Bank:
         np.ascontiguousarray([np.stack([m.cov for m in group], axis=-1) for group in groups]).reshape(-1, n, n, LANES),
         np.zeros((len(groups), changes, n, LANES)),
         np.zeros(len(first.inputs)),
+        np.zeros((len(first.readings), changes, LANES)),
         0,
         len(models),
     )
 
 
 def run_bank(
-    bank: Bank, inputs: Array, readings: Array, pool: ThreadPoolExecutor | None = None, changes: Array | None = None
-) -> tuple[Bank, Scores]:
+    bank: Bank, inputs: Array, readings: Array, pool: ThreadPoolExecutor | None = None, changes: Array | None = None, *,
+    respond: bool = False,
+) -> tuple[Bank, Scores]:  # fmt: skip
     """Filter T samples with every filter: inputs (T, n_u + n_w), readings (T, m), NaN = missing.
 
-    With `changes` (T, m, c) of the readings, the same filters tell how their likelihood goes with each of them, as if
-    no gain went with it.
+    With `changes` of the readings (T, m, c), or of readings and loads in each lane (T, m + n_w, c, LANES), the same
+    filters tell how their likelihood changes with each of them, and the whitened innovations of the first filters if
+    they `respond`, with gains held.
     """
     inputs = np.require(inputs, np.float64, ["C", "W"])
     readings = np.require(readings, np.float64, ["C", "W"])
     samples, m = readings.shape
     mean, cov, tangents = bank.mean.copy(), bank.cov.copy(), bank.tangents.copy()
     groups, c = tangents.shape[:2]
-    changes = np.zeros((samples, m, c)) if changes is None else np.require(changes, np.float64, ["C", "W"])
+    changes = _in_lanes(changes, (samples, m, c, LANES))
+    changed = bank.changed if bank.changed.shape == changes.shape[1:] else np.zeros(changes.shape[1:])
     slopes = np.zeros((groups, c, LANES))
     whitened, variance = np.zeros((samples, m, groups, LANES)), np.ones((samples, m, groups, LANES))
+    responses, none = np.zeros((samples if respond else 0, m, c, LANES)), np.zeros((0, m, c, LANES))
     kernel, rates, reading = run_kernel(), bank.compiled.rates_of_lanes, bank.compiled.reading_of_lanes
 
     def run(g: int) -> None:
         kernel(
             rates, reading, bank.lanes[g], scratch_of(bank.lanes[g], mean.shape[1], c), mean[g], cov[g], tangents[g],
-            bank.inputs, inputs, readings, changes, bank.samples > 0, g, whitened, variance, slopes[g],
+            bank.inputs, inputs, readings, changes, changed, bank.samples > 0, g, whitened, variance, slopes[g],
+            none if g else responses,
         )  # fmt: skip
 
     list((pool.map if pool else map)(run, range(len(bank.lanes))))
@@ -135,6 +149,17 @@ def run_bank(
         log_std = 0.5 * np.log(variance)
     z, log_s = (array.reshape(samples, m, groups * LANES)[..., : bank.filters] for array in (whitened, log_std))
     along = slopes.transpose(1, 0, 2).reshape(c, groups * LANES)[:, : bank.filters]
-    last = inputs[-1].copy() if samples else bank.inputs
-    after = bank._replace(mean=mean, cov=cov, tangents=tangents, inputs=last, samples=bank.samples + samples)
-    return after, Scores(z, log_s, along)
+    last, changed = (inputs[-1].copy(), changes[-1].copy()) if samples else (bank.inputs, changed)
+    after = bank._replace(
+        mean=mean, cov=cov, tangents=tangents, inputs=last, changed=changed, samples=bank.samples + samples
+    )
+    return after, Scores(z, log_s, along, responses)
+
+
+def _in_lanes(changes: Array | None, shape: tuple[int, ...]) -> Array:
+    """Changes of each lane, where those of all lanes (T, m, c), or none, are given."""
+    if changes is None:
+        return np.zeros(shape)
+    if changes.ndim == 3:
+        changes = np.broadcast_to(changes[..., None], shape)
+    return np.require(changes, np.float64, ["C", "W"])

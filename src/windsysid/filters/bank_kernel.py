@@ -50,12 +50,14 @@ def run_kernel() -> Any:
             _f1,
             _f2,
             _f2,
+            _f4,
             _f3,
             types.boolean,
             types.intp,
             _f4,
             _f4,
             _f2,
+            _f4,
         ),
         borrows=True,
     )
@@ -63,29 +65,30 @@ def run_kernel() -> Any:
 
 def _run(
     rates_jacobian: Any, reading_jacobian: Any, lanes: Any, ws: Any, mean: Any, cov: Any, tangents: Any, previous: Any,
-    inputs: Any, readings: Any, changes: Any, started: bool, group: int, whitened: Any, variance: Any, slopes: Any,
+    inputs: Any, readings: Any, changes: Any, changed: Any, started: bool, group: int, whitened: Any, variance: Any,
+    slopes: Any, responses: Any,
 ) -> None:  # fmt: skip
     n, wide = mean.shape[0], ws.P.shape[1]
     for i in range(n):
         for j in range(n):
             store(ws.P, i * wide + j, load(cov, i * n + j))
-    before = previous
+    before, change_before = previous, changed
     for k in range(inputs.shape[0]):
-        after = inputs[k]
+        after, change = inputs[k], changes[k]
         if started:
             s = 0 if lanes.step.size == 1 else int(after[after.size - 1])
             load_ends(lanes, ws, mean, before, after, s)
             step_mechanics(rates_jacobian, lanes, ws, mean, before, after, s)
             transpose_derivatives(lanes, ws, s)
-            step_tangents(lanes, ws, tangents, s)
+            step_tangents(lanes, ws, tangents, change_before, change, s)
             predict_covariance(lanes, ws, s)
         started = True
-        before = after
+        before, change_before = after, change
         if not any_reading(readings[k]):
             continue
         expect_readings(reading_jacobian, lanes, ws, mean, after)
-        expect_changes(ws, tangents, readings[k], changes[k])
-        assimilate_sample(lanes, ws, mean, tangents, readings[k], k, group, whitened, variance, slopes)
+        expect_changes(ws, tangents, readings[k], change)
+        assimilate_sample(lanes, ws, mean, tangents, readings[k], k, group, whitened, variance, slopes, responses)
     for i in range(n):
         for j in range(n):
             store(cov, i * n + j, load(ws.P, i * wide + j))
@@ -210,10 +213,13 @@ def transpose_derivatives(lanes: Any, ws: Any, s: int) -> None:
 
 
 @uncounted
-def step_tangents(lanes: Any, ws: Any, tangents: Any, s: int) -> None:
-    """How far the states go with changes of the readings, one step on: F dm for each change."""
-    nx, nz, _, _, _ = lanes.sizes
+def step_tangents(lanes: Any, ws: Any, tangents: Any, before: Any, after: Any, s: int) -> None:
+    """Propagate the changes of the states over one step: F dm + ∂x/∂w₀ dw₀ + ∂x/∂w₁ dw₁ for each change, whose loads
+    follow its readings in `before` and `after`."""
+    nx, nz, _, _, nw = lanes.sizes
     n, moving, tall, phi = tangents.shape[1], nx + nz, ws.top.shape[1], lanes.phi[s]
+    span, m, c = ws.total_S.shape[1], ws.H.shape[0], tangents.shape[0]
+    loads = nw if after.shape[0] > m else 0
     for t in range(tangents.shape[0]):
         first = t * n
         clear(ws.stepped, 1, tall)
@@ -223,6 +229,12 @@ def step_tangents(lanes: Any, ws: Any, tangents: Any, s: int) -> None:
         for e in range(lanes.phi_at.shape[0]):
             i, j = lanes.phi_at[e, 0], lanes.phi_at[e, 1]
             store(ws.z1, i, load(ws.z1, i) + load(phi, i * nz + j) * load(tangents, first + nx + j))
+        for j in range(loads):
+            first_load, last_load = load(before, (m + j) * c + t), load(after, (m + j) * c + t)
+            for i in range(nx):
+                by = i * span + nx + j
+                pushed = load(ws.total_S, by) * first_load + load(ws.total_S, by + nw) * last_load
+                store(ws.stepped, i, load(ws.stepped, i) + pushed)
         for i in range(nx):
             store(tangents, first + i, load(ws.stepped, i))
         for i in range(nz):
@@ -308,13 +320,16 @@ def expect_readings(reading_jacobian: Any, lanes: Any, ws: Any, mean: Any, input
 
 @uncounted
 def expect_changes(ws: Any, tangents: Any, reading: Any, change: Any) -> None:
-    """What is left of each change of the readings beside what was expected of it, in ``ws.late``."""
-    n, m = tangents.shape[1], ws.H.shape[0]
+    """Changes of the readings minus what is predicted of them, in ``ws.late``: dy − H dm − E dw."""
+    n, m, nw, count = tangents.shape[1], ws.H.shape[0], ws.E.shape[1], tangents.shape[0]
+    loads = nw if change.shape[0] > m else 0
     for t in range(tangents.shape[0]):
         for c in range(m):
             if np.isnan(reading[c]):
                 continue
-            left = splat(change[c, t])
+            left = load(change, c * count + t)
+            for j in range(loads):
+                left = left - load(ws.E, c * nw + j) * load(change, (m + j) * count + t)
             for i in range(n):
                 left = left - load(ws.H, c * n + i) * load(tangents, t * n + i)
             store(ws.late, t * m + c, left)
@@ -323,7 +338,7 @@ def expect_changes(ws: Any, tangents: Any, reading: Any, change: Any) -> None:
 @uncounted
 def assimilate_sample(
     lanes: Any, ws: Any, mean: Any, tangents: Any, reading: Any, k: int, group: int, whitened: Any, variance: Any,
-    slopes: Any,
+    slopes: Any, responses: Any,
 ) -> None:  # fmt: skip
     """Take in the readings one by one, P once for all: v = (P h − Σ v_d (v_d · h)) / √s over the readings d before."""
     n, m, wide, groups = mean.shape[0], lanes.noise.shape[0], ws.P.shape[1], whitened.shape[2]
@@ -360,6 +375,8 @@ def assimilate_sample(
             change = scale * load(late, t * m + c)
             store(late, t * m + c, change)
             store(slopes, t, load(slopes, t) - step * change)
+            if responses.shape[0] > 0:
+                store(responses, (k * m + c) * tangents.shape[0] + t, change)
             for i in range(n):
                 store(tangents, t * n + i, load(tangents, t * n + i) + load(v, c * wide + i) * change)
         store(whitened, (k * m + c) * groups + group, step)
