@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from windsysid.identification.effects.clock_lag import Lateness, Shifted, advance, clock_information, derivative
+from windsysid.identification.estimate.clock_lag import Lateness, Shifted, advance, clock_information, derivative
 from windsysid.identification.estimate.scoring import look
 from windsysid.identification.fit_equations import Reading
 from windsysid.mechanics.equations import Equations

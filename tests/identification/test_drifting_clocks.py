@@ -8,8 +8,10 @@ from validation.adversary.instruments import Instruments
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
 from windsysid.identification.effects import clock_drift as drifting_clocks
-from windsysid.identification.effects.clock_drift import Drift, find_drift, persists, together, without_drift
+from windsysid.identification.effects.clock_drift import ClockDrift, find_drift, persists, together
 from windsysid.identification.identify import identify
+from windsysid.identification.job import Job
+from windsysid.identification.model.drift import Drift
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior
@@ -37,12 +39,14 @@ def test_the_drift_is_found_within_its_band(drifting: Record):
     assert std < 5e-6
 
 
+def job(made: Record, turbine: Turbine) -> Job:
+    return Job(made, made, turbine, None, None, None, None, "auto")
+
+
 def test_a_steady_clock_is_left_alone(verne555: Turbine):
     for seed in range(4):
         steady = simulate_record(verne555, duration=300.0, rate=50.0, seed=seed)
-        same, drifts = without_drift(steady, verne555, verne555.sensors)
-        assert same is steady
-        assert not drifts
+        assert ClockDrift().find(job(steady, verne555)) is None
 
 
 def test_the_turbine_is_identified_from_readings_that_were_put_back(drifting: Record):
@@ -66,7 +70,9 @@ def test_gaps_stay_gaps(drifting: Record):
     values = drifting.values.copy()
     values[1000:1100, drifting.channels.index(BLADES[0])] = np.nan
     gappy = Record(drifting.time, values, drifting.channels, drifting.units)
-    moved, _ = without_drift(gappy, TURBINE, TURBINE.sensors)
+    drifts = ClockDrift().find(job(gappy, TURBINE))
+    assert drifts is not None
+    moved, _ = drifts.correct(gappy, TURBINE, TURBINE.sensors, filtered=False)
     assert np.isnan(moved[BLADES[0]]).sum() == 100
     assert np.isfinite(moved[BLADES[1]]).all()
 

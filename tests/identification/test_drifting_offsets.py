@@ -5,7 +5,7 @@ import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
 from validation import towers
-from windsysid.identification.effects.random_walk_bias import with_drifting_offsets
+from windsysid.identification.effects.random_walk_bias import find_random_walks
 from windsysid.identification.estimate.frequency_domain import ask
 from windsysid.identification.identify import identify
 from windsysid.identification.model.fit import known_inputs
@@ -31,7 +31,9 @@ def walked(made: Record, turbine: Turbine, step: float, seed: int) -> Record:
 def test_a_drift_is_as_fast_as_the_readings_wander(verne555: Turbine, seed: int):
     made = simulate_record(verne555, duration=200.0, rate=25.0, seed=seed)
     wandering = walked(made, verne555, 0.1, seed)
-    read, sensors, said = with_drifting_offsets(wandering, verne555, verne555.sensors)
+    found = find_random_walks(wandering, verne555, verne555.sensors)
+    said = found.notes(filtered=True)
+    read, sensors = found.correct(wandering, verne555, verne555.sensors, filtered=True)
     assert len(said) == 1
     assert "offsets wander" in said[0]
     drifts = np.array([sensor.drift for sensor in sensors])
@@ -49,7 +51,7 @@ def test_sensors_that_do_not_wander_keep_what_they_have(name: str, seed: int):
     turbine = load_turbine(name)
     made = simulate_record(turbine, duration=300.0, rate=20.0, seed=seed)
     for leaning in (False, True):
-        assert with_drifting_offsets(made, turbine, turbine.sensors, leaning=leaning) == (made, turbine.sensors, ())
+        assert find_random_walks(made, turbine, turbine.sensors, leaning=leaning) is None
 
 
 def test_sensors_that_feel_gravity_drift_only_where_a_caller_asks(verne555: Turbine):
@@ -60,8 +62,8 @@ def test_sensors_that_feel_gravity_drift_only_where_a_caller_asks(verne555: Turb
         for sensor in verne555.sensors
     )
     for leaning in (False, True):
-        found = with_drifting_offsets(made, verne555, sensors, leaning=leaning)[1]
-        drifting = {sensor.channel for sensor in found if sensor.drift and sensor.channel.startswith("tower")}
+        found = find_random_walks(made, verne555, sensors, leaning=leaning)
+        drifting = {channel for channel in found.drifts if channel.startswith("tower")}
         assert len(drifting) == (2 if leaning else 0)
 
 
@@ -71,7 +73,9 @@ def test_a_slow_trend_is_taken_out_without_a_drift(verne555: Turbine):
     swing = np.sin(2.0 * np.pi * np.arange(made.samples) / made.samples + 0.4)
     channels = [sensor.channel for sensor in verne555.sensors]
     trending = made.with_channels({name: (made[name] + 3.0 * swing, made.unit(name)) for name in channels})
-    read, sensors, said = with_drifting_offsets(trending, verne555, verne555.sensors)
+    found = find_random_walks(trending, verne555, verne555.sensors)
+    said = found.notes(filtered=True)
+    read, sensors = found.correct(trending, verne555, verne555.sensors, filtered=True)
     assert sensors == verne555.sensors
     assert "slow variations" in said[0]
     assert "drifts" not in said[0]
@@ -88,15 +92,15 @@ def test_a_few_periods_of_a_mode_are_no_trend():
     made = Record(
         time, np.column_stack([swing] * 2), tuple(s.channel for s in tower.sensors), ("m/s^2",) * 2, name="few"
     )
-    assert with_drifting_offsets(made, tower, tower.sensors, leaning=True)[0] is made
+    assert find_random_walks(made, tower, tower.sensors, leaning=True) is None
 
 
 def test_gaps_and_short_records_are_no_drift(verne555: Turbine):
     made = simulate_record(verne555, duration=100.0, rate=25.0, seed=5)
     made.values[300:700] = np.nan
-    assert with_drifting_offsets(made, verne555, verne555.sensors)[2] == ()
+    assert find_random_walks(made, verne555, verne555.sensors) is None
     short = walked(made.section(0.0, 10.0), verne555, 0.1, 1)
-    assert with_drifting_offsets(short, verne555, verne555.sensors)[2] == ()
+    assert find_random_walks(short, verne555, verne555.sensors) is None
 
 
 def test_spectra_give_a_drift_the_density_of_a_random_walk():

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pytest
 
-from windsysid.identification.effects.prior_conflict import find_held, note_wide_priors, one_by_one
+from windsysid.identification.estimate.prior_conflict import find_held, note_wide_priors, one_by_one
 from windsysid.identification.identify import identify
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter

@@ -5,7 +5,7 @@ from validation.adversary.loads import plus_line
 from validation.adversary.machine import Machine
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
-import windsysid.identification.identify as front
+from windsysid.identification import pipeline
 from windsysid.identification.identify import identify
 from windsysid.results.identification import Identification
 from windsysid.study.drawn_prior import DrawnPrior
@@ -24,7 +24,7 @@ def test_a_line_that_does_not_stand_out_is_found_and_left_out(monkeypatch: pytes
     assert any("steady line at 1.64 Hz was left out" in note for note in found.notes)
     errors = [(e.estimate - Machine().truth[e.name]) / e.std for e in found.estimates]
     assert max(abs(z) for z in errors) < 3.0
-    monkeypatch.setattr(front, "MOST_SEARCHES", 0)
+    monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 0)
     reasons = identified("line 5 % from a mode", 8000).diagnosis.reasons
     assert any(reason.startswith("without 1.64 Hz k_x would be") for reason in reasons)
     assert any(reason.startswith("a narrow-band load at 1.64 Hz explains the spectra better") for reason in reasons)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from windsysid._types import Array
-from windsysid.identification.effects.outlier import Outliers, find_spikes
+from windsysid.identification.estimate.outlier import Outliers, find_spikes
 
 
 def spiked(share: float, size: float = 40.0) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ import pytest
 
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as front
-from windsysid.identification.effects.outlier import find_spikes
+from windsysid.identification.estimate.outlier import find_spikes
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.streaming.time_domain import identify_pieces
 from windsysid.records.record import Record

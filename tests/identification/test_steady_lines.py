@@ -10,9 +10,9 @@ from validation.adversary.loads import plus_narrow_band
 from validation.adversary.machine import Machine
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
-import windsysid.identification.identify as front
 from validation import towers
 from windsysid.errors import ConfigurationError, RecordError
+from windsysid.identification import pipeline
 from windsysid.identification.effects import sinusoid as steady_lines
 from windsysid.identification.effects.sinusoid import Sine, find_sine, find_turning, one_turn, turned, without_sines
 from windsysid.identification.effects.sinusoidal_force import SineForce, find_forces, with_forces
@@ -153,7 +153,7 @@ def test_what_turns_with_the_rotor_is_felt_by_innovations(verne555: Turbine):
 
 
 def test_what_turns_and_nobody_took_away_speaks_against_a_result(verne555: Turbine, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(front, "MOST_SEARCHES", 0)
+    monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 0)
     made = record("1P on the support", 502)
     found = identify(made, verne555, prior=DrawnPrior(seed=502), formulation="joint", loads="broadband")
     assert any(reason.startswith("what turns at 1P is left over") for reason in found.diagnosis.reasons)

@@ -8,7 +8,7 @@ from validation.adversary.loads import gauss_markov, narrow_band
 from validation.adversary.machine import Machine, accelerations
 from validation.adversary.scenarios import record, scenario
 
-import windsysid.identification.identify as front
+from windsysid.identification import pipeline
 from windsysid.identification.automatic_choice import WITHOUT_WIND
 from windsysid.identification.condition.readings import resample_for_model
 from windsysid.identification.estimate.scoring import information
@@ -112,7 +112,7 @@ def test_a_support_that_loosens_midway_is_told_by_the_halves_of_the_record():
 @pytest.mark.slow
 def test_a_line_is_seen_though_it_turns_the_modes_of_the_tower_into_others(monkeypatch: pytest.MonkeyPatch):
     """It brings the stiffnesses together, so that the tower whirls: the file has no modes of these names."""
-    monkeypatch.setattr(front, "MOST_SEARCHES", 0)
+    monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 0)
     found = identify(
         record("line 5 % from a mode", 7023), "verne555", prior=DrawnPrior(seed=7023), formulation="joint",
         loads="broadband",

@@ -31,7 +31,7 @@ from windsysid.checks.verdict import (
 from windsysid.checks.whiteness import FALSE_ALARM_CHANCE, examine
 from windsysid.filters import EKF
 from windsysid.identification.condition.readings import resample_for_model
-from windsysid.identification.effects.clock_lag import PASSED
+from windsysid.identification.estimate.clock_lag import PASSED
 from windsysid.identification.estimate.scoring import find_mode
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose

@@ -41,7 +41,7 @@ from windsysid.filters import Info
 from windsysid.results.smoothed_loads import SmoothedLoads, doubt_correlated
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["Diagnosis", "diagnose"]
+__all__ = ["Diagnosis", "diagnose", "found_line"]
 
 PEAK_MAX_LEVEL = 2.0
 """Level of the spectrum from which a peak within reach of a natural frequency condemns a result, where it is beyond its
@@ -192,12 +192,12 @@ def diagnose(
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = hold_against_priors(parameters, theta, cov)
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
-    reasons, remarks, seen = list(doubts), [], _found_line(None, line)
+    reasons, remarks, seen = list(doubts), [], found_line(None, line)
     changed = doubt_halves(names, constancy)
     if white and whiteness is None:
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
     if whiteness is not None:
-        seen = _found_line(whiteness, line)
+        seen = found_line(whiteness, line)
         common, spectrum = _judge_shared(whiteness), _judge_spectrum(whiteness, rotor_hz, blades_move)
         bending, together = smoothed_loads or (None, None)
         loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
@@ -306,7 +306,7 @@ def _judge_spectrum(w: Whiteness, rotor_hz: float, blades_move: bool) -> _Verdic
 LIKELY_LOADS = "likely loads of another kind: try another load model or section"
 
 
-def _found_line(w: Whiteness | None, line: Line | None) -> tuple[str, float] | None:
+def found_line(w: Whiteness | None, line: Line | None) -> tuple[str, float] | None:
     """The channel and frequency of the line that counts, of those of readings and of innovations."""
     if line is not None and line.ratio > line.bound:
         return line.channel, line.frequency

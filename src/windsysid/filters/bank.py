@@ -10,8 +10,8 @@ parameters in the state, in the order
 
 where P is changed once for all readings of a sample: v = P⁻ h − Σ u (u h) over the readings before, u = v/√s, and P =
 P⁻ − Σ u uᵀ. With changes dy of the readings a bank carries how far means go with them, dm, through the same F and the
-same gains: dν = dy − h dm − E dw, and the log-likelihood changes by −Σ ν dν/s. A change may act on the loads w, too. Each
-lane may have changes of its own, so that one filter in all lanes tells `LANES` responses at the price of one.
+gains: dν = dy − h dm − E dw, and the log-likelihood changes by −Σ ν dν/s. A change may act on the loads w, too. Each
+lane may have changes of its own: one filter in all lanes tells `LANES` responses at the price of one.
 """
 
 from collections.abc import Sequence

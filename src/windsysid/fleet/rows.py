@@ -15,7 +15,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.fleet.scada import SCADA_COLUMNS
 from windsysid.fleet.states import operation_of
 from windsysid.identification.identify import identify
-from windsysid.identification.verdict.conclude import Formulation
+from windsysid.identification.job import Formulation
 from windsysid.inspection.channels import kinds
 from windsysid.inspection.plausibility import rotor_of
 from windsysid.inspection.screening import findings_of, read_besides

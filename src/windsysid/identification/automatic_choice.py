@@ -1,22 +1,27 @@
-"""Which formulation answers where nobody says how, and what one of them hears of another."""
+"""Choose between the joint and the spectral formulation, and cross-check them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from windsysid.errors import WindsysidError
-from windsysid.identification.condition.readings import usable_sensors
-from windsysid.identification.effects.random_walk_bias import with_drifting_offsets
-from windsysid.identification.formulations import DISAGREEMENT, by_filters, by_spectra, disagreement, jointly
-from windsysid.identification.job import Asked, Found
-from windsysid.identification.model.fit import Outcome, compare
+from windsysid.identification.effects import EFFECTS
+from windsysid.identification.effects.clock_drift import drifts_in
+from windsysid.identification.effects.lines import Sinusoid, harmonics_of_spectra, sinusoids_in
+from windsysid.identification.effects.random_walk_bias import RandomWalkBias
+from windsysid.identification.formulations import estimate
+from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.model.agreement import DISAGREEMENT, compare, disagreement
+from windsysid.identification.model.fit import Outcome
+from windsysid.identification.pipeline import run
 from windsysid.identification.verdict.conclude import doubts_of_innovations
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.spectral.rotor_bands.build import is_lightly_damped
 
-__all__ = ["by_spectra_alone", "by_what_fits"]
+__all__ = ["choose", "spectral_alone"]
 
 BEGINNING = 60.0
 """Periods of the slowest mode at a record's beginning in which filters look for loads that they cannot explain: where
@@ -25,82 +30,114 @@ there are, a search of all of it takes minutes."""
 WITHOUT_WIND = "broad loads explain the record, and spectra in bands suppose wind: use --formulation joint"
 
 
-def by_what_fits(asked: Asked) -> Found:
-    """By spectra under wind and where nothing turns, jointly otherwise; the other way is asked, too, but under wind.
+def choose(job: Job) -> FittedJob:
+    """By spectra under wind and where nothing turns, jointly otherwise; the other one is a cross-check, but under wind.
 
     Springs that harden, friction, play and loads of another kind show in innovations; in the size of a spectrum they
     hardly do.
     """
     try:
-        spectral = asked.spectra or by_spectra(asked)
+        spectral_job, spectral = run(job.by("spectral"))
     except (WindsysidError, np.linalg.LinAlgError) as error:
-        return by_filters(asked).saying(f"joint formulation, as spectra do not apply ({error})")
+        return run(job.by("joint"))[1].noting(f"joint formulation, as spectra do not apply ({error})")
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
+    joint_job = job.by("joint").with_effects_of(spectral_job, "clock_drift", Sinusoid.code)
     if not doubts and spectral.outcome.hypothesis == RotorWind.name:
-        broad = _by_broad_loads(asked) if spectral.outcome.in_bands else None
+        broad = _by_broad_loads(joint_job) if spectral.outcome.in_bands else None
         if broad is not None:
-            return broad.saying("joint formulation: broad loads explain the record, and spectra in bands suppose wind")
-        return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
-    if not doubts and spectral.drifts:
-        return spectral.saying("spectral formulation: a clock drifts, and filters feel what is read between samples")
-    again = asked._replace(prior=spectral.prior, drifts=spectral.drifts)
-    if spectral.drifts and asked.loads == "auto":
-        again = again._replace(loads=Broadband.name)  # others would explain what filters feel of that
-    joint = by_filters(again) if doubts else _held_against(spectral.outcome, again)
-    joint = joint._replace(outcome=joint.outcome._replace(given_priors=spectral.outcome.given_priors))
+            return broad.noting("joint formulation: broad loads explain the record, and spectra in bands suppose wind")
+        return spectral.noting("spectral formulation: wind drives a turning rotor, and the record is stationary")
+    if not doubts and drifts_in(spectral_job):
+        return spectral.noting("spectral formulation: a clock drifts, and filters feel what is read between samples")
+    joint_job = _prepared(replace(joint_job, prior=spectral.prior), spectral)
     if doubts:
-        explained = joint.narrow or joint.outcome.hypothesis == NarrowBand.name
-        if not explained and compare(joint.outcome, spectral.outcome)[1] < DISAGREEMENT:
-            joint = joint.beside(*spectral.narrow)  # filters have ended where spectra did
-        return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
+        return _filters_instead(joint_job, spectral, doubts[0])
+    return _cross_checked(joint_job, spectral_job, spectral)
+
+
+def spectral_alone(job: Job) -> FittedJob:
+    """By spectra; a rotor that is read in bands, which suppose wind, is held against filters that do without."""
+    _, fit = run(job.by("spectral"))
+    if fit.outcome.doubts or not fit.outcome.in_bands or _by_broad_loads(job.by("joint")) is None:
+        return fit
+    return fit.doubted(WITHOUT_WIND)
+
+
+def _prepared(job: Job, spectral: FittedJob) -> Job:
+    """The job for filters, with what spectra show of the rotor's harmonics, and broad loads where a clock drifts:
+    others would explain what filters sense of that."""
+    try:
+        harmonics = harmonics_of_spectra(job, spectral)
+    except (WindsysidError, np.linalg.LinAlgError):
+        harmonics = None
+    job = job if harmonics is None else job.including(harmonics)
+    return replace(job, loads=Broadband.name) if drifts_in(job) and job.loads == "auto" else job
+
+
+def _filters_instead(job: Job, spectral: FittedJob, doubt: str) -> FittedJob:
+    """By filters where something speaks against spectra."""
+    joint = _with_priors_of(spectral, run(job)[1])
+    explained = joint.rivals or joint.outcome.hypothesis == NarrowBand.name
+    if not explained and compare(joint.outcome, spectral.outcome)[1] < DISAGREEMENT:
+        joint = joint.with_rivals(*spectral.rivals)  # filters have ended where spectra did
+    return joint.noting(f"joint formulation, as spectra are in doubt ({doubt})")
+
+
+def _cross_checked(job: Job, spectral_job: Job, spectral: FittedJob) -> FittedJob:
+    """By filters where something turns, by spectra elsewhere, and held against the other."""
+    job, joint = _fitted_beside(job, spectral)
+    joint = _with_priors_of(spectral, joint)
+    if (
+        sinusoids_in(job) != sinusoids_in(spectral_job) and not spectral.outcome.turns
+    ):  # what filters found, spectra lack
+        _, spectral = run(spectral_job.with_effects_of(job, "clock_drift", Sinusoid.code).by("spectral"))
     name, off = compare(joint.outcome, spectral.outcome)
-    against = [disagreement(name, off, joint, asked.turbine)]
+    against = [disagreement(name, off, joint.outcome, job.turbine)]
     if spectral.outcome.turns:
         if off > DISAGREEMENT:
-            return joint.saying("joint formulation; spectra were asked, too", *against)
-        return joint.saying(f"joint formulation; spectra agree within {off:.1f} standard deviations")
+            return joint.noting("joint formulation; spectra were asked, too", *against)
+        return joint.noting(f"joint formulation; spectra agree within {off:.1f} standard deviations")
     why = "spectral formulation: the record is stationary, and nothing that moves turns"
     if off > DISAGREEMENT:
-        return spectral.saying(f"{why}; filters were asked, too", *against)
+        return spectral.noting(f"{why}; filters were asked, too", *against)
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
-    return spectral.saying(f"{why}; filters agree within {off:.1f} standard deviations", *innovations)
+    return spectral.noting(f"{why}; filters agree within {off:.1f} standard deviations", *innovations)
 
 
-def by_spectra_alone(asked: Asked) -> Found:
-    """By spectra; a rotor that is read in bands, which suppose wind, is held against filters that do without."""
-    found = by_spectra(asked)
-    if found.outcome.doubts or not found.outcome.in_bands or _by_broad_loads(asked) is None:
-        return found
-    return found.doubted(WITHOUT_WIND)
+def _with_priors_of(spectral: FittedJob, joint: FittedJob) -> FittedJob:
+    return joint._replace(outcome=joint.outcome._replace(given_priors=spectral.outcome.given_priors))
 
 
-def _held_against(spectral: Outcome, asked: Asked) -> Found:
-    """What filters say beside spectra. Where that differs, and a drift of sensors that feel gravity is there and
-    explains it, what they say with that drift."""
-    joint = jointly(asked, spectral)
-    if compare(joint.outcome, spectral)[1] <= DISAGREEMENT:
-        return joint
-    part = asked.part.on_own_times()
-    sensors = usable_sensors(part, asked.turbine, asked.sensors)
-    if not with_drifting_offsets(part, asked.turbine, sensors, leaning=True)[2]:
-        return joint
-    drifting = jointly(asked._replace(leaning=True), spectral)
-    agrees = compare(drifting.outcome, spectral)[1] <= DISAGREEMENT
-    return drifting if agrees and not doubts_of_innovations(drifting.outcome, drifting.read.rate) else joint
+def _fitted_beside(job: Job, spectral: FittedJob) -> tuple[Job, FittedJob]:
+    """By filters from where spectra ended. Where that differs, and a drift of sensors that are sensitive to gravity is
+    there and explains it, with that drift."""
+    near = spectral if sinusoids_in(job) is None else None  # filters have not looked there yet
+    answered, joint = run(job, spectral if near is not None else None, effects=(EFFECTS,))
+    if compare(joint.outcome, spectral.outcome)[1] <= DISAGREEMENT:
+        return answered, joint
+    wander = RandomWalkBias().find(job, leaning=True)
+    if wander is None or not wander.drifts:
+        return answered, joint
+    leaning = job.including(wander)
+    drifting = estimate(leaning, spectral)
+    agrees = compare(drifting.outcome, spectral.outcome)[1] <= DISAGREEMENT
+    if agrees and not doubts_of_innovations(drifting.outcome, drifting.read.rate):
+        return leaning, drifting
+    return answered, joint
 
 
-def _by_broad_loads(asked: Asked) -> Found | None:
+def _by_broad_loads(job: Job) -> FittedJob | None:
     """By filters under broad loads, where these explain the record of a rotor whose modes are well damped, which bands
     take for one in wind; None where they do not, or other loads are asked for. A real machine's modes are lightly
     damped, and it has more than its model: it stays with bands."""
-    if asked.loads not in ("auto", Broadband.name) or is_lightly_damped(asked.turbine):
+    if job.loads not in ("auto", Broadband.name) or is_lightly_damped(job.turbine):
         return None
-    part, joint = asked.part, None
+    part, joint = job.part, None
     begun = float(part.time[0])
-    beginning = begun + BEGINNING * 2.0 * math.pi / asked.turbine.slowest_frequency
+    beginning = begun + BEGINNING * 2.0 * math.pi / job.turbine.slowest_frequency
     for end in sorted({min(beginning, float(part.time[-1])), float(part.time[-1])}):
         try:
-            joint = jointly(asked._replace(part=part.section(begun, end), loads=Broadband.name))
+            _, joint = run(replace(job, part=part.section(begun, end), loads=Broadband.name), effects=())
         except (WindsysidError, np.linalg.LinAlgError):
             return None
         if joint.outcome.doubts or doubts_of_innovations(joint.outcome, joint.read.rate):

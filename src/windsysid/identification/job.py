@@ -1,42 +1,56 @@
-"""What a caller of `identify` asks, and what a formulation finds."""
+"""What is asked of an identification, and what a formulation answers."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
-from windsysid.identification.condition.readings import usable_sensors
-from windsysid.identification.effects.clock_drift import Drift
-from windsysid.identification.effects.sinusoid import APART, Sine, without_sines
+from windsysid.checks.lines import Line
+from windsysid.identification.condition.readings import resample_for_model, screened, usable_sensors, without_faulty
+from windsysid.identification.model.effect import Inclusion
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
-from windsysid.identification.verdict.conclude import Formulation
-from windsysid.identification.verdict.influence import Dependence
 from windsysid.inspection.health import Finding
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Asked", "Found"]
+__all__ = ["Conditioned", "FittedJob", "Formulation", "Job"]
+
+Formulation = Literal["joint", "force-balance", "spectral"]
 
 
-class Asked(NamedTuple):
-    """What a caller of `identify` wants to know.
+class Conditioned(NamedTuple):
+    """A record without faulty readings, corrected for the effects that a job includes.
+
+    Attributes
+    ----------
+    record, sensors, faults
+        The record, its sensors, and the faults of their channels.
+    steps, notes
+        Samples of the record for each reading, and what resampling did.
+    """
+
+    record: Record
+    sensors: tuple[Sensor, ...]
+    faults: Sequence[Finding]
+    steps: int = 1
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a caller of `windsysid.identify` asks.
 
     Attributes
     ----------
     record, part
-        The record, and its section that is asked about.
+        The record, and its section that is identified.
     turbine, sensors, prior, parameters, rate, loads
-        As for `windsysid.identification.identify`.
-    sines
-        Steady lines that were found before.
-    near
-        Where filters that knew less have ended.
-    spectra
-        What spectra have said of the same.
-    drifts
-        Drifts of clocks that were found before.
-    leaning
-        Whether sensors that feel gravity may drift, too (`windsysid.identification.effects.random_walk_bias`).
+        As for `windsysid.identify`.
+    formulation
+        By which the question is answered.
+    effects
+        Effects that the model includes.
     """
 
     record: Record
@@ -47,31 +61,58 @@ class Asked(NamedTuple):
     parameters: Sequence[str] | None
     rate: float | None
     loads: str
-    sines: tuple[Sine, ...] = ()
-    near: Outcome | None = None
-    spectra: "Found | None" = None
-    drifts: tuple[Drift, ...] = ()
-    leaning: bool = False
+    formulation: Formulation = "joint"
+    effects: tuple[Inclusion, ...] = ()
 
     @property
-    def quiet(self) -> Record:
-        """The part without the steady lines that were found."""
-        if not self.sines:
-            return self.part
-        return without_sines(self.part, self.turbine, usable_sensors(self.part, self.turbine, self.sensors), self.sines)
+    def filtered(self) -> bool:
+        """Whether filters read the samples."""
+        return self.formulation == "joint"
 
-    def with_sines(self, sines: Sequence[Sine], found: Outcome) -> "Asked":
-        """The same with more steady lines that were found, where a search has ended near if they bend it little."""
-        known, apart = [*self.sines], APART / self.part.duration
-        for sine in sines:
-            if not any(sine.same_as(other, apart) for other in known):
-                known.append(sine)
-        bent = any(not sine.order for sine in known[len(self.sines) :])
-        return self._replace(sines=tuple(known), near=None if bent else found, spectra=None)
+    def by(self, formulation: Formulation) -> "Job":
+        """The same job, answered by another formulation."""
+        return replace(self, formulation=formulation)
+
+    def including(self, effect: Inclusion) -> "Job":
+        """The same job with an effect, in place of one of its code."""
+        return replace(self, effects=(*self.without(effect.code).effects, effect))
+
+    def with_effects_of(self, other: "Job", *codes: str) -> "Job":
+        """The same job with those effects of another one that have these codes."""
+        return replace(self, effects=tuple(one for one in other.effects if one.code in codes))
+
+    def without(self, code: str) -> "Job":
+        """The same job without the effect of this code."""
+        return replace(self, effects=tuple(one for one in self.effects if one.code != code))
+
+    def included(self, code: str) -> Inclusion | None:
+        """The effect of this code, if it is included."""
+        return next((one for one in self.effects if one.code == code), None)
+
+    def condition(self) -> Conditioned:
+        """The readings as the model has them."""
+        part = self.part.on_own_times() if self.filtered else self.part.on_uniform_grid()
+        sensors = usable_sensors(part, self.turbine, self.sensors)
+        part, faults = without_faulty(part, screened(self.part, self.turbine, sensors))
+        for effect in self.effects:
+            part, sensors = effect.correct(part, self.turbine, sensors, filtered=self.filtered)
+        return Conditioned(part, sensors, faults)
+
+    def resampled(self) -> Conditioned:
+        """The readings at the rate that filters of the model need."""
+        at = self.condition()
+        read, steps, notes = resample_for_model(
+            at.record, self.turbine, self.rate, self.sensors or self.turbine.sensors
+        )
+        return at._replace(record=read, steps=steps, notes=notes)
+
+    def notes(self) -> tuple[str, ...]:
+        """What the included effects say."""
+        return tuple(note for effect in self.effects for note in effect.notes(filtered=self.filtered))
 
 
-class Found(NamedTuple):
-    """What a formulation found.
+class FittedJob(NamedTuple):
+    """What a formulation answers.
 
     Attributes
     ----------
@@ -81,14 +122,12 @@ class Found(NamedTuple):
         The record that it read, with which sensors, and the faults of their channels.
     prior
         As it was in the end.
-    drifts
-        Drifts of clocks whose readings were put back.
-    dependence
-        The frequency that a coefficient depends on.
-    felt
-        Steady lines that are left in the innovations.
-    narrow
+    line
+        What stands out most of the readings beside a mode, if anything depends on it.
+    rivals
         What a narrow-band load says against it.
+    unmodelled
+        What effects that are not included say against it.
     """
 
     formulation: Formulation
@@ -97,20 +136,23 @@ class Found(NamedTuple):
     sensors: tuple[Sensor, ...]
     faults: Sequence[Finding]
     prior: Prior = Prior()
-    drifts: tuple[Drift, ...] = ()
-    dependence: Dependence | None = None
-    felt: tuple[Sine, ...] = ()
-    narrow: tuple[str, ...] = ()
+    line: Line | None = None
+    rivals: tuple[str, ...] = ()
+    unmodelled: tuple[str, ...] = ()
 
-    def saying(self, note: str, *doubts: str) -> "Found":
+    def noting(self, note: str, *doubts: str) -> "FittedJob":
         """The same with a note, and what speaks against it."""
-        found = self.doubted(*doubts)
-        return found._replace(outcome=found.outcome._replace(notes=(*found.outcome.notes, note)))
+        fit = self.doubted(*doubts)
+        return fit._replace(outcome=fit.outcome._replace(notes=(*fit.outcome.notes, note)))
 
-    def doubted(self, *doubts: str) -> "Found":
+    def doubted(self, *doubts: str) -> "FittedJob":
         """The same with what speaks against it."""
         return self._replace(outcome=self.outcome._replace(doubts=(*self.outcome.doubts, *doubts)))
 
-    def beside(self, *narrow: str) -> "Found":
+    def lacking(self, *unmodelled: str) -> "FittedJob":
+        """The same with what effects that are not included say against it."""
+        return self._replace(unmodelled=(*self.unmodelled, *unmodelled))
+
+    def with_rivals(self, *rivals: str) -> "FittedJob":
         """The same with what a narrow-band load says against it."""
-        return self.doubted(*narrow)._replace(narrow=narrow)
+        return self.doubted(*rivals)._replace(rivals=rivals)

@@ -6,11 +6,14 @@ the readings, weighted so that a vibration does not count, is held against the r
 they differ by more than chance, the sensor gets an offset to be found. Spectra leave constants out anyway.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.identification.job import Job
+from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import known_inputs
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.mechanics.compile import compile_model
@@ -18,7 +21,7 @@ from windsysid.mechanics.sensors import Accelerometer, Sensor
 from windsysid.records.record import Record
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["with_offsets"]
+__all__ = ["Biases", "SensorBias", "find_biases"]
 
 SIGMAS = 5.0
 """Standard deviations of the mean by chance, beyond which it is an offset."""
@@ -36,29 +39,59 @@ AT_REST = 2000
 """Samples, at most, at which the machine at rest is read."""
 
 
-def with_offsets(
-    record: Record, turbine: Turbine, sensors: Sequence[Sensor]
-) -> tuple[tuple[Sensor, ...], tuple[str, ...]]:
-    """The sensors, those with an offset as large as what the readings are off by that have one, and what to say."""
+@dataclass(frozen=True)
+class Biases:
+    """Constant biases that the sensor list does not have: for each channel the mean of what its readings are off by,
+    whose size is the prior standard deviation of the bias."""
+
+    sizes: Mapping[str, float]
+    units: Mapping[str, str]
+    code: str = "sensor_bias"
+
+    def correct(
+        self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool
+    ) -> tuple[Record, tuple[Sensor, ...]]:
+        """Give these sensors a bias to be estimated."""
+        sizes = self.sizes
+        return record, tuple(
+            one.model_copy(update={"bias": abs(sizes[one.channel])}) if one.channel in sizes else one for one in sensors
+        )
+
+    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+        """That the readings have a bias; spectra leave constants out."""
+        of = ", ".join(f"{channel} by {size:.2g} {self.units[channel]}" for channel, size in self.sizes.items())
+        return (f"readings are off by a constant, which is found beside: {of}",) if filtered else ()
+
+
+class SensorBias(Effect):
+    """Constant biases, found in the means of the readings."""
+
+    code = "sensor_bias"
+
+    def find(self, job: Job) -> Biases | None:
+        """Find biases in the means of the readings."""
+        at = job.condition()
+        return find_biases(at.record, job.turbine, at.sensors)
+
+
+def find_biases(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Biases | None:
+    """Find accelerometers whose mean differs from the reading of the machine at rest by more than chance."""
     asked = [i for i, s in enumerate(sensors) if isinstance(s, Accelerometer) and not s.bias]
     if not asked or record.samples < 3:
-        return tuple(sensors), ()
+        return None
     turbine = seen_by(turbine, sensors, [])
     inputs, turning = known_inputs(record, turbine, sensors), "rotor_azimuth" in turbine.model.inputs
     psi = np.unwrap(inputs[:, turbine.model.inputs.index("rotor_azimuth")]) if turning else np.zeros(len(inputs))
     some = slice(None, None, max(1, record.samples // AT_REST))
     at_rest = _at_rest(turbine, sensors, inputs[some])
-    found, said = list(sensors), []
+    sizes = {}
     for i in asked:
         sensor = sensors[i]
         off = _mean(record[sensor.channel], psi) - _mean(at_rest[:, i], psi[some])
         chance = _chance(record[sensor.channel], record.duration * turbine.slowest_frequency / (2.0 * np.pi))
         if abs(off) > max(SIGMAS * chance, LEAST * sensor.noise):
-            found[i] = sensor.model_copy(update={"bias": abs(off)})
-            said.append(f"{sensor.channel} by {off:.2g} {sensor.unit}")
-    if not said:
-        return tuple(sensors), ()
-    return tuple(found), (f"readings are off by a constant, which is found beside: {', '.join(said)}",)
+            sizes[sensor.channel] = off
+    return Biases(sizes, {s.channel: s.unit for s in sensors}) if sizes else None
 
 
 def _at_rest(turbine: Turbine, sensors: Sequence[Sensor], inputs: Array) -> Array:

@@ -1,7 +1,7 @@
 """Loggers whose clock runs faster or slower than that of the tower's.
 
 Two crystals differ by tens of parts in a million: 30 ms in ten minutes, a tenth of a period of a blade. A clock that is
-late has an unknown (`windsysid.identification.effects.clock_lag`); its drift is seen before anything is identified, as
+late has an unknown (`windsysid.identification.estimate.clock_lag`); its drift is seen before anything is identified, as
 sensors of turning blades feel gravity. In the reading y = Re a e^{iψ} of a logger that is late by κ, with the azimuth ψ
 of the tower's logger, the phase of a falls by Ωκ. It is taken window by window; where a straight line through the κ of
 all windows is beyond chance, readings are put back to when they were taken, as if the clocks had agreed at the first
@@ -14,26 +14,25 @@ spectra find, and with it that difference, so that they are asked again until no
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
+from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.model.drift import CLEAR, Drift
+from windsysid.identification.model.effect import Detection, Effect
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor
 from windsysid.records.record import Record
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
-from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Drift", "drift_of_halves", "find_drift", "left_over", "persists", "together", "without_drift"]
+__all__ = ["ClockDrift", "ClockDrifts", "drifts_in", "find_drift", "left_over", "persists", "together"]
 
 TURNS, FEWEST, MOST = 5.0, 6, 40
 """Turns of a window at least; windows of a record at least and at most."""
-
-CLEAR = 4.0
-"""Standard deviations from which on a drift is one."""
 
 STEADY = 10.0
 """How many times the amplitude that repeats in every turn must be as large as it scatters from window to window."""
@@ -41,61 +40,65 @@ STEADY = 10.0
 FINER = 8
 """Values between which a shifted one is interpolated, to each that was read."""
 
-LEAST, GREATEST = 0.07, 3e-4
-"""Angle [rad] of the fastest motion of a degree of freedom by which a drift over the record matters, and [s/s] that a
-clock can have."""
 
-STEPS, SMALL = 3, 1.0
-"""Most steps of scoring to the clock of a half; one of so many standard deviations or fewer is the last."""
+@dataclass(frozen=True)
+class ClockDrifts:
+    """Clocks that drift, whose readings are put back to when they were taken; of these drifts `last` was found last."""
 
+    drifts: tuple[Drift, ...]
+    last: tuple[Drift, ...] = ()
+    code: str = "clock_drift"
 
-class Drift(NamedTuple):
-    """A clock that drifts.
+    def correct(
+        self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool
+    ) -> tuple[Record, tuple[Sensor, ...]]:
+        """Put the readings of drifting loggers on the tower's clock."""
+        for drift in self.drifts if record.is_uniform else ():
+            of_logger = [sensor.channel for sensor in sensors if sensor.sampled_by == drift.logger]
+            late = drift.rate * (record.time - record.time[0])
+            record = record.with_channels(
+                {one: (_moved(record.time, record[one], late), record.unit(one)) for one in of_logger}
+            )
+        return record, tuple(sensors)
 
-    Attributes
-    ----------
-    logger
-        Whose it is.
-    rate, std
-        By how much more it is late in every second [s/s], and the standard deviation of that.
-    by
-        What shows it.
-    """
-
-    logger: str
-    rate: float
-    std: float
-    by: str = "gravity in its readings"
-
-    def __str__(self) -> str:
-        ppm, std, pace = 1e6 * abs(self.rate), 1e6 * self.std, "slowly" if self.rate < 0.0 else "fast"
-        return (
-            f"the clock of the logger {self.logger} runs {ppm:.3g} ± {std:.2g} ppm too {pace}, by {self.by}: its "
-            "readings were put back"
-        )
-
-    def matters(self, turbine: Turbine, duration: float) -> bool:
-        """Whether it is beyond chance, no faster than clocks drift, and moves what vibrates in such a record [s]."""
-        fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
-        least = LEAST / (fastest * duration) if fastest > 0.0 else math.inf
-        return max(CLEAR * self.std, least) < abs(self.rate) < GREATEST
+    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+        """Which clocks drift."""
+        return tuple(map(str, self.drifts))
 
 
-def without_drift(
-    record: Record, turbine: Turbine, sensors: Sequence[Sensor], known: Sequence[Drift] = ()
-) -> tuple[Record, tuple[Drift, ...]]:
-    """The record with the readings of drifting loggers on the tower's clock, and those drifts: the known ones, or what
-    gravity shows where none are."""
-    if not record.is_uniform:
-        return record, ()
-    drifts = tuple(known) or _by_gravity(record, turbine, sensors)
-    for drift in drifts:
-        of_logger = [sensor.channel for sensor in sensors if sensor.sampled_by == drift.logger]
-        late = drift.rate * (record.time - record.time[0])
-        record = record.with_channels(
-            {one: (_moved(record.time, record[one], late), record.unit(one)) for one in of_logger}
-        )
-    return record, drifts
+class ClockDrift(Effect):
+    """Drifts of clocks, found by gravity in turning sensors, and by the clocks that both halves of a record have."""
+
+    code = "clock_drift"
+
+    def find(self, job: Job) -> ClockDrifts | None:
+        """Find the drifts that gravity shows."""
+        at = job.condition()
+        drifts = _by_gravity(at.record, job.turbine, at.sensors) if at.record.is_uniform else ()
+        return ClockDrifts(drifts) if drifts else None
+
+    def detect(self, job: Job, fit: FittedJob) -> Detection:
+        """Test whether the halves of the record have the same clocks, by spectra."""
+        before = drifts_in(job)
+        left = left_over(fit.outcome.drifts, before, job.turbine, fit.read.duration)
+        if not left:
+            return Detection(fit)
+        sigmas = max(abs(one.rate) / one.std for one in left)
+        return Detection(fit, ClockDrifts(together(before, left), left), sigmas**2 / (2.0 * math.log(10.0)))
+
+    def confirm(self, job: Job, found: Detection, after: FittedJob) -> FittedJob | None:
+        """Keep a drift that is gone where it was put back; what persists is something else."""
+        put_back = found.inclusion
+        if not isinstance(put_back, ClockDrifts):
+            return after
+        left = left_over(after.outcome.drifts, put_back.drifts, after.outcome.turbine, after.read.duration)
+        return None if persists(left, put_back.last) else after
+
+
+def drifts_in(job: Job) -> tuple[Drift, ...]:
+    """The drifts that a job includes."""
+    included = job.included(ClockDrift.code)
+    return included.drifts if isinstance(included, ClockDrifts) else ()
 
 
 def left_over(drifts: Sequence[Drift], known: Sequence[Drift], turbine: Turbine, duration: float) -> tuple[Drift, ...]:
@@ -122,36 +125,6 @@ def together(drifts: Sequence[Drift], more: Sequence[Drift]) -> tuple[Drift, ...
             one = one._replace(rate=before[one.logger].rate + one.rate)
         before[one.logger] = one
     return tuple(before.values())
-
-
-def drift_of_halves(
-    halves: Sequence[LiftedModel], unknowns: Array, loggers: Sequence[str], apart: float
-) -> list[Drift]:
-    """The drifts of loggers whose clocks are unknowns of spectra, from the halves of a record whose middles are so many
-    seconds apart, at the unknowns that the whole record has."""
-    if not loggers:
-        return []
-    (early, early_std), (late, late_std) = (_clocks(half, unknowns, len(loggers)) for half in halves)
-    rates, stds = (late - early) / apart, np.hypot(early_std, late_std) / apart
-    told = zip(loggers, rates.tolist(), stds.tolist(), strict=True)
-    return [Drift(logger, rate, std, "vibration in the record's halves") for logger, rate, std in told]
-
-
-def _clocks(half: LiftedModel, unknowns: Array, count: int) -> tuple[Array, Array]:
-    """By how much the last of the mechanical unknowns, clocks, are late (count,) [s], and the standard deviations of
-    that with all others known; of a clock that nothing shows, infinite ones."""
-    at, unknowns = slice(half.mechanical - count, half.mechanical), unknowns.copy()
-    for _ in range(STEPS):
-        said = half.likelihood(unknowns)
-        information = np.diag(said.information)[at]
-        shown = information > 0.0
-        step = np.divide(said.gradient[at], information, out=np.zeros(count), where=shown)
-        unknowns[at] -= step
-        if (step**2 * information <= SMALL**2).all():
-            break
-    spread = np.abs(half.inexact.late[-count:]).max(axis=1)
-    std = np.divide(spread, np.sqrt(np.abs(information)), out=np.full(count, math.inf), where=shown)
-    return spread * unknowns[at], std
 
 
 def _by_gravity(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> tuple[Drift, ...]:

@@ -12,16 +12,19 @@ as where filters and spectra disagree.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.identification.job import Job
+from windsysid.identification.model.effect import Effect
 from windsysid.mechanics.sensors import Accelerometer, Sensor
 from windsysid.records.record import Record
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["with_drifting_offsets"]
+__all__ = ["RandomWalkBias", "RandomWalkBiases", "find_random_walks"]
 
 SLOW = 0.5
 """Of the slowest mode's and the rotor's frequency, below which readings are slow."""
@@ -46,38 +49,83 @@ SETTLED = 10.0
 """Seconds of a drift that make the offset at the beginning."""
 
 
-def with_drifting_offsets(
+@dataclass(frozen=True)
+class RandomWalkBiases:
+    """Biases that wander, or trends.
+
+    Attributes
+    ----------
+    drifts
+        For each channel the standard deviation of a random walk after one second, and its bias at the beginning.
+    detrended
+        Channels without what varies less than `FIRST` times over the record.
+    units
+        Of the channels.
+    """
+
+    drifts: Mapping[str, tuple[float, float]]
+    detrended: tuple[str, ...]
+    units: Mapping[str, str]
+    code: str = "random_walk_bias"
+
+    def correct(
+        self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool
+    ) -> tuple[Record, tuple[Sensor, ...]]:
+        """Take slow variations out of the readings; filters estimate the random walks, which stay below the bands of
+        spectra."""
+        held = {name: (_without_trend(record[name]), record.unit(name)) for name in self.detrended}
+        known = [
+            sensor.model_copy(update=dict(zip(("drift", "bias"), self.drifts[sensor.channel], strict=True)))
+            if filtered and sensor.channel in self.drifts
+            else sensor
+            for sensor in sensors
+        ]
+        return record.with_channels(held), tuple(known)
+
+    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+        """That biases wander."""
+        said = [f"{name} by {drift:.2g} {self.units[name]} in a second" for name, (drift, _) in self.drifts.items()]
+        drifting = f", and drifts are found beside: {', '.join(said)}" if said else ""
+        note = f"offsets wander: slow variations of {', '.join(self.detrended)} are taken out{drifting}"
+        return (note,) if filtered else ()
+
+
+class RandomWalkBias(Effect):
+    """Random walks and trends, found in what varies slower than the structure."""
+
+    code = "random_walk_bias"
+
+    def find(self, job: Job, *, leaning: bool = False) -> RandomWalkBiases | None:
+        """Find wandering biases in the slow part of the readings; of sensors that are sensitive to gravity if
+        `leaning`."""
+        at = job.condition()
+        return find_random_walks(at.record, job.turbine, at.sensors, leaning=leaning)
+
+
+def find_random_walks(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, leaning: bool = False
-) -> tuple[Record, tuple[Sensor, ...], tuple[str, ...]]:
-    """The record without slow variations of sensors whose offsets wander, the sensors with these drifts, and what to
-    say; sensors that feel gravity only if `leaning`."""
+) -> RandomWalkBiases | None:
+    """Find accelerometers whose biases wander, or have a trend; those that are sensitive to gravity only if
+    `leaning`."""
     slowest = turbine.slowest_frequency / (2.0 * np.pi)
     once = abs(turbine.rotor_speed) / (2.0 * np.pi)
     below = SLOW * (min(slowest, once) if once > 0.0 else slowest)
     if below * record.duration < 2 * FIRST:  # what is slow is the motion
-        return record, tuple(sensors), ()
+        return None
     alike: dict[str, list[int]] = {}
     for i, sensor in enumerate(sensors):
         if isinstance(sensor, Accelerometer) and not sensor.drift and (leaning or not sensor.feels_gravity):
             alike.setdefault(sensor.unit, []).append(i)
-    found, said, held = list(sensors), [], dict[str, tuple[Array, str]]()
+    drifts, detrended = dict[str, tuple[float, float]](), list[str]()
     for group in alike.values():
-        told = [_wandering(record[sensors[i].channel], record.rate, below, slowest) for i in group]
-        if sum(clear for clear, _ in told) < CLEAR:
-            names = [sensors[i].channel for i in group]
-            held |= {name: (_without_trend(record[name]), record.unit(name)) for name in names if _trends(record[name])}
+        found = [_wandering(record[sensors[i].channel], record.rate, below, slowest) for i in group]
+        if sum(clear for clear, _ in found) < CLEAR:
+            detrended += [sensors[i].channel for i in group if _trends(record[sensors[i].channel])]
             continue
-        for i, (_, drift) in zip(group, told, strict=True):
-            sensor = sensors[i]
-            bias = max(sensor.bias, drift * math.sqrt(SETTLED))
-            found[i] = sensor.model_copy(update={"drift": drift, "bias": bias})
-            held[sensor.channel] = _without_trend(record[sensor.channel]), record.unit(sensor.channel)
-            said.append(f"{sensor.channel} by {drift:.2g} {sensor.unit} in a second")
-    if not held:
-        return record, tuple(sensors), ()
-    drifting = f", and drifts are found beside: {', '.join(said)}" if said else ""
-    note = f"offsets wander: slow variations of {', '.join(held)} are taken out{drifting}"
-    return record.with_channels(held), tuple(found), (note,)
+        for i, (_, drift) in zip(group, found, strict=True):
+            drifts[sensors[i].channel] = drift, max(sensors[i].bias, drift * math.sqrt(SETTLED))
+            detrended.append(sensors[i].channel)
+    return RandomWalkBiases(drifts, tuple(detrended), {s.channel: s.unit for s in sensors}) if detrended else None
 
 
 def _wandering(readings: Array, rate: float, below: float, at: float) -> tuple[float, float]:

@@ -14,6 +14,7 @@ innovations count as far as they repeat in every turn.
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,14 +22,18 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.filters.bank import bank_of, run_bank
-from windsysid.identification.effects.sinusoid import APART, Sine, phase_of, turned, ways_of
+from windsysid.identification.effects.sinusoid import APART, Sine, phase_of, turned, ways_of, without_sines
 from windsysid.identification.estimate.scoring import THREADS
-from windsysid.identification.model.fit import PART_OF
-from windsysid.identification.model.turbine_problem import TurbineProblem
+from windsysid.identification.estimate.time_domain import where_it_ended
+from windsysid.identification.model.fit import PART_OF, Outcome
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.turbine_problem import TurbineProblem, pose
+from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.statespace.compose import StateSpace
+from windsysid.turbine.turbine import Turbine
 
-__all__ = ["SineForce", "find_forces", "told", "with_forces"]
+__all__ = ["SineForce", "Sinusoids", "find_forces", "forces_of", "with_forces"]
 
 
 STEP = 0.5
@@ -127,6 +132,23 @@ def find_forces(
     return found
 
 
+def forces_of(
+    sines: Sequence[Sine], near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
+    chosen: Sequence[str] | None = None,
+) -> list[SineForce]:  # fmt: skip
+    """How strongly sines push where a search has ended, on whatever record, with whatever priors."""
+    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
+    mean, first = where_it_ended(near, problem), len(problem.parameters) + len(problem.statistics)
+    count = len(mean) - first
+    along = np.zeros((len(mean), count))
+    along[first:] = np.eye(count)
+    if near.joint_cov is not None and count:
+        n, behind = len(near.theta), len(near.joint_cov) - len(near.tolerances)
+        own = slice(behind, behind + count)
+        along[:n] = near.joint_cov[:n, own] @ np.linalg.inv(near.joint_cov[own, own])
+    return find_forces(problem, mean, record, sines, along=along, at=mean[first:])
+
+
 def _innovations(problem: TurbineProblem, points: Sequence[Array]) -> list[Array]:
     """Of filters side by side at several unknowns (T, m), zero where a reading is missing."""
     if not points:
@@ -186,11 +208,38 @@ def _waves(sine: Sine, record: Record, psi: Array | None) -> tuple[Array, Array]
     return np.cos(phase), np.sin(phase)
 
 
-def told(forces: Sequence[SineForce]) -> list[str]:
-    """What a reader should know of forces: those that surely push, and what turns with the rotor."""
-    sure = [str(force) for force in forces if force.matters]
-    turning = {force.sine.order for force in forces} - {force.sine.order for force in forces if force.matters} - {0}
-    return sure + [str(next(one for one in forces if one.sine.order == order)) for order in sorted(turning)]
+@dataclass(frozen=True)
+class Sinusoids:
+    """Sinusoids that a record holds: as waves in its readings, or as forces where their strength is known.
+
+    A filter of a rotor senses that channels have lost what belongs together where waves are subtracted from them one by
+    one; forces act in its equations. Spectra, and structures that do not turn, lose one frequency.
+    """
+
+    sines: tuple[Sine, ...]
+    forces: tuple[SineForce, ...] = ()
+    code: str = "sinusoid"
+
+    def correct(
+        self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool
+    ) -> tuple[Record, tuple[Sensor, ...]]:
+        """Subtract the waves from the readings, or add the forces to the loads."""
+        if filtered and self.forces:
+            return with_forces(record, self.forces, turned(record, turbine, sensors)), tuple(sensors)
+        return self.left(record, turbine, sensors), tuple(sensors)
+
+    def left(self, record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Record:
+        """The record without the waves."""
+        return without_sines(record, turbine, sensors, [one.sine for one in self.forces] or self.sines)
+
+    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+        """What was found of them."""
+        if not (filtered and self.forces):
+            return tuple(str(sine) for sine in self.sines)
+        sure = [str(force) for force in self.forces if force.matters]
+        turning = {one.sine.order for one in self.forces} - {one.sine.order for one in self.forces if one.matters} - {0}
+        first = [next(one for one in self.forces if one.sine.order == order) for order in sorted(turning)]
+        return (*sure, *map(str, first))
 
 
 def with_forces(record: Record, forces: Sequence[SineForce], psi: Array | None) -> Record:

@@ -17,12 +17,12 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.condition.spectral_readings import read_bridged
-from windsysid.identification.effects.narrow_band_load import (
+from windsysid.identification.estimate.narrow_band import (
     doubts_of_narrow_band,
     fit_narrow_band,
     note_narrow_band,
 )
-from windsysid.identification.effects.prior_conflict import find_held, one_by_one
+from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.identification.estimate.rotor_bands import read_in_bands
 from windsysid.identification.model.fit import Outcome, known_inputs, known_loads, no_innovations
 from windsysid.identification.model.prior import Prior, identifiable

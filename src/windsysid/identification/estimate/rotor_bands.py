@@ -10,7 +10,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, WindsysidError
-from windsysid.identification.effects.prior_conflict import find_held, one_by_one
+from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import Question

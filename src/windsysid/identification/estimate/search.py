@@ -23,9 +23,9 @@ from windsysid.checks.whiteness import Whiteness, judge_stretches
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.identification.condition.samples import Samples, split_evenly
-from windsysid.identification.effects.clock_lag import Lateness, add_clocks, shifted
-from windsysid.identification.effects.outlier import Outliers, find_spikes
+from windsysid.identification.estimate.clock_lag import Lateness, add_clocks, shifted
 from windsysid.identification.estimate.online import History, Online, advance, finish, join_histories
+from windsysid.identification.estimate.outlier import Outliers, find_spikes
 from windsysid.identification.estimate.scoring import Mode, find_mode
 from windsysid.identification.model.fit import check_finite, diverged
 from windsysid.output.progress import expect

@@ -17,12 +17,10 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF
-from windsysid.identification.effects.clock_lag import shifted
-from windsysid.identification.effects.prior_conflict import solve_with_wide_priors
-from windsysid.identification.effects.sinusoid import Sine
-from windsysid.identification.effects.sinusoidal_force import SineForce, find_forces
+from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.load_selection import Question, choose, is_explained, warm
 from windsysid.identification.estimate.online import MEMORY, join_histories, spread_over_samples
+from windsysid.identification.estimate.prior_conflict import solve_with_wide_priors
 from windsysid.identification.estimate.scoring import THREADS, log_likelihoods
 from windsysid.identification.estimate.search import Solution, expect_search, solve
 from windsysid.identification.model.fit import Outcome, known_loads
@@ -43,11 +41,11 @@ from windsysid.turbine.turbine import Turbine
 __all__ = [
     "describe_solution",
     "first_estimate",
-    "forces_of",
     "identify_jointly",
     "identify_jointly_from",
     "innovations_of",
     "load_models",
+    "where_it_ended",
 ]
 
 
@@ -120,34 +118,17 @@ def identify_jointly_from(
     return found._replace(smoothed_loads=_smoothed_loads(problem, solution), given_priors=near.given_priors)
 
 
-def forces_of(
-    sines: Sequence[Sine], near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
-    chosen: Sequence[str] | None = None,
-) -> list[SineForce]:  # fmt: skip
-    """How strongly sines push where a search has ended, on whatever record, with whatever priors."""
-    problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
-    mean, first = _at_its_end(near, problem), len(problem.parameters) + len(problem.statistics)
-    count = len(mean) - first
-    along = np.zeros((len(mean), count))
-    along[first:] = np.eye(count)
-    if near.joint_cov is not None and count:
-        n, behind = len(near.theta), len(near.joint_cov) - len(near.tolerances)
-        own = slice(behind, behind + count)
-        along[:n] = near.joint_cov[:n, own] @ np.linalg.inv(near.joint_cov[own, own])
-    return find_forces(problem, mean, record, sines, along=along, at=mean[first:])
-
-
 def innovations_of(
     near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
     chosen: Sequence[str] | None = None,
 ) -> Array:  # fmt: skip
     """Whitened innovations (T, m) of a filter where a search has ended, of spectra perhaps; NaN without a reading."""
     problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
-    model = problem.build(_at_its_end(near, problem))
+    model = problem.build(where_it_ended(near, problem))
     return EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1].whitened
 
 
-def _at_its_end(near: Outcome, problem: TurbineProblem) -> Array:
+def where_it_ended(near: Outcome, problem: TurbineProblem) -> Array:
     """Where a search ended, in a problem's unknowns but the clocks (n,)."""
     mean = problem.wide_prior[0].copy()
     found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
@@ -164,7 +145,7 @@ def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Arra
     know by other statistics is as before. None where coefficients are others."""
     if near.joint_cov is None or [*near.model.parameters] != [*problem.parameters]:
         return None
-    mean, cov = _at_its_end(near, problem), problem.wide_prior[1].copy()
+    mean, cov = where_it_ended(near, problem), problem.wide_prior[1].copy()
     n, ours, theirs = len(near.theta), [one.name for one in problem.statistics], [one.name for one in near.statistics]
     first = n + len(ours)
     if ours == theirs:

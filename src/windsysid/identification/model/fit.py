@@ -13,7 +13,7 @@ from windsysid.checks.constancy import Constancy
 from windsysid.checks.whiteness import Whiteness
 from windsysid.errors import WindsysidError
 from windsysid.filters import Info
-from windsysid.identification.effects.clock_drift import Drift
+from windsysid.identification.model.drift import Drift
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
@@ -27,7 +27,7 @@ from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["PART_OF", "Outcome", "check_finite", "compare", "diverged", "known_inputs", "known_loads", "no_innovations"]
+__all__ = ["PART_OF", "Outcome", "check_finite", "diverged", "known_inputs", "known_loads", "no_innovations"]
 
 
 PART_OF = "part_of_"
@@ -135,21 +135,6 @@ class Outcome(NamedTuple):
         mean[first:] = [(one.estimate - known.get(one.name, 0.0)) / one.spread for one in self.tolerances]
         found, left = hold(mean, cov, [first + at for at, one in enumerate(self.tolerances) if one.group in groups])
         return found[: len(self.theta)], left
-
-
-def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
-    """The parameter on which two results differ most, in the larger of their standard deviations, with instruments and
-    masses as the first has found them: both share them, and wide bands would hide what loads do."""
-    shared: tuple[Group, ...] = ("gain", "alignment", "clock", "masses")
-    (theta, cov), (others, other_cov) = (found.given(*shared, as_in=one) for found in (one, other))
-    names = [q.name for q in other.model.parameters]
-    off = {}
-    for i, q in enumerate(one.model.parameters):
-        if q.name in names:
-            j = names.index(q.name)
-            off[q.name] = abs(theta[i] - others[j]) / math.sqrt(max(cov[i, i], other_cov[j, j]))
-    worst = max(off, key=lambda name: off[name])
-    return worst, float(off[worst])
 
 
 def known_inputs(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Array:

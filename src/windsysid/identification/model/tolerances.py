@@ -2,7 +2,7 @@
 
 Each tolerance is an unknown τ in standard deviations of its prior, beside θ and η. Gains, axes and masses are numbers
 of the model (`windsysid.mechanics.sensors.instrument_parameters`); clocks act on the readings
-(`windsysid.identification.effects.clock_lag`). A body's mass and moments are wrong together. Those of different bodies
+(`windsysid.identification.estimate.clock_lag`). A body's mass and moments are wrong together. Those of different bodies
 are half wrong together, as they were weighed on one scale, or computed from one drawing and one density.
 """
 

@@ -2,7 +2,7 @@
 
 Readings come from a simulated record (`windsysid.identification.planning.plan`). Information on numbers of the model is
 the sum of squared slopes of the innovations; on clocks it is the curvature of the likelihood
-(`windsysid.identification.effects.clock_lag`).
+(`windsysid.identification.estimate.clock_lag`).
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.filters.bank import bank_of
-from windsysid.identification.effects.clock_lag import Lateness, clock_information, shifted
+from windsysid.identification.estimate.clock_lag import Lateness, clock_information, shifted
 from windsysid.identification.estimate.scoring import THREADS, look, neighbours, score
 from windsysid.identification.model.turbine_problem import TurbineProblem
 from windsysid.loads.statistics import learned_statistics

@@ -25,11 +25,11 @@ from windsysid._version import __version__
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.condition.readings import MAX_READING_OF_SPECTRA, check_length
 from windsysid.identification.condition.spectral_readings import read_bridged
-from windsysid.identification.effects.narrow_band_alternative import narrow_band_beside
-from windsysid.identification.effects.narrow_band_load import doubts_of_narrow_band
-from windsysid.identification.effects.prior_conflict import note_wide_priors, with_wide_priors
 from windsysid.identification.estimate.frequency_domain import ask, identify_by_spectrum
+from windsysid.identification.estimate.narrow_band import doubts_of_narrow_band
+from windsysid.identification.estimate.narrow_band_alternative import narrow_band_beside
 from windsysid.identification.estimate.online import another_call, check_call
+from windsysid.identification.estimate.prior_conflict import note_wide_priors, with_wide_priors
 from windsysid.identification.model.fit import known_inputs
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import seen_by

@@ -26,8 +26,7 @@ from windsysid.errors import ConfigurationError, RecordError, as_numerical_error
 from windsysid.identification.condition.blockwise import Prepared, Windows
 from windsysid.identification.condition.readings import check_length, thin_to_readings
 from windsysid.identification.condition.samples import SamplesOnDisk
-from windsysid.identification.effects.bias import with_offsets
-from windsysid.identification.effects.prior_conflict import note_wide_priors, solve_with_wide_priors
+from windsysid.identification.effects.bias import find_biases
 from windsysid.identification.estimate.load_selection import Question, choose
 from windsysid.identification.estimate.online import (
     MEMORY,
@@ -40,6 +39,7 @@ from windsysid.identification.estimate.online import (
     restore,
     save,
 )
+from windsysid.identification.estimate.prior_conflict import note_wide_priors, solve_with_wide_priors
 from windsysid.identification.estimate.search import expect_search
 from windsysid.identification.estimate.time_domain import describe_solution, first_estimate, load_models
 from windsysid.identification.model.fit import Outcome
@@ -181,7 +181,10 @@ class _Run:
         self.stopped: dict[str, Any] = {"samples": 0, "taken": "", "chosen": None}
         if checkpoint is not None and checkpoint.exists():
             self.stopped = check_call(checkpoint, self.call)
-        sensors, self.offsets = with_offsets(first.on_uniform_grid(), turbine, sensors)
+        biases = find_biases(first.on_uniform_grid(), turbine, sensors)
+        self.offsets = () if biases is None else biases.notes(filtered=True)
+        if biases is not None:
+            sensors = biases.correct(first, turbine, sensors, filtered=True)[1]
         self.windows = Windows(first.on_uniform_grid(), turbine, sensors, rate)
         check_length(first.name, math.inf, self.windows.rate, turbine)
         self.turbine, self.sensors, self.prior, self.chosen = turbine, sensors, prior, chosen

@@ -1,9 +1,8 @@
 """From what a formulation found to an `Identification` in physical units."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
@@ -16,14 +15,15 @@ from windsysid.checks.verdict import diagnose
 from windsysid.checks.whiteness import FALSE_ALARM_CHANCE
 from windsysid.errors import RecordError
 from windsysid.filters import EKF
-from windsysid.identification.effects.clock_lag import PASSED
+from windsysid.identification.estimate.clock_lag import PASSED
+from windsysid.identification.estimate.modal_residuals import doubts_beside_modes
+from windsysid.identification.estimate.modes import modes_of
+from windsysid.identification.job import Formulation
 from windsysid.identification.model.fit import Outcome
-from windsysid.identification.verdict.modal_residuals import doubts_beside_modes, line_beside_modes
 from windsysid.inspection.health import Finding
 from windsysid.inspection.screening import doubted, noted
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Coefficient
-from windsysid.modal.analysis import modes_with_slopes
 from windsysid.records.record import Record
 from windsysid.results.budget import Budget, budget_of
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
@@ -34,10 +34,8 @@ from windsysid.results.transient import Transient, explain_by_transient, find_bu
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Formulation", "conclude", "doubts_of_innovations"]
+__all__ = ["conclude", "doubts_of_innovations"]
 
-
-Formulation = Literal["joint", "force-balance", "spectral"]
 
 OFF_CLOCK = 0.01
 """Share of the rotor's speed by which azimuth and speed may contradict each other."""
@@ -54,10 +52,10 @@ def conclude(
     wind_speed: float | None = None,
     provenance: Provenance | None = None,
     faults: Sequence[Finding] = (),
-    harmless: Callable[[Line], bool] = lambda line: False,
+    line: Line | None = None,
 ) -> Identification:
     """Put what a formulation found on `record` into physical units, with bands, modes and errors, and judge it, with
-    the faults of its channels; a line of the readings that is `harmless` is no reason.
+    the faults of its channels and the line of its readings that stands out most.
 
     Where `record` is the end of a longer one, `section` [s], `samples` and the mean `wind_speed` [m/s] are the whole's,
     and `history_time` [s] says when the estimates of the history were made.
@@ -88,25 +86,10 @@ def conclude(
                 tip=_at_the_tip(known, turbine, value, low, high, float(spread), reference or 0.0),
             )
         )
-    # A vibration shows ratios of stiffness and damping to masses. Modes are told with the masses of the file, and with
-    # what the record says of the coefficients if those are right.
-    at_masses, given_masses = outcome.given("masses")
-    final = turbine.with_values(
-        {q.name: float(q.physical(t)) for q, t in zip(model.parameters, at_masses, strict=True)}
-    )  # fmt: skip
-    compiled = model.compiled if formulation != "force-balance" else compile_model(turbine.model)
-    p, at_reference = (np.array([source.values[name] for name in compiled.parameters]) for source in (final, turbine))
-    turned = [i for i, name in enumerate(compiled.inputs) if name == "rotor_speed"]
-    speed = float(outcome.rotor[:, turned[0]].mean()) if turned else turbine.rotor_speed
-    n = len(theta)
-    modes, slopes = modes_with_slopes(
-        turbine.model, compiled, p, speed, model.parameters, at_masses, given_masses[:n, :n], at_reference
-    )
-    line: Line | None = None
+    at = modes_of(outcome, compile_model(turbine.model) if formulation == "force-balance" else None)
+    final, speed, modes = at.turbine, at.speed, at.modes
     beside: tuple[str, ...] = ()
     if formulation != "force-balance":
-        line = line_beside_modes(outcome, record, modes, speed)
-        line = None if line is not None and line.ratio > line.bound and harmless(line) else line
         beside = doubts_beside_modes(outcome, record, modes, speed, filtered=formulation == "joint")
     diagnosis = diagnose(
         outcome.final,
@@ -174,7 +157,7 @@ def conclude(
         provenance=provenance,
         joint_cov=outcome.joint_cov,
         tolerances=outcome.tolerances,
-        budget=_budget(outcome, modes, slopes, given_masses),
+        budget=_budget(outcome, modes, at.slopes, at.given_masses),
     )
 
 

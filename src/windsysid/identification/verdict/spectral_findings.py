@@ -8,7 +8,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.identification.effects.clock_drift import Drift, drift_of_halves
+from windsysid.identification.estimate.drift_of_halves import drift_of_halves
+from windsysid.identification.model.drift import Drift
 from windsysid.results.tolerance import Tolerance
 from windsysid.results.transient import find_burst
 from windsysid.spectral.rotor.build import pose_lifted

@@ -16,9 +16,10 @@ from windsysid._types import Array
 from windsysid.checks.lines import SURROUNDINGS, Line, find_line, stand_out_of_a_bend
 from windsysid.errors import WindsysidError
 from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
-from windsysid.identification.model.fit import Outcome, compare
+from windsysid.identification.estimate.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
+from windsysid.identification.model.agreement import compare
+from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
-from windsysid.identification.verdict.modal_residuals import channel_of, mode_of, ranges_of_narrow_band
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.mechanics.sensors import Sensor

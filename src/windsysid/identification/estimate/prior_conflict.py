@@ -19,7 +19,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.checks.estimates import CONFLICT_SIGMAS, conflict_text
 from windsysid.identification.condition.samples import Samples
-from windsysid.identification.effects.clock_lag import shifted
+from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.online import Online
 from windsysid.identification.estimate.scoring import THREADS, log_likelihoods
 from windsysid.identification.estimate.search import Solution, solve

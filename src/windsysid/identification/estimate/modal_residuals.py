@@ -11,6 +11,7 @@ from windsysid.checks.blade_passing import find_passing
 from windsysid.checks.dead_channel import find_still
 from windsysid.checks.lines import Line, find_line
 from windsysid.errors import RecordError
+from windsysid.identification.estimate.modes import modes_of
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.records.record import Record
@@ -18,7 +19,7 @@ from windsysid.results.mode import Mode
 from windsysid.signals.rotor import rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["channel_of", "doubts_beside_modes", "line_beside_modes", "mode_of", "ranges_of_narrow_band"]
+__all__ = ["channel_of", "doubts_beside_modes", "line_of", "mode_of", "ranges_of_narrow_band"]
 
 
 REACHED = 4.0
@@ -39,14 +40,15 @@ def doubts_beside_modes(
     )
 
 
-def line_beside_modes(outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float) -> Line | None:
+def line_of(outcome: Outcome, record: Record) -> Line | None:
     """What stands out most of the readings beside a mode, but for a narrow-band load that was found; modes are not
     narrower than the file's: a line that was taken for one is."""
-    if not (modes and record.is_uniform):
+    at = modes_of(outcome)
+    if not (at.modes and record.is_uniform):
         return None
-    known = _no_narrower(outcome.turbine, modes)
+    known = _no_narrower(outcome.turbine, at.modes)
     readings = np.column_stack([record[channel] for channel in outcome.channels])
-    rotor_hz = abs(speed) / (2.0 * math.pi)
+    rotor_hz = abs(at.speed) / (2.0 * math.pi)
     return find_line(
         readings, outcome.channels, rate=record.rate, modes=known, rotor_hz=rotor_hz,
         known=ranges_of_narrow_band(outcome, record, rotor_hz),

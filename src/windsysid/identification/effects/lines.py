@@ -1,0 +1,149 @@
+"""Sinusoids in a fit: lines of the readings beside a mode, frequencies on which a coefficient depends, and rotor
+harmonics in the innovations."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from windsysid.checks.lines import Line
+from windsysid.checks.verdict import found_line
+from windsysid.identification.effects.sinusoid import APART, Sine, find_sine, find_turning, one_turn, turned
+from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
+from windsysid.identification.estimate.influence import doubt_line, doubt_sine, is_harmless
+from windsysid.identification.estimate.modal_residuals import line_of
+from windsysid.identification.estimate.time_domain import innovations_of
+from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.model.effect import Detection, Effect
+from windsysid.identification.model.prior import Prior
+from windsysid.loads.family import Broadband
+
+__all__ = ["RotorHarmonic", "Sinusoid", "harmonics_of_spectra", "sinusoids_in"]
+
+
+class Sinusoid(Effect):
+    """Machines and waves: a line of the readings that is steady by Thomson's F."""
+
+    code = "sinusoid"
+
+    def detect(self, job: Job, fit: FittedJob) -> Detection:
+        """Test the line that stands out beside a mode, and the one that a coefficient depends on; then turn waves in
+        the readings of a rotor into forces."""
+        known = sinusoids_in(job)
+        seen = _Lines.of(job, fit)
+        judged = seen.judged(job, fit, known)
+        part = job.part.on_own_times()
+        if not part.is_uniform:
+            return Detection(judged)
+        read = part if known is None else known.left(part, job.turbine, fit.sensors)
+        sines = [find_sine(read, job.turbine, fit.sensors, *line) for line in seen.candidates(fit)]
+        new = _unknown([sine for sine in sines if sine is not None], known, part.duration)
+        if new:
+            return Detection(judged, Sinusoids((*_sines(known), *new)), STEADY)
+        if known is not None and not known.forces and job.filtered and _turns(job, fit):
+            return _as_forces(job, fit, judged, known.sines)
+        return Detection(judged)
+
+
+class RotorHarmonic(Effect):
+    """What turns with the rotor at nP: imbalance, and loads that repeat in every turn, in the innovations."""
+
+    code = "rotor_harmonic"
+
+    def detect(self, job: Job, fit: FittedJob) -> Detection:
+        """Test innovations at nP; masses that are off may be an imbalance."""
+        if not job.filtered:
+            return Detection(fit)
+        known = sinusoids_in(job)
+        left = find_turning(fit.outcome.final.whitened, fit.read, job.turbine, fit.sensors, _sines(known))
+        judged = fit.lacking(*(one.doubt for one in left))
+        if any(one.group == "masses" and one.off for one in fit.outcome.tolerances):
+            turn = one_turn(fit.read, job.turbine, fit.sensors)
+            left += [turn] if turn is not None else []  # an imbalance looks like blades of other masses
+        new = _unknown(left, known, job.part.duration)
+        return _as_forces(job, fit, judged, (*_sines(known), *new)) if new else Detection(judged)
+
+
+def harmonics_of_spectra(job: Job, fit: FittedJob) -> Sinusoids | None:
+    """Rotor harmonics from 2P on in the innovations of one filter where spectra ended: filters take long over what they
+    do not know of. What turns at 1P may be masses, and waits."""
+    if not (fit.outcome.turns and fit.outcome.hypothesis == Broadband.name):
+        return None
+    of = fit.read, job.turbine, fit.sensors
+    left = innovations_of(fit.outcome, *of, fit.prior, job.parameters)
+    known = sinusoids_in(job)
+    new = _unknown([one for one in find_turning(left, *of) if one.order > 1], known, job.part.duration)
+    return Sinusoids((*_sines(known), *new)) if new else None
+
+
+def sinusoids_in(job: Job) -> Sinusoids | None:
+    """The sinusoids that a job includes."""
+    included = job.included(Sinusoid.code)
+    return included if isinstance(included, Sinusoids) else None
+
+
+STEADY = 5.0
+"""Odds: decimal digits of the chance that a line of the periodogram is as steady as `find_sine` asks."""
+
+
+class _Lines(NamedTuple):
+    """Frequencies that may be sinusoids: the line beside a mode, and the frequency that a coefficient depends on."""
+
+    line: Line | None
+    depends: tuple[tuple[str, float], ...]
+    doubts: tuple[str, ...]
+
+    @classmethod
+    def of(cls, job: Job, fit: FittedJob) -> "_Lines":
+        """What a fit shows."""
+        of, spectral = _arguments(job, fit), fit.formulation == "spectral"
+        dependence = doubt_line(*of, by_spectra=spectral)
+        line = line_of(fit.outcome, fit.read)
+        if line is not None and line.ratio > line.bound and is_harmless(line, *of, by_spectra=spectral):
+            line = None
+        if dependence is None:
+            return cls(line, (), ())
+        return cls(line, ((dependence.channel, dependence.frequency),), (dependence.doubt,))
+
+    def candidates(self, fit: FittedJob) -> list[tuple[str, float]]:
+        """Channels and frequencies [Hz]."""
+        first = found_line(fit.outcome.whiteness, self.line)
+        return [*([first] if first is not None else []), *self.depends]
+
+    def judged(self, job: Job, fit: FittedJob, known: Sinusoids | None) -> FittedJob:
+        """The fit with what lines say against it."""
+        fit = fit.lacking(*self.doubts)._replace(line=self.line)
+        for sine in _sines(known):
+            if not (sine.order or fit.outcome.doubts or fit.unmodelled):
+                spectral = fit.formulation == "spectral"
+                fit = fit.lacking(*doubt_sine(sine.frequency, *_arguments(job, fit), by_spectra=spectral))
+        return fit
+
+
+def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:
+    return known.sines if known is not None else ()
+
+
+def _unknown(found: Sequence[Sine], known: Sinusoids | None, duration: float) -> list[Sine]:
+    """Sinusoids that are not included yet, each once."""
+    new, apart = list[Sine](), APART / duration
+    for sine in found:
+        if not any(sine.same_as(other, apart) for other in (*_sines(known), *new)):
+            new.append(sine)
+    return new
+
+
+def _turns(job: Job, fit: FittedJob) -> bool:
+    """Whether some sensors turn with the rotor and others do not."""
+    return turned(fit.read, job.turbine, fit.sensors) is not None
+
+
+def _as_forces(job: Job, fit: FittedJob, judged: FittedJob, sines: tuple[Sine, ...]) -> Detection:
+    """Sinusoids as forces, as strong as the innovations of the fit tell."""
+    at = job.without(Sinusoid.code).resampled()
+    prior = job.prior or Prior()
+    forces = forces_of(sines, fit.outcome, at.record, job.turbine, at.sensors, prior, job.parameters)
+    return Detection(judged, Sinusoids(sines, tuple(forces)), math.inf, fit)
+
+
+def _arguments(job: Job, fit: FittedJob) -> tuple[Any, ...]:
+    return fit.outcome, fit.read, job.turbine, fit.sensors, fit.prior, job.parameters

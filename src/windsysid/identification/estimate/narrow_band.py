@@ -1,0 +1,339 @@
+"""Whether a narrow-band load explains a record's spectra better than broad loads alone.
+
+A machine nearby, waves or a neighbour's mode push at frequencies of their own. Beside a damped mode such a load is the
+narrower peak of the two: a search that knows broad loads only takes it for the mode, and the mode for a hump of the
+loads. All that is left over is white then. So a narrow-band load on the support is let into the spectral likelihood
+(`windsysid.loads.narrow_band`), and the evidence p(y | loads) with it and without is compared, by Laplace's
+approximation (`windsysid.identification.estimate.load_selection`).
+
+The likelihood has several summits: the load may be the peak beside a mode, or the peak that passed for the mode. Places
+to begin at come from the channels that see most of the support, one by one: for many frequencies, widths and strengths
+of the load, beside the modes as they were found and damped as their priors have it, Whittle's likelihood of the
+channel's spectrum is told, and searches begin at the best.
+
+Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-6161.1953.tb00131.x.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.loads.narrow_band import FREQUENCY, LEVEL, WIDTH, NarrowBand, narrow_band_statistics
+from windsysid.loads.statistics import Statistic, coordinates_of, values_of
+from windsysid.spectral.rotor.build import pose_lifted
+from windsysid.spectral.rotor.fit import WHOLE, Fit, fit
+from windsysid.spectral.rotor.model import LiftedModel
+from windsysid.spectral.rotor.narrow_band_spectra import narrow_density
+from windsysid.spectral.rotor.problem import Posed, Question
+
+__all__ = ["NarrowBandFit", "doubts_of_narrow_band", "fit_narrow_band", "note_narrow_band"]
+
+SURE = 2.5
+"""Log evidence by which one of two explanations has to be the better one: odds of 12 to 1."""
+
+MOVED, HARDLY = 3.0, 1.5
+"""Standard deviations by which a coefficient may be elsewhere under an explanation that is nearly as good, and up to
+which it does not matter."""
+
+EXPECTED = 0.25
+"""The same, times the odds of that explanation: the farther away it puts a coefficient, the less likely it may be."""
+
+NARROWER = 0.5
+"""Of the damping ratio of the mode beside it, below which a load may have passed for the mode."""
+
+TRIED, FIRST = 3, ((1.0, 2),)
+"""How many starts are searched from; and, of the searches that tell which are worth it, the weight of the likelihood
+and every how many-th bin is used."""
+
+CLOSE = 5.0
+"""Log evidence of the best within which they are."""
+
+ENOUGH = 0.1
+"""Squared length of the last step in standard deviations of a search that tells evidence."""
+
+SAME = 0.5
+"""Standard deviations of the coefficients within which two searches have ended in one place."""
+
+APART = 0.04
+"""Of the logarithm of frequency, within which two places are one to begin at."""
+
+PLACES, ASIDE = 61, 0.25
+"""How many frequencies are tried, and of the logarithm of frequency, how far beyond the modes of the support."""
+
+WIDTHS, OVER = (0.001, 0.004, 0.02), (3.0, 30.0, 300.0)
+"""Damping ratios that are tried, and strengths over the spectrum without the load where it stands out most."""
+
+EVERYWHERE = 3.0
+"""Damping ratio of a load that is hardly narrow: it tells how the support answers at any frequency."""
+
+NOTHING, LITTLE = -8.0, -1.0
+"""Coordinates of the level of a load that does not push, and of one that hardly does."""
+
+
+class NarrowBandFit(NamedTuple):
+    """What spectra say with a narrow-band load.
+
+    Attributes
+    ----------
+    posed, fit
+        The problem, and the mode of its posterior.
+    gain
+        Log evidence over that of broad loads alone.
+    moved
+        By how many standard deviations a coefficient is elsewhere than with broad loads alone.
+    rival
+        Which coefficient is elsewhere under an explanation that is nearly as good as the better one of both, in words;
+        empty where there is none.
+    """
+
+    posed: Posed
+    fit: Fit
+    gain: float
+    moved: float
+    rival: str
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether broad loads alone explain the record much worse, and that matters."""
+        return self.gain > SURE and self.moved > HARDLY
+
+    @property
+    def statistics(self) -> tuple[Statistic, ...]:
+        """Of the loads."""
+        return self.posed.model.sources.statistics
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Of these, by name."""
+        first = self.posed.model.mechanical
+        return values_of(self.statistics, self.fit.unknowns[first : first + len(self.statistics)])
+
+
+def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: bool = False) -> NarrowBandFit | None:
+    """What a record's spectra say with a narrow-band load on the support; None where it could push nothing.
+
+    The search ends early where such a load explains nothing and changes nothing, if it need not be `thorough`.
+
+    Parameters
+    ----------
+    broad, found
+        The problem with broad loads, and where a search of it has ended, instruments and masses as files say.
+    """
+    if not narrow_band_statistics(question.turbine, question.loads):
+        return None
+    posed = pose_lifted(question, NarrowBand.name, broad.bands)
+    overlap = found.model.overlap
+    posed = posed._replace(model=posed.model._replace(overlap=overlap))
+    ends = _ends(question, posed, _starts(question, found, posed.model), rough=True)
+    if not ends:
+        return None
+    plain = fit(found.model._replace(smear=None), found.unknowns, FIRST, rough=True).log_evidence
+    gain = ends[0].log_evidence - plain
+    near = [
+        end
+        for end in ends
+        if end.log_evidence > ends[0].log_evidence - CLOSE
+        and (thorough or end.log_evidence > plain or _may_matter(question, found, end, end.log_evidence - plain))
+    ]
+    if not near:
+        return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], "")
+    ends = [
+        end._replace(log_evidence=end.evidence_at(overlap))
+        for end in _ends(question, posed, [end.unknowns for end in near])
+    ]
+    if not ends:
+        return None
+    gain = ends[0].log_evidence - found.log_evidence
+    best, *others = [*ends, found] if gain > SURE else [found, *ends]
+    narrow = [other for other in others if other is found or gain > SURE or _is_narrow(question, posed, other)]
+    rival = next((said for other in narrow if (said := _elsewhere(question, best, other))), "")
+    return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], rival)
+
+
+def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[str, ...]:
+    """What a narrow-band load says against a result under the load model that was `asked` for."""
+    if found is None:
+        return ()
+    at = f"a narrow-band load at {found.values[FREQUENCY]:.3g} Hz"
+    if found.is_needed and asked not in ("auto", NarrowBand.name):
+        return (f"{at} explains the spectra better (log evidence by {found.gain:.0f}): likely loads of a machine; "
+                "try the load model narrow-band",)  # fmt: skip
+    if found.rival and found.is_needed:
+        return (f"where {at} is may be told in two ways, and {found.rival}: likely loads of a machine; try another "
+                "section",)  # fmt: skip
+    if found.rival:
+        return (f"{at} would explain the spectra, too, and {found.rival}: likely loads of a machine; try another "
+                "section",)  # fmt: skip
+    return ()
+
+
+def note_narrow_band(found: NarrowBandFit) -> str:
+    """What a reader should know of a narrow-band load that a result takes into account."""
+    levels = {one.name: one.unit for one in found.statistics if one.name.startswith(LEVEL)}
+    loudest = max(levels, key=lambda name: found.values[name])
+    load, pushed = f"{found.values[loudest]:.2g} {levels[loudest]} rms", loudest.removeprefix(LEVEL)
+    return (
+        f"a narrow-band load of {load} pushes {pushed} at {found.values[FREQUENCY]:.4g} Hz "
+        f"({100.0 * found.values[WIDTH]:.2g} % damped): likely a machine or waves; the estimates know it"
+    )
+
+
+def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: bool = False) -> list[Fit]:
+    """Where searches end, the best first: those that say the same of the coefficients count as one. A rough one looks
+    at every other bin, and not at what the taper adds."""
+    found = list[Fit]()
+    for start in starts:
+        with suppress(np.linalg.LinAlgError):  # no spectrum there
+            found.append(
+                fit(posed.model, start, FIRST, rough=True)
+                if rough
+                else fit(posed.model, start, WHOLE, posed.smoothed, enough=ENOUGH)
+            )
+    ends = list[Fit]()
+    for end in sorted(found, key=lambda end: -end.log_evidence):
+        if not any(_off(question, other, end)[1] < SAME for other in ends):
+            ends.append(end)
+    return ends
+
+
+def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
+    """Where to begin: beside the modes as they were found, damped as the prior has them, and damped more than that."""
+    damped, more = found.unknowns.copy(), found.unknowns.copy()
+    supports = {f"c_{one.name}" for one in question.turbine.model.freedoms if not one.blade}
+    of_support = [i for i, q in enumerate(question.parameters) if q.name in supports]
+    damped[of_support] = model.prior[0][of_support]
+    more[of_support] = damped[of_support] + model.prior[1][of_support]
+    tried = [one for known in (damped, found.unknowns) for one in _places(question, model, known)]
+    chosen = list[_Place]()
+    for one in sorted(tried, key=lambda one: -one.gain):
+        if len(chosen) < TRIED and not any(one.is_like(other) for other in chosen):
+            chosen.append(one)
+    swapped = [_swapped(question, one) for one in chosen if abs(math.log(one.frequency / one.mode)) > APART]
+    last = max(_places(question, model, more), key=lambda one: one.gain)
+    return [*(one.start for one in chosen), *swapped[:1], last.start]
+
+
+def _swapped(question: Question, place: "_Place") -> Array:
+    """The mode where the load was, and the load where the mode was."""
+    start = place.start.copy()
+    for i, q in enumerate(question.parameters):
+        if q.name == f"k_{place.name}":
+            start[i] = q.coordinate(float(q.physical(start[i])) * (place.frequency / place.mode) ** 2)
+    start[place.at] += math.log(place.mode / place.frequency)
+    return start
+
+
+class _Place(NamedTuple):
+    """A place to begin at.
+
+    Attributes
+    ----------
+    frequency
+        Of the load [Hz].
+    name, mode
+        The degree of freedom that it pushes, and the frequency of that [Hz].
+    known, gain
+        What is known of coefficients and broad loads, and by how much a channel's likelihood is greater than with these
+        alone.
+    start, at
+        All unknowns, and which of them is the load's frequency.
+    """
+
+    frequency: float
+    name: str
+    mode: float
+    known: Array
+    gain: float
+    start: Array
+    at: int
+
+    def is_like(self, other: "_Place") -> bool:
+        """Whether a search from the other ends where one from here does."""
+        return self.known is other.known and abs(math.log(self.frequency / other.frequency)) < APART
+
+
+def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_Place]:
+    """The best frequency of a load on each degree of freedom of the support, for every width and strength."""
+    narrow = narrow_band_statistics(question.turbine, question.loads)
+    levels, at = narrow[2:], len(known) - len(model.noise)
+    values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, known, strict=False)}
+    turbine = question.turbine.with_values(values)
+    modes = [turbine.natural_frequency(one.name.removeprefix(LEVEL)) / (2.0 * math.pi) for one in levels]
+    places = np.exp(np.linspace(math.log(min(modes)) - ASIDE, math.log(max(modes)) + ASIDE, PLACES))
+    order = model.place.orders[model.place.entries // len(model.combine)]
+    frequency = model.base[:, None] + model.place.rotor_hz * order
+    power = np.sum(np.abs(model.data) ** 2, axis=2) / model.counts[:, None]
+
+    def with_load(eta: Array) -> Array:
+        return np.insert(known, at, eta)
+
+    def expected(eta: Array) -> Array:
+        return np.asarray(np.einsum("bee->be", model.spectrum(with_load(eta)).spectrum).real)
+
+    def alone(i: int, values: dict[str, float], others: float) -> Array:
+        eta = coordinates_of(narrow, values)
+        eta[2:][np.arange(len(levels)) != i] = others
+        return eta
+
+    without = expected(alone(-1, {}, NOTHING))
+    for i, level in enumerate(levels):
+        wide = alone(i, {FREQUENCY: modes[i], WIDTH: EVERYWHERE}, NOTHING)
+        added = np.maximum(expected(wide) - without, np.finfo(float).eps * without)  # rounding makes it negative
+        answer = added / (level.given**2 * narrow_density(frequency, modes[i], EVERYWHERE)[0])
+        entry = int(np.argmax((answer / without).max(axis=0))) % len(model.combine)
+        seen = model.place.entries % len(model.combine) == entry
+        S, H, P, f = (values[:, seen] for values in (without, answer, power, frequency))
+        cost = np.einsum("b,be->", model.counts, np.log(S) + P / S)
+        for width in WIDTHS:
+            shape = narrow_density(f, places[:, None, None], width)[0] * H
+            for over in OVER:
+                rms = np.sqrt(over / np.max(shape / S, axis=(1, 2)))
+                whole = S + np.square(rms)[:, None, None] * shape
+                costs = np.einsum("b,pbe->p", model.counts, np.log(whole) + P / whole)
+                best = int(np.argmin(costs))
+                there = {FREQUENCY: float(places[best]), WIDTH: width, level.name: float(rms[best])}
+                yield _Place(
+                    there[FREQUENCY], level.name.removeprefix(LEVEL), modes[i], known, float(cost - costs[best]),
+                    with_load(alone(i, there, LITTLE)), at,
+                )  # fmt: skip
+
+
+def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
+    """Whether the load is narrower than a mode beside it: one as wide would take a part of any mode's peak."""
+    at = end.model.mechanical + len(posed.model.statistics) - len(posed.model.noise)
+    narrow = narrow_band_statistics(question.turbine, question.loads)
+    values = values_of(narrow, end.unknowns[at - len(narrow) : at])
+    found = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, end.unknowns, strict=False)}
+    turbine = question.turbine.with_values(found)
+    beside = [
+        turbine.damping(name) / turbine.critical_damping(name)
+        for name in (one.name.removeprefix(LEVEL) for one in narrow[2:])
+        if abs(math.log(turbine.natural_frequency(name) / (2.0 * math.pi * values[FREQUENCY]))) < ASIDE
+    ]
+    return values[WIDTH] < NARROWER * max(beside, default=0.0)
+
+
+def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
+    """Which coefficient is elsewhere most under another explanation, and by how many standard deviations."""
+    n = len(question.parameters)
+    off = np.abs(other.unknowns[:n] - best.unknowns[:n]) / np.sqrt(np.diag(best.cov)[:n])
+    i = int(np.argmax(off))
+    return question.parameters[i].name, float(off[i])
+
+
+def _may_matter(question: Question, found: Fit, end: Fit, gain: float) -> bool:
+    """Whether a rough end may be another explanation that counts, searched to the end."""
+    off = _off(question, found, end)[1]
+    return off > HARDLY and off * math.exp(min(gain, 0.0)) > 0.5 * EXPECTED
+
+
+def _elsewhere(question: Question, best: Fit, other: Fit) -> str:
+    """Which coefficient is elsewhere under another explanation that is nearly as good, in words."""
+    name, off = _off(question, best, other)
+    if off < MOVED or off * math.exp(min(other.log_evidence - best.log_evidence, 0.0)) < EXPECTED:
+        return ""
+    return f"{name} would be {off:.1f} standard deviations elsewhere"

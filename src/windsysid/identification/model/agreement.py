@@ -1,0 +1,39 @@
+"""Whether two fits of one record agree."""
+
+import math
+
+from windsysid.identification.model.fit import Outcome
+from windsysid.results.tolerance import Group
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["DISAGREEMENT", "compare", "disagreement"]
+
+DISAGREEMENT = 3.0
+"""Probability: standard deviations between what filters and spectra say of a coefficient, beyond which neither is
+trusted; two independent estimates exceed it once in 370, and these two share their readings."""
+
+
+def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
+    """The parameter on which two results differ most, in the larger of their standard deviations, with instruments and
+    masses as the first has found them: both share them, and wide bands would hide what loads do."""
+    shared: tuple[Group, ...] = ("gain", "alignment", "clock", "masses")
+    (theta, cov), (others, other_cov) = (found.given(*shared, as_in=one) for found in (one, other))
+    names = [q.name for q in other.model.parameters]
+    off = {}
+    for i, q in enumerate(one.model.parameters):
+        if q.name in names:
+            j = names.index(q.name)
+            off[q.name] = abs(theta[i] - others[j]) / math.sqrt(max(cov[i, i], other_cov[j, j]))
+    worst = max(off, key=lambda name: off[name])
+    return worst, float(off[worst])
+
+
+def disagreement(name: str, off: float, fit: Outcome, turbine: Turbine) -> str:
+    """That filters and spectra are so many standard deviations apart on a coefficient, and the likeliest cause."""
+    locked = _blades_move(turbine) and not _blades_move(fit.turbine)
+    cause = "blades move that no channel sees: record them" if locked else "loads are not as modelled"
+    return f"filters and spectra disagree on {name} by {off:.1f} standard deviations: {cause}"
+
+
+def _blades_move(turbine: Turbine) -> bool:
+    return any(freedom.blade for freedom in turbine.model.freedoms)

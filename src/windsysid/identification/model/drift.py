@@ -1,0 +1,47 @@
+"""The drift of a logger's clock, as a value."""
+
+import math
+from typing import NamedTuple
+
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["CLEAR", "Drift"]
+
+CLEAR = 4.0
+"""Standard deviations from which on a drift is one."""
+
+LEAST, GREATEST = 0.07, 3e-4
+"""Angle [rad] of the fastest motion of a degree of freedom by which a drift over the record matters, and [s/s] that a
+clock can have."""
+
+
+class Drift(NamedTuple):
+    """A clock that drifts.
+
+    Attributes
+    ----------
+    logger
+        Whose it is.
+    rate, std
+        By how much more it is late in every second [s/s], and the standard deviation of that.
+    by
+        What shows it.
+    """
+
+    logger: str
+    rate: float
+    std: float
+    by: str = "gravity in its readings"
+
+    def __str__(self) -> str:
+        ppm, std, pace = 1e6 * abs(self.rate), 1e6 * self.std, "slowly" if self.rate < 0.0 else "fast"
+        return (
+            f"the clock of the logger {self.logger} runs {ppm:.3g} ± {std:.2g} ppm too {pace}, by {self.by}: its "
+            "readings were put back"
+        )
+
+    def matters(self, turbine: Turbine, duration: float) -> bool:
+        """Whether it is beyond chance, no faster than clocks drift, and moves what vibrates in such a record [s]."""
+        fastest = max((turbine.natural_frequency(name) for name in turbine.model.coordinates), default=0.0)
+        least = LEAST / (fastest * duration) if fastest > 0.0 else math.inf
+        return max(CLEAR * self.std, least) < abs(self.rate) < GREATEST
