@@ -20,6 +20,7 @@ from windsysid.identification.estimate.time_domain import identify_jointly, iden
 from windsysid.identification.job import Conditioned, FittedJob, Formulation, Job
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.regressor import widening_of
 from windsysid.inspection.screening import screen
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.signals.inputs import TURNING
@@ -43,7 +44,7 @@ def _by_filters(job: Job, start: FittedJob | None) -> FittedJob:
     waves = sinusoids_in(job)
     left = part if waves is None or not waves.forces else waves.left(part, turbine, at.sensors)
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
-    fit = FittedJob("joint", outcome, read, at.sensors, at.faults, job.prior or Prior())
+    fit = FittedJob("joint", _widened(job, outcome), read, at.sensors, at.faults, job.prior or Prior())
     return fit.doubted(MOVED) if drifts_in(job) else fit
 
 
@@ -53,6 +54,15 @@ def _search(job: Job, at: Conditioned, start: FittedJob | None) -> Outcome:
     if start is not None and at.record.is_uniform:
         outcome = identify_jointly_from(start.outcome, *of, explained=start.formulation == "spectral")
     return outcome or identify_jointly(*of, loads=job.loads)
+
+
+def _widened(job: Job, outcome: Outcome) -> Outcome:
+    """A fit with what the sizes of included regressors leave uncertain in its unknowns."""
+    if outcome.joint_cov is None:
+        return outcome
+    cov, n = outcome.joint_cov.copy(), len(outcome.joint_cov) - sum(one.group == "clock" for one in outcome.tolerances)
+    cov[:n, :n] += widening_of(job.effects, n)
+    return outcome._replace(joint_cov=cov, cov=cov[: len(outcome.theta), : len(outcome.theta)])
 
 
 def _by_spectra(job: Job, start: FittedJob | None) -> FittedJob:

@@ -12,16 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.identification.effects.regression import RegressorEffect
+from windsysid.identification.effects.score_test import Candidate
+from windsysid.identification.estimate.linearisation import Column, Linearisation
 from windsysid.identification.job import Job
 from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import known_inputs
+from windsysid.identification.model.regressor import Constant, Term
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import Accelerometer, Sensor
 from windsysid.records.record import Record
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Biases", "SensorBias", "find_biases"]
+__all__ = ["Biases", "SensorBias", "SmallBias", "find_biases"]
 
 SIGMAS = 5.0
 """Standard deviations of the mean by chance, beyond which it is an offset."""
@@ -34,6 +38,9 @@ SLOW = 0.5
 
 LEAST = 0.1
 """Of the noise of one sample: an offset below hardly shows."""
+
+BESIDE = (8.0, 60.0)
+"""Setting: periods over the record from which the innovations tell what is usual next to a constant."""
 
 AT_REST = 2000
 """Samples, at most, at which the machine at rest is read."""
@@ -72,6 +79,28 @@ class SensorBias(Effect):
         """Find biases in the means of the readings."""
         at = job.condition()
         return find_biases(at.record, job.turbine, at.sensors)
+
+
+class SmallBias(RegressorEffect):
+    """A constant in one channel that its mean alone does not show."""
+
+    code = "bias"
+
+    def candidates(self, at: Linearisation) -> Sequence[Candidate]:
+        """One candidate for each channel whose sensor has no bias."""
+        return [
+            Candidate(self.code, sensor.channel, (Column(row, Constant()),), BESIDE)
+            for row, sensor in enumerate(at.problem.sensors)
+            if not (sensor.bias or sensor.drift)
+        ]
+
+    def describe(self, terms: Sequence[Term], shift: str) -> str:
+        """How large."""
+        (one,) = terms
+        return (
+            f"{one.channel} is off by {one.size:.2g} ± {2.0 * one.std:.1g} {one.unit}, which is estimated with the "
+            f"rest; {shift}"
+        )
 
 
 def find_biases(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Biases | None:

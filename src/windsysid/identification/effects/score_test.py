@@ -1,0 +1,133 @@
+"""Rao's score test of regressors that a fit does not have.
+
+At the mode of the posterior the gradient to the fit's own unknowns is zero. Of c regressors with the sums of
+`windsysid.identification.estimate.linearisation`, and Λ the information on the fit's unknowns, the prior included,
+
+    g = Jᵀ z,   I = Jᵀ J − Xᵀ Λ⁻¹ X,   X = J_θᵀ J,   S = gᵀ I⁻¹ g,
+
+S is χ² with c degrees of freedom where the innovations are white and nothing is missing in the model; φ̂ = I⁻¹ g is the
+size of the regressors with the covariance I⁻¹, and Δθ = Λ⁻¹ X φ̂ is by how much the fit would change with them. Real
+innovations are not quite white, so S is divided by their spectral density next to the frequencies of the regressors,
+the mean of 2K values of a periodogram: S/(c · density) has Fisher's F distribution with c and 2K degrees of freedom.
+
+Sources: Rao, Proc. Camb. Phil. Soc. 44, 1948, https://doi.org/10.1017/S0305004100023987; de Jong & Penzer, J. Am.
+Statist. Ass. 93, 1998, https://doi.org/10.1080/01621459.1998.10474129.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.identification.estimate.linearisation import Column, Linearisation
+
+__all__ = ["Candidate", "ScoreTest", "log_tail_of_f", "score_tests"]
+
+HANN_LOSS = 1.94
+"""Variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
+
+
+class Candidate(NamedTuple):
+    """Regressors that a fit may lack.
+
+    Attributes
+    ----------
+    code, channel
+        Of the effect, and the reading that shows it.
+    columns
+        The regressors.
+    beside
+        Frequencies, in periods over the record, from and to which the innovations tell the density at theirs.
+    places
+        At how many places such regressors were looked for: the chance of any is so many times that of one.
+    """
+
+    code: str
+    channel: str
+    columns: tuple[Column, ...]
+    beside: tuple[float, float]
+    places: float = 1.0
+
+
+class ScoreTest(NamedTuple):
+    """What a test says of a candidate.
+
+    Attributes
+    ----------
+    candidate
+        The regressors that were tested.
+    log10_p
+        Logarithm of the chance that a record without them has such a statistic, at any of the places.
+    size, cov
+        φ̂ (c,) and its covariance (c, c).
+    shift
+        By how much the fit's unknowns would change with the regressors (n,), in their standard deviations.
+    widening
+        What they add to the covariance of the unknowns (n, n).
+    """
+
+    candidate: Candidate
+    log10_p: float
+    size: Array
+    cov: Array
+    shift: Array
+    widening: Array
+
+
+def score_tests(at: Linearisation, candidates: Sequence[Candidate]) -> list[ScoreTest]:
+    """Test candidates, all in one pass over the record."""
+    if not candidates:
+        return []
+    sums = at.sums([column for one in candidates for column in one.columns])
+    periodogram, found, first = _periodogram(at.innovations), [], 0
+    for one in candidates:
+        own = slice(first, first + len(one.columns))
+        first = own.stop
+        follow = at.cov @ sums.mixed[:, own]
+        information = sums.information[own, own] - sums.mixed[:, own].T @ follow
+        cov = np.linalg.pinv(information, hermitian=True)
+        size = cov @ sums.gradient[own]
+        density, freedom = _density(periodogram, sums.energy[:, own].sum(axis=1), one.beside)
+        count = len(one.columns)
+        statistic = float(sums.gradient[own] @ size) / (count * density)
+        log10_p = (log_tail_of_f(statistic, count, freedom) + math.log(one.places)) / math.log(10.0)
+        shift = follow @ size / np.sqrt(np.diag(at.cov))
+        found.append(ScoreTest(one, min(log10_p, 0.0), size, np.asarray(density * cov), shift, follow @ cov @ follow.T))
+    return found
+
+
+def _periodogram(innovations: Array) -> Array:
+    """Of innovations (T, m), one for white noise of variance one; readings that are missing left out."""
+    window = np.hanning(len(innovations))
+    there = np.maximum(np.mean(innovations != 0.0, axis=0), 1e-9)
+    return np.asarray(np.abs(np.fft.rfft(window[:, None] * innovations, axis=0)) ** 2 / np.sum(window**2) / there)
+
+
+def _density(periodogram: Array, energy: Array, beside: tuple[float, float]) -> tuple[float, float]:
+    """The density of the innovations between two frequencies, each reading (m,) weighted by how much of the regressors
+    it has, and the degrees of freedom of that mean."""
+    low, high = (int(np.clip(round(edge), 1, len(periodogram) - 1)) for edge in beside)
+    share = energy / energy.sum()
+    means = periodogram[low : max(high, low + 1)].mean(axis=0)
+    density = float(share @ means)
+    alone = 2.0 * max(high - low, 1) / HANN_LOSS
+    return density, alone * density**2 / float(np.square(share * means).sum())
+
+
+def log_tail_of_f(statistic: float, count: float, freedom: float) -> float:
+    """Natural logarithm of the chance that F with so many degrees of freedom exceeds a statistic, however small.
+
+    Examples
+    --------
+    >>> round(log_tail_of_f(3.0, 2.0, 10.0), 6)  # (1 + 2 · 3/10)^−5 has a closed form
+    -2.350018
+    """
+    from scipy.special import betainc, betaln
+
+    x, a, b = freedom / (freedom + count * statistic), 0.5 * freedom, 0.5 * count
+    chance = float(betainc(a, b, x))
+    if chance > 1e-290:
+        return math.log(chance)
+    return a * math.log(x) - math.log(a) - float(betaln(a, b))

@@ -1,0 +1,63 @@
+"""A step of a reading: a sensor that was touched, a supply that changed, a range that was switched."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.identification.effects.regression import RegressorEffect
+from windsysid.identification.effects.score_test import Candidate
+from windsysid.identification.estimate.linearisation import Column, Linearisation
+from windsysid.identification.model.regressor import StepAt, Term
+
+__all__ = ["Step", "likeliest_change"]
+
+PLACES = 39.0
+"""Setting: as how many independent places the samples of a record count at which a step may be."""
+
+MARGIN = 0.02
+"""Setting: share of the record at either end in which no step is looked for."""
+
+BESIDE = (8.0, 60.0)
+"""Setting: periods over the record from which the innovations tell what is usual next to a step."""
+
+
+class Step(RegressorEffect):
+    """A constant from some time on in one channel."""
+
+    code = "step"
+
+    def candidates(self, at: Linearisation) -> Sequence[Candidate]:
+        """One candidate for each channel, where the mean of its readings changes most: a structure that vibrates has no
+        mean acceleration, and the sum of its readings stays small."""
+        return [
+            Candidate(
+                self.code,
+                sensor.channel,
+                (Column(row, StepAt(float(at.time[likeliest_change(at.readings[:, row])]))),),
+                BESIDE,
+                PLACES,
+            )
+            for row, sensor in enumerate(at.problem.sensors)
+            if not sensor.drift
+        ]
+
+    def describe(self, terms: Sequence[Term], shift: str) -> str:
+        """When, and how large."""
+        (one,) = terms
+        at = one.wave.time if isinstance(one.wave, StepAt) else 0.0
+        return (
+            f"{one.channel} steps by {one.size:.2g} ± {2.0 * one.std:.1g} {one.unit} at {at:.4g} s, which is estimated "
+            f"with the rest; {shift}"
+        )
+
+
+def likeliest_change(values: Array) -> int:
+    """The sample of a record (T,) before and after which the means differ most, by chance alike; NaN are left out."""
+    there = np.isfinite(values)
+    counts = np.concatenate([[0], np.cumsum(there)])
+    sums = np.concatenate([[0.0], np.cumsum(np.where(there, values - np.mean(values[there]), 0.0))])
+    share = counts / counts[-1]
+    inside = (share > MARGIN) & (share < 1.0 - MARGIN)
+    off = np.abs(sums) / np.sqrt(np.where(inside, share * (1.0 - share), 1.0))
+    return int(np.argmax(np.where(inside, off, -1.0)))

@@ -1,0 +1,40 @@
+"""Slow trends of a reading: temperature, settling of a filter, a turn of a mounting."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from windsysid.identification.effects.regression import RegressorEffect
+from windsysid.identification.effects.score_test import Candidate
+from windsysid.identification.estimate.linearisation import Column, Linearisation
+from windsysid.identification.model.regressor import Legendre, Term
+
+__all__ = ["Trend"]
+
+ORDERS = 4
+"""Setting: Legendre polynomials up to this order: up to two turns of a trend over the record."""
+
+BESIDE = (8.0, 60.0)
+"""Setting: periods over the record from which the innovations tell what is usual next to a trend."""
+
+
+class Trend(RegressorEffect):
+    """A polynomial over the record in one channel."""
+
+    code = "trend"
+
+    def candidates(self, at: Linearisation) -> Sequence[Candidate]:
+        """One candidate for each channel whose sensor has no random walk."""
+        first, last = float(at.time[0]), float(at.time[-1])
+        waves = [Legendre(order, first, last) for order in range(1, ORDERS + 1)]
+        return [
+            Candidate(self.code, sensor.channel, tuple(Column(row, wave) for wave in waves), BESIDE)
+            for row, sensor in enumerate(at.problem.sensors)
+            if not sensor.drift
+        ]
+
+    def describe(self, terms: Sequence[Term], shift: str) -> str:
+        """The size of the trend: its root mean square."""
+        size = float(np.sqrt(sum(one.size**2 / (2 * order + 1) for order, one in enumerate(terms, start=1))))
+        first = terms[0]
+        return f"{first.channel} has a trend of {size:.2g} {first.unit} rms, which is estimated with the rest; {shift}"

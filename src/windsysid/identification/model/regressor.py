@@ -1,0 +1,120 @@
+"""Regressors: waveforms of known shape and unknown size, in readings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from windsysid._types import Array
+from windsysid.mechanics.sensors import Sensor
+from windsysid.records.record import Record
+from windsysid.turbine.turbine import Turbine
+
+__all__ = ["Constant", "Legendre", "Regressors", "StepAt", "Term", "Waveform", "widening_of"]
+
+
+class Waveform(Protocol):
+    """A function of time, of size one."""
+
+    def __call__(self, time: Array, /) -> Array:
+        """Its values (T,) at times (T,) [s]."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """1."""
+
+    def __call__(self, time: Array, /) -> Array:
+        """See `Waveform`."""
+        return np.ones(len(time))
+
+
+@dataclass(frozen=True)
+class Legendre:
+    """The Legendre polynomial of an order over a section [s]."""
+
+    order: int
+    first: float
+    last: float
+
+    def __call__(self, time: Array, /) -> Array:
+        """See `Waveform`."""
+        x = 2.0 * (time - self.first) / (self.last - self.first) - 1.0
+        return np.asarray(np.polynomial.legendre.legval(x, [0.0] * self.order + [1.0]))
+
+
+@dataclass(frozen=True)
+class StepAt:
+    """0 before a time [s], 1 from there on."""
+
+    time: float
+
+    def __call__(self, time: Array, /) -> Array:
+        """See `Waveform`."""
+        return np.asarray(time >= self.time, dtype=np.float64)
+
+
+class Term(NamedTuple):
+    """A waveform in a channel.
+
+    Attributes
+    ----------
+    channel, unit
+        Of the readings.
+    wave
+        Of size one.
+    size, std
+        The estimate of its size, and its standard deviation, in the channel's unit.
+    """
+
+    channel: str
+    unit: str
+    wave: Waveform
+    size: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Regressors:
+    """Waveforms that a job includes: the mean of the readings without the structure.
+
+    Attributes
+    ----------
+    code
+        Of the effect.
+    terms
+        What is subtracted from the readings before the structure is fitted.
+    widening
+        What their uncertainty adds to the covariance of the fit's unknowns (n, n).
+    said
+        In words.
+    """
+
+    code: str
+    terms: tuple[Term, ...]
+    widening: Array
+    said: tuple[str, ...]
+
+    def correct(
+        self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool
+    ) -> tuple[Record, tuple[Sensor, ...]]:
+        """Subtract the waveforms."""
+        held = {term.channel: record[term.channel] for term in self.terms}
+        for term in self.terms:
+            held[term.channel] = held[term.channel] - term.size * term.wave(record.time)
+        known = {channel: (values, record.unit(channel)) for channel, values in held.items()}
+        return record.with_channels(known), tuple(sensors)
+
+    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+        """What they are."""
+        return self.said
+
+
+def widening_of(effects: Sequence[object], n: int) -> Array:
+    """What the uncertain sizes of included regressors add to the covariance of n unknowns (n, n)."""
+    total = np.zeros((n, n))
+    for effect in effects:
+        if isinstance(effect, Regressors) and effect.widening.shape == total.shape:
+            total += effect.widening
+    return total
