@@ -32,7 +32,7 @@ def test_a_drift_is_as_fast_as_the_readings_wander(verne555: Turbine, seed: int)
     made = simulate_record(verne555, duration=200.0, rate=25.0, seed=seed)
     wandering = walked(made, verne555, 0.1, seed)
     found = find_random_walks(wandering, verne555, verne555.sensors)
-    said = found.notes(filtered=True)
+    said = [found.note]
     read, sensors = found.correct(wandering, verne555, verne555.sensors, filtered=True)
     assert len(said) == 1
     assert "offsets wander" in said[0]
@@ -74,7 +74,7 @@ def test_a_slow_trend_is_taken_out_without_a_drift(verne555: Turbine):
     channels = [sensor.channel for sensor in verne555.sensors]
     trending = made.with_channels({name: (made[name] + 3.0 * swing, made.unit(name)) for name in channels})
     found = find_random_walks(trending, verne555, verne555.sensors)
-    said = found.notes(filtered=True)
+    said = [found.note]
     read, sensors = found.correct(trending, verne555, verne555.sensors, filtered=True)
     assert sensors == verne555.sensors
     assert "slow variations" in said[0]

@@ -24,7 +24,10 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 
-__all__ = ["LINE_CHANCE", "Line", "find_line", "line_bound", "stand_out", "stand_out_of_a_bend"]
+__all__ = [
+    "LINE_CHANCE", "READINGS_REACH", "TURNING_SHARE", "Line", "find_line", "line_bound", "stand_out",
+    "stand_out_of_a_bend",
+]  # fmt: skip
 
 LINE_CHANCE = 2e-3
 """Share of records without a line in which one is seen by chance."""

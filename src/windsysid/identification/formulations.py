@@ -40,7 +40,7 @@ def _by_filters(job: Job, start: FittedJob | None) -> FittedJob:
     part, turbine, steps = at.record, job.turbine, at.steps
     check_length(part.name, part.duration, part.rate, turbine)
     outcome = thin_to_readings(_search(job, at, start), steps)
-    outcome = outcome._replace(notes=(*job.notes(), *at.notes, *outcome.notes))
+    outcome = outcome._replace(notes=(*job.notes(outcome), *at.notes, *outcome.notes))
     waves = sinusoids_in(job)
     left = part if waves is None or not waves.forces else waves.left(part, turbine, at.sensors)
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
@@ -80,7 +80,7 @@ def _by_spectra(job: Job, start: FittedJob | None) -> FittedJob:
     )
     if start is not None and narrow:
         outcome = told_before(outcome, start.outcome)
-    outcome = outcome._replace(notes=(*job.notes(), *outcome.notes))
+    outcome = outcome._replace(notes=(*job.notes(outcome), *outcome.notes))
     return FittedJob("spectral", outcome, at.record, at.sensors, at.faults, prior)
 
 

@@ -106,9 +106,9 @@ class Job:
         )
         return at._replace(record=read, steps=steps, notes=notes)
 
-    def notes(self) -> tuple[str, ...]:
-        """What the included effects say."""
-        return tuple(note for effect in self.effects for note in effect.notes(filtered=self.filtered))
+    def notes(self, outcome: Outcome) -> tuple[str, ...]:
+        """What is to be said of the included effects in a fit."""
+        return tuple(note for effect in self.effects for note in effect.notes(outcome, filtered=self.filtered))
 
 
 class FittedJob(NamedTuple):

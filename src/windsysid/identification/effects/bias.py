@@ -17,7 +17,7 @@ from windsysid.identification.effects.score_test import Candidate
 from windsysid.identification.estimate.linearisation import Column, Linearisation
 from windsysid.identification.job import Job
 from windsysid.identification.model.effect import Effect
-from windsysid.identification.model.fit import known_inputs
+from windsysid.identification.model.fit import Outcome, known_inputs
 from windsysid.identification.model.regressor import Constant, Term
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.mechanics.compile import compile_model
@@ -38,9 +38,6 @@ SLOW = 0.5
 
 LEAST = 0.1
 """Of the noise of one sample: an offset below hardly shows."""
-
-BESIDE = (8.0, 60.0)
-"""Setting: periods over the record from which the innovations tell what is usual next to a constant."""
 
 AT_REST = 2000
 """Samples, at most, at which the machine at rest is read."""
@@ -64,10 +61,15 @@ class Biases:
             one.model_copy(update={"bias": abs(sizes[one.channel])}) if one.channel in sizes else one for one in sensors
         )
 
-    def notes(self, *, filtered: bool) -> tuple[str, ...]:
-        """That the readings have a bias; spectra leave constants out."""
+    @property
+    def note(self) -> str:
+        """What the readings are off by."""
         of = ", ".join(f"{channel} by {size:.2g} {self.units[channel]}" for channel, size in self.sizes.items())
-        return (f"readings are off by a constant, which is found beside: {of}",) if filtered else ()
+        return f"readings are off by a constant, which is found beside: {of}"
+
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
+        """That the readings have a bias; spectra leave constants out."""
+        return (self.note,) if filtered else ()
 
 
 class SensorBias(Effect):
@@ -89,7 +91,7 @@ class SmallBias(RegressorEffect):
     def candidates(self, at: Linearisation) -> Sequence[Candidate]:
         """One candidate for each channel whose sensor has no bias."""
         return [
-            Candidate(self.code, sensor.channel, (Column(row, Constant()),), BESIDE)
+            Candidate(self.code, sensor.channel, (Column(row, Constant()),))
             for row, sensor in enumerate(at.problem.sensors)
             if not (sensor.bias or sensor.drift)
         ]

@@ -24,6 +24,7 @@ from windsysid.errors import RecordError
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.drift import CLEAR, Drift
 from windsysid.identification.model.effect import Detection, Effect
+from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor
 from windsysid.records.record import Record
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
@@ -61,7 +62,7 @@ class ClockDrifts:
             )
         return record, tuple(sensors)
 
-    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
         """Which clocks drift."""
         return tuple(map(str, self.drifts))
 

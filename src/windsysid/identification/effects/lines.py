@@ -5,17 +5,21 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from windsysid.checks.lines import Line
+import numpy as np
+
+from windsysid.checks.lines import READINGS_REACH, TURNING_SHARE, Line
 from windsysid.checks.verdict import found_line
 from windsysid.identification.effects.sinusoid import APART, Sine, find_sine, find_turning, one_turn, turned
 from windsysid.identification.effects.sinusoidal_force import Sinusoids, forces_of
 from windsysid.identification.estimate.influence import doubt_line, doubt_sine, is_harmless
 from windsysid.identification.estimate.modal_residuals import line_of
+from windsysid.identification.estimate.modes import modes_of
 from windsysid.identification.estimate.time_domain import innovations_of
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior import Prior
 from windsysid.loads.family import Broadband
+from windsysid.spectral.transforms.harmonics import find_lines
 
 __all__ = ["RotorHarmonic", "Sinusoid", "harmonics_of_spectra", "sinusoids_in"]
 
@@ -107,7 +111,7 @@ class _Lines(NamedTuple):
     def candidates(self, fit: FittedJob) -> list[tuple[str, float]]:
         """Channels and frequencies [Hz]."""
         first = found_line(fit.outcome.whiteness, self.line)
-        return [*([first] if first is not None else []), *self.depends]
+        return [*([first] if first is not None else []), *self.depends, *_steady_in_readings(fit)]
 
     def judged(self, job: Job, fit: FittedJob, known: Sinusoids | None) -> FittedJob:
         """The fit with what lines say against it."""
@@ -117,6 +121,31 @@ class _Lines(NamedTuple):
                 spectral = fit.formulation == "spectral"
                 fit = fit.lacking(*doubt_sine(sine.frequency, *_arguments(job, fit), by_spectra=spectral))
         return fit
+
+
+def _steady_in_readings(fit: FittedJob) -> list[tuple[str, float]]:
+    """Frequencies near the modes of the support at which its readings are steady by Thomson's F, but for those that
+    turn with the rotor: a line that a mode has taken in does not stand out."""
+    at, record = modes_of(fit.outcome), fit.read
+    hz = [
+        at.turbine.natural_frequency(one.name) / (2.0 * math.pi) for one in at.turbine.model.freedoms if not one.blade
+    ]
+    hz = [one for one in hz if one > 0.0]
+    rotor_hz, found = abs(at.speed) / (2.0 * math.pi), list[tuple[str, float]]()
+    for sensor in fit.sensors if hz and record.is_uniform else ():
+        values = record[sensor.channel]
+        if sensor.blade or not np.isfinite(values).all():
+            continue
+        low, high = min(hz) / READINGS_REACH, min(max(hz) * READINGS_REACH, 0.4 * record.rate)
+        lines = find_lines(values[:, None] - values.mean(), record.rate, low, high)
+        found += [(sensor.channel, f) for f in lines if not _turns_with(f, rotor_hz)]
+    return found
+
+
+def _turns_with(frequency: float, rotor_hz: float) -> bool:
+    """Whether a frequency is a harmonic of the rotor."""
+    order = round(frequency / rotor_hz) if rotor_hz > 0.0 else 0
+    return order > 0 and abs(frequency - order * rotor_hz) < TURNING_SHARE * frequency
 
 
 def _sines(known: Sinusoids | None) -> tuple[Sine, ...]:

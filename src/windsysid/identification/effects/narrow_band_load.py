@@ -22,6 +22,7 @@ from windsysid.identification.estimate.prior_conflict import with_wide_priors
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.agreement import DISAGREEMENT, compare, disagreement
 from windsysid.identification.model.effect import Detection, Effect
+from windsysid.identification.model.fit import Outcome
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.mechanics.sensors import Sensor
@@ -44,7 +45,7 @@ class NarrowBandIncluded:
         """Nothing: it is a load of the model."""
         return record, tuple(sensors)
 
-    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
         """Nothing: the fit that includes it says so."""
         return ()
 

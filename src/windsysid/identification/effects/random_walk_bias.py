@@ -20,6 +20,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.identification.job import Job
 from windsysid.identification.model.effect import Effect
+from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import Accelerometer, Sensor
 from windsysid.records.record import Record
 from windsysid.turbine.turbine import Turbine
@@ -82,12 +83,16 @@ class RandomWalkBiases:
         ]
         return record.with_channels(held), tuple(known)
 
-    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+    @property
+    def note(self) -> str:
         """That biases wander."""
         said = [f"{name} by {drift:.2g} {self.units[name]} in a second" for name, (drift, _) in self.drifts.items()]
         drifting = f", and drifts are found beside: {', '.join(said)}" if said else ""
-        note = f"offsets wander: slow variations of {', '.join(self.detrended)} are taken out{drifting}"
-        return (note,) if filtered else ()
+        return f"offsets wander: slow variations of {', '.join(self.detrended)} are taken out{drifting}"
+
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
+        """What filters have beside; spectra read above what is slow."""
+        return (self.note,) if filtered else ()
 
 
 class RandomWalkBias(Effect):

@@ -7,6 +7,7 @@ of which it resembles.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +26,9 @@ P_EFFECT = 1e-3
 RESIZED = 0.1
 """Size: shift of an estimate, in standard deviations, from which on the sizes of included regressors are estimated
 again."""
+
+RESIZED_STD = 0.3
+"""Size: the same for the logarithm of the standard deviation of a size."""
 
 
 class RegressorEffect:
@@ -60,49 +64,54 @@ class Regression(Effect):
         new = [one for one in proposed if (one.code, one.channel) not in known]
         tests = score_tests(at, [*included, *new])
         for one in tests[: len(included)]:  # a fit that lacked it bends its size: sizes settle first
-            if np.abs(one.shift).max() > RESIZED:
-                return Detection(fit, self._with(job, at, one), 0.0, fit)
+            known_of = _known(job, self.effects[one.candidate.code])
+            if np.abs(one.shift).max() > RESIZED or _is_other_std(known_of, one):
+                return Detection(fit, self._with(job, at, fit, one), 0.0, fit)
         if not new:
             return Detection(fit)
         best = min(tests[len(included) :], key=lambda one: one.log10_p)
         digits = -(best.log10_p + math.log10(len(new)))
         if digits < -math.log10(P_EFFECT):
             return Detection(fit)
-        return Detection(fit, self._with(job, at, best), digits, fit)
+        return Detection(fit, self._with(job, at, fit, best), digits, fit)
 
     def _included(self, job: Job, at: Linearisation) -> list[Candidate]:
         """What the job includes, as candidates for a correction of its size."""
         found = []
-        for code in self.effects:
-            known = _terms(job, code)
-            for channel in dict.fromkeys(term.channel for term in known):
-                columns = [Column(at.channels.index(channel), one.wave) for one in known if one.channel == channel]
-                found.append(Candidate(code, channel, tuple(columns), (1.0, 2.0)))
+        for code, effect in self.effects.items():
+            known = _known(job, effect)
+            for channel in known.before:
+                columns = [Column(at.channels.index(channel), one.wave) for one in known.of(channel)]
+                found.append(Candidate(code, channel, tuple(columns)))
         return found
 
-    def _with(self, job: Job, at: Linearisation, test: ScoreTest) -> Regressors:
+    def _with(self, job: Job, at: Linearisation, fit: FittedJob, test: ScoreTest) -> Regressors:
         """What is included of an effect, with what a test says."""
-        code, channel = test.candidate.code, test.candidate.channel
+        channel, columns = test.candidate.channel, test.candidate.columns
+        known = _known(job, self.effects[test.candidate.code])
         unit = next(sensor.unit for sensor in at.problem.sensors if sensor.channel == channel)
-        before = {term[:3]: term.size for term in _terms(job, code)}
-        others = [term for term in _terms(job, code) if term.channel != channel]
-        std = np.sqrt(np.diag(test.cov)).tolist()
-        waves = [column.wave for column in test.candidate.columns]
+        before = [one.size for one in known.of(channel)] or [0.0] * len(columns)
+        sizes, stds = test.size + before, np.sqrt(np.diag(test.cov))
         terms = [
-            Term(channel, unit, wave, size + before.get((channel, unit, wave), 0.0), e)
-            for wave, size, e in zip(waves, test.size.tolist(), std, strict=True)
+            Term(channel, unit, column.wave, float(size), float(std))
+            for column, size, std in zip(columns, sizes, stds, strict=True)
         ]
-        n = len(at.problem.parameters)
-        worst = int(np.argmax(np.abs(test.shift[:n])))
-        shift = f"{at.problem.parameters[worst].name} would shift by {abs(test.shift[worst]):.2g} σ without it"
-        included = job.included(code)
-        said = included.said if isinstance(included, Regressors) else ()
-        widening = included.widening if isinstance(included, Regressors) else 0.0
-        if not before:
-            said = (*said, self.effects[code].describe(terms, shift))
-        return Regressors(code, (*others, *terms), test.widening + widening, said)
+        others = [term for term in known.terms if term.channel != channel]
+        return replace(
+            known,
+            terms=(*others, *terms),
+            widenings={**known.widenings, channel: test.widening},
+            before={channel: fit.outcome, **known.before},
+        )
 
 
-def _terms(job: Job, code: str) -> tuple[Term, ...]:
-    included = job.included(code)
-    return included.terms if isinstance(included, Regressors) else ()
+def _known(job: Job, effect: RegressorEffect) -> Regressors:
+    """What a job includes of an effect."""
+    included = job.included(effect.code)
+    return included if isinstance(included, Regressors) else Regressors(effect.code, effect.describe)
+
+
+def _is_other_std(known: Regressors, test: ScoreTest) -> bool:
+    """Whether the standard deviations of included sizes were told by a fit that lacked them."""
+    before = np.array([one.std for one in known.of(test.candidate.channel)])
+    return bool(np.any(np.abs(np.log(before / np.sqrt(np.diag(test.cov)))) > RESIZED_STD))

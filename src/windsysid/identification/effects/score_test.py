@@ -5,8 +5,9 @@ At the mode of the posterior the gradient to the fit's own unknowns is zero. Of 
 
     g = Jᵀ z,   I = Jᵀ J − Xᵀ Λ⁻¹ X,   X = J_θᵀ J,   S = gᵀ I⁻¹ g,
 
-S is χ² with c degrees of freedom where the innovations are white and nothing is missing in the model; φ̂ = I⁻¹ g is the
-size of the regressors with the covariance I⁻¹, and Δθ = Λ⁻¹ X φ̂ is by how much the fit would change with them. Real
+S is χ² with c degrees of freedom where the innovations are white and nothing is missing in the model; φ̂ = I⁻¹ g has the
+covariance I⁻¹, and Δθ = Λ⁻¹ X φ is by how much the fit would change with regressors of size φ. A fit that lacks large
+ones has its loads far off, and φ̂ with it; (JᵀJ)⁻¹ Jᵀz is unbiased under any loads, and is what is included. Real
 innovations are not quite white, so S is divided by their spectral density next to the frequencies of the regressors,
 the mean of 2K values of a periodogram: S/(c · density) has Fisher's F distribution with c and 2K degrees of freedom.
 
@@ -29,6 +30,10 @@ HANN_LOSS = 1.94
 """Variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
 
 
+SLOW = (8.0, 60.0)
+"""Setting: periods over the record next to those of what varies a few times in it; loads are smooth there."""
+
+
 class Candidate(NamedTuple):
     """Regressors that a fit may lack.
 
@@ -47,7 +52,7 @@ class Candidate(NamedTuple):
     code: str
     channel: str
     columns: tuple[Column, ...]
-    beside: tuple[float, float]
+    beside: tuple[float, float] = SLOW
     places: float = 1.0
 
 
@@ -61,9 +66,9 @@ class ScoreTest(NamedTuple):
     log10_p
         Logarithm of the chance that a record without them has such a statistic, at any of the places.
     size, cov
-        φ̂ (c,) and its covariance (c, c).
+        Of the regressors where the fit's unknowns stay (c,), (JᵀJ)⁻¹ Jᵀz, and the covariance of φ̂ (c, c).
     shift
-        By how much the fit's unknowns would change with the regressors (n,), in their standard deviations.
+        By how much the fit's unknowns would change with regressors of that size (n,), in their standard deviations.
     widening
         What they add to the covariance of the unknowns (n, n).
     """
@@ -88,13 +93,15 @@ def score_tests(at: Linearisation, candidates: Sequence[Candidate]) -> list[Scor
         follow = at.cov @ sums.mixed[:, own]
         information = sums.information[own, own] - sums.mixed[:, own].T @ follow
         cov = np.linalg.pinv(information, hermitian=True)
-        size = cov @ sums.gradient[own]
+        alone = np.linalg.pinv(sums.information[own, own], hermitian=True) @ sums.gradient[own]
         density, freedom = _density(periodogram, sums.energy[:, own].sum(axis=1), one.beside)
         count = len(one.columns)
-        statistic = float(sums.gradient[own] @ size) / (count * density)
+        statistic = float(sums.gradient[own] @ cov @ sums.gradient[own]) / (count * density)
         log10_p = (log_tail_of_f(statistic, count, freedom) + math.log(one.places)) / math.log(10.0)
-        shift = follow @ size / np.sqrt(np.diag(at.cov))
-        found.append(ScoreTest(one, min(log10_p, 0.0), size, np.asarray(density * cov), shift, follow @ cov @ follow.T))
+        shift = follow @ alone / np.sqrt(np.diag(at.cov))
+        found.append(
+            ScoreTest(one, min(log10_p, 0.0), alone, np.asarray(density * cov), shift, follow @ cov @ follow.T)
+        )
     return found
 
 

@@ -30,8 +30,9 @@ from windsysid.turbine.turbine import Turbine
 
 __all__ = ["APART", "Sine", "find_sine", "find_turning", "one_turn", "phase_of", "turned", "ways_of", "without_sines"]
 
-LEAST_STEADINESS = 40.0
-"""Thomson's F from which on a line may be a sine: chance exceeds it at one frequency in 200 000."""
+LEAST_STEADINESS = 20.0
+"""Probability: Thomson's F from which on a line that was seen otherwise may be a sine; chance exceeds it at one
+frequency in 6600."""
 
 OWN_SHARE = 0.5
 """Of a line's power over its surroundings, what F has to be: nearly all sines have more, most narrow-band loads less.

@@ -232,7 +232,7 @@ class Sinusoids:
         """The record without the waves."""
         return without_sines(record, turbine, sensors, [one.sine for one in self.forces] or self.sines)
 
-    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
         """What was found of them."""
         if not (filtered and self.forces):
             return tuple(str(sine) for sine in self.sines)

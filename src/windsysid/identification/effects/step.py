@@ -18,9 +18,6 @@ PLACES = 39.0
 MARGIN = 0.02
 """Setting: share of the record at either end in which no step is looked for."""
 
-BESIDE = (8.0, 60.0)
-"""Setting: periods over the record from which the innovations tell what is usual next to a step."""
-
 
 class Step(RegressorEffect):
     """A constant from some time on in one channel."""
@@ -35,8 +32,7 @@ class Step(RegressorEffect):
                 self.code,
                 sensor.channel,
                 (Column(row, StepAt(float(at.time[likeliest_change(at.readings[:, row])]))),),
-                BESIDE,
-                PLACES,
+                places=PLACES,
             )
             for row, sensor in enumerate(at.problem.sensors)
             if not sensor.drift

@@ -14,9 +14,6 @@ __all__ = ["Trend"]
 ORDERS = 4
 """Setting: Legendre polynomials up to this order: up to two turns of a trend over the record."""
 
-BESIDE = (8.0, 60.0)
-"""Setting: periods over the record from which the innovations tell what is usual next to a trend."""
-
 
 class Trend(RegressorEffect):
     """A polynomial over the record in one channel."""
@@ -28,7 +25,7 @@ class Trend(RegressorEffect):
         first, last = float(at.time[0]), float(at.time[-1])
         waves = [Legendre(order, first, last) for order in range(1, ORDERS + 1)]
         return [
-            Candidate(self.code, sensor.channel, tuple(Column(row, wave) for wave in waves), BESIDE)
+            Candidate(self.code, sensor.channel, tuple(Column(row, wave) for wave in waves))
             for row, sensor in enumerate(at.problem.sensors)
             if not sensor.drift
         ]

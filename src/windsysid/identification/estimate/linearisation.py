@@ -117,7 +117,8 @@ class Linearisation:
         rows = self.readings.shape[1] + len(self.problem.model.compiled.loads)
         changes = np.zeros((waves.shape[1], rows, -(-len(columns) // LANES), LANES))
         for k, (column, wave) in enumerate(zip(columns, waves, strict=True)):
-            changes[:, column.row, k // LANES, k % LANES] = wave
+            known = column.row >= self.readings.shape[1]  # a filter that knows a load has less left, not more
+            changes[:, column.row, k // LANES, k % LANES] = -wave if known else wave
         return changes
 
 

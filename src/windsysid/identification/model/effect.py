@@ -9,6 +9,7 @@ model reads, each time from the record as it is.
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
+from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.turbine.turbine import Turbine
@@ -31,7 +32,7 @@ class Inclusion(Protocol):
     ) -> tuple[Record, tuple[Sensor, ...]]:
         """The record and the sensors that know of the effect, as filters read them or spectra."""
 
-    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
         """What a reader of the result must know of it."""
 
 

@@ -1,12 +1,14 @@
 """Regressors: waveforms of known shape and unknown size, in readings."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.identification.model.agreement import compare
+from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.turbine.turbine import Turbine
@@ -83,18 +85,25 @@ class Regressors:
     ----------
     code
         Of the effect.
+    describe
+        What its terms in one channel are, and by how much they shifted an estimate, in words.
     terms
         What is subtracted from the readings before the structure is fitted.
-    widening
-        What their uncertainty adds to the covariance of the fit's unknowns (n, n).
-    said
-        In words.
+    widenings
+        For each channel, what the uncertainty of its terms adds to the covariance of the fit's unknowns (n, n).
+    before
+        For each channel, the fit that lacked its terms.
     """
 
     code: str
-    terms: tuple[Term, ...]
-    widening: Array
-    said: tuple[str, ...]
+    describe: Callable[[Sequence[Term], str], str]
+    terms: tuple[Term, ...] = ()
+    widenings: Mapping[str, Array] = field(default_factory=dict)
+    before: Mapping[str, Outcome] = field(default_factory=dict)
+
+    def of(self, channel: str) -> tuple[Term, ...]:
+        """The terms in a channel."""
+        return tuple(term for term in self.terms if term.channel == channel)
 
     def correct(
         self, record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, filtered: bool
@@ -106,15 +115,19 @@ class Regressors:
         known = {channel: (values, record.unit(channel)) for channel, values in held.items()}
         return record.with_channels(known), tuple(sensors)
 
-    def notes(self, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
         """What they are."""
-        return self.said
+        said = []
+        for channel, before in self.before.items():
+            name, off = compare(outcome, before)
+            said.append(self.describe(self.of(channel), f"without it {name} would be {off:.1f} σ elsewhere"))
+        return tuple(said)
 
 
 def widening_of(effects: Sequence[object], n: int) -> Array:
     """What the uncertain sizes of included regressors add to the covariance of n unknowns (n, n)."""
     total = np.zeros((n, n))
     for effect in effects:
-        if isinstance(effect, Regressors) and effect.widening.shape == total.shape:
-            total += effect.widening
+        for one in effect.widenings.values() if isinstance(effect, Regressors) else ():
+            total += one if one.shape == total.shape else 0.0
     return total

@@ -182,7 +182,7 @@ class _Run:
         if checkpoint is not None and checkpoint.exists():
             self.stopped = check_call(checkpoint, self.call)
         biases = find_biases(first.on_uniform_grid(), turbine, sensors)
-        self.offsets = () if biases is None else biases.notes(filtered=True)
+        self.offsets = () if biases is None else (biases.note,)
         if biases is not None:
             sensors = biases.correct(first, turbine, sensors, filtered=True)[1]
         self.windows = Windows(first.on_uniform_grid(), turbine, sensors, rate)

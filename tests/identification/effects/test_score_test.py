@@ -1,0 +1,176 @@
+"""Rao's score test: its level on records without an effect, its power, and its influence against a refit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from windsysid.filters import EKF
+from windsysid.identification.effects import EFFECTS
+from windsysid.identification.effects.regression import Regression
+from windsysid.identification.effects.score_test import Candidate, log_tail_of_f, score_tests
+from windsysid.identification.effects.step import Step, likeliest_change
+from windsysid.identification.estimate.linearisation import Column, Linearisation, linearise
+from windsysid.identification.formulations import estimate
+from windsysid.identification.job import FittedJob, Job
+from windsysid.identification.model.prior import Prior
+from windsysid.identification.model.regressor import Constant, Legendre, StepAt, Waveform
+from windsysid.identification.model.turbine_problem import pose
+from windsysid.identification.pipeline import run
+from windsysid.records.record import Record
+from windsysid.simulation.record import simulate_record
+from windsysid.turbine.file import load_turbine
+from windsysid.turbine.turbine import Turbine
+
+DURATION, RATE = 300.0, 4.0
+
+
+@pytest.fixture(scope="module")
+def tower() -> Turbine:
+    """A tower whose sensors have no bias."""
+    packaged = load_turbine("tower")
+    return replace(packaged, sensors=tuple(one.model_copy(update={"bias": 0.0}) for one in packaged.sensors))
+
+
+def added(made: Record, channel: str, wave: Waveform, size: float) -> Record:
+    return made.with_channels({channel: (made[channel] + size * wave(made.time), made.unit(channel))})
+
+
+def job_of(made: Record, turbine: Turbine) -> Job:
+    return Job(made, made, turbine, None, None, None, None, "broadband")
+
+
+def at_the_truth(turbine: Turbine, made: Record) -> Linearisation:
+    """The filter of the simulated turbine itself, whose unknowns are known: nothing follows a regressor."""
+    problem = pose(made, turbine, turbine.sensors, Prior(), None, "broadband")
+    unknowns = problem.wide_prior[0]
+    model = problem.build(unknowns)
+    info = EKF.run(model, EKF.init(model), problem.inputs, problem.readings)[1]
+    cov = 1e-12 * np.eye(len(unknowns))
+    return Linearisation(problem, made.time, problem.readings, problem.inputs, unknowns, cov, info.whitened)
+
+
+def slow_candidates(at: Linearisation) -> list[Candidate]:
+    first, last = float(at.time[0]), float(at.time[-1])
+    trend = [Legendre(order, first, last) for order in range(1, 5)]
+    middle = StepAt(0.5 * (first + last))
+    waves: dict[str, list[Waveform]] = {"bias": [Constant()], "trend": list(trend), "step": [middle]}
+    return [
+        Candidate(code, channel, tuple(Column(row, wave) for wave in of))
+        for code, of in waves.items()
+        for row, channel in enumerate(at.channels)
+    ]
+
+
+def p_values(turbine: Turbine, seed: int) -> dict[tuple[str, str], float]:
+    made = simulate_record(turbine, duration=DURATION, rate=RATE, seed=seed)
+    tests = score_tests(at_the_truth(turbine, made), slow_candidates(at_the_truth(turbine, made)))
+    return {(one.candidate.code, one.candidate.channel): 10.0**one.log10_p for one in tests}
+
+
+def check_level(found: list[dict[tuple[str, str], float]], nominal: float) -> None:
+    for of in found[0]:
+        share = float(np.mean([one[of] < nominal for one in found]))
+        assert abs(share - nominal) < 2.0 * np.sqrt(nominal * (1.0 - nominal) / len(found)) + 1e-12, (of, share)
+
+
+def test_the_tail_of_f_is_that_of_scipy_and_goes_on_where_that_ends():
+    for statistic, count, freedom in [(0.3, 1, 40.0), (3.0, 2, 10.0), (20.0, 4, 53.6)]:
+        assert log_tail_of_f(statistic, count, freedom) == pytest.approx(stats.f.logsf(statistic, count, freedom))
+    far = log_tail_of_f(1e12, 2, 400.0)  # (1 + 2x/n)^(−n/2)
+    assert far == pytest.approx(-200.0 * np.log1p(2e12 / 400.0), rel=1e-6)
+
+
+def test_columns_answer_as_differences_of_filters_do(tower: Turbine):
+    """Independently: filter the record with the waveform and without."""
+    made = simulate_record(tower, duration=100.0, rate=RATE, seed=4)
+    at = at_the_truth(tower, made)
+    columns = [Column(1, StepAt(40.0)), Column(2, Constant())]  # a reading, and a load
+    sums = at.sums(columns)
+    model, z = at.problem.build(at.unknowns), at.innovations
+    changed = at.readings.copy()
+    changed[:, 1] += 1e-4 * StepAt(40.0)(made.time)
+    in_reading = (EKF.run(model, EKF.init(model), at.inputs, changed)[1].whitened - z) / 1e-4
+    inputs = at.inputs.copy()
+    inputs[:, len(at.problem.model.compiled.inputs)] -= 1.0  # of a known load, readings would have to be as much larger
+    in_load = EKF.run(model, EKF.init(model), inputs, at.readings)[1].whitened - z
+    assert sums.gradient == pytest.approx([np.sum(in_reading * z), np.sum(in_load * z)], rel=1e-3)
+    assert np.diag(sums.information) == pytest.approx([np.sum(in_reading**2), np.sum(in_load**2)], rel=1e-3)
+
+
+def test_a_gap_is_no_reading(tower: Turbine):
+    made = simulate_record(tower, duration=100.0, rate=RATE, seed=4)
+    made.values[100:160] = np.nan
+    at = at_the_truth(tower, made)
+    at = replace(at, innovations=np.nan_to_num(at.innovations))
+    assert np.isfinite(score_tests(at, slow_candidates(at))[0].log10_p)
+
+
+def test_the_chance_of_a_statistic_is_uniform_without_an_effect(tower: Turbine):
+    check_level([p_values(tower, 46_000 + seed) for seed in range(60)], 0.2)
+
+
+@pytest.mark.slow
+def test_false_alarms_are_as_many_as_nominal(tower: Turbine):
+    """400 records, seeds not looked at before; within two standard errors."""
+    found = [p_values(tower, 46_100_000 + seed) for seed in range(400)]
+    check_level(found, 0.05)
+
+
+def test_a_step_is_found_where_it_is():
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal(2000) + 0.5 * (np.arange(2000) >= 1300)
+    values[50:80] = np.nan
+    assert abs(likeliest_change(values) - 1300) < 30
+
+
+@pytest.mark.parametrize(
+    ("code", "wave", "size"),
+    [("trend", Legendre(2, 0.0, DURATION), 0.02), ("step", StepAt(0.6 * DURATION), 0.03), ("bias", Constant(), 0.01)],
+)
+def test_the_largest_statistic_names_the_cause(tower: Turbine, code: str, wave: Waveform, size: float):
+    channel = "tower_z_acceleration"
+    made = added(simulate_record(tower, duration=DURATION, rate=RATE, seed=21), channel, wave, size)
+    fit = estimate(job_of(made, tower))
+    at = linearise(job_of(made, tower), fit)
+    assert at is not None
+    regression = EFFECTS[-1]
+    assert isinstance(regression, Regression)
+    tests = score_tests(at, [one for effect in regression.effects.values() for one in effect.candidates(at)])
+    best = min(tests, key=lambda one: one.log10_p)
+    assert (best.candidate.code, best.candidate.channel) == (code, channel)
+
+
+def fitted(made: Record, turbine: Turbine) -> tuple[Job, FittedJob]:
+    return run(job_of(made, turbine), effects=((EFFECTS[-1],),))
+
+
+def test_an_included_trend_gives_the_result_of_the_record_without_it(tower: Turbine):
+    """Its influence against a refit: the estimates are those of the clean record."""
+    made = simulate_record(tower, duration=DURATION, rate=RATE, seed=22)
+    trending = added(made, "tower_z_acceleration", Legendre(1, 0.0, DURATION), 0.05)
+    clean, job = estimate(job_of(made, tower)).outcome, job_of(trending, tower)
+    spoiled = estimate(job).outcome
+    answered, fit = fitted(trending, tower)
+    assert [one.code for one in answered.effects] == ["trend"]
+    std = np.sqrt(np.diag(clean.cov))
+    assert np.abs((fit.outcome.theta - clean.theta) / std).max() < 0.3
+    assert np.abs((spoiled.theta - clean.theta) / std).max() > 0.4
+    (term, *_) = answered.effects[0].terms  # type: ignore[attr-defined]
+    assert abs(term.size - 0.05) < 3.0 * term.std < 0.02
+    assert any("has a trend of" in note for note in fit.outcome.notes)
+
+
+def test_a_record_without_effects_is_left_as_it_is(tower: Turbine):
+    made = simulate_record(tower, duration=DURATION, rate=RATE, seed=23)
+    answered, fit = fitted(made, tower)
+    assert answered.effects == ()
+    assert np.array_equal(fit.outcome.theta, estimate(job_of(made, tower)).outcome.theta)
+
+
+def test_steps_are_looked_for_in_sensors_without_a_random_walk(tower: Turbine):
+    made = simulate_record(tower, duration=60.0, rate=RATE, seed=2)
+    walking = replace(tower, sensors=tuple(one.model_copy(update={"drift": 0.01}) for one in tower.sensors))
+    assert len(Step().candidates(at_the_truth(tower, made))) == 2
+    assert not Step().candidates(at_the_truth(walking, made))
