@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from windsysid.identification.effects.score_test import Candidate, ScoreTest, score_tests
+from windsysid.identification.effects.score_test import Candidate, ScoreTest, promising, score_tests
 from windsysid.identification.estimate.linearisation import Column, Linearisation, linearise
 from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.effect import Detection, Effect
@@ -62,16 +62,14 @@ class Regression(Effect):
         known = {(one.code, one.channel) for one in included}
         proposed = (one for effect in self.effects.values() for one in effect.candidates(at))
         new = [one for one in proposed if (one.code, one.channel) not in known]
-        tests = score_tests(at, [*included, *new])
+        tests = score_tests(at, [*included, *promising(at, new)])
         for one in tests[: len(included)]:  # a fit that lacked it bends its size: sizes settle first
             known_of = _known(job, self.effects[one.candidate.code])
             if np.abs(one.shift).max() > RESIZED or _is_other_std(known_of, one):
                 return Detection(fit, self._with(job, at, fit, one), 0.0, fit)
-        if not new:
-            return Detection(fit)
-        best = min(tests[len(included) :], key=lambda one: one.log10_p)
-        digits = -(best.log10_p + math.log10(len(new)))
-        if digits < -math.log10(P_EFFECT):
+        best = min(tests[len(included) :], key=lambda one: one.log10_p, default=None)
+        digits = 0.0 if best is None else -(best.log10_p + math.log10(len(new)))
+        if best is None or digits < -math.log10(P_EFFECT):
             return Detection(fit)
         return Detection(fit, self._with(job, at, fit, best), digits, fit)
 

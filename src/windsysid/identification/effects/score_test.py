@@ -24,11 +24,14 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.identification.estimate.linearisation import Column, Linearisation
 
-__all__ = ["Candidate", "ScoreTest", "log_tail_of_f", "score_tests"]
+__all__ = ["Candidate", "ScoreTest", "log_tail_of_f", "promising", "score_tests"]
 
 HANN_LOSS = 1.94
 """Variance of the mean of neighbouring frequencies under Hann's window, over that of independent ones."""
 
+
+SCREENED = 0.01
+"""Probability: of a statistic with the fit's unknowns held, from which on a candidate is tested with them."""
 
 SLOW = (8.0, 60.0)
 """Setting: periods over the record next to those of what varies a few times in it; loads are smooth there."""
@@ -79,6 +82,12 @@ class ScoreTest(NamedTuple):
     cov: Array
     shift: Array
     widening: Array
+
+
+def promising(at: Linearisation, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates whose statistic with the fit's unknowns held is beyond `SCREENED`: I is seldom less than half of JᵀJ,
+    and S is at most twice as large then."""
+    return [one.candidate for one in score_tests(at.held, candidates) if one.log10_p < math.log10(SCREENED)]
 
 
 def score_tests(at: Linearisation, candidates: Sequence[Candidate]) -> list[ScoreTest]:

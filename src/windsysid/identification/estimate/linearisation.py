@@ -10,7 +10,7 @@ J_θ from filters at neighbouring unknowns, J from changes of the readings that 
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -87,9 +87,14 @@ class Linearisation:
         """Of the readings (m,)."""
         return tuple(sensor.channel for sensor in self.problem.sensors)
 
+    @property
+    def held(self) -> "Linearisation":
+        """The same with all unknowns held: its sums cost a fraction."""
+        return replace(self, cov=np.zeros((0, 0)))
+
     def sums(self, columns: Sequence[Column]) -> Sums:
         """Add up what the innovations say of columns."""
-        n, m, c = len(self.unknowns), self.readings.shape[1], len(columns)
+        n, m, c = len(self.cov), self.readings.shape[1], len(columns)
         widths = INCREMENT * np.sqrt(np.diag(self.cov))
         beside = bank_of([self.problem.build(one) for one in neighbours(self.unknowns, widths)])
         along = bank_of([self.problem.build(self.unknowns)] * LANES, -(-c // LANES))
@@ -107,7 +112,7 @@ class Linearisation:
                 total = Sums(
                     total.gradient + np.einsum("tmc,tm->c", J, z),
                     total.information + J.reshape(-1, c).T @ J.reshape(-1, c),
-                    total.mixed + slopes.reshape(-1, n).T @ J.reshape(-1, c),
+                    total.mixed + np.einsum("tmn,tmc->nc", slopes, J, optimize=True),
                     total.energy + np.einsum("tmc,tmc->mc", J, J),
                 )
         return total
