@@ -99,10 +99,7 @@ class SmallBias(RegressorEffect):
     def describe(self, terms: Sequence[Term], shift: str) -> str:
         """How large."""
         (one,) = terms
-        return (
-            f"{one.channel} is off by {one.size:.2g} ± {2.0 * one.std:.1g} {one.unit}, which is estimated with the "
-            f"rest; {shift}"
-        )
+        return f"{one.channel} is off by {one.size:.2g} ± {2.0 * one.std:.1g} {one.unit}: {shift}"
 
 
 def find_biases(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Biases | None:

@@ -23,9 +23,11 @@ __all__ = ["P_EFFECT", "Regression", "RegressorEffect"]
 P_EFFECT = 1e-3
 """Probability: share of records without any of these effects in which one is included; each test has an equal share."""
 
-RESIZED = 0.1
-"""Size: shift of an estimate, in standard deviations, from which on the sizes of included regressors are estimated
-again."""
+MATTERS = 0.2
+"""Size: shift of an estimate, in standard deviations, from which on an effect is included, and its size estimated
+again. An error of that size widens a band by 2 %."""
+FAR = 1.0
+"""Size: the same for statistics of loads and for tolerances, which coefficients follow."""
 
 RESIZED_STD = 0.3
 """Size: the same for the logarithm of the standard deviation of a size."""
@@ -65,13 +67,17 @@ class Regression(Effect):
         tests = score_tests(at, [*included, *promising(at, new)])
         for one in tests[: len(included)]:  # a fit that lacked it bends its size: sizes settle first
             known_of = _known(job, self.effects[one.candidate.code])
-            if np.abs(one.shift).max() > RESIZED or _is_other_std(known_of, one):
+            if _is_other_std(known_of, one) or _matters(at, one):
                 return Detection(fit, self._with(job, at, fit, one), 0.0, fit)
         best = min(tests[len(included) :], key=lambda one: one.log10_p, default=None)
         digits = 0.0 if best is None else -(best.log10_p + math.log10(len(new)))
         if best is None or digits < -math.log10(P_EFFECT):
             return Detection(fit)
-        return Detection(fit, self._with(job, at, fit, best), digits, fit)
+        found = self._with(job, at, fit, best)
+        if not _matters(at, best):
+            terms = found.of(best.candidate.channel)
+            return Detection(fit.noting(found.describe(terms, "estimates hardly change with it")))
+        return Detection(fit, found, digits, fit)
 
     def _included(self, job: Job, at: Linearisation) -> list[Candidate]:
         """What the job includes, as candidates for a correction of its size."""
@@ -101,6 +107,12 @@ class Regression(Effect):
             widenings={**known.widenings, channel: test.widening},
             before={channel: fit.outcome, **known.before},
         )
+
+
+def _matters(at: Linearisation, test: ScoreTest) -> bool:
+    """Whether an estimate would change, or the loads so much that the first order does not tell."""
+    n, off = len(at.problem.parameters), np.abs(test.shift)
+    return bool(off[:n].max() > MATTERS or off.max() > FAR)
 
 
 def _known(job: Job, effect: RegressorEffect) -> Regressors:

@@ -6,8 +6,9 @@ At the mode of the posterior the gradient to the fit's own unknowns is zero. Of 
     g = Jᵀ z,   I = Jᵀ J − Xᵀ Λ⁻¹ X,   X = J_θᵀ J,   S = gᵀ I⁻¹ g,
 
 S is χ² with c degrees of freedom where the innovations are white and nothing is missing in the model; φ̂ = I⁻¹ g has the
-covariance I⁻¹, and Δθ = Λ⁻¹ X φ is by how much the fit would change with regressors of size φ. A fit that lacks large
-ones has its loads far off, and φ̂ with it; (JᵀJ)⁻¹ Jᵀz is unbiased under any loads, and is what is included. Real
+covariance I⁻¹, and Δθ = Λ⁻¹ X φ is by how much the fit would change with regressors of size φ, to first order. A fit
+that lacks large ones has its loads far off, and φ̂ with it; (JᵀJ)⁻¹ Jᵀz is unbiased under any loads, and is what is
+included. Real
 innovations are not quite white, so S is divided by their spectral density next to the frequencies of the regressors,
 the mean of 2K values of a periodogram: S/(c · density) has Fisher's F distribution with c and 2K degrees of freedom.
 
@@ -107,10 +108,8 @@ def score_tests(at: Linearisation, candidates: Sequence[Candidate]) -> list[Scor
         count = len(one.columns)
         statistic = float(sums.gradient[own] @ cov @ sums.gradient[own]) / (count * density)
         log10_p = (log_tail_of_f(statistic, count, freedom) + math.log(one.places)) / math.log(10.0)
-        shift = follow @ alone / np.sqrt(np.diag(at.cov))
-        found.append(
-            ScoreTest(one, min(log10_p, 0.0), alone, np.asarray(density * cov), shift, follow @ cov @ follow.T)
-        )
+        shift, widening = follow @ alone / np.sqrt(np.diag(at.cov)), follow @ cov @ follow.T
+        found.append(ScoreTest(one, min(log10_p, 0.0), alone, np.asarray(density * cov), shift, widening))
     return found
 
 

@@ -42,10 +42,7 @@ class Step(RegressorEffect):
         """When, and how large."""
         (one,) = terms
         at = one.wave.time if isinstance(one.wave, StepAt) else 0.0
-        return (
-            f"{one.channel} steps by {one.size:.2g} ± {2.0 * one.std:.1g} {one.unit} at {at:.4g} s, which is estimated "
-            f"with the rest; {shift}"
-        )
+        return f"{one.channel} steps by {one.size:.2g} ± {2.0 * one.std:.1g} {one.unit} at {at:.4g} s: {shift}"
 
 
 def likeliest_change(values: Array) -> int:

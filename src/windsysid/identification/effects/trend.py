@@ -34,4 +34,4 @@ class Trend(RegressorEffect):
         """The size of the trend: its root mean square."""
         size = float(np.sqrt(sum(one.size**2 / (2 * order + 1) for order, one in enumerate(terms, start=1))))
         first = terms[0]
-        return f"{first.channel} has a trend of {size:.2g} {first.unit} rms, which is estimated with the rest; {shift}"
+        return f"{first.channel} has a trend of {size:.2g} {first.unit} rms: {shift}"
