@@ -115,35 +115,35 @@ def posterior(prior_std, *data):
 def test_a_band_that_is_the_priors_is_said_to_be_with_the_share_of_the_data():
     # Prior 0.3, data 0.9: 1/0.9² of 1/0.9² + 1/0.3² is 10 %. The other is known to 0.01.
     cov, prior = posterior([0.3, 0.3], ([1.0, 0.0], 0.01), ([0.0, 1.0], 0.9))
-    assert describe_directions(("k_x", "c_x"), cov, prior, (True, False), np.array([0.0, 0.04])) == [
-        "c_x: 10 % from the data, its band is mostly the prior's"
-    ]
+    (found,) = describe_directions(("k_x", "c_x"), cov, prior, (True, False), np.array([0.0, 0.04]))
+    assert (found.code, found.severity, found.quantities) == ("prior_dominates", "remark", ("c_x",))
+    assert found.data["share"] == pytest.approx(0.1)
 
 
 def test_of_stiffness_and_mass_only_the_ratio_comes_from_the_data():
     cov, prior = posterior([0.3, 0.3], ([1.0, -1.0], 0.01))
     ratio, correlated = describe_directions(("k_x", "hub_mass_x"), cov, prior, (True, True))
-    assert (
-        ratio
-        == "k_x and hub_mass_x: the data see only their ratio k_x/hub_mass_x; the rest is the prior's (0 % from the"
-        " data)"
-    )
-    assert correlated == "k_x and hub_mass_x are correlated by +1.00"
+    assert (ratio.code, ratio.quantities) == ("prior_dominates", ("k_x", "hub_mass_x"))
+    assert ratio.data["seen"] == "their ratio k_x/hub_mass_x"
+    assert ratio.data["share"] == pytest.approx(0.0, abs=0.005)
+    assert (correlated.code, correlated.quantities) == ("correlated_estimates", ("k_x", "hub_mass_x"))
+    assert correlated.data["correlation"] == pytest.approx(1.0, abs=0.005)
 
 
 def test_proportional_coordinates_count_relative_to_where_they_are():
     # θ of the damper is 0.04; along k, c, m by a common factor nothing is seen: d(ln k, θ_c, ln m) = (1, 0.04, 1).
     cov, prior = posterior([0.3, 0.012, 0.3], ([1.0, 0.0, -1.0], 0.01), ([0.0, 25.0, -1.0], 0.02))
-    sentence = describe_directions(("k", "c", "m"), cov, prior, (True, False, True), np.array([0.0, 0.04, 0.0]))[0]
-    assert sentence.startswith("k, c and m: the data see only the proportion between them (not their common factor)")
+    found = describe_directions(("k", "c", "m"), cov, prior, (True, False, True), np.array([0.0, 0.04, 0.0]))[0]
+    assert found.quantities == ("k", "c", "m")
+    assert found.data["seen"] == "the proportion between them (not their common factor)"
 
 
 def test_several_bands_that_are_the_priors_are_told_one_by_one():
     # Rotated among themselves by a weak correlation, the eigenvectors mix them; the words must not.
     cov, prior = posterior([0.3, 0.3, 0.3], ([1.0, 0.1, 0.0], 2.0), ([0.1, 1.0, 0.1], 2.0), ([0.0, 0.1, 1.0], 2.0))
-    sentences = describe_directions("abc", cov, prior, (True,) * 3)
-    assert [sentence[:1] for sentence in sentences] == ["a", "b", "c"]
-    assert all("from the data, its band is mostly the prior's" in sentence for sentence in sentences)
+    found = describe_directions("abc", cov, prior, (True,) * 3)
+    assert [one.quantities for one in found] == [("a",), ("b",), ("c",)]
+    assert {one.code for one in found} == {"prior_dominates"}
 
 
 def test_nothing_is_said_where_the_data_rule():

@@ -18,6 +18,7 @@ from fractions import Fraction
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.results.finding import Finding
 
 __all__ = ["describe_directions", "describe_information", "standard_deviations"]
 
@@ -92,8 +93,8 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
 
 def describe_directions(
     names: Sequence[str], cov: Array, prior_cov: Array, logarithmic: Sequence[bool], theta: Array | None = None
-) -> list[str]:
-    """Where a posterior is the prior's rather than the data's, and what is strongly correlated, a sentence each.
+) -> list[Finding]:
+    """Remarks where a posterior is the prior's rather than the data's, and on what is strongly correlated.
 
     Parameters
     ----------
@@ -114,17 +115,15 @@ def describe_directions(
     spread = np.sqrt(np.diag(prior_cov))
     size = np.where(logarithmic, 1.0, spread if theta is None else np.where(theta == 0.0, spread, theta))
     before, after = np.linalg.inv(prior_cov), np.linalg.inv(cov)
-    sentences = []
+    found = []
     for who, left, moved, rows in _describe_rules(names, prior_rules, 1.0 / spread, ZERO_ENTRY_BADLY_SEEN, 1.0 / size):
         left_of_prior = np.trace(np.linalg.solve(rows @ after @ rows.T, rows @ before @ rows.T)) / len(rows)
-        share = f"{100.0 * (1.0 - left_of_prior):.0f} % from the data"
-        some = (
-            f"{_list(who)}: the data see only {left}; the rest is the prior's ({share})"
-            if left
-            else f"{moved} together: {share}, the rest is the prior's"
-        )
-        sentences.append(some if len(who) > 1 else f"{who[0]}: {share}, its band is mostly the prior's")
-    return sentences + [f"{names[i]} and {names[j]} are correlated by {value:+.2f}" for i, j, value in _correlated(cov)]
+        data = {"share": 1.0 - left_of_prior, "seen": left, "direction": moved}
+        found.append(Finding("prior_dominates", "remark", data, tuple(who)))
+    return found + [
+        Finding("correlated_estimates", "remark", {"correlation": value}, (names[i], names[j]))
+        for i, j, value in _correlated(cov)
+    ]
 
 
 def _correlated(cov: Array) -> list[tuple[int, int, float]]:

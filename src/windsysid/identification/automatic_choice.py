@@ -1,6 +1,7 @@
 """Which formulation answers where nobody says how, and what one of them hears of another."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from windsysid.identification.verdict.conclude import doubts_of_innovations
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
+from windsysid.results.finding import Finding
 from windsysid.spectral.rotor_bands.build import is_lightly_damped
 
 __all__ = ["by_spectra_alone", "by_what_fits"]
@@ -22,7 +24,7 @@ BEGINNING = 60.0
 """Periods of the slowest mode at a record's beginning in which filters look for loads that they cannot explain: where
 there are, a search of all of it takes minutes."""
 
-WITHOUT_WIND = "broad loads explain the record, and spectra in bands suppose wind: use --formulation joint"
+WITHOUT_WIND = Finding("bands_suppose_wind", "reason")
 
 
 def by_what_fits(asked: Asked) -> Found:
@@ -34,15 +36,15 @@ def by_what_fits(asked: Asked) -> Found:
     try:
         spectral = asked.spectra or by_spectra(asked)
     except (WindsysidError, np.linalg.LinAlgError) as error:
-        return by_filters(asked).saying(f"joint formulation, as spectra do not apply ({error})")
+        return by_filters(asked).saying(_note("joint_as_spectra_do_not_apply", error=str(error)))
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
     if not doubts and spectral.outcome.hypothesis == RotorWind.name:
         broad = _by_broad_loads(asked) if spectral.outcome.in_bands else None
         if broad is not None:
-            return broad.saying("joint formulation: broad loads explain the record, and spectra in bands suppose wind")
-        return spectral.saying("spectral formulation: wind drives a turning rotor, and the record is stationary")
+            return broad.saying(_note("joint_as_loads_are_broad"))
+        return spectral.saying(_note("spectral_under_wind"))
     if not doubts and spectral.drifts:
-        return spectral.saying("spectral formulation: a clock drifts, and filters feel what is read between samples")
+        return spectral.saying(_note("spectral_as_clock_drifts"))
     again = asked._replace(prior=spectral.prior, drifts=spectral.drifts)
     if spectral.drifts and asked.loads == "auto":
         again = again._replace(loads=Broadband.name)  # others would explain what filters feel of that
@@ -52,18 +54,21 @@ def by_what_fits(asked: Asked) -> Found:
         explained = joint.narrow or joint.outcome.hypothesis == NarrowBand.name
         if not explained and compare(joint.outcome, spectral.outcome)[1] < DISAGREEMENT:
             joint = joint.beside(*spectral.narrow)  # filters have ended where spectra did
-        return joint.saying(f"joint formulation, as spectra are in doubt ({doubts[0]})")
+        return joint.saying(_note("joint_as_spectra_are_doubtful", because=doubts[0]))
     name, off = compare(joint.outcome, spectral.outcome)
     against = [disagreement(name, off, joint, asked.turbine)]
     if spectral.outcome.turns:
         if off > DISAGREEMENT:
-            return joint.saying("joint formulation; spectra were asked, too", *against)
-        return joint.saying(f"joint formulation; spectra agree within {off:.1f} standard deviations")
-    why = "spectral formulation: the record is stationary, and nothing that moves turns"
+            return joint.saying(_note("joint_with_spectra"), *against)
+        return joint.saying(_note("joint_agrees", sigmas=off))
     if off > DISAGREEMENT:
-        return spectral.saying(f"{why}; filters were asked, too", *against)
+        return spectral.saying(_note("spectral_with_filters"), *against)
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
-    return spectral.saying(f"{why}; filters agree within {off:.1f} standard deviations", *innovations)
+    return spectral.saying(_note("spectral_agrees", sigmas=off), *innovations)
+
+
+def _note(code: str, **data: Any) -> Finding:
+    return Finding(code, "note", data)
 
 
 def by_spectra_alone(asked: Asked) -> Found:
@@ -108,8 +113,12 @@ def _by_broad_loads(asked: Asked) -> Found | None:
     return joint
 
 
-def _undamped(found: Outcome) -> list[str]:
+def _undamped(found: Outcome) -> list[Finding]:
     """Which damping is not positive: a spectrum says its size only, and a search may end at the mirror image."""
     damping = {f"c_{name}" for name in found.turbine.model.coordinates}
     at = zip(found.model.parameters, found.theta.tolist(), strict=True)
-    return [f"{q.name} is not positive" for q, theta in at if q.name in damping and q.physical(theta) <= 0.0]
+    return [
+        Finding("coefficient_not_positive", "reason", {"value": float(q.physical(theta))}, (q.name,))
+        for q, theta in at
+        if q.name in damping and q.physical(theta) <= 0.0
+    ]

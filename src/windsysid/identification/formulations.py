@@ -33,6 +33,7 @@ from windsysid.inspection.screening import screen
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.signals.inputs import TURNING
 from windsysid.turbine.turbine import Turbine
 
@@ -44,7 +45,7 @@ DISAGREEMENT = 3.0
 MOST_DRIFTS = 4
 """How often spectra are asked again, with readings of a clock that drifts put back by what was left."""
 
-MOVED = "readings of a clock that drifts were put back, between samples: filters feel that; use --formulation spectral"
+MOVED = Finding("drift_moved_readings", "reason")
 
 
 def jointly(asked: Asked, near: Outcome | None = None) -> Found:
@@ -67,19 +68,21 @@ def jointly(asked: Asked, near: Outcome | None = None) -> Found:
             )
         return outcome or identify_jointly(part, turbine, found, prior, asked.parameters, loads=asked.loads)
 
-    near, said = asked.near or near, list[str]()
+    near, said = asked.near or near, list[Finding]()
     if asked.sines:
         left = without_sines(part, turbine, found, asked.sines)
         psi = turned(part, turbine, found)
         if psi is None:
-            part, said = left, [str(sine) for sine in asked.sines]
+            part, said = left, [sine.note for sine in asked.sines]
         else:
             near = near or search(left, None)
             forces = forces_of(asked.sines, near, part, turbine, found, prior, asked.parameters)
             left = without_sines(part, turbine, found, [force.sine for force in forces])
             part, said = with_forces(part, forces, psi), told(forces)
     outcome = thin_to_readings(search(part, near), steps)
-    outcome = outcome._replace(notes=(*map(str, drifts), *offsets, *wandering, *resampled, *said, *outcome.notes))
+    outcome = outcome._replace(
+        notes=(*(one.note for one in drifts), *offsets, *wandering, *resampled, *said, *outcome.notes)
+    )
     read = replace(left, time=left.time[::steps], values=left.values[::steps])
     joint = Found("joint", outcome, read, found, faults, prior, drifts)
     return joint.doubted(MOVED) if drifts else joint
@@ -143,13 +146,15 @@ def by_spectra(asked: Asked) -> Found:
             break
         best = further
     part, drifts, outcome, prior = best
-    beside, narrow = narrow_band_beside(outcome, part, turbine, found), tuple[str, ...]()
+    beside, narrow = narrow_band_beside(outcome, part, turbine, found), tuple[Finding, ...]()
     if beside is not None and beside.is_needed and asked.loads == "auto":
         again, prior = ask(heard_on_time(part, outcome, turbine, found), NarrowBand.name)
         outcome = told_before(again, outcome)
     else:
         narrow = doubts_of_narrow_band(beside, asked=asked.loads)
-    outcome = outcome._replace(notes=(*map(str, drifts), *map(str, asked.sines), *outcome.notes))
+    outcome = outcome._replace(
+        notes=(*(one.note for one in drifts), *(one.note for one in asked.sines), *outcome.notes)
+    )
     return Found("spectral", outcome, part, found, faults, prior, drifts).beside(*narrow)
 
 
@@ -174,11 +179,10 @@ def by_force_balance(asked: Asked) -> Found:
     return Found("force-balance", outcome, part, (), faults)
 
 
-def disagreement(name: str, off: float, found: Found, turbine: Turbine) -> str:
+def disagreement(name: str, off: float, found: Found, turbine: Turbine) -> Finding:
     """That filters and spectra are so many standard deviations apart on a coefficient, and the likeliest cause."""
     locked = _blades_move(turbine) and not _blades_move(found.outcome.turbine)
-    cause = "blades move that no channel sees: record them" if locked else "loads are not as modelled"
-    return f"filters and spectra disagree on {name} by {off:.1f} standard deviations: {cause}"
+    return Finding("formulations_disagree", "reason", {"sigmas": off, "unseen_blades": locked}, (name,))
 
 
 def _blades_move(turbine: Turbine) -> bool:

@@ -10,9 +10,10 @@ from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.verdict.conclude import Formulation
 from windsysid.identification.verdict.influence import Dependence
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Asked", "Found"]
@@ -95,22 +96,22 @@ class Found(NamedTuple):
     outcome: Outcome
     read: Record
     sensors: tuple[Sensor, ...]
-    faults: Sequence[Finding]
+    faults: Sequence[Fault]
     prior: Prior = Prior()
     drifts: tuple[Drift, ...] = ()
     dependence: Dependence | None = None
     felt: tuple[Sine, ...] = ()
-    narrow: tuple[str, ...] = ()
+    narrow: tuple[Finding, ...] = ()
 
-    def saying(self, note: str, *doubts: str) -> "Found":
+    def saying(self, note: Finding, *doubts: Finding) -> "Found":
         """The same with a note, and what speaks against it."""
         found = self.doubted(*doubts)
         return found._replace(outcome=found.outcome._replace(notes=(*found.outcome.notes, note)))
 
-    def doubted(self, *doubts: str) -> "Found":
+    def doubted(self, *doubts: Finding) -> "Found":
         """The same with what speaks against it."""
         return self._replace(outcome=self.outcome._replace(doubts=(*self.outcome.doubts, *doubts)))
 
-    def beside(self, *narrow: str) -> "Found":
+    def beside(self, *narrow: Finding) -> "Found":
         """The same with what a narrow-band load says against it."""
         return self.doubted(*narrow)._replace(narrow=narrow)

@@ -16,6 +16,7 @@ from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import Accelerometer, Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["with_offsets"]
@@ -38,7 +39,7 @@ AT_REST = 2000
 
 def with_offsets(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor]
-) -> tuple[tuple[Sensor, ...], tuple[str, ...]]:
+) -> tuple[tuple[Sensor, ...], tuple[Finding, ...]]:
     """The sensors, those with an offset as large as what the readings are off by that have one, and what to say."""
     asked = [i for i, s in enumerate(sensors) if isinstance(s, Accelerometer) and not s.bias]
     if not asked or record.samples < 3:
@@ -48,17 +49,18 @@ def with_offsets(
     psi = np.unwrap(inputs[:, turbine.model.inputs.index("rotor_azimuth")]) if turning else np.zeros(len(inputs))
     some = slice(None, None, max(1, record.samples // AT_REST))
     at_rest = _at_rest(turbine, sensors, inputs[some])
-    found, said = list(sensors), []
+    found, offsets = list(sensors), dict[str, float]()
     for i in asked:
         sensor = sensors[i]
         off = _mean(record[sensor.channel], psi) - _mean(at_rest[:, i], psi[some])
         chance = _chance(record[sensor.channel], record.duration * turbine.slowest_frequency / (2.0 * np.pi))
         if abs(off) > max(SIGMAS * chance, LEAST * sensor.noise):
             found[i] = sensor.model_copy(update={"bias": abs(off)})
-            said.append(f"{sensor.channel} by {off:.2g} {sensor.unit}")
-    if not said:
+            offsets[sensor.channel] = off
+    if not offsets:
         return tuple(sensors), ()
-    return tuple(found), (f"readings are off by a constant, which is found beside: {', '.join(said)}",)
+    units = {sensor.channel: sensor.unit for sensor in found if sensor.channel in offsets}
+    return tuple(found), (Finding("sensor_offsets", "note", {"offsets": offsets, "units": units}),)
 
 
 def _at_rest(turbine: Turbine, sensors: Sequence[Sensor], inputs: Array) -> Array:

@@ -23,6 +23,7 @@ from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.turbine.turbine import Turbine
@@ -67,12 +68,10 @@ class Drift(NamedTuple):
     std: float
     by: str = "gravity in its readings"
 
-    def __str__(self) -> str:
-        ppm, std, pace = 1e6 * abs(self.rate), 1e6 * self.std, "slowly" if self.rate < 0.0 else "fast"
-        return (
-            f"the clock of the logger {self.logger} runs {ppm:.3g} ± {std:.2g} ppm too {pace}, by {self.by}: its "
-            "readings were put back"
-        )
+    @property
+    def note(self) -> Finding:
+        """That readings were put back."""
+        return Finding("clock_drift", "note", self._asdict())
 
     def matters(self, turbine: Turbine, duration: float) -> bool:
         """Whether it is beyond chance, no faster than clocks drift, and moves what vibrates in such a record [s]."""

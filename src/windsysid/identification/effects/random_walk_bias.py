@@ -19,6 +19,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.mechanics.sensors import Accelerometer, Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["with_drifting_offsets"]
@@ -48,7 +49,7 @@ SETTLED = 10.0
 
 def with_drifting_offsets(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, leaning: bool = False
-) -> tuple[Record, tuple[Sensor, ...], tuple[str, ...]]:
+) -> tuple[Record, tuple[Sensor, ...], tuple[Finding, ...]]:
     """The record without slow variations of sensors whose offsets wander, the sensors with these drifts, and what to
     say; sensors that feel gravity only if `leaning`."""
     slowest = turbine.slowest_frequency / (2.0 * np.pi)
@@ -60,7 +61,7 @@ def with_drifting_offsets(
     for i, sensor in enumerate(sensors):
         if isinstance(sensor, Accelerometer) and not sensor.drift and (leaning or not sensor.feels_gravity):
             alike.setdefault(sensor.unit, []).append(i)
-    found, said, held = list(sensors), [], dict[str, tuple[Array, str]]()
+    found, drifts, held = list(sensors), dict[str, float](), dict[str, tuple[Array, str]]()
     for group in alike.values():
         told = [_wandering(record[sensors[i].channel], record.rate, below, slowest) for i in group]
         if sum(clear for clear, _ in told) < CLEAR:
@@ -72,11 +73,11 @@ def with_drifting_offsets(
             bias = max(sensor.bias, drift * math.sqrt(SETTLED))
             found[i] = sensor.model_copy(update={"drift": drift, "bias": bias})
             held[sensor.channel] = _without_trend(record[sensor.channel]), record.unit(sensor.channel)
-            said.append(f"{sensor.channel} by {drift:.2g} {sensor.unit} in a second")
+            drifts[sensor.channel] = drift
     if not held:
         return record, tuple(sensors), ()
-    drifting = f", and drifts are found beside: {', '.join(said)}" if said else ""
-    note = f"offsets wander: slow variations of {', '.join(held)} are taken out{drifting}"
+    units = {sensor.channel: sensor.unit for sensor in sensors if sensor.channel in drifts}
+    note = Finding("wandering_offsets", "note", {"channels": [*held], "drifts": drifts, "units": units})
     return record.with_channels(held), tuple(found), (note,)
 
 

@@ -26,6 +26,7 @@ from windsysid.identification.estimate.scoring import THREADS
 from windsysid.identification.model.fit import PART_OF
 from windsysid.identification.model.turbine_problem import TurbineProblem
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.statespace.compose import StateSpace
 
 __all__ = ["SineForce", "find_forces", "told", "with_forces"]
@@ -62,20 +63,14 @@ class SineForce(NamedTuple):
         """Whether it is surely there."""
         return self.amplitude > SURE * self.std
 
-    def __str__(self) -> str:
-        if not self.matters:
-            return (
-                f"what turns at {self.sine.order}P is taken into account: an imbalance of the rotor, or masses off "
-                "within their tolerances"
-            )
-        at, cause = f"{self.sine.frequency:.4g} Hz", "a machine"
-        if self.sine.order:
-            at = f"{self.sine.order}P"
-            cause = "an imbalance of the rotor" if self.sine.order == 1 else "what turns with the rotor"
-        return (
-            f"{self.load} has a steady sine of {self.amplitude:.2g} ± {2.0 * self.std:.1g} {self.unit} at {at}: "
-            f"likely {cause}; the estimates take it into account"
-        )
+    @property
+    def note(self) -> Finding:
+        """That it is taken into account."""
+        data = {
+            "frequency": self.sine.frequency, "order": self.sine.order, "load": self.load, "amplitude": self.amplitude,
+            "std": self.std, "unit": self.unit,
+        }  # fmt: skip
+        return Finding("sinusoidal_force" if self.matters else "rotor_harmonic", "note", data)
 
 
 def find_forces(
@@ -186,11 +181,11 @@ def _waves(sine: Sine, record: Record, psi: Array | None) -> tuple[Array, Array]
     return np.cos(phase), np.sin(phase)
 
 
-def told(forces: Sequence[SineForce]) -> list[str]:
+def told(forces: Sequence[SineForce]) -> list[Finding]:
     """What a reader should know of forces: those that surely push, and what turns with the rotor."""
-    sure = [str(force) for force in forces if force.matters]
+    sure = [force.note for force in forces if force.matters]
     turning = {force.sine.order for force in forces} - {force.sine.order for force in forces if force.matters} - {0}
-    return sure + [str(next(one for one in forces if one.sine.order == order)) for order in sorted(turning)]
+    return sure + [next(one.note for one in forces if one.sine.order == order) for order in sorted(turning)]
 
 
 def with_forces(record: Record, forces: Sequence[SineForce], psi: Array | None) -> Record:
