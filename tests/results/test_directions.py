@@ -31,7 +31,7 @@ def test_what_is_mixed_up_has_no_standard_deviation_and_the_rest_keeps_its_own()
 
 
 @pytest.mark.parametrize(
-    ("names", "combinations", "sentences"),
+    ("names", "combinations", "expected"),
     [
         (("k_x", "m"), [(1, -1)], ["k_x and m: only their ratio k_x/m is seen"]),
         (("m", "k_x"), [(-1, 1)], ["m and k_x: only their ratio m/k_x is seen"]),
@@ -60,49 +60,56 @@ def test_what_is_mixed_up_has_no_standard_deviation_and_the_rest_keeps_its_own()
         ),
     ],
 )  # fmt: skip
-def test_what_is_not_seen_is_said_in_words(names, combinations, sentences):
-    assert describe_information(names, seen(*combinations)) == sentences
+def test_what_is_not_seen_is_said_in_words(names, combinations, expected):
+    assert [str(one) for one in describe_information(names, seen(*combinations))] == expected
 
 
 def test_words_do_not_depend_on_how_well_the_rest_is_seen():
     # The same combinations seen with σ from 10⁻⁴ to 1, and correlated with each other.
     mix = np.array([[1.0, 0.3, 0.0], [0.0, 0.01, 0.002], [0.5, 0.0, 1e-4]])
     rows = np.linalg.solve(mix, np.array([[1.0, 0, -1, 0], [0, 1.0, -1, 0], [0, 0, 1.0, -1]]))
-    (sentence,) = describe_information(NAMES, rows.T @ rows)
-    assert "only the proportion between them" in sentence
+    (found,) = describe_information(NAMES, rows.T @ rows)
+    assert (found.code, found.quantities) == ("unseen_combination", NAMES)
+    assert found.data["seen"].startswith("the proportion between them")
 
 
 @pytest.mark.parametrize("noise", [1e-9, 1e-5])
 def test_rounding_of_the_differences_is_not_taken_for_information(noise):
     rng = np.random.default_rng(1)
     rows = np.array([[1.0, -1.0]]) * rng.standard_normal((500, 1)) + noise * rng.standard_normal((500, 2))
-    assert describe_information(("k_x", "m"), 1e4 * rows.T @ rows) == ["k_x and m: only their ratio k_x/m is seen"]
+    (found,) = describe_information(("k_x", "m"), 1e4 * rows.T @ rows)
+    assert (found.code, found.data["seen"]) == ("unseen_combination", "their ratio k_x/m")
 
 
 def test_what_is_hardly_told_apart_is_said_with_both_bands():
     # The ratio to σ = 0.5 %, the common factor to σ = 40 %: ±2σ of each is 80 %.
     information = seen((1, -1), sigma=0.005) + seen((0.5, 0.5), sigma=0.4)
-    (sentence,) = describe_information(("k_x", "m"), information)
-    assert sentence == "k_x and m are hard to tell apart: their ratio k_x/m is seen to ±1 %, each alone to ±80 % (2σ)"
+    (found,) = describe_information(("k_x", "m"), information)
+    assert (found.code, found.data["seen"]) == ("hard_to_tell_apart", "their ratio k_x/m")
+    assert found.data["std"] == pytest.approx(0.005, rel=0.01)
+    assert str(found) == "k_x and m are hard to tell apart: their ratio k_x/m is seen to ±1 %, each alone to ±80 % (2σ)"
 
 
 def test_three_that_are_hardly_told_apart_are_said_as_a_move():
     information = seen((1, -1, 0), (0, 1, -1)) + seen((1, 1, 1), sigma=3.0)
-    (sentence,) = describe_information("abc", information)
-    assert sentence.startswith(
-        "a, b and c are hard to tell apart: a +10 %, b +10 % and c +10 % together is hardly seen"
-    )
+    (found,) = describe_information("abc", information)
+    assert (found.code, found.quantities) == ("direction_hardly_seen", ("a", "b", "c"))
+    assert found.data["direction"] == "a +10 %, b +10 % and c +10 %"
+    assert str(found).startswith("a, b and c are hard to tell apart: a +10 %, b +10 % and c +10 % together")
 
 
 def test_strong_correlations_are_named_and_nuisances_are_not_spoken_of_on_their_own():
     covariance = np.array([[1.0, 0.95, 0.0], [0.95, 1.0, 0.0], [0.0, 0.0, 1.0]])
     information = np.linalg.inv(covariance)
-    assert describe_information("abc", information) == ["a and b are correlated by +0.95"]
+    for aside in ("", "bc"):
+        (found,) = describe_information("abc", information, aside=aside)
+        assert (found.code, found.quantities) == ("correlated_estimates", ("a", "b"))
+        assert found.data["correlation"] == pytest.approx(0.95)
     assert describe_information("abc", information, aside="ab") == []
-    assert describe_information("abc", information, aside="bc") == ["a and b are correlated by +0.95"]
     ratio = seen((1, -1, 0), (0, 0, 1))
     assert describe_information("abc", ratio, aside="ab") == []
-    assert describe_information("abc", ratio, aside="b") == ["a and b: only their ratio a/b is seen"]
+    (found,) = describe_information("abc", ratio, aside="b")
+    assert (found.code, found.quantities) == ("unseen_combination", ("a", "b"))
 
 
 def posterior(prior_std, *data):

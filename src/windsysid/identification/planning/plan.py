@@ -152,9 +152,8 @@ class Plan(Answer):
     @cached_property
     def directions(self) -> tuple[str, ...]:
         """What these sensors leave unseen or badly told apart after the planned duration, a sentence each."""
-        return tuple(
-            describe_information(self.names, self.information(self.duration), aside=self.names[self.unknown :])
-        )
+        found = describe_information(self.names, self.information(self.duration), aside=self.names[self.unknown :])
+        return tuple(map(str, found))
 
     def answer(self, name: str) -> str:
         """Will these sensors see `name` in time, and if not, how long do they need?"""

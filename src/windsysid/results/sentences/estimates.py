@@ -23,12 +23,25 @@ def _damping_not_positive(d: Data) -> str:
     )
 
 
+def _all(d: Data) -> str:
+    *most, last = d["quantities"]
+    return f"{', '.join(most)} and {last}"
+
+
+def _two_sigma(std: float) -> str:
+    return f"±{float(f'{200.0 * std:.2g}'):g} %"
+
+
+def _each(d: Data) -> str:
+    """Two standard deviations of each quantity."""
+    return _two_sigma(d["low"]) + (f" … {_two_sigma(d['high'])}" if d["high"] >= 1.1 * d["low"] else "")
+
+
 def _prior_dominates(d: Data) -> str:
-    share, names = f"{100.0 * d['share']:.0f} % from the data", d["quantities"]
+    share = f"{100.0 * d['share']:.0f} % from the data"
     if d["seen"]:
-        these = f"{', '.join(names[:-1])} and {names[-1]}"
-        return f"{these}: the data see only {d['seen']}; the rest is the prior's ({share})"
-    if len(names) > 1:
+        return f"{_all(d)}: the data see only {d['seen']}; the rest is the prior's ({share})"
+    if len(d["quantities"]) > 1:
         return f"{d['direction']} together: {share}, the rest is the prior's"
     return f"{d['quantity']}: {share}, its band is mostly the prior's"
 
@@ -68,6 +81,16 @@ ESTIMATES: Final[Mapping[str, Sentence]] = {
         "damping may be zero or negative within its band: {names}; a longer record tells"
     ),
     "prior_dominates": _prior_dominates,
+    "unseen": "{quantity} is not seen at all",
+    "unseen_combination": lambda d: f"{_all(d)}: only {d['seen']} is seen",
+    "unseen_direction": "{direction} together: no reading changes",
+    "hard_to_tell_apart": lambda d: (
+        f"{_all(d)} are hard to tell apart: {d['seen']} is seen to {_two_sigma(d['std'])}, each alone to {_each(d)}"
+        " (2σ)"
+    ),
+    "direction_hardly_seen": lambda d: (
+        f"{_all(d)} are hard to tell apart: {d['direction']} together is hardly seen (2σ of each: {_each(d)})"
+    ),
     "correlated_estimates": lambda d: f"{' and '.join(d['quantities'])} are correlated by {d['correlation']:+.2f}",
     "halves_disagree": (
         "the halves of the record disagree on {quantity} by {sigmas:|.1f|} standard deviations",
