@@ -13,11 +13,26 @@ from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.mechanics.model import MODELS
 from windsysid.mechanics.sensors import SENSORS
 from windsysid.records.formats.probing import Guard
+from windsysid.results.finding import Finding
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
 Guard.on = True
 """Damaged HDF5 files of the tests are those of fixed seeds; `tests/records/formats/test_probing.py` looks first."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def every_finding_has_a_sentence() -> Iterator[None]:
+    """Make the sentence of each finding as it comes into being, so that no test passes one that lacks data."""
+    made = Finding.__post_init__
+
+    def read(finding: Finding) -> None:
+        made(finding)
+        assert "{" not in str(finding)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Finding, "__post_init__", read)
+        yield
 
 
 @pytest.fixture(scope="session")

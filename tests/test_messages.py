@@ -1,6 +1,7 @@
 """Messages are short enough to be read: 160 characters at most, and so is each clause of a page."""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +13,9 @@ ROOT = Path(windsysid.__file__).parent
 PLACEHOLDER = "x" * 10
 """What a value put into a message counts."""
 
+FIELD = re.compile(r"\{[a-z_]+(\[0\])?(:[^{}]*)?\}")
+"""What a template is filled in at."""
+
 STATEMENTS = ("CREATE ", "INSERT ", "SELECT ", "UPDATE ", "DELETE ")
 """How what is said to databases begins: no user reads it."""
 
@@ -21,7 +25,7 @@ FILES = sorted(ROOT.rglob("*.py"))
 
 def said(node: ast.AST) -> str | None:
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
-        return node.value
+        return FIELD.sub(PLACEHOLDER, node.value)
     if isinstance(node, ast.JoinedStr):
         return "".join(said(value) or PLACEHOLDER for value in node.values)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
@@ -53,5 +57,6 @@ def test_a_text_for_users_can_be_read_at_once(path: Path):
 
 
 def test_a_message_is_measured_whole():
-    source = 'raise E("a" f"{b:.3g} c" + (" d" if b else ""))\n"""doc"""\nprint("e")'
-    assert [text for _, text in texts(ast.parse(source))] == ["a" + PLACEHOLDER + " c" + PLACEHOLDER, "e"]
+    source = 'raise E("a" f"{b:.3g} c" + (" d" if b else ""))\n"""doc"""\nprint("e {f:.2g} h")'
+    found = [text for _, text in texts(ast.parse(source))]
+    assert found == ["a" + PLACEHOLDER + " c" + PLACEHOLDER, f"e {PLACEHOLDER} h"]

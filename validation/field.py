@@ -22,7 +22,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -340,14 +340,12 @@ def _read(folder: Path) -> Result:
     summary = json.loads(result_file(folder, "summary.json").read_text(encoding="utf-8"))
     prior = np.diag([q.prior[1] ** 2 for q in posterior.parameters])
     modes = [_modes(posterior, cov) for cov in (posterior.cov, prior)]
-    return Result(posterior, modes[0], modes[1], summary["elapsed_s"], _loads(summary["notes"]))
+    return Result(posterior, modes[0], modes[1], summary["elapsed_s"], _loads(summary["findings"]))
 
 
-def _loads(notes: Sequence[str]) -> str:
-    """The name of the load model, from the notes of a result."""
-    return next(
-        (note.removeprefix("load model ").split(":")[0] for note in notes if note.startswith("load model ")), ""
-    )
+def _loads(findings: Sequence[Mapping[str, Any]]) -> str:
+    """The name of the load model, from the findings of a result."""
+    return next((one["data"]["model"] for one in findings if one["code"] == "load_model_chosen"), "")
 
 
 def _modes(posterior: Posterior, cov: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> dict[str, Mode]:

@@ -197,7 +197,7 @@ class _Result(Saveable):
 
 def _result(version: int) -> _Result:
     """A small identification; every second version has a report, as the command line saves it."""
-    diagnosis = Diagnosis((), (), None, (), 0.0, 0, (0.0, 1.0))
+    diagnosis = Diagnosis((), None, (), 0.0, 0, (0.0, 1.0))
     estimate = Estimate("k_x", "N/m", "stiffness", 1.0, 0.9, 1.1, 0.05, 0.9, 1.0, None, None)
     samples = 100 + version
     history = np.ones((samples, 1))

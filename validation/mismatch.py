@@ -97,9 +97,7 @@ def _one_run(which: tuple[int, str, str]) -> Run:
         deviation = np.where(
             stiff, np.log(value / true) / (0.25 * np.log(high / low)), (value - true) / (0.25 * (high - low))
         )
-    chosen = next(
-        (name for name in ("rotor-wind", "second-order") if f"load model {name}" in " ".join(found.notes)), "broadband"
-    )
+    chosen = next((one.data["model"] for one in found.findings if one.code == "load_model_chosen"), "broadband")
     return Run(wind, model, seed, chosen, deviation, value / true - 1.0, found.diagnosis.trusted, found.elapsed)
 
 

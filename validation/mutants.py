@@ -763,7 +763,7 @@ _MODES = (
     ),
     Mutant(
         "doubt of withheld loads", "estimate/force_balance.py",
-        'doubts = ("the balance lacks loads that act, and so loses the damping",)',
+        'doubts = (Finding("loads_missing", "reason"),)',
         "doubts = ()",
         "a balance without its loads is trusted",
     ),

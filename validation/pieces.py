@@ -99,7 +99,7 @@ def compare(case: Case) -> Comparison:
     off = max(abs(e.estimate - whole[e.name].estimate) / e.std for e in found.estimates)
     width = max(abs(e.std / whole[e.name].std - 1.0) for e in found.estimates)
     mode = _first_mode(whole), _first_mode(found)
-    loads = [[note for note in i.notes if note.startswith("load")] for i in (whole, found)]
+    loads = [[one for one in i.findings if one.code == "load_model_chosen"] for i in (whole, found)]
     trusted = whole.diagnosis.trusted, found.diagnosis.trusted
     return Comparison(case.name, off, width, mode, trusted, loads[0] == loads[1], case.within)
 

@@ -48,6 +48,7 @@ RECENT_TESTS: dict[str, tuple[str, ...]] = {
     "checks/dead_channel.py": ("test_stillness.py",),
     "stops.py": ("test_stops.py",),
     "checks/nonlinearity.py": ("test_straightness.py",),
+    "sentences/innovations.py": ("test_straightness.py",),
     "streams.py": ("test_streams.py",),
     "timeline.py": ("test_timeline.py",),
     "together.py": ("test_together.py",),
@@ -197,7 +198,7 @@ _CLOCKS_AND_LINES = (
     ),
     Mutant(
         "dependence on one frequency", "estimate/influence.py",
-        'f"without {line.frequency:.3g} Hz {name}', 'f"without {line.ratio:.3g} Hz {name}',
+        '"frequency": line.frequency, "sigmas": off', '"frequency": line.ratio, "sigmas": off',
         "a doubt names the wrong frequency",
     ),
     Mutant(
@@ -339,8 +340,8 @@ _DOUBTS = (
         "many channels find a bend by chance",
     ),
     Mutant(
-        "friction or a damper", "checks/nonlinearity.py",
-        '(bending.sigmas > 0.0) is (bending.law == "stiffness")', "bending.sigmas > 0.0",
+        "friction or a damper", "sentences/innovations.py",
+        '(d["sigmas"] > 0.0) is (d["law"] == "stiffness")', 'd["sigmas"] > 0.0',
         "damping that falls with amplitude is said to grow",
     ),
     Mutant(

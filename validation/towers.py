@@ -20,10 +20,12 @@ import numpy as np
 from numba import njit
 from scipy.signal import lfilter
 
+from validation.adversary.campaign import cause_of
 from windsysid._types import Array
 from windsysid.identification.identify import identify
 from windsysid.output.console import render
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
@@ -295,7 +297,8 @@ def main(given: Sequence[str] | None = None) -> None:
             found = identify(made, tower, prior=DrawnPrior(seed=seed))
             errors[found.diagnosis.trusted] += [(e.estimate - true[e.name]) / e.std for e in found.estimates]
             trusted += found.diagnosis.trusted
-            reasons.update(_cause(reason) for reason in found.diagnosis.reasons[:1])
+            first = [finding for finding in found.findings if finding.severity == "reason"][:1]
+            reasons.update(_cause(reason) for reason in first)
         shares = [errors[True] + errors[False], errors[True]]
         held = [f"{100.0 * np.mean(np.abs(z) < 2.0):.0f}" if z else "" for z in shares]
         worst = f"{np.max(np.abs(errors[True])):.1f}" if trusted else ""
@@ -304,15 +307,9 @@ def main(given: Sequence[str] | None = None) -> None:
     print(render(table))
 
 
-def _cause(reason: str) -> str:
-    """What a reason says is likely."""
-    for words, cause in (
-        ("likely a spring", "machine"), ("likely loads", "loads"), ("likely a machine", "line"),
-        ("likely an instrument", "instrument"), ("disagree", "disagreement"),
-    ):  # fmt: skip
-        if words in reason:
-            return cause
-    return "other"
+def _cause(reason: Finding) -> str:
+    """What a reason names as its cause."""
+    return "disagreement" if reason.code == "formulations_disagree" else cause_of(reason.summary())
 
 
 if __name__ == "__main__":

@@ -1,12 +1,11 @@
 """A logger whose clock drifts is found by gravity or by what vibrates, and its readings are put back in time."""
 
-import re
-
 import numpy as np
 import pytest
 from validation.adversary.instruments import Instruments
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
+from tests.findings import codes, only, reasons
 from windsysid.identification.effects import clock_drift as drifting_clocks
 from windsysid.identification.effects.clock_drift import ClockDrift, find_drift, persists, together
 from windsysid.identification.identify import identify
@@ -55,7 +54,7 @@ def test_the_turbine_is_identified_from_readings_that_were_put_back(drifting: Re
     truth = SCENARIOS["reference"].machine.truth
     assert found.formulation == "spectral"
     assert found.diagnosis.trusted
-    assert any("ppm too fast" in note for note in found.notes)
+    assert only(found.findings, "clock_drift").data["rate"] > 0.0
     assert all(abs(e.estimate - truth[e.name]) < 3.0 * e.std for e in found.estimates)
 
 
@@ -63,7 +62,7 @@ def test_filters_that_are_asked_for_say_that_they_feel_it(drifting: Record, monk
     monkeypatch.setattr(drifting_clocks, "find_drift", lambda *given: (2.5e-4, 3e-6))
     part = drifting.section(0.0, 20.0)
     found = identify(part, TURBINE, formulation="joint", loads="broadband", prior=DrawnPrior(seed=300))
-    assert any("use --formulation spectral" in reason for reason in found.diagnosis.reasons)
+    assert "drift_moved_readings" in codes(reasons(found))
 
 
 def test_gaps_stay_gaps(drifting: Record):
@@ -81,8 +80,9 @@ def test_in_100_s_vibration_tells_a_drift():
     """Filters found their innovations louder at one frequency than at another, and blamed the loads."""
     seen = record("clock drifts 50 ppm", 120019)
     found = identify(seen, TURBINE, prior=DrawnPrior(seed=120019))
-    (note,) = (note for note in found.notes if "ppm" in note)
-    ppm, std = (float(number) for number in re.findall(r"runs (\S+) ± (\S+) ppm too fast, by vibration", note)[0])
+    drift = only(found.findings, "clock_drift").data
+    assert drift["by"].startswith("vibration")
+    ppm, std = 1e6 * drift["rate"], 1e6 * drift["std"]
     assert abs(ppm - 50.0) < 3.0 * std < 20.0
     assert found.diagnosis.trusted
 
@@ -91,15 +91,15 @@ def test_a_drift_is_put_back_until_none_is_left(monkeypatch: pytest.MonkeyPatch)
     """The first look sees too little: what drifts bends what the halves are held against."""
     monkeypatch.setitem(SCENARIOS, "drifting", Scenario("instrument", instruments=Instruments(drift=-1.5e-4)))
     found = identify(record("drifting", 110301), TURBINE, formulation="spectral", prior=DrawnPrior(seed=110301))
-    (note,) = (note for note in found.notes if "ppm" in note)
-    ppm, std = (float(number) for number in re.findall(r"runs (\S+) ± (\S+) ppm too slowly", note)[0])
+    drift = only(found.findings, "clock_drift").data
+    ppm, std = -1e6 * drift["rate"], 1e6 * drift["std"]
     assert abs(ppm - 150.0) < 3.0 * std
 
 
 @pytest.mark.parametrize("kind", [pytest.param("reference", marks=pytest.mark.slow), "support 15 % softer from midway"])
 def test_halves_on_one_clock_show_no_drift(kind: str):
     found = identify(record(kind, 11), TURBINE, formulation="spectral", prior=DrawnPrior(seed=11))
-    assert not any("ppm" in note for note in found.notes)
+    assert "clock_drift" not in codes(found.findings)
 
 
 def test_what_is_left_adds_to_what_was_put_back():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
+from tests.findings import codes
 from validation import towers
 from windsysid.identification.effects.random_walk_bias import find_random_walks
 from windsysid.identification.estimate.frequency_domain import ask
@@ -32,10 +33,11 @@ def test_a_drift_is_as_fast_as_the_readings_wander(verne555: Turbine, seed: int)
     made = simulate_record(verne555, duration=200.0, rate=25.0, seed=seed)
     wandering = walked(made, verne555, 0.1, seed)
     found = find_random_walks(wandering, verne555, verne555.sensors)
+    assert found is not None
     said = [found.note]
     read, sensors = found.correct(wandering, verne555, verne555.sensors, filtered=True)
     assert len(said) == 1
-    assert "offsets wander" in said[0]
+    assert said[0].code == "wandering_offsets"
     drifts = np.array([sensor.drift for sensor in sensors])
     assert 0.05 < np.sqrt(np.mean(drifts**2)) < 0.2
     assert read.channels == made.channels
@@ -63,6 +65,7 @@ def test_sensors_that_feel_gravity_drift_only_where_a_caller_asks(verne555: Turb
     )
     for leaning in (False, True):
         found = find_random_walks(made, verne555, sensors, leaning=leaning)
+        assert found is not None
         drifting = {channel for channel in found.drifts if channel.startswith("tower")}
         assert len(drifting) == (2 if leaning else 0)
 
@@ -74,11 +77,12 @@ def test_a_slow_trend_is_taken_out_without_a_drift(verne555: Turbine):
     channels = [sensor.channel for sensor in verne555.sensors]
     trending = made.with_channels({name: (made[name] + 3.0 * swing, made.unit(name)) for name in channels})
     found = find_random_walks(trending, verne555, verne555.sensors)
+    assert found is not None
     said = [found.note]
     read, sensors = found.correct(trending, verne555, verne555.sensors, filtered=True)
     assert sensors == verne555.sensors
-    assert "slow variations" in said[0]
-    assert "drifts" not in said[0]
+    assert said[0].channels == tuple(channels)
+    assert said[0].data["drifts"] == {}
     for name in channels:
         assert np.std(read[name] - made[name]) < 0.1 * np.std(made[name])
 
@@ -121,7 +125,7 @@ def test_a_healthy_machine_whose_sensors_drift_is_trusted(verne555: Turbine):
     truth = SCENARIOS["offsets wander"].machine.truth
     assert found.diagnosis.trusted, found.diagnosis.reasons
     assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.5
-    assert any("offsets wander" in note for note in found.notes)
+    assert "wandering_offsets" in codes(found.findings)
 
 
 @pytest.mark.parametrize("kind", ["flicker noise", pytest.param("offsets wander", marks=pytest.mark.slow)])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from validation.adversary.scenarios import SCENARIOS, record
 
+from tests.findings import notes
 from validation import towers
 from windsysid.identification.identify import identify
 from windsysid.study.drawn_prior import DrawnPrior
@@ -22,7 +23,7 @@ def test_a_code_for_no_reading_does_not_end_in_an_error(verne555: Turbine, code:
     truth = SCENARIOS["reference"].machine.truth
     assert found.diagnosis.trusted, found.diagnosis.reasons
     assert max(abs(e.estimate - truth[e.name]) / e.std for e in found.estimates) < 3.0
-    assert sum("taken as missing" in note for note in found.notes) == 3
+    assert sum("taken as missing" in one.data.get("text", "") for one in notes(found)) == 3
 
 
 def test_a_first_reading_that_is_off_is_no_vibration():

@@ -7,8 +7,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pytest
 
+from tests.findings import codes, only, reasons
 from windsysid.identification.estimate.prior_conflict import find_held, note_wide_priors, one_by_one
 from windsysid.identification.identify import identify
+from windsysid.results.finding import Finding
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
@@ -28,7 +30,7 @@ def test_four_times_the_damping_of_the_file_is_found(seed: int, formulation: Lit
     true, found = found_of(4.0, seed, formulation)
     c = found["c_side_side"]
     assert abs(c.estimate - true.values["c_side_side"]) < 3.0 * c.std
-    assert any("the prior was made 4 times as wide" in note for note in found.notes)
+    assert only(found.findings, "prior_widened").data["factor"] == pytest.approx(4.0)
 
 
 def test_damping_that_no_prior_like_the_files_could_have_is_found_and_not_trusted():
@@ -36,12 +38,12 @@ def test_damping_that_no_prior_like_the_files_could_have_is_found_and_not_truste
     c = found["c_side_side"]
     assert abs(c.estimate - true.values["c_side_side"]) < 3.0 * c.std
     assert not found.diagnosis.trusted
-    assert "contradict each other" in found.diagnosis.reasons[0]
+    assert (reasons(found)[0].code, reasons(found)[0].quantities) == ("prior_conflict", ("c_side_side",))
 
 
 def test_damping_as_in_the_file_keeps_its_prior():
     _, found = found_of(1.0, 4)
-    assert not any("as wide" in note for note in found.notes)
+    assert "prior_widened" not in codes(found.findings)
 
 
 @pytest.mark.parametrize(("likeliest", "held"), [(1.1, ()), (2.0, ("c",)), (0.3, ("c",))])
@@ -65,8 +67,8 @@ class _Ended(NamedTuple):
     priors: tuple[Parameter, ...]
     theta: np.ndarray
     cov: np.ndarray
-    notes: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    notes: tuple[Finding, ...] = ()
+    doubts: tuple[Finding, ...] = ()
 
 
 @pytest.mark.parametrize(("estimate", "doubted"), [(9.0, True), (-5.0, True), (3.2, False), (0.8, False)])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.findings import codes, notes, only, reasons
 from windsysid.errors import ConfigurationError, NumericalError, RecordError
 from windsysid.identification import formulations as ways
 from windsysid.identification import identify as identify_module
@@ -316,7 +317,7 @@ def test_a_record_read_rarely_is_not_made_softer_by_the_steps_of_the_equations(v
     fine = simulate_record(verne555, duration=60.0, rate=400.0, seed=2)
     found = identify(replace(fine, time=fine.time[::20], values=fine.values[::20]), verne555, loads="broadband")
     assert found.rate == pytest.approx(20.0)
-    assert "5 steps of the equations for each reading" in found.notes
+    assert only(found.findings, "steps_of_equations").data == {"steps": 5}
     assert len(found.time) == len(found.innovation) == found.samples == 1200
     for e in found.estimates:
         assert e.reference is not None
@@ -333,7 +334,7 @@ def test_readings_may_be_fewer_than_the_steps_of_the_equations(verne555):
     assert found.loads is not None
     assert found.samples == len(found.time) == len(found.innovation) == len(found.loads.mean) == 400
     assert np.isfinite(found.innovation).all()
-    assert "5 steps of the equations for each reading" in found.notes[0]
+    assert notes(found)[0].data["steps"] == 5
     for few, many in zip(found.estimates, full.estimates, strict=True):
         assert abs(few.estimate - many.estimate) < many.std
         assert few.std < 1.3 * many.std
@@ -341,7 +342,7 @@ def test_readings_may_be_fewer_than_the_steps_of_the_equations(verne555):
 
 def test_a_mode_that_resampling_takes_out_is_named(verne555, record):
     slow = identify(record, verne555, section=(0.0, 8.0), rate=6.0, loads="broadband")
-    assert "takes the mode near 4.02 Hz out of the record and not out of the model" in slow.notes[0]
+    assert (notes(slow)[0].code, notes(slow)[0].data["lost_mode"]) == ("resampled", pytest.approx(4.02, abs=0.005))
 
 
 def test_a_section_outside_the_record_is_refused(verne555, record):
@@ -359,7 +360,7 @@ def test_options_that_do_not_belong_together_are_refused(verne555, record):
 def test_the_force_balance_says_that_loads_are_missing(verne555, record):
     result = identify(record, verne555, formulation="force-balance")
     assert [e.name for e in result.estimates] == COEFFICIENTS
-    assert any("loads withheld: load_x, load_y" in note and "E[f v] = c E[v²]" in note for note in result.notes)
+    assert only(result.findings, "loads_withheld").data["loads"][:2] == ["load_x", "load_y"]
     assert result["c_x"].estimate < 0.5 * 12.0
 
 
@@ -454,8 +455,8 @@ def test_auto_goes_by_filters_and_holds_them_against_spectra(verne555):
     found = identify(record, verne555, formulation="auto")
     assert found.formulation == "joint"
     assert found.diagnosis.trusted
-    assert any(note.startswith("joint formulation; spectra agree within") for note in found.notes)
-    assert any("it explains the record" in note for note in found.notes)
+    assert "joint_agrees" in codes(found.findings)
+    assert only(found.findings, "load_model_chosen").data["reason"] == "explains"
     assert len(found.mean) == 1, "the search began where spectra ended, without estimates on line"
     alone = identify(record, verne555, formulation="joint")
     assert len(alone.mean) == record.samples
@@ -479,7 +480,7 @@ def test_auto_says_why_spectra_do_not_apply(verne555, record):
     values[500:900, record.channels.index("tower_x_acceleration")] = np.nan
     found = identify(replace(record, values=values), verne555, formulation="auto", loads="broadband")
     assert found.formulation == "joint"
-    assert any("as spectra do not apply" in note and "missing samples" in note for note in found.notes)
+    assert "missing samples" in only(found.findings, "joint_as_spectra_do_not_apply").data["error"]
 
 
 def test_auto_trusts_neither_where_filters_and_spectra_disagree(verne555, monkeypatch):
@@ -493,14 +494,14 @@ def test_auto_trusts_neither_where_filters_and_spectra_disagree(verne555, monkey
     monkeypatch.setattr(ways, "identify_by_spectrum", off)
     found = identify(record, verne555, formulation="auto")
     assert not found.diagnosis.trusted
-    assert any("filters and spectra disagree on" in reason for reason in found.diagnosis.reasons)
+    assert "formulations_disagree" in codes(reasons(found))
 
 
 def test_auto_goes_by_spectra_in_wind(verne555):
     record = simulate_record(verne555, duration=100.0, rate=100.0, seed=8003, loads="wind")
     found = identify(record, verne555, formulation="auto")
     assert found.formulation == "spectral"
-    assert any("wind drives a turning rotor" in note for note in found.notes)
+    assert "spectral_under_wind" in codes(found.findings)
 
 
 def test_auto_is_the_default():
@@ -517,7 +518,7 @@ def test_auto_goes_by_spectra_where_nothing_turns(tower_record, tmp_path):
     found = identify(tower_record, "tower", formulation="auto")
     assert found.formulation == "spectral"
     assert found.diagnosis.trusted
-    assert any("nothing that moves turns" in note for note in found.notes)
+    assert "spectral_agrees" in codes(found.findings)
     assert {one.group for one in found.tolerances} == {"gain", "alignment", "masses"}
     found.save(tmp_path / "spectral")
     filtered = identify(tower_record, "tower", loads="broadband")
@@ -529,7 +530,8 @@ def test_auto_goes_by_spectra_where_nothing_turns(tower_record, tmp_path):
 def test_auto_goes_by_filters_where_a_resonance_is_too_narrow_for_the_record(tower_record):
     found = identify(tower_record.section(0.0, 120.0), "tower", formulation="auto", loads="broadband")
     assert found.formulation == "joint"
-    assert any("counts as 1.4 independent values only" in note for note in found.notes)
+    because = only(found.findings, "joint_as_spectra_are_doubtful").data["because"]
+    assert (because["code"], because["data"]["count"]) == ("narrow_resonance", pytest.approx(1.4, abs=0.05))
 
 
 def test_auto_goes_by_filters_where_spectra_find_damping_below_zero(tower_record, monkeypatch):
@@ -542,7 +544,8 @@ def test_auto_goes_by_filters_where_spectra_find_damping_below_zero(tower_record
     monkeypatch.setattr(ways, "identify_by_spectrum", mirrored)
     found = identify(tower_record, "tower", formulation="auto", loads="broadband")
     assert found.formulation == "joint"
-    assert any("is not positive" in note for note in found.notes)
+    because = only(found.findings, "joint_as_spectra_are_doubtful").data["because"]
+    assert because["code"] == "coefficient_not_positive"
     assert min(mode.damping_ratio[0] for mode in found.modes) > 0.0
 
 

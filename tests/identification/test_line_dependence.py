@@ -5,6 +5,7 @@ from validation.adversary.loads import plus_line
 from validation.adversary.machine import Machine
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
+from tests.findings import only, reasons
 from windsysid.identification import pipeline
 from windsysid.identification.identify import identify
 from windsysid.results.identification import Identification
@@ -20,21 +21,22 @@ def identified(name: str, seed: int) -> Identification:
 def test_a_line_that_does_not_stand_out_is_found_and_left_out(monkeypatch: pytest.MonkeyPatch):
     """Stiffness came out five standard deviations too small, and trusted."""
     found = identified("line 5 % from a mode", 8000)
-    assert not any("1.64 Hz" in reason for reason in found.diagnosis.reasons)
-    assert any("steady line at 1.64 Hz was left out" in note for note in found.notes)
+    assert not [one for one in reasons(found) if one.data.get("frequency") == pytest.approx(1.64, abs=0.005)]
+    assert only(found.findings, "tone_removed").data["frequency"] == pytest.approx(1.64, abs=0.005)
     errors = [(e.estimate - Machine().truth[e.name]) / e.std for e in found.estimates]
     assert max(abs(z) for z in errors) < 3.0
     monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 0)
-    reasons = identified("line 5 % from a mode", 8000).diagnosis.reasons
-    assert any(reason.startswith("without 1.64 Hz k_x would be") for reason in reasons)
-    assert any(reason.startswith("a narrow-band load at 1.64 Hz explains the spectra better") for reason in reasons)
+    said = reasons(identified("line 5 % from a mode", 8000))
+    assert only(said, "line_influence").quantities == ("k_x",)
+    for code in ("line_influence", "narrow_band_load_preferred"):
+        assert only(said, code).data["frequency"] == pytest.approx(1.64, abs=0.005)
 
 
 def test_a_fainter_line_is_found(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(SCENARIOS, "faint", Scenario("line", plus_line(1.64, 0.02, (0,))))
     found = identified("faint", 208)
-    said = (*found.diagnosis.reasons, *found.notes)
-    assert any("without 1.64 Hz" in one or "steady line at 1.64 Hz" in one for one in said)
+    said = [one for one in found.findings if one.code in ("line_influence", "tone_removed")]
+    assert any(one.data["frequency"] == pytest.approx(1.64, abs=0.005) for one in said)
 
 
 @pytest.mark.parametrize("seed", [6003, pytest.param(6012, marks=pytest.mark.slow), 6033])

@@ -62,5 +62,6 @@ def test_under_a_rigid_rotor_the_evidence_decides_between_load_models(loads: str
     question = Question(record, tower, usable_sensors(record, tower, None), Prior(), None)
     choice = choose(question, load_models(record, tower, "auto"), first_estimate(tower, record.rate))
     assert choice.best.problem.loads.name == chosen
-    assert "beats" in choice.why
+    assert choice.why.data["reason"] == "evidence"
+    assert all(gain > 0.0 for gain in choice.why.data["rivals"].values())
     assert choice.best.log_evidence > 0.0

@@ -7,6 +7,7 @@ from validation.adversary.loads import plus_narrow_band
 from validation.adversary.scenarios import SCENARIOS, Scenario
 from validation.towers import KINDS, Kind, _narrow, simulate
 
+from tests.findings import codes, only, reasons
 from windsysid.errors import ConfigurationError
 from windsysid.identification.identify import identify
 from windsysid.results.identification import Identification
@@ -30,11 +31,13 @@ def test_a_narrow_band_that_passed_for_a_mode_is_taken_into_account(monkeypatch:
     """Damping came out a third of the tower's."""
     broad, worst = towers(NARROW, 650000, monkeypatch, loads="broadband", formulation="spectral")
     assert worst > 8.0
-    assert broad.diagnosis.reasons[0].startswith("a narrow-band load at 0.335 Hz explains the spectra better")
+    assert reasons(broad)[0].code == "narrow_band_load_preferred"
+    assert reasons(broad)[0].data["frequency"] == pytest.approx(0.335, abs=0.0005)
     found, worst = towers(NARROW, 650000, monkeypatch)
     assert worst < 3.0
     assert found.diagnosis.trusted
-    assert any("pushes fore_aft at 0.33" in note for note in found.notes)
+    load = only(found.findings, "narrow_band_load").data
+    assert (load["load"], load["frequency"]) == ("fore_aft", pytest.approx(0.335, abs=0.005))
     values = {one.name: one for one in found.statistics}
     assert values["narrow_band_frequency"].low < 0.335 < values["narrow_band_frequency"].high
 
@@ -43,7 +46,8 @@ def test_filters_take_it_into_account(monkeypatch: pytest.MonkeyPatch):
     found, worst = towers(NARROW, 650000, monkeypatch, formulation="joint")
     assert worst < 3.0
     assert found.formulation == "joint"
-    assert any("pushes fore_aft at 0.33" in note for note in found.notes)
+    load = only(found.findings, "narrow_band_load").data
+    assert (load["load"], load["frequency"]) == ("fore_aft", pytest.approx(0.335, abs=0.005))
 
 
 @pytest.mark.parametrize("damping", [1.0, 0.5, 3.0])
@@ -51,7 +55,7 @@ def test_a_mode_that_is_damped_less_or_more_than_the_file_says_is_none(damping: 
     found, worst = towers(Kind(damping=damping), 650001, monkeypatch)
     assert found.diagnosis.trusted
     assert worst < 3.0
-    assert not any("narrow-band load of" in note for note in found.notes)
+    assert "narrow_band_load" not in codes(found.findings)
 
 
 def test_one_that_the_readings_cannot_tell_from_a_mode_speaks_against_the_result(monkeypatch: pytest.MonkeyPatch):
@@ -60,8 +64,8 @@ def test_one_that_the_readings_cannot_tell_from_a_mode_speaks_against_the_result
         found, worst = towers(Kind(loads=_narrow(0.335, 0.003, 0.1, 1)), seed, monkeypatch, formulation="spectral")
         if found.diagnosis.trusted:
             assert worst < 5.0
-        doubts += [one for one in found.diagnosis.reasons if "would explain the spectra, too, and c_fore_aft" in one]
-    assert doubts
+        doubts += [one for one in reasons(found) if one.code == "narrow_band_load_possible"]
+    assert {one.quantities for one in doubts} == {("c_fore_aft",)}
 
 
 def test_a_rotor_on_its_support_is_asked_too(monkeypatch: pytest.MonkeyPatch):
@@ -69,7 +73,8 @@ def test_a_rotor_on_its_support_is_asked_too(monkeypatch: pytest.MonkeyPatch):
     kind = Scenario("loads", plus_narrow_band(1.8, 0.02, 0.25, (0, 1)))
     monkeypatch.setitem(SCENARIOS, "band on the support", kind)
     broad = identify_one("band on the support", 9100, "broadband")
-    assert any("narrow-band load at 1.8" in reason for reason in broad["reasons"])
+    said = [one for one in broad["findings"] if one["code"].startswith("narrow_band_load_")]
+    assert any(one["data"]["frequency"] == pytest.approx(1.8, abs=0.05) for one in said)
 
 
 @pytest.mark.slow

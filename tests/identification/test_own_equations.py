@@ -13,6 +13,7 @@ import scipy.optimize
 import scipy.signal
 import sympy as sp
 
+from tests.findings import only, reasons
 from windsysid import ConfigurationError, Equations, Fit, GaussMarkov, Parameter, Reading, Record, RecordError, fit
 from windsysid.mechanics.compile import compile_model
 from windsysid.signals import resample
@@ -181,7 +182,7 @@ def test_a_record_that_went_through_a_low_pass_has_loads_that_did(record: Record
     assert by_itself.statistics[-1].given == pytest.approx(3.0)
     assert by_itself.states == ("q", "v", "force", "force_rate", "force_acceleration")
     other = fitted(slow, loads=[load_on("force", second_order(3.0, 0.2, 0.7))])
-    assert any("does not know it: damping may come out too low" in note for note in other.notes)
+    assert only(other.findings, "low_pass_unknown_to_loads").data["loads"] == ["force_0"]
 
 
 @pytest.mark.parametrize(("rate", "trusted"), [(8.0, False), (40.0, True)])
@@ -201,10 +202,11 @@ def test_steps_too_long_for_a_vibration_are_a_reason_not_to_trust(rate: float, t
     lacking = 0.0 if trusted else (omega / rate) ** 5 / 144.0
     assert found["c"].estimate / (2.0 * omega) == pytest.approx(ratio - lacking, abs=2e-4)
     assert found.diagnosis is not None
-    told = [reason for reason in found.diagnosis.reasons if reason.startswith("steps are too long")]
+    told = [reason for reason in reasons(found) if reason.code == "steps_too_long"]
     assert bool(told) != trusted
     if told:
-        assert "for the vibration at 1 Hz: the integration damps it by 0.19 %" in told[0]
+        assert told[0].data["frequency"] == pytest.approx(1.0, rel=0.005)
+        assert told[0].data["damping"] == pytest.approx(0.0019, abs=5e-5)
 
 
 @pytest.mark.slow
@@ -325,6 +327,7 @@ def test_spikes_are_left_out_of_ones_own_equations_too(record: Record):
     values = record.values.copy()
     values[[300, 700, 1100], record.channels.index("position")] += 60.0 * NOISE["position"]
     found = fitted(replace(record, values=values))
-    assert any("3 of 1500 samples of position were left out as outliers" in note for note in found.notes)
+    outliers = only(found.findings, "outliers")
+    assert (outliers.channels, outliers.data["count"], outliers.data["read"]) == (("position",), 3, 1500)
     for e in found.estimates:
         assert abs(e.estimate - clean[e.name].estimate) < 0.3 * e.std, e.name

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.findings import notes, only
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as front
 from windsysid.identification.estimate.outlier import find_spikes
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.streaming.time_domain import identify_pieces
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import record_hash
 from windsysid.simulation.record import simulate_record
@@ -51,7 +53,7 @@ def test_pieces_give_the_answer_of_the_whole(verne555: Turbine, whole: Record, t
         assert abs(e.estimate - one[e.name].estimate) < 0.02 * e.std, e.name
         assert e.std == pytest.approx(one[e.name].std, rel=0.02)
     assert np.all(np.diff(found.time) > 0.0)
-    assert found.notes[-1] == "taken in piece by piece"
+    assert notes(found)[-1] == Finding("pieces", "note", {"kept": None})
     assert found.log_likelihood == pytest.approx(one.log_likelihood, abs=1.0)
     assert found.diagnosis.whiteness is not None
     assert one.diagnosis.whiteness is not None
@@ -180,9 +182,12 @@ def test_spikes_are_left_out_of_pieces_as_of_the_whole(verne555: Turbine, whole:
     spiky = replace(whole, values=values)
     one = identify(spiky, verne555, loads="broadband")
     found = identify_pieces(pieces(spiky, 8.0), verne555, loads="broadband")
-    (note,) = [note for note in found.notes if "left out as outliers" in note]
-    assert any("4 spikes (4 samples)" in said and "taken as missing" in said for said in one.notes)
-    assert note.startswith("4 of 1200 samples of tower_x_acceleration")
+    outliers = only(found.findings, "outliers")
+    assert outliers.channels == ("tower_x_acceleration",)
+    assert (outliers.data["count"], outliers.data["read"]) == (4, 1200)
+    spikes = only(one.findings, "spikes")
+    assert spikes.data["count"] == 4
+    assert spikes.data["text"].endswith("taken as missing")
     clean = identify(whole, verne555, loads="broadband")
     for e in found.estimates:
         assert abs(e.estimate - one[e.name].estimate) < 0.05 * e.std, e.name
@@ -219,9 +224,10 @@ def test_a_tower_is_resampled_and_chooses_its_loads_in_pieces_as_in_one():
     found = identify_pieces(pieces(record, 90.0), tower)
     assert found.rate == pytest.approx(one.rate)
     assert found.samples == one.samples
-    assert found.notes[0] == one.notes[0]
-    assert found.notes[0].startswith("resampled from 12 to")
-    assert [n for n in found.notes if n.startswith("load")] == [n for n in one.notes if n.startswith("load")]
+    assert notes(found)[0] == notes(one)[0]
+    assert (notes(found)[0].code, notes(found)[0].data["recorded"]) == ("resampled", pytest.approx(12.0))
+    chosen = [only(result.findings, "load_model_chosen").data for result in (found, one)]
+    assert chosen[0]["model"] == chosen[1]["model"]
     for e in found.estimates:
         assert abs(e.estimate - one[e.name].estimate) < 0.02 * e.std, e.name
     assert found.modes[0].frequency_hz[0] == pytest.approx(one.modes[0].frequency_hz[0], rel=1e-4)

@@ -81,11 +81,13 @@ def test_straight_springs_and_dampers_and_loads_that_are_independent_are_not_dou
 def test_friction_and_play_are_found_and_named(fault: dict[str, float], law: str):
     found = [one.bending for one in judged(**fault)]
     assert all(one.sigmas > one.bound and one.law == law for one in found), found
-    assert law in doubt_bending(found[0])[0]
+    (reason,) = doubt_bending(found[0])
+    assert (reason.code, reason.data["law"]) == ("amplitude_dependence", law)
 
 
 @pytest.mark.parametrize("shared", [0.3, -0.7])
 def test_loads_that_go_together_are_found(shared: float):
     found = [one.correlated for one in judged(shared=shared)]
     assert all(one is not None and one.sigmas * np.sign(shared) > one.bound for one in found), found
-    assert "load_side_side and load_fore_aft go together" in doubt_correlated(found[0])[0]
+    (reason,) = doubt_correlated(found[0])
+    assert (reason.code, reason.data["loads"]) == ("correlated_loads", ["load_side_side", "load_fore_aft"])

@@ -8,6 +8,7 @@ from validation.adversary.scenarios import record
 from validation.tolerances import Errors, record_of
 
 import windsysid as ws
+from tests.findings import codes, only, reasons
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -77,7 +78,8 @@ def test_an_axis_and_a_clock_that_are_off_are_found_and_said() -> None:
     assert abs(axis.estimate - np.radians(5.0)) < 3.0 * axis.std
     assert clock.off
     assert abs(clock.estimate - 0.002) < 3.0 * clock.std
-    assert any("the logger rotor is" in note for note in found.notes)
+    said = [one.data for one in found.findings if one.code == "tolerance_off"]
+    assert ("clock", "rotor") in [(one["group"], one["of"]) for one in said]
     for e in found.estimates:
         assert e.reference is not None
         assert abs(e.estimate - e.reference) < 3.0 * e.std
@@ -96,7 +98,7 @@ def test_a_prior_on_the_wrong_side_of_no_damping_does_not_end_at_the_mirror_imag
 
 def test_resonances_too_narrow_for_a_record_are_not_trusted(tower_record: Record) -> None:
     found = ws.identify(tower_record.section(0.0, 120.0), "tower", formulation="spectral")
-    assert any("counts as 1.4 independent values only" in reason for reason in found.diagnosis.reasons)
+    assert only(reasons(found), "narrow_resonance").data["count"] == pytest.approx(1.4, abs=0.05)
 
 
 def test_result_is_saved_and_reported(tower_record: Record, tmp_path: object) -> None:
@@ -123,7 +125,7 @@ def test_rotor_under_wind_is_trusted_for_as_long_as_its_bands_were_proven(durati
     record = simulate_record("verne555", duration=duration, rate=100.0, seed=8002, loads="wind")
     found = ws.identify(record, "verne555", formulation="spectral", prior=DrawnPrior(seed=8002), loads="rotor-wind")
     assert found.diagnosis.trusted == trusted
-    assert trusted or any("bands under wind were proven for" in reason for reason in found.diagnosis.reasons)
+    assert trusted or "long_record_under_wind" in codes(reasons(found))
 
 
 def test_decay_is_not_trusted(tower_record: Record) -> None:
@@ -134,7 +136,7 @@ def test_decay_is_not_trusted(tower_record: Record) -> None:
     record = tower_record.with_channels({channel: (tower_record[channel] + decay, "m/s^2")})
     found = ws.identify(record, "tower", formulation="spectral")
     assert not found.diagnosis.trusted
-    assert any("not stationary" in reason for reason in found.diagnosis.reasons)
+    assert "nonstationary" in codes(reasons(found))
 
 
 def test_record_that_grows_calm_is_not_trusted(tower_record: Record) -> None:
@@ -143,7 +145,7 @@ def test_record_that_grows_calm_is_not_trusted(tower_record: Record) -> None:
     found = ws.identify(
         tower_record.with_channels({"tower_z_acceleration": (values, "m/s^2")}), "tower", formulation="spectral"
     )
-    assert any("not stationary" in reason for reason in found.diagnosis.reasons)
+    assert "nonstationary" in codes(reasons(found))
 
 
 def test_gaps_are_refused(tower_record: Record) -> None:

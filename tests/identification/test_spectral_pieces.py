@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.findings import codes, only, reasons
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.identify import identify
 from windsysid.identification.streaming.time_domain import identify_pieces
@@ -54,7 +55,7 @@ def test_one_piece_of_a_rotor_says_what_the_record_says(verne555: Turbine) -> No
     found = identify_pieces([record], verne555, formulation="spectral", loads="broadband")
     expected = identify(record, verne555, formulation="spectral", loads="broadband")
     assert np.abs(apart(found, expected)).max() < 0.02
-    assert any("one block only" in reason for reason in found.diagnosis.reasons)
+    assert "one_block" in codes(reasons(found))
 
 
 def test_pieces_and_the_whole_agree(tower: Turbine, whole: Record) -> None:
@@ -65,7 +66,8 @@ def test_pieces_and_the_whole_agree(tower: Turbine, whole: Record) -> None:
     assert np.sqrt(np.mean(apart(found, expected) ** 2)) < 0.5
     ratio = [a.std / b.std for a, b in zip(found.estimates, expected.estimates, strict=True)]
     assert ratio == pytest.approx(np.ones(len(ratio)), abs=0.15)
-    assert "5 blocks of 300 s" in " ".join(found.notes)
+    blocks = only(found.findings, "blocks").data
+    assert (blocks["blocks"], blocks["duration"]) == (5, pytest.approx(300.0, rel=1e-3))
     assert found.samples == whole.samples
 
 
@@ -75,7 +77,7 @@ def test_records_of_one_machine_add(tower: Turbine, whole: Record) -> None:
     day = replace(parts[1], time=parts[1].time + 86400.0)
     one = identify_pieces(parts[:1], tower, formulation="spectral")
     both = identify_pieces([parts[0], day], tower, formulation="spectral")
-    assert "2 blocks" in " ".join(both.notes)
+    assert only(both.findings, "blocks").data["blocks"] == 2
     side = [r.estimates[0] for r in (one, both)]
     assert side[1].std == pytest.approx(side[0].std / np.sqrt(2.0), rel=0.15)
 
@@ -87,7 +89,7 @@ def test_what_is_forgotten_counts_no_more(tower: Turbine, whole: Record) -> None
     all_of_it = identify_pieces(parts, tower, formulation="spectral")
     assert late.estimates[0].std == pytest.approx(last.estimates[0].std, rel=0.25)
     assert late.estimates[0].std > 1.5 * all_of_it.estimates[0].std
-    assert "the older, the less" in " ".join(late.notes)
+    assert 0.0 < only(late.findings, "blocks").data["weight"] < 5.0
 
 
 def _read(record: Record, turbine: Turbine) -> np.ndarray:
@@ -110,7 +112,7 @@ def test_an_interrupted_run_ends_where_an_uninterrupted_one_ends(tower: Turbine,
     straight = identify_pieces(pieces(whole), tower, formulation="spectral")
     assert np.array_equal(resumed.cov, straight.cov)
     assert [e.estimate for e in resumed.estimates] == [e.estimate for e in straight.estimates]
-    assert resumed.notes == straight.notes
+    assert resumed.findings == straight.findings
 
 
 def test_another_call_does_not_take_the_state_up(tower: Turbine, whole: Record, tmp_path: Path) -> None:
@@ -129,7 +131,7 @@ def test_halves_that_differ_are_not_trusted(tower: Turbine, whole: Record) -> No
     louder = np.where(whole.time > 750.0, 5.0, 1.0)[:, None]
     values = np.where(_read(whole, tower), louder, 1.0) * whole.values
     found = identify_pieces(pieces(replace(whole, values=values)), tower, formulation="spectral")
-    assert any("in one half as in the other" in reason for reason in found.diagnosis.reasons)
+    assert "nonstationary" in codes(reasons(found))
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +149,7 @@ def test_one_piece_in_bands_says_what_the_record_says(machine: Turbine, turning:
     found = identify_pieces([turning], machine, formulation="spectral")
     expected = identify(turning, machine, formulation="spectral")
     assert np.abs(apart(found, expected)).max() < 1e-3
-    assert any("one block only" in reason for reason in found.diagnosis.reasons)
+    assert "one_block" in codes(reasons(found))
 
 
 def test_pieces_in_bands_agree_with_the_whole_and_can_be_taken_up_again(
@@ -160,8 +162,9 @@ def test_pieces_in_bands_agree_with_the_whole_and_can_be_taken_up_again(
     found = identify_pieces(parts, machine, formulation="spectral", checkpoint=checkpoint)
     straight = identify_pieces(parts, machine, formulation="spectral")
     assert np.array_equal(found.cov, straight.cov)
-    assert found.notes == straight.notes
-    assert "3 blocks of 160 s" in " ".join(found.notes)
+    assert found.findings == straight.findings
+    blocks = only(found.findings, "blocks").data
+    assert (blocks["blocks"], blocks["duration"]) == (3, pytest.approx(160.0, rel=1e-3))
     expected = identify(turning, machine, formulation="spectral")
     assert np.sqrt(np.mean(apart(found, expected) ** 2)) < 0.5
     of_blades = [e.std / expected[e.name].std for e in found.estimates if "beta" in e.name]
@@ -179,8 +182,8 @@ def test_halves_in_bands_that_differ_are_not_trusted(machine: Turbine, turning: 
     louder = np.where(turning.time > 240.0, 5.0, 1.0)[:, None]
     values = np.where(_read(turning, machine), louder, 1.0) * turning.values
     found = identify_pieces(pieces(replace(turning, values=values), 120.0), machine, formulation="spectral")
-    assert any("in one half as in the other" in reason for reason in found.diagnosis.reasons)
-    assert any("choose longer pieces" in reason for reason in found.diagnosis.reasons)
+    assert "nonstationary" in codes(reasons(found))
+    assert "narrow_resonance_in_bands_of_pieces" in codes(reasons(found))
 
 
 def test_pieces_of_few_turns_are_refused(verne555: Turbine) -> None:

@@ -10,6 +10,7 @@ from validation.adversary.loads import plus_narrow_band
 from validation.adversary.machine import Machine
 from validation.adversary.scenarios import SCENARIOS, Scenario, record
 
+from tests.findings import codes, notes, only, reasons
 from validation import towers
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import pipeline
@@ -44,7 +45,7 @@ def test_a_line_beside_a_tower_mode_is_left_out():
     found = identify(made, "tower", prior=DrawnPrior(seed=500001))
     assert found.diagnosis.trusted
     assert worst(found, true) < 3.0
-    assert any(note.startswith("a steady line at 0.34 Hz was left out") for note in found.notes)
+    assert only(found.findings, "tone_removed").data["frequency"] == pytest.approx(0.34, abs=0.0005)
 
 
 @pytest.mark.slow
@@ -55,7 +56,10 @@ def test_a_line_beside_a_mode_of_a_support_is_a_force_on_it():
     )  # fmt: skip
     assert found.diagnosis.trusted
     assert worst(found, Machine().truth) < 3.0
-    assert any("load_x has a steady sine of 4.6" in note and "1.64 Hz" in note for note in found.notes)
+    force = only(found.findings, "sinusoidal_force").data
+    assert (force["load"], force["order"]) == ("load_x", 0)
+    assert force["amplitude"] == pytest.approx(4.6, abs=2.0 * force["std"])
+    assert force["frequency"] == pytest.approx(1.64, abs=0.005)
 
 
 @pytest.mark.parametrize(("bins", "is_one"), [(0.0, False), (2.0, False), (12.0, True)])
@@ -117,18 +121,19 @@ def test_what_turns_and_its_image_on_the_blades_are_one_force(verne555: Turbine)
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed", "said"),
+    ("kind", "seed", "order", "hz"),
     [
-        ("3P on the support", 110004, "3P"),
-        pytest.param("line amid the modes", 110004, "2.6 Hz", marks=pytest.mark.slow),
+        ("3P on the support", 110004, 3, 3.0 * ONE_P),
+        pytest.param("line amid the modes", 110004, 0, 2.6, marks=pytest.mark.slow),
     ],
 )
-def test_lines_are_heard_before_filters_search(kind: str, seed: int, said: str):
+def test_lines_are_heard_before_filters_search(kind: str, seed: int, order: int, hz: float):
     """Filters took minutes over the first, and said no; the second was told a narrow-band load, and no."""
     found = identify(record(kind, seed), "verne555", prior=DrawnPrior(seed=seed))
     assert found.diagnosis.trusted
     assert worst(found, Machine().truth) < 3.0
-    assert any("a steady sine of" in note and said in note for note in found.notes)
+    forces = [one.data for one in found.findings if one.code == "sinusoidal_force"]
+    assert (order, pytest.approx(hz, rel=0.01)) in [(one["order"], one["frequency"]) for one in forces]
 
 
 def test_a_sine_that_was_seen_on_the_support_may_push_a_blade(verne555: Turbine):
@@ -148,7 +153,7 @@ def test_what_turns_with_the_rotor_is_felt_by_innovations(verne555: Turbine):
     found = identify(made, verne555, prior=DrawnPrior(seed=503), formulation="joint", loads="broadband")
     assert found.diagnosis.trusted
     assert worst(found, Machine().truth) < 3.0
-    assert any("1P: likely an imbalance of the rotor" in note for note in found.notes)
+    assert 1 in [one.data["order"] for one in found.findings if one.code == "sinusoidal_force"]
     assert find_turning(found.whitened, made, verne555, verne555.sensors) == []
 
 
@@ -156,7 +161,7 @@ def test_what_turns_and_nobody_took_away_speaks_against_a_result(verne555: Turbi
     monkeypatch.setattr(pipeline, "MAX_EXTENSIONS", 0)
     made = record("1P on the support", 502)
     found = identify(made, verne555, prior=DrawnPrior(seed=502), formulation="joint", loads="broadband")
-    assert any(reason.startswith("what turns at 1P is left over") for reason in found.diagnosis.reasons)
+    assert 1 in [one.data["order"] for one in reasons(found) if one.code == "rotor_harmonic_left"]
 
 
 @pytest.mark.slow
@@ -169,8 +174,9 @@ def test_an_imbalance_is_no_mass_of_a_blade(monkeypatch: pytest.MonkeyPatch):
     )  # fmt: skip
     assert found.diagnosis.trusted
     assert worst(found, Machine().truth) < 3.0
-    assert not any("the mass of blade" in note for note in found.notes)
-    assert any("1P" in note for note in found.notes)
+    off = [one.data for one in found.findings if one.code == "tolerance_off"]
+    assert not [one for one in off if one["group"] == "masses" and one["of"].startswith("blade")]
+    assert 1 in [one.data.get("order") for one in notes(found)]
 
 
 def test_what_is_left_beside_a_sine_that_was_none_is_a_doubt(monkeypatch: pytest.MonkeyPatch):
@@ -179,9 +185,9 @@ def test_what_is_left_beside_a_sine_that_was_none_is_a_doubt(monkeypatch: pytest
     found = identify(
         record("nb1", 610004), "verne555", prior=DrawnPrior(seed=610004), formulation="spectral", loads="broadband"
     )  # fmt: skip
-    assert any("left out of the readings" in note for note in found.notes)
-    said = ("without what is left around 1.64 Hz", "a narrow-band load at ")
-    assert any(reason.startswith(said) for reason in found.diagnosis.reasons)
+    assert "tone_removed" in codes(found.findings)
+    of_a_band = {"tone_influence", "narrow_band_load_preferred", "narrow_band_load_ambiguous"}
+    assert of_a_band.union({"narrow_band_load_possible"}).intersection(codes(reasons(found)))
 
 
 def test_parts_of_loads_add_to_what_is_not_known(verne555: Turbine):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from validation.trust import identify_broadband
 
+from tests.findings import notes, only, reasons
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as front
 from windsysid.identification.model.prior import Prior
@@ -98,7 +99,9 @@ def test_two_accelerometers_identify_both_directions(found: Identification):
 def test_what_is_faster_than_the_tower_is_left_out(found: Identification, record: Record, tower: Turbine):
     # Twelve samples for each period of 0.324 Hz.
     assert found.rate == pytest.approx(12 * 0.324)
-    assert found.notes[0] == "resampled from 8 to 3.89 Hz, 2 steps of the equations for each reading"
+    assert notes(found)[0].code == "resampled"
+    rates = {"recorded": pytest.approx(8.0), "rate": pytest.approx(found.rate)}
+    assert notes(found)[0].data == rates | {"lost_mode": None, "steps": 2}
     with pytest.raises(ConfigurationError, match=r"rate: expected more than 0 and at most the record's 8 Hz, got 20"):
         identify(record, tower, rate=20.0)
 
@@ -163,7 +166,7 @@ def test_a_sensor_fixed_to_the_tower_needs_the_yaw(yawing: Record, tower: Turbin
 def test_a_direction_without_a_sensor_is_locked(record: Record, tower: Turbine):
     result = identify(record.select(["rotor_speed", "tower_x_acceleration"]), tower)
     assert [e.name for e in result.estimates] == ["k_side_side", "c_side_side"]
-    assert "no channel sees the tower move fore-aft: it is locked" in result.notes
+    assert only(result.findings, "coordinate_locked").data == {"coordinate": "fore_aft"}
 
 
 def test_the_force_balance_wants_blades(record: Record, tower: Turbine):
@@ -235,7 +238,9 @@ def test_spectra_doubt_themselves_where_blades_pass_the_tower_at_its_mode():
     record = simulate_record(slow, duration=600.0, rate=20.0, seed=3)
     spectral = identify(record, slow, formulation="spectral")
     assert not spectral.diagnosis.trusted
-    assert "the blades pass at 0.31 Hz (3P)" in spectral.diagnosis.reasons[0]
+    passing = reasons(spectral)[0]
+    assert passing.code == "blade_passing_near_mode"
+    assert passing.data["frequency"] == pytest.approx(0.31, abs=0.001)
     found = front.identify(record, slow)
     assert found.formulation == "joint"
     assert found.diagnosis.trusted

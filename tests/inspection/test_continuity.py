@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 import windsysid as ws
+from tests.findings import reasons
 from windsysid.inspection.continuity import copies_among
 from windsysid.inspection.screening import doubted, examine, noted, screen
 from windsysid.records.record import Record
@@ -121,7 +122,9 @@ def test_a_copy_of_a_sensor_is_a_doubt_and_two_sensors_close_by_are_not():
     copied = record_of(np.column_stack([values[:, 0], 0.5 * values[:, 0] + 3.0, values[:, 1]]))
     findings = screen(copied, None, NAMES)
     assert [f.channel for f in findings if f.kind == "copy"] == ["b_acceleration"]
-    assert "is a copy of a_acceleration" in doubted(findings)[0]
+    (reason,) = doubted(findings)
+    assert (reason.code, reason.severity, reason.channels) == ("copy", "reason", ("b_acceleration",))
+    assert reason.data["of"] == "a_acceleration"
     assert not noted(findings)
     near = values[:, 0] + 0.01 * np.random.default_rng(7).standard_normal(len(values))
     assert not screen(record_of(np.column_stack([values[:, 0], near, values[:, 1]])), None, NAMES)
@@ -136,7 +139,7 @@ def test_no_identification_from_a_pasted_record_is_trusted(formulation):
     assert ws.identify(once, tower, formulation=formulation).diagnosis.trusted
     found = ws.identify(twice, tower, formulation=formulation).diagnosis
     assert not found.trusted
-    assert "repeat earlier rows to the last digit" in found.reasons[0]
+    assert reasons(found)[0].code == "copied_passage"
 
 
 def test_no_modes_from_a_pasted_record_are_trusted():

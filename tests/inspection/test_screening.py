@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 import windsysid as ws
+from tests.findings import only
 from windsysid.errors import RecordError
 from windsysid.fleet.rows import empty_row, row_of
 from windsysid.identification.condition.readings import screened, usable_sensors
 from windsysid.identification.streaming.time_domain import identify_pieces
-from windsysid.inspection import health, screening
+from windsysid.inspection import clock, screening
+from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import noted, screen
 from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
@@ -153,8 +155,10 @@ def test_faults_that_make_a_result_worse_are_noted(verne555, healthy):
     found = findings(faulty(healthy), verne555)
     assert {(f.channel, f.kind) for f in found} == EXPECTED
     notes = noted(found)
-    assert any(note.startswith(f"{TOWER}: 2 spikes") for note in notes)
-    assert any(note.startswith("record: 1 gap") for note in notes)
+    spikes, gaps = only(notes, "spikes"), only(notes, "gaps")
+    assert (spikes.channels, spikes.data["count"], spikes.severity) == ((TOWER,), 2, "note")
+    assert str(spikes).startswith(f"{TOWER}: 2 spikes")
+    assert str(gaps).startswith("record: 1 gap")
 
 
 def test_the_notes_stand_in_result_terminal_and_report():
@@ -166,7 +170,7 @@ def test_the_notes_stand_in_result_terminal_and_report():
     spiked[[100, 300]] += 30.0 * spiked.std()
     record = changed(record, TOWER, spiked)
     found = ws.identify(record, tower, loads="broadband")
-    assert any(f"{TOWER}: 2 spikes" in note for note in found.notes)
+    assert only(found.findings, "spikes").channels == (TOWER,)
     assert "2 spikes" in str(found)
     assert any("2 spikes" in note for note in found.summary()["notes"])
     assert b"2 spikes" in identification_report(found, record)
@@ -180,7 +184,8 @@ def test_pieces_of_a_record_share_a_note():
     parts = [record.section(a, a + 10.0) for a in (0.0, 10.0, 20.0, 30.0)]
     found = [f for part in parts for f in screen(part, None, ["a_acceleration"], refuse=False)]
     (note,) = noted(found)
-    assert note.startswith("a_acceleration: spikes in 3 pieces; the first: 1 spike ")
+    assert (note.code, note.channels, note.data["pieces"]) == ("spikes", ("a_acceleration",), 3)
+    assert str(note).startswith("a_acceleration: spikes in 3 pieces; the first: 1 spike ")
 
 
 def test_a_load_in_another_unit_is_refused(verne555, healthy):
@@ -192,9 +197,9 @@ def test_a_load_in_another_unit_is_refused(verne555, healthy):
 def test_a_row_of_an_archive_looks_at_its_record_once(monkeypatch):
     looks: list[tuple[str, ...]] = []
 
-    def counted(record: Record) -> list[health.Finding]:
+    def counted(record: Record) -> list[Fault]:
         looks.append(record.channels)
-        return health.clock_faults(record)
+        return clock.clock_faults(record)
 
     monkeypatch.setattr(screening, "clock_faults", counted)
     tower = ws.load_turbine("tower")

@@ -41,16 +41,3 @@ def test_the_budget_of_a_sum_of_independent_causes_adds_up():
     assert row.causes == pytest.approx([9.0 / 18.0, 1.0 / 18.0, 4.0 / 18.0])
     assert row.alone + sum(row.causes) == pytest.approx(1.0)
     assert "22 %" in str(found.table().rows)
-
-
-def test_a_tolerance_says_in_words_what_is_off():
-    assert str(Tolerance("clock", "rotor", 1e-3, 2.13e-3, 1e-4)) == "the logger rotor is 2.13 ± 0.10 ms late"
-    assert str(Tolerance("alignment", "top", 0.035, -0.0873, 0.0035)) == "top is turned by -5.00 ± 0.20°"
-    assert (
-        str(Tolerance("gain", "top", 0.01, 0.021, 0.004))
-        == "the gain of top is 2.10 ± 0.40 % larger than its file says"
-    )
-    assert (
-        str(Tolerance("masses", "hub", 0.02, -0.03, 0.01))
-        == "the mass of hub is 3.0 ± 1.0 % smaller than its file says"
-    )

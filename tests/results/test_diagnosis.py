@@ -1,7 +1,6 @@
 """The diagnosis against noise of known law (white, coloured, spiked), and against results right and wrong."""
 
 import math
-import re
 from functools import partial
 from typing import Any
 
@@ -10,11 +9,13 @@ import pytest
 from scipy import signal, stats
 from validation.trust import FAULTS, faulty_record, identify_broadband
 
+from tests.findings import codes, only, reasons, remarks
 from windsysid.checks.verdict import Diagnosis, diagnose
 from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.filters import Info
 from windsysid.identification import identify as front
 from windsysid.identification.model.prior import Prior
+from windsysid.results.finding import Finding
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.parameter import Parameter
 
@@ -93,8 +94,10 @@ def test_a_peak_is_found_named_and_condemned():
     z[:, 1] += 0.3 * np.sin(2 * math.pi * 1.5 * time)
     found = diagnosed(z)
     assert not found.trusted
-    (reason,) = found.reasons
-    assert re.search(r"does not explain channel_1 around 1\.(49|5|51) Hz = 3\.0P", reason)
+    (reason,) = reasons(found)
+    assert (reason.code, reason.channels) == ("unexplained_peak", ("channel_1",))
+    assert reason.data["frequency"] == pytest.approx(1.5, abs=0.015)
+    assert "Hz = 3.0P" in str(reason)
     assert found.whiteness is not None
     assert found.whiteness.channels[1].peak_hz == pytest.approx(1.5, abs=0.05)
 
@@ -108,8 +111,9 @@ def test_a_line_beside_a_natural_frequency_is_condemned_and_a_faint_or_far_one_i
         found = diagnosed(z)
         assert found.trusted == expected
         if not expected:
-            (reason,) = found.reasons
-            assert reason.startswith("channel_1 has a line at 1.08 Hz = 2.2P, beside a natural frequency")
+            (reason,) = reasons(found)
+            assert (reason.code, reason.channels) == ("spectral_line", ("channel_1",))
+            assert reason.data["frequency"] == pytest.approx(1.08, abs=0.005)
 
 
 def test_a_peak_that_nothing_answers_to_is_a_remark():
@@ -117,10 +121,9 @@ def test_a_peak_that_nothing_answers_to_is_a_remark():
     z[:, 0] += 0.5 * np.sin(2 * math.pi * 18.0 * np.arange(5000) / RATE)
     found = diagnosed(z)
     assert found.trusted
-    assert any(
-        "channel_0" in remark and "18 Hz = 36.0P, far from every natural frequency" in remark
-        for remark in found.remarks
-    )
+    remark = only(found.findings, "far_peak")
+    assert (remark.severity, remark.channels) == ("remark", ("channel_0",))
+    assert remark.data["frequency"] == pytest.approx(18.0, abs=0.1)
 
 
 def test_colour_is_half_the_mean_square_departure_of_the_spectrum_from_one():
@@ -135,7 +138,9 @@ def test_colour_far_from_every_natural_frequency_is_a_remark():
     z = signal.lfilter([math.sqrt(1 - 0.3**2)], [1.0, 0.3], white(), axis=0)  # high frequencies: nothing answers there
     found = diagnosed(z)
     assert found.trusted
-    assert any("are not white (squared autocorrelations add up to 0.1" in remark for remark in found.remarks)
+    remark = only(found.findings, "coloured_innovations")
+    assert remark.severity == "remark"
+    assert 0.095 < remark.data["colour"] < 0.2
 
 
 def test_colour_around_a_natural_frequency_is_condemned():
@@ -151,16 +156,18 @@ def test_colour_around_a_natural_frequency_is_condemned():
 
 @pytest.mark.parametrize(("factor", "words"), [(1.3, "too narrow"), (0.7, "too wide")])
 def test_innovations_of_another_size_are_condemned(factor, words):
-    (reason,) = diagnosed(factor * white()).reasons
-    assert f"{factor:.2g} times as large as the model expects" in reason
-    assert reason.endswith(f"all bands are {words}")
+    (reason,) = reasons(diagnosed(factor * white()))
+    assert reason.code == "innovation_level"
+    assert reason.data["ratio"] == pytest.approx(factor, rel=0.04)
+    assert str(reason).endswith(f"all bands are {words}")
 
 
 def test_one_channel_of_another_size_is_named():
     z = white(5000, 8)
     z[:, 3] *= 1.6
-    (reason,) = diagnosed(z).reasons
-    assert "innovations of channel_3 are 1.61 times" in reason
+    (reason,) = reasons(diagnosed(z))
+    assert (reason.code, reason.channels) == ("channel_level", ("channel_3",))
+    assert reason.data["ratio"] == pytest.approx(1.61, abs=0.005)
 
 
 def test_spikes_are_counted():
@@ -171,11 +178,13 @@ def test_spikes_are_counted():
     assert [c.outliers for c in found.whiteness.channels] == [3, 0]
     assert found.whiteness.channels[0].outlying == pytest.approx((81 + 144 + 49) / np.sum(z[:, 0] ** 2), rel=0.01)
     assert stats.kurtosis(z[:, 0]) == pytest.approx(found.whiteness.channels[0].kurtosis, rel=1e-6)
-    (remark,) = found.remarks
-    assert remark.startswith("3 readings of channel_0 are more than 5 standard deviations")
+    (remark,) = remarks(found)
+    assert (remark.code, remark.channels) == ("outlying_innovations", ("channel_0",))
+    assert (remark.data["count"], remark.data["sigmas"]) == (3, 5.0)
     z[500, 0] = 40.0
-    (reason,) = diagnosed(z).reasons[-1:]
-    assert "make up 2" in reason
+    reason = reasons(diagnosed(z))[-1]
+    assert reason.code == "outlying_innovations"
+    assert 0.2 < reason.data["share"] < 0.3
 
 
 def test_what_was_left_out_is_said_and_too_much_of_it_condemned():
@@ -184,9 +193,8 @@ def test_what_was_left_out_is_said_and_too_much_of_it_condemned():
     few[rng.choice(5000, 50, replace=False), 1] = True
     found = diagnosed(z, gated=few)
     assert found.trusted
-    assert found.remarks == ("1 % of the readings of channel_1 were left out as outliers",)
-    (reason,) = diagnosed(z, gated=rng.random(z.shape) < 0.2).reasons[:1]
-    assert "were left out as outliers: so many are none, and the model is wrong" in reason
+    assert remarks(found) == [Finding("gated_readings", "remark", {"channel": "channel_1", "share": 0.01})]
+    assert reasons(diagnosed(z, gated=rng.random(z.shape) < 0.2))[0].code == "too_many_outliers"
 
 
 def test_gaps_do_not_look_like_colour():
@@ -220,8 +228,9 @@ def test_a_record_too_short_for_a_spectrum_is_judged_by_the_rest():
 def test_an_estimate_far_from_its_prior_is_a_contradiction():
     # The prior is 0.3 wide: five of these away is condemned, three are not.
     assert diagnosed(white(), theta=np.array([0.9])).trusted
-    (reason,) = diagnosed(white(), theta=np.array([-1.5])).reasons
-    assert "k_x and its prior contradict each other: they are 5.0 standard deviations apart" in reason
+    (reason,) = reasons(diagnosed(white(), theta=np.array([-1.5])))
+    assert (reason.code, reason.quantities) == ("prior_conflict", ("k_x",))
+    assert reason.data["sigmas"] == pytest.approx(-5.0, abs=0.01)
 
 
 @pytest.mark.slow
@@ -242,20 +251,23 @@ def test_the_shift_is_measured_in_what_was_to_be_expected():
 def test_what_the_prior_decided_is_remarked():
     c = Parameter("c_x", 2.0, 1.0, False, 10.0)
     found = diagnosed(white(), parameters=(c,), theta=np.array([0.2]), cov=np.array([[0.09**2]]))
-    assert found.remarks == ("c_x: 19 % from the data, its band is mostly the prior's",)
+    (remark,) = remarks(found)
+    assert (remark.code, remark.quantities) == ("prior_dominates", ("c_x",))
+    assert remark.data["share"] == pytest.approx(1.0 - 0.9**2)
     assert found.trusted
 
 
 def test_negative_damping_is_a_reason_not_to_trust():
     c = Parameter("c_x", 2.0, 1.0, False, 10.0)
-    (reason,) = diagnosed(white(), parameters=(c,), theta=np.array([-0.1]), cov=np.array([[0.03**2]])).reasons
-    assert reason.startswith("damping is not positive: c_x is -1 (negative over its whole band). If")
-    (reason,) = diagnosed(white(), parameters=(c,), theta=np.array([-0.01]), cov=np.array([[0.03**2]])).reasons
-    assert reason.startswith("damping is not positive: c_x is -0.1. If the motion grew")
-    (reason,) = diagnosed(
-        white(), damping=[("tower x", (0.01, 0.008, 0.012)), ("lag forward", (-0.002, -0.005, 0.001))]
-    ).reasons
-    assert reason.startswith("damping is not positive: lag forward has -0.2 %. If the motion grew")
+    for theta, surely in ((-0.1, True), (-0.01, False)):
+        (reason,) = reasons(diagnosed(white(), parameters=(c,), theta=np.array([theta]), cov=np.array([[0.03**2]])))
+        assert (reason.code, reason.quantities) == ("damping_not_positive", ("c_x",))
+        assert reason.data["coefficients"] == [["c_x", pytest.approx(10.0 * theta), surely]]
+        assert reason.data["modes"] == []
+    (reason,) = reasons(
+        diagnosed(white(), damping=[("tower x", (0.01, 0.008, 0.012)), ("lag forward", (-0.002, -0.005, 0.001))])
+    )
+    assert (reason.data["coefficients"], reason.data["modes"]) == ([], [["lag forward", -0.002, False]])
 
 
 def test_damping_that_may_be_negative_within_its_band_is_remarked():
@@ -268,7 +280,7 @@ def test_damping_that_may_be_negative_within_its_band_is_remarked():
         damping=[("tower x", (0.01, -0.002, 0.022))],
     )
     assert found.trusted
-    assert found.remarks == ("damping may be zero or negative within its band: c_x, tower x; a longer record tells",)
+    assert remarks(found) == [Finding("damping_may_be_negative", "remark", {"names": ["c_x", "tower x"]}, ("c_x",))]
 
 
 def test_what_cannot_be_negative_or_may_be_is_not_called_negative_damping():
@@ -280,7 +292,7 @@ def test_what_cannot_be_negative_or_may_be_is_not_called_negative_damping():
     )
     assert float(logarithmic.physical(-0.2)) == pytest.approx(0.2047, rel=1e-3)
     assert found.trusted
-    assert not any("negative" in remark for remark in found.remarks)
+    assert "damping_may_be_negative" not in codes(found.findings)
 
 
 def test_a_channel_that_is_read_rarely_is_judged_on_its_own_samples():
@@ -304,8 +316,9 @@ def test_a_channel_that_is_read_rarely_is_judged_on_its_own_samples():
     x = slow[7::25] - slow[7::25].mean()
     assert both.autocorrelation[lag, 1] == pytest.approx(np.mean(x[1:] * x[:-1]) / np.mean(x**2), rel=1e-6)
     assert both.channels[0] == examined(z[:, :1]).channels[0]
-    reason = diagnosed(np.column_stack([z[:, 0], slow])).reasons[0]
-    assert "does not explain channel_1 around 0.5 Hz" in reason
+    reason = reasons(diagnosed(np.column_stack([z[:, 0], slow])))[0]
+    assert (reason.code, reason.channels) == ("unexplained_peak", ("channel_1",))
+    assert reason.data["frequency"] == pytest.approx(0.5, abs=0.02)
 
 
 @pytest.mark.parametrize("gaps", [(2, 3), (3, 5, 4)])
@@ -322,16 +335,18 @@ def test_no_frequency_above_half_the_rate_at_which_a_channel_is_read_is_named(ga
 
 
 def test_doubts_condemn_and_what_is_not_white_is_not_asked_to_be():
-    found = diagnosed(np.cumsum(white(), axis=0), white=False, doubts=("the search did not end",))
+    doubt, note = Finding("one_block", "reason"), Finding("damping_is_total", "note")
+    found = diagnosed(np.cumsum(white(), axis=0), white=False, findings=(doubt, note))
     assert found.whiteness is None
-    assert str(found) == "trust: NO: because the search did not end"
+    assert (found.findings, found.trusted) == ((doubt, note), False)
+    assert str(found) == f"trust: NO: because {doubt}"
 
 
 def test_a_constant_that_the_model_does_not_have_asks_for_a_bias():
     z = white()
     z[:, 0] += 0.5
     found = diagnosed(z)
-    assert any("channel_0 is off by a constant" in remark for remark in found.remarks)
+    assert only(found.findings, "constant_offset").channels == ("channel_0",)
 
 
 def test_the_summary_holds_plain_values():
@@ -367,15 +382,17 @@ def test_a_result_under_loads_that_no_model_holds_is_not_trusted(verne555):
     worst = max(abs(e.estimate - e.reference) / e.std for e in found.estimates if e.reference is not None)
     assert worst > 4.0  # it is wrong, and says so
     assert not found.diagnosis.trusted
-    assert any("Hz = 3.0P" in reason for reason in found.diagnosis.reasons)
+    assert any(
+        reason.data["frequency"] == pytest.approx(3.0 * reason.data["rotor_frequency"], rel=0.02)
+        for reason in reasons(found)
+        if "frequency" in reason.data
+    )
     assert "trust: NO" in " ".join(str(found).split())
 
 
 def test_a_balance_without_its_loads_is_not_trusted(verne555, record):
     found = identify(record, verne555, formulation="force-balance")
-    lacking, lost = found.diagnosis.reasons
-    assert lacking == "the balance lacks loads that act, and so loses the damping"
-    assert lost.startswith("damping is not positive: ")
+    assert codes(reasons(found)) == ["loads_missing", "damping_not_positive"]
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ def test_what_is_mixed_up_has_no_standard_deviation_and_the_rest_keeps_its_own()
 
 
 @pytest.mark.parametrize(
-    ("names", "combinations", "sentences"),
+    ("names", "combinations", "expected"),
     [
         (("k_x", "m"), [(1, -1)], ["k_x and m: only their ratio k_x/m is seen"]),
         (("m", "k_x"), [(-1, 1)], ["m and k_x: only their ratio m/k_x is seen"]),
@@ -60,49 +60,56 @@ def test_what_is_mixed_up_has_no_standard_deviation_and_the_rest_keeps_its_own()
         ),
     ],
 )  # fmt: skip
-def test_what_is_not_seen_is_said_in_words(names, combinations, sentences):
-    assert describe_information(names, seen(*combinations)) == sentences
+def test_what_is_not_seen_is_said_in_words(names, combinations, expected):
+    assert [str(one) for one in describe_information(names, seen(*combinations))] == expected
 
 
 def test_words_do_not_depend_on_how_well_the_rest_is_seen():
     # The same combinations seen with σ from 10⁻⁴ to 1, and correlated with each other.
     mix = np.array([[1.0, 0.3, 0.0], [0.0, 0.01, 0.002], [0.5, 0.0, 1e-4]])
     rows = np.linalg.solve(mix, np.array([[1.0, 0, -1, 0], [0, 1.0, -1, 0], [0, 0, 1.0, -1]]))
-    (sentence,) = describe_information(NAMES, rows.T @ rows)
-    assert "only the proportion between them" in sentence
+    (found,) = describe_information(NAMES, rows.T @ rows)
+    assert (found.code, found.quantities) == ("unseen_combination", NAMES)
+    assert found.data["seen"].startswith("the proportion between them")
 
 
 @pytest.mark.parametrize("noise", [1e-9, 1e-5])
 def test_rounding_of_the_differences_is_not_taken_for_information(noise):
     rng = np.random.default_rng(1)
     rows = np.array([[1.0, -1.0]]) * rng.standard_normal((500, 1)) + noise * rng.standard_normal((500, 2))
-    assert describe_information(("k_x", "m"), 1e4 * rows.T @ rows) == ["k_x and m: only their ratio k_x/m is seen"]
+    (found,) = describe_information(("k_x", "m"), 1e4 * rows.T @ rows)
+    assert (found.code, found.data["seen"]) == ("unseen_combination", "their ratio k_x/m")
 
 
 def test_what_is_hardly_told_apart_is_said_with_both_bands():
     # The ratio to σ = 0.5 %, the common factor to σ = 40 %: ±2σ of each is 80 %.
     information = seen((1, -1), sigma=0.005) + seen((0.5, 0.5), sigma=0.4)
-    (sentence,) = describe_information(("k_x", "m"), information)
-    assert sentence == "k_x and m are hard to tell apart: their ratio k_x/m is seen to ±1 %, each alone to ±80 % (2σ)"
+    (found,) = describe_information(("k_x", "m"), information)
+    assert (found.code, found.data["seen"]) == ("hard_to_tell_apart", "their ratio k_x/m")
+    assert found.data["std"] == pytest.approx(0.005, rel=0.01)
+    assert str(found) == "k_x and m are hard to tell apart: their ratio k_x/m is seen to ±1 %, each alone to ±80 % (2σ)"
 
 
 def test_three_that_are_hardly_told_apart_are_said_as_a_move():
     information = seen((1, -1, 0), (0, 1, -1)) + seen((1, 1, 1), sigma=3.0)
-    (sentence,) = describe_information("abc", information)
-    assert sentence.startswith(
-        "a, b and c are hard to tell apart: a +10 %, b +10 % and c +10 % together is hardly seen"
-    )
+    (found,) = describe_information("abc", information)
+    assert (found.code, found.quantities) == ("direction_hardly_seen", ("a", "b", "c"))
+    assert found.data["direction"] == "a +10 %, b +10 % and c +10 %"
+    assert str(found).startswith("a, b and c are hard to tell apart: a +10 %, b +10 % and c +10 % together")
 
 
 def test_strong_correlations_are_named_and_nuisances_are_not_spoken_of_on_their_own():
     covariance = np.array([[1.0, 0.95, 0.0], [0.95, 1.0, 0.0], [0.0, 0.0, 1.0]])
     information = np.linalg.inv(covariance)
-    assert describe_information("abc", information) == ["a and b are correlated by +0.95"]
+    for aside in ("", "bc"):
+        (found,) = describe_information("abc", information, aside=aside)
+        assert (found.code, found.quantities) == ("correlated_estimates", ("a", "b"))
+        assert found.data["correlation"] == pytest.approx(0.95)
     assert describe_information("abc", information, aside="ab") == []
-    assert describe_information("abc", information, aside="bc") == ["a and b are correlated by +0.95"]
     ratio = seen((1, -1, 0), (0, 0, 1))
     assert describe_information("abc", ratio, aside="ab") == []
-    assert describe_information("abc", ratio, aside="b") == ["a and b: only their ratio a/b is seen"]
+    (found,) = describe_information("abc", ratio, aside="b")
+    assert (found.code, found.quantities) == ("unseen_combination", ("a", "b"))
 
 
 def posterior(prior_std, *data):
@@ -115,35 +122,35 @@ def posterior(prior_std, *data):
 def test_a_band_that_is_the_priors_is_said_to_be_with_the_share_of_the_data():
     # Prior 0.3, data 0.9: 1/0.9² of 1/0.9² + 1/0.3² is 10 %. The other is known to 0.01.
     cov, prior = posterior([0.3, 0.3], ([1.0, 0.0], 0.01), ([0.0, 1.0], 0.9))
-    assert describe_directions(("k_x", "c_x"), cov, prior, (True, False), np.array([0.0, 0.04])) == [
-        "c_x: 10 % from the data, its band is mostly the prior's"
-    ]
+    (found,) = describe_directions(("k_x", "c_x"), cov, prior, (True, False), np.array([0.0, 0.04]))
+    assert (found.code, found.severity, found.quantities) == ("prior_dominates", "remark", ("c_x",))
+    assert found.data["share"] == pytest.approx(0.1)
 
 
 def test_of_stiffness_and_mass_only_the_ratio_comes_from_the_data():
     cov, prior = posterior([0.3, 0.3], ([1.0, -1.0], 0.01))
     ratio, correlated = describe_directions(("k_x", "hub_mass_x"), cov, prior, (True, True))
-    assert (
-        ratio
-        == "k_x and hub_mass_x: the data see only their ratio k_x/hub_mass_x; the rest is the prior's (0 % from the"
-        " data)"
-    )
-    assert correlated == "k_x and hub_mass_x are correlated by +1.00"
+    assert (ratio.code, ratio.quantities) == ("prior_dominates", ("k_x", "hub_mass_x"))
+    assert ratio.data["seen"] == "their ratio k_x/hub_mass_x"
+    assert ratio.data["share"] == pytest.approx(0.0, abs=0.005)
+    assert (correlated.code, correlated.quantities) == ("correlated_estimates", ("k_x", "hub_mass_x"))
+    assert correlated.data["correlation"] == pytest.approx(1.0, abs=0.005)
 
 
 def test_proportional_coordinates_count_relative_to_where_they_are():
     # θ of the damper is 0.04; along k, c, m by a common factor nothing is seen: d(ln k, θ_c, ln m) = (1, 0.04, 1).
     cov, prior = posterior([0.3, 0.012, 0.3], ([1.0, 0.0, -1.0], 0.01), ([0.0, 25.0, -1.0], 0.02))
-    sentence = describe_directions(("k", "c", "m"), cov, prior, (True, False, True), np.array([0.0, 0.04, 0.0]))[0]
-    assert sentence.startswith("k, c and m: the data see only the proportion between them (not their common factor)")
+    found = describe_directions(("k", "c", "m"), cov, prior, (True, False, True), np.array([0.0, 0.04, 0.0]))[0]
+    assert found.quantities == ("k", "c", "m")
+    assert found.data["seen"] == "the proportion between them (not their common factor)"
 
 
 def test_several_bands_that_are_the_priors_are_told_one_by_one():
     # Rotated among themselves by a weak correlation, the eigenvectors mix them; the words must not.
     cov, prior = posterior([0.3, 0.3, 0.3], ([1.0, 0.1, 0.0], 2.0), ([0.1, 1.0, 0.1], 2.0), ([0.0, 0.1, 1.0], 2.0))
-    sentences = describe_directions("abc", cov, prior, (True,) * 3)
-    assert [sentence[:1] for sentence in sentences] == ["a", "b", "c"]
-    assert all("from the data, its band is mostly the prior's" in sentence for sentence in sentences)
+    found = describe_directions("abc", cov, prior, (True,) * 3)
+    assert [one.quantities for one in found] == [("a",), ("b",), ("c",)]
+    assert {one.code for one in found} == {"prior_dominates"}
 
 
 def test_nothing_is_said_where_the_data_rule():

@@ -1,5 +1,6 @@
 """A saved result comes back as the object that made it, or one line says why not."""
 
+import json
 import math
 import shutil
 from collections.abc import Callable
@@ -17,7 +18,8 @@ from windsysid.errors import ConfigurationError
 from windsysid.output.folders import result_file
 from windsysid.output.locks import MANIFEST
 from windsysid.records.formats.netcdf import sealed
-from windsysid.results.serialization import as_plain, from_plain
+from windsysid.results import storage
+from windsysid.results.serialization import as_plain, finite, from_plain
 from windsysid.spectral.oma.known_modes import as_modes
 
 
@@ -60,6 +62,43 @@ def test_an_identification_comes_back(found: ws.Identification, saved: Path, tmp
     assert again.to_dataframe().equals(found.to_dataframe())
     again.save(tmp_path / "again")
     assert str(ws.load_result(tmp_path / "again")) == str(found)
+
+
+def test_a_result_of_an_older_version_comes_back_with_its_sentences(
+    found: ws.Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """It had no findings, but sentences."""
+    written = storage._rest
+
+    def as_before(result: ws.Identification) -> dict[str, Any]:
+        rest = written(result)
+        judged = as_plain(rest.pop("diagnosis"))
+        del rest["findings"], judged["findings"]
+        return rest | {"notes": ["a note"], "diagnosis": judged | {"reasons": ["a reason"], "remarks": ["a remark"]}}
+
+    monkeypatch.setattr(storage, "_rest", as_before)
+    found.save(tmp_path / "old")
+    again = ws.load_result(tmp_path / "old")
+    assert isinstance(again, ws.Identification)
+    assert {one.code for one in again.findings} == {"unknown"}
+    assert again.diagnosis.reasons == ("a reason",)
+    assert again.diagnosis.remarks == ("a remark",)
+    assert again.notes == ("a note",)
+    assert not again.diagnosis.trusted
+    monkeypatch.undo()
+    again.save(tmp_path / "new")
+    newest = ws.load_result(tmp_path / "new")
+    assert isinstance(newest, ws.Identification)
+    assert newest.findings == again.findings
+
+
+def test_the_summary_has_every_finding_as_data(found: ws.Identification, saved: Path):
+    listed = json.loads((saved / "summary.json").read_text(encoding="utf-8"))["findings"]
+    assert [one["code"] for one in listed] == [one.code for one in found.findings]
+    assert {"code", "severity", "text", "quantities", "data"} == set(listed[0])
+    texts = [one["text"] for one in listed if one["severity"] == "note"]
+    assert texts == json.loads((saved / "summary.json").read_text(encoding="utf-8"))["notes"]
+    assert [one["data"] for one in listed] == [finite(one.data) for one in found.findings]
 
 
 def test_a_result_of_spectra_comes_back(record: ws.Record, tmp_path: Path):

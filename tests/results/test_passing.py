@@ -59,19 +59,19 @@ def test_blades_pass_steadily_if_their_frequency_scatters_by_less_than_the_half_
 
 
 @pytest.mark.parametrize(
-    ("passing", "natural", "half_width", "said"),
+    ("passing", "natural", "half_width", "code"),
     [
-        (0.312, 0.32, 0.002, "0.312 Hz (3P), on the mode at 0.32 Hz, and cannot be told from it"),
-        (0.60, 0.44, 0.17, "0.6 Hz (3P), within the half-width of the mode at 0.44 Hz (39 % damping)"),
-        (0.60, 0.44, 0.03, "0.6 Hz (3P) and a mode is at 0.44 Hz: the record resolves differences of 0.14 Hz only"),
+        (0.312, 0.32, 0.002, "blade_passing_on_mode"),
+        (0.60, 0.44, 0.17, "blade_passing_in_mode"),
+        (0.60, 0.44, 0.03, "blade_passing_unresolved"),
     ],
 )
 def test_the_blades_are_said_to_pass_on_a_mode_only_where_they_are_near_it(
-    passing: float, natural: float, half_width: float, said: str
+    passing: float, natural: float, half_width: float, code: str
 ):
-    text = Passing(passing, natural, half_width, 0.14).describe(3)
-    assert text.startswith(f"the blades pass steadily at {said}")
-    assert len(text) <= 180
+    found = Passing(passing, natural, half_width, 0.14).finding(3)
+    assert (found.code, found.severity) == (code, "reason")
+    assert (found.data["frequency"], found.data["mode"], found.data["blades"]) == (passing, natural, 3)
 
 
 def test_what_is_said_of_passing_blades_is_what_was_measured():
@@ -79,4 +79,5 @@ def test_what_is_said_of_passing_blades_is_what_was_measured():
     found = find_passing(values, azimuth, rate=RATE, modes=[(F, 0.4)], blades=3)
     assert found is not None
     assert found == pytest.approx((0.44, F, 0.128, 2.0 * RATE / SAMPLES), abs=1e-4)
-    assert "within the half-width of the mode at 0.32 Hz" in found.describe(3)
+    assert found.finding(3).code == "blade_passing_in_mode"
+    assert found.finding(3).data["damping"] == pytest.approx(0.4)

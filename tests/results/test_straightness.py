@@ -78,6 +78,7 @@ def test_the_bound_grows_with_what_is_looked_at():
 )
 def test_what_goes_with_amplitude_is_said_with_its_direction(law: Law, sigmas: float, said: str, cause: str):
     (doubt,) = doubt_bending(Bending(law, ("x",), sigmas, 4.0))
-    assert doubt.startswith(said)
-    assert cause in doubt
+    assert (doubt.code, doubt.data["law"], doubt.data["sigmas"]) == ("amplitude_dependence", law, sigmas)
+    assert str(doubt).startswith(said)
+    assert cause in str(doubt)
     assert doubt_bending(Bending(law, ("x",), 0.4 * sigmas, 4.0)) == []

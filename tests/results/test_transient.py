@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from tests.findings import codes, notes, only, reasons, remarks
 from windsysid._types import Array
 from windsysid.checks.verdict import Diagnosis
 from windsysid.identification.identify import identify
 from windsysid.records.record import Record
-from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient, without_cause
+from windsysid.results.finding import Finding
+from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient
 from windsysid.turbine.file import load_turbine
 
 RATE = 4.0
@@ -79,34 +81,26 @@ def test_a_channel_of_noise_or_gaps_is_no_transient():
     assert find_transient(readings[:, [0, 2]], ("noise", "dead")) is None
 
 
-@pytest.mark.parametrize(
-    ("sentence", "left"),
-    [
-        ("x has a line at 1 Hz: likely a machine or waves; choose a section without it", "x has a line at 1 Hz"),
-        ("joint, as spectra are in doubt (c would be 7 σ elsewhere: likely loads of a machine; try another section)",
-         "joint, as spectra are in doubt (c would be 7 σ elsewhere)"),
-        ("5 readings of x make up 70 % of its squared innovations: take the spikes out",
-         "5 readings of x make up 70 % of its squared innovations"),
-        ("the narrowest resonance counts as 1.4 values only: choose a longer record", "the narrowest resonance counts "
-         "as 1.4 values only: choose a longer record"),
-    ],
-)  # fmt: skip
-def test_a_cause_and_its_advice_are_left_out(sentence: str, left: str):
-    assert without_cause(sentence) == left
-
-
 def test_only_causes_in_channels_that_fall_are_replaced():
-    reasons = (
-        "x has a line: likely a machine",
-        "nothing vibrates in y: likely an instrument",
-        "choose a longer record",
+    line, dead, short = (
+        Finding("spectral_line", "reason", {"channel": "x", "frequency": 1.0, "rotor_frequency": 0.0}),
+        Finding("dead_channel", "reason", {"channels": ["y"]}),
+        Finding("too_short_for_stationarity", "reason"),
     )
-    diagnosis = Diagnosis(reasons, ("colour; likely loads of another kind",), None, (), 0.0, 0, (0.0, 1.0))
-    found = explain_by_transient(diagnosis, Transient(("x",), 12.0), ("x", "y"))
-    assert found.reasons == (Transient(("x",), 12.0).reason, *reasons[1:])
-    assert found.remarks == ("colour",)
-    unchanged = replace(diagnosis, reasons=reasons[2:])
-    assert explain_by_transient(unchanged, Transient(("x",), 12.0), ("x", "y")).reasons == reasons[2:]
+    tails = Finding("heavy_tails", "remark", {"channel": "x", "kurtosis": 1.2})
+    because = Finding("joint_as_spectra_are_doubtful", "note", {"because": line})
+    diagnosis = Diagnosis((line, dead, short, tails, because), None, (), 0.0, 0, (0.0, 1.0))
+    fall = Transient(("x",), 12.0)
+    found = explain_by_transient(diagnosis, fall, ("x", "y"))
+    assert reasons(found) == [fall.finding, dead, short]
+    (remark,) = remarks(found)
+    assert (remark.code, remark.data["cause"]) == ("heavy_tails", "transient")
+    assert str(remark) == "the innovations of x have tails (excess kurtosis 1.2)"
+    (note,) = notes(found)
+    assert note.data["because"]["data"]["cause"] == "transient"
+    assert str(note).endswith("as spectra are in doubt (x has a line at 1 Hz, beside a natural frequency)")
+    unchanged = replace(diagnosis, findings=(dead, short))
+    assert explain_by_transient(unchanged, fall, ("x", "y")) == unchanged
 
 
 def test_a_free_decay_is_not_blamed_on_loads_of_a_machine():
@@ -117,7 +111,7 @@ def test_a_free_decay_is_not_blamed_on_loads_of_a_machine():
     )  # fmt: skip
     found = identify(record, load_turbine("tower"))
     assert not found.diagnosis.trusted
-    assert "a transient, such as a free decay" in found.diagnosis.reasons[0]
+    assert found.findings[0].code == "transient"
     said = " ".join([*found.diagnosis.reasons, *found.diagnosis.remarks, *found.notes])
     assert not any(cause in said for cause in CAUSES), said
 
@@ -137,7 +131,7 @@ def test_a_blow_in_ambient_vibration_is_found_with_its_time(start, segment):
     found = find_burst((blow + 0.07 * noise / noise.std())[:, None], ("x",), RATE)
     assert found is not None
     assert found.segment == segment
-    assert f"between {25 * segment} and {25 * segment + 25} s" in found.describe("")
+    assert (found.data["start"], found.data["end"]) == (25 * segment, 25 * segment + 25)
 
 
 @pytest.mark.parametrize("start", [0.0, 155.0])
@@ -155,6 +149,6 @@ def test_a_blow_in_ambient_vibration_is_not_trusted(start):
     result = identify(record, load_turbine("tower"))
     assert not result.diagnosis.trusted
     if start:  # one at the beginning sends the record to filters, which learn the state there
-        assert any("a blow, a pull or a start" in one for one in result.diagnosis.reasons)
+        assert "late_burst" in codes(reasons(result))
     else:
-        assert any("a blow, a pull or a start" in one for one in result.notes)
+        assert only(result.findings, "joint_as_spectra_are_doubtful").data["because"]["code"] == "burst"

@@ -12,6 +12,7 @@ import re
 import sys
 import time
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -67,9 +68,7 @@ def identify_one(name: str, seed: int, loads: str = "auto", folder: Path | None 
             for e in found.estimates
         ],
         "trusted": diagnosis.trusted,
-        "reasons": list(diagnosis.reasons),
-        "remarks": list(diagnosis.remarks),
-        "notes": list(found.notes),
+        "findings": [finding.summary() for finding in found.findings],
         "rate": found.rate,
         "statistics": {s.name: [s.estimate, s.low, s.high] for s in found.statistics},
         "innovations": diagnosis.summary()["innovations"],
@@ -158,18 +157,31 @@ def of_statistics(runs: list[Run]) -> dict[str, float]:
 
 
 CAUSES = {
-    "likely an instrument": "instrument", "likely loads": "loads", "likely impacts": "loads",
-    "likely a machine or waves": "line", "likely a spring": "machine", "likely a structure": "machine",
+    "instrument": ("channel_level", "dead_channel", "late_blades"),
+    "line": ("line_influence", "spectral_line", "tone_influence", "tone_left"),
+    "loads": (
+        "correlated_innovations", "correlated_loads", "heavy_tails", "level_over_frequency",
+        "narrow_band_load_ambiguous", "narrow_band_load_possible", "narrow_band_load_preferred", "nonstationary_level",
+        "rotor_harmonic_left", "segments_scatter", "unexplained_level", "unexplained_peak",
+    ),
+    "machine": ("amplitude_dependence", "halves_disagree", "nonlinear_force"),
 }  # fmt: skip
-"""What a reason says of its cause."""
+"""What a reason names as its cause, by code."""
+
+
+def cause_of(reason: Mapping[str, Any]) -> str:
+    """The cause that a reason names, from its summary; ``other`` where it names none."""
+    if reason["code"] == "nonstationary_level" and reason["data"]["alone"]:
+        return "instrument"
+    return next((cause for cause, codes in CAUSES.items() if reason["code"] in codes), "other")
 
 
 def _named(run: Run) -> str:
     """The cause that the first reason of a result names."""
     if "refused" in run or run["trusted"]:
         return "refused" if "refused" in run else ""
-    first = next((reason for reason in run["reasons"] if "likely" in reason), run["reasons"][0])
-    return next((cause for words, cause in CAUSES.items() if words in first), "other")
+    causes = [cause_of(one) for one in run["findings"] if one["severity"] == "reason"]
+    return next((cause for cause in causes if cause != "other"), "other")
 
 
 def main() -> None:

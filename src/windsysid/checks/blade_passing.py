@@ -7,7 +7,7 @@ cannot be told from one, so that no answer is given there.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from windsysid.checks.lines import (
     line_bound,
     stand_out_of_a_bend,
 )
+from windsysid.results.finding import Finding
 
 __all__ = ["Passing", "find_passing"]
 
@@ -49,22 +50,15 @@ class Passing(NamedTuple):
     half_width: float
     resolution: float
 
-    def describe(self, blades: int) -> str:
-        """Describe the conflict and its remedy in one sentence."""
-        passing, mode = f"the blades pass steadily at {self.frequency:.3g} Hz ({blades}P)", f"{self.natural:.3g} Hz"
+    def finding(self, blades: int) -> Finding:
+        """A reason: the line may be the mode, part of it, or too near to it."""
+        data: dict[str, Any] = {"frequency": self.frequency, "blades": blades, "mode": self.natural}
         off = abs(self.frequency - self.natural)
         if off <= (LINE_REACH - 1.0) * self.natural:
-            return f"{passing}, on the mode at {mode}, and cannot be told from it: take a section at another speed"
+            return Finding("blade_passing_on_mode", "reason", data)
         if off <= self.half_width:
-            damping = 100.0 * self.half_width / self.natural
-            return (
-                f"{passing}, within the half-width of the mode at {mode} ({damping:.0f} % damping), which may be that "
-                "line in part: take a section at another speed"
-            )
-        return (
-            f"{passing} and a mode is at {mode}: the record resolves differences of {self.resolution:.2g} Hz only; "
-            "take a longer section"
-        )
+            return Finding("blade_passing_in_mode", "reason", data | {"damping": self.half_width / self.natural})
+        return Finding("blade_passing_unresolved", "reason", data | {"resolution": self.resolution})
 
 
 def find_passing(

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.results.finding import Finding
 
 __all__ = [
     "CHANCE",
@@ -161,35 +162,28 @@ def chances(found: Constancy, n: int) -> tuple[Array, Array]:
     return np.asarray(2.0 * ndtr(-np.abs(found.apart[:n]))), np.asarray(scattered)
 
 
-def doubt_constancy(names: Sequence[str], found: Constancy | None) -> list[str]:
-    """Why a result is not to be trusted, as far as parts of its record do not say the same of the first unknowns, which
-    have these names."""
+def doubt_constancy(names: Sequence[str], found: Constancy | None) -> list[Finding]:
+    """Reasons where segments of the record disagree on the first unknowns, which have these names."""
     return [*doubt_halves(names, found), *doubt_scatter(names, found)]
 
 
-def doubt_halves(names: Sequence[str], found: Constancy | None) -> list[str]:
-    """The same of the record's halves."""
+def doubt_halves(names: Sequence[str], found: Constancy | None) -> list[Finding]:
+    """A reason where the halves of the record disagree; arguments as for `doubt_constancy`."""
     if found is None or not names:
         return []
     halves = chances(found, len(names))[0]
     i = int(np.argmin(halves))
     if halves[i] >= CHANCE / len(names):
         return []
-    return [
-        f"the halves of the record disagree on {names[i]} by {abs(found.apart[i]):.1f} standard deviations: likely a "
-        "structure or loads that changed; identify each half"
-    ]
+    return [Finding("halves_disagree", "reason", {"sigmas": found.apart[i]}, (names[i],))]
 
 
-def doubt_scatter(names: Sequence[str], found: Constancy | None) -> list[str]:
-    """The same of the scatter of its parts."""
+def doubt_scatter(names: Sequence[str], found: Constancy | None) -> list[Finding]:
+    """A reason where segments scatter more than their information allows; arguments as for `doubt_constancy`."""
     if found is None or not names:
         return []
     scattered = chances(found, len(names))[1]
     j = int(np.argmin(scattered))
     if scattered[j] >= CHANCE_OF_SCATTER / len(names):
         return []
-    return [
-        f"parts of the record scatter on {names[j]} {np.sqrt(found.scatter[j]):.2g} times as much as its band holds: "
-        "likely loads of another kind; try another section"
-    ]
+    return [Finding("segments_scatter", "reason", {"ratio": np.sqrt(found.scatter[j])}, (names[j],))]

@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.results.finding import Finding
 from windsysid.statespace.parameter import Parameter
 
 __all__ = [
     "CONFLICT_SIGMAS",
     "Band",
     "CoefficientCheck",
-    "conflict_text",
+    "conflict",
     "doubt_damping",
     "doubt_priors",
     "hold_against_priors",
@@ -45,42 +46,36 @@ def hold_against_priors(parameters: Sequence[Parameter], theta: Array, cov: Arra
     return tuple(_against_prior(q, float(t), float(v)) for q, t, v in zip(parameters, theta, np.diag(cov), strict=True))
 
 
-def doubt_priors(checks: Sequence[CoefficientCheck]) -> list[str]:
+def doubt_priors(checks: Sequence[CoefficientCheck]) -> list[Finding]:
     """A reason for each estimate that contradicts its prior."""
-    return [conflict_text(check.name, check.shift) for check in checks if abs(check.shift) > CONFLICT_SIGMAS]
+    return [conflict(check.name, check.shift) for check in checks if abs(check.shift) > CONFLICT_SIGMAS]
 
 
-def conflict_text(name: str, shift: float) -> str:
-    """What is said of an estimate so many standard deviations from its prior."""
-    return (
-        f"{name} and its prior contradict each other: they are {abs(shift):.1f} standard deviations apart; the turbine"
-        " file, a unit or the model is wrong"
-    )
+def conflict(name: str, shift: float) -> Finding:
+    """A reason for an estimate so many standard deviations from its prior."""
+    return Finding("prior_conflict", "reason", {"sigmas": shift}, (name,))
 
 
 def doubt_damping(
     parameters: Sequence[Parameter], theta: Array, cov: Array, modes: Sequence[tuple[str, Band]]
-) -> tuple[list[str], list[str]]:
-    """Reasons and remarks for damping that is not positive, of coefficients and of `modes`, each with its name and its
-    damping ratio with the ±2σ band."""
-    dampers = _dampers(parameters, theta, cov)
-    reasons: list[str] = []
-    remarks: list[str] = []
-    lost = [f"{name} is {value:.2g}{_describe_certainty(high)}" for name, (value, _, high) in dampers if value <= 0.0]
-    lost += [
-        f"{name} has {100.0 * value:.2g} %{_describe_certainty(high)}"
-        for name, (value, _, high) in modes
-        if value <= 0.0
-    ]
-    if lost:
-        reasons.append(
-            f"damping is not positive: {', '.join(lost)}. If the motion grew, stop and check the turbine; if not, try"
-            " a longer or calmer section or another load model"
-        )
-    doubtful = ", ".join(name for name, (value, low, _) in (*dampers, *modes) if low <= 0.0 < value)
-    if doubtful:
-        remarks.append(f"damping may be zero or negative within its band: {doubtful}; a longer record tells")
-    return reasons, remarks
+) -> list[Finding]:
+    """A reason and a remark for damping that is not positive, of coefficients and of `modes`, each with its name and
+    its damping ratio with the ±2σ band."""
+    dampers, found = _dampers(parameters, theta, cov), list[Finding]()
+    lost, lost_modes = _not_positive(dampers), _not_positive(modes)
+    if lost or lost_modes:
+        data = {"coefficients": lost, "modes": lost_modes}
+        found.append(Finding("damping_not_positive", "reason", data, tuple(name for name, *_ in lost)))
+    uncertain = [name for name, (value, low, _) in (*dampers, *modes) if low <= 0.0 < value]
+    if uncertain:
+        own = tuple(name for name, _ in dampers if name in uncertain)
+        found.append(Finding("damping_may_be_negative", "remark", {"names": uncertain}, own))
+    return found
+
+
+def _not_positive(damping: Sequence[tuple[str, Band]]) -> list[tuple[str, float, bool]]:
+    """Name and value of what is not positive, and whether its whole band is negative."""
+    return [(name, value, high < 0.0) for name, (value, _, high) in damping if value <= 0.0]
 
 
 def _against_prior(q: Parameter, theta: float, variance: float) -> CoefficientCheck:
@@ -97,7 +92,3 @@ def _dampers(parameters: Sequence[Parameter], theta: Array, cov: Array) -> list[
             value, low, high = (float(q.physical(t + k * math.sqrt(v))) for k in (0.0, -2.0, 2.0))
             found.append((q.name, (value, low, high)))
     return found
-
-
-def _describe_certainty(high: float) -> str:
-    return " (negative over its whole band)" if high < 0.0 else ""

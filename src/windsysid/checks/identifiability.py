@@ -18,6 +18,7 @@ from fractions import Fraction
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.results.finding import Finding
 
 __all__ = ["describe_directions", "describe_information", "standard_deviations"]
 
@@ -47,8 +48,8 @@ def standard_deviations(information: Array) -> Array:
     return np.asarray(np.where(hidden, np.inf, np.sqrt(variance) / scale), dtype=np.float64)
 
 
-def describe_information(names: Sequence[str], information: Array, aside: Collection[str] = ()) -> list[str]:
-    """What a Fisher information leaves unseen or badly told apart, a sentence each; empty where all is well.
+def describe_information(names: Sequence[str], information: Array, aside: Collection[str] = ()) -> list[Finding]:
+    """Remarks on what a Fisher information leaves unseen or badly told apart; empty where all is well.
 
     Parameters
     ----------
@@ -61,13 +62,13 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
     """
     scale, values, vectors = _scaled(information)
     unseen = values <= MIN_SEEN_EIGENVALUE
-    sentences = []
+    found = []
     for who, left, moved, _ in _describe_rules(
         names, (vectors[:, unseen] / scale[:, None]).T, scale, ZERO_ENTRY_UNSEEN, np.ones(len(names))
     ):
         if not set(who) <= set(aside):
-            some = f"{_list(who)}: only {left} is seen" if left else f"{moved} together: no reading changes"
-            sentences.append(some if len(who) > 1 else f"{who[0]} is not seen at all")
+            code = "unseen" if len(who) == 1 else "unseen_combination" if left else "unseen_direction"
+            found.append(Finding(code, "remark", {"seen": left, "direction": moved}, tuple(who)))
     covariance = (vectors[:, ~unseen] / values[~unseen]) @ vectors[:, ~unseen].T / np.outer(scale, scale)
     hidden = np.isinf(standard_deviations(information))
     told: list[list[int]] = []
@@ -76,24 +77,19 @@ def describe_information(names: Sequence[str], information: Array, aside: Collec
         members = [int(i) for i in np.flatnonzero((share > 0.5) & ~hidden)]
         if len(members) > 1 and not {names[i] for i in members} <= set(aside):
             told.append(members)
-            sentences.append(
-                _badly(
-                    [names[i] for i in members],
-                    (vectors[:, weak] / scale)[members],
-                    covariance[np.ix_(members, members)],
-                )
-            )
+            row, cov = (vectors[:, weak] / scale)[members], covariance[np.ix_(members, members)]
+            found.append(_badly(tuple(names[i] for i in members), row, cov))
     for i, j, value in _correlated(covariance):
         known = hidden[i] or hidden[j] or {names[i], names[j]} <= set(aside)
         if not (known or any({i, j} <= set(members) for members in told)):
-            sentences.append(f"{names[i]} and {names[j]} are correlated by {value:+.2f}")
-    return sentences  # fmt: skip
+            found.append(_correlation(names[i], names[j], value))
+    return found
 
 
 def describe_directions(
     names: Sequence[str], cov: Array, prior_cov: Array, logarithmic: Sequence[bool], theta: Array | None = None
-) -> list[str]:
-    """Where a posterior is the prior's rather than the data's, and what is strongly correlated, a sentence each.
+) -> list[Finding]:
+    """Remarks where a posterior is the prior's rather than the data's, and on what is strongly correlated.
 
     Parameters
     ----------
@@ -114,17 +110,16 @@ def describe_directions(
     spread = np.sqrt(np.diag(prior_cov))
     size = np.where(logarithmic, 1.0, spread if theta is None else np.where(theta == 0.0, spread, theta))
     before, after = np.linalg.inv(prior_cov), np.linalg.inv(cov)
-    sentences = []
+    found = []
     for who, left, moved, rows in _describe_rules(names, prior_rules, 1.0 / spread, ZERO_ENTRY_BADLY_SEEN, 1.0 / size):
         left_of_prior = np.trace(np.linalg.solve(rows @ after @ rows.T, rows @ before @ rows.T)) / len(rows)
-        share = f"{100.0 * (1.0 - left_of_prior):.0f} % from the data"
-        some = (
-            f"{_list(who)}: the data see only {left}; the rest is the prior's ({share})"
-            if left
-            else f"{moved} together: {share}, the rest is the prior's"
-        )
-        sentences.append(some if len(who) > 1 else f"{who[0]}: {share}, its band is mostly the prior's")
-    return sentences + [f"{names[i]} and {names[j]} are correlated by {value:+.2f}" for i, j, value in _correlated(cov)]
+        data = {"share": 1.0 - left_of_prior, "seen": left, "direction": moved}
+        found.append(Finding("prior_dominates", "remark", data, tuple(who)))
+    return found + [_correlation(names[i], names[j], value) for i, j, value in _correlated(cov)]
+
+
+def _correlation(one: str, other: str, value: float) -> Finding:
+    return Finding("correlated_estimates", "remark", {"correlation": value}, (one, other))
 
 
 def _correlated(cov: Array) -> list[tuple[int, int, float]]:
@@ -232,23 +227,16 @@ def _describe_direction(names: Sequence[str], row: Array) -> str:
     )
 
 
-def _badly(who: Sequence[str], row: Array, cov: Array) -> str:
-    """A direction that is hardly seen: what is seen instead, and how much better."""
-    start = f"{_list(who)} are hard to tell apart"
+def _badly(who: tuple[str, ...], row: Array, cov: Array) -> Finding:
+    """A remark on a direction that is hardly seen: what is seen instead, and how much better."""
     std = np.sqrt(np.diag(cov))
-    each = (
-        _two_sigma(std.min()) if std.max() < 1.1 * std.min() else f"{_two_sigma(std.min())} … {_two_sigma(std.max())}"
-    )
+    data = {"low": std.min(), "high": std.max(), "direction": _describe_direction(who, row)}
     rounded = _small_integers(row, 0.1)
     left = _left(who, np.array([rounded], dtype=np.float64)) if rounded is not None and len(who) == 2 else ""
     if not left:
-        return f"{start}: {_describe_direction(who, row)} together is hardly seen (2σ of each: {each})"
+        return Finding("direction_hardly_seen", "remark", data, who)
     seen = np.array([row[1], -row[0]]) / np.abs(row).max()
-    return f"{start}: {left} is seen to {_two_sigma(np.sqrt(seen @ cov @ seen))}, each alone to {each} (2σ)"
-
-
-def _two_sigma(sigma: float) -> str:
-    return f"±{float(f'{200.0 * sigma:.2g}'):g} %"
+    return Finding("hard_to_tell_apart", "remark", data | {"seen": left, "std": np.sqrt(seen @ cov @ seen)}, who)
 
 
 def _small_integers(row: Array, tolerance: float = 0.005) -> list[int] | None:

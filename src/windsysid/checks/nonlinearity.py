@@ -19,6 +19,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.results.finding import Finding
 
 __all__ = ["Bending", "Bent", "Law", "doubt_bending", "doubt_bent", "find_bent"]
 
@@ -109,31 +110,15 @@ def _scaled(values: Array) -> Array:
     return np.asarray(centred / np.maximum(np.nanstd(centred, axis=0), 1e-300))
 
 
-def doubt_bent(bent: Bent | None) -> list[str]:
-    """Why a result is not to be trusted, as far as cubes of the motion show in innovations; none where they do not."""
+def doubt_bent(bent: Bent | None) -> list[Finding]:
+    """A reason where cubes of the motion show in innovations."""
     if bent is None or bent.statistic <= bent.bound:
         return []
-    return [
-        f"what is not explained of {bent.channel} goes with cubes of {bent.coordinate}: likely a spring that"
-        " hardens, or friction; its coefficients hold at this amplitude only"
-    ]
+    return [Finding("nonlinear_force", "reason", bent._asdict())]
 
 
-def doubt_bending(bending: Bending | None) -> list[str]:
-    """The same, as far as stiffness or damping goes with amplitude."""
+def doubt_bending(bending: Bending | None) -> list[Finding]:
+    """A reason where stiffness or damping depends on amplitude."""
     if bending is None or abs(bending.sigmas) <= bending.bound:
         return []
-    grows = (bending.sigmas > 0.0) is (bending.law == "stiffness")
-    return [
-        f"{bending.law} of {' and '.join(bending.coordinates)} {'grows' if grows else 'falls'} with amplitude"
-        f" ({abs(bending.sigmas):.1f} standard deviations): likely {_CAUSES[bending.law, grows]}; it holds at this"
-        " amplitude only"
-    ]
-
-
-_CAUSES: dict[tuple[Law, bool], str] = {
-    ("stiffness", True): "a spring that hardens, or play",
-    ("stiffness", False): "a spring that softens: a crack or a loose bolt",
-    ("damping", False): "a spring or joint with dry friction",
-    ("damping", True): "a spring or joint whose damper is no straight line",
-}
+    return [Finding("amplitude_dependence", "reason", bending._asdict())]

@@ -22,9 +22,9 @@ AU-15(2), 1967, https://doi.org/10.1109/TAU.1967.1161901, for the degrees of fre
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +38,7 @@ from windsysid.checks.nonlinearity import Bent, doubt_bending, doubt_bent
 from windsysid.checks.stationarity import Late
 from windsysid.checks.whiteness import FALSE_ALARM_CHANCE, ChannelCheck, Whiteness, chance_limit, examine
 from windsysid.filters import Info
+from windsysid.results.finding import Finding, Severity
 from windsysid.results.smoothed_loads import SmoothedLoads, doubt_correlated
 from windsysid.statespace.parameter import Parameter
 
@@ -83,10 +84,8 @@ class Diagnosis:
 
     Attributes
     ----------
-    reasons
-        Why it should not be trusted, in sentences; empty where it may be.
-    remarks
-        What a reader should know though it does not condemn the result.
+    findings
+        What a reader must know: reasons not to trust it, the most telling first, remarks, and notes.
     whiteness
         The innovations against white noise; None where they are not expected to be white.
     coefficients
@@ -99,8 +98,7 @@ class Diagnosis:
         The channel and frequency [Hz] of a line beside a mode that is a reason; None where none is.
     """
 
-    reasons: tuple[str, ...]
-    remarks: tuple[str, ...]
+    findings: tuple[Finding, ...]
     whiteness: Whiteness | None
     coefficients: tuple[CoefficientCheck, ...]
     rotor_hz: float
@@ -110,8 +108,22 @@ class Diagnosis:
 
     @property
     def trusted(self) -> bool:
-        """Whether nothing speaks against the result."""
-        return not self.reasons
+        """Whether there is no reason not to trust the result."""
+        return not any(finding.severity == "reason" for finding in self.findings)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it should not be trusted, in sentences; empty where it may be."""
+        return self.sentences("reason")
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader should know though it does not condemn the result, in sentences."""
+        return self.sentences("remark")
+
+    def sentences(self, severity: Severity) -> tuple[str, ...]:
+        """The sentences of all findings of one severity."""
+        return tuple(str(finding) for finding in self.findings if finding.severity == severity)
 
     def __str__(self) -> str:
         return "trust: yes" if self.trusted else "trust: NO: because " + "; and because ".join(self.reasons)
@@ -144,7 +156,7 @@ def diagnose(
     blades: int = 0,
     white: bool = True,
     whiteness: Whiteness | None = None,
-    doubts: Sequence[str] = (),
+    findings: Sequence[Finding] = (),
     damping: Sequence[tuple[str, Band]] = (),
     line: Line | None = None,
     late: Late | None = None,
@@ -174,8 +186,8 @@ def diagnose(
         Whether the innovations are expected to be white; those of the force balance, which is band-passed, are not.
     whiteness
         The innovations against white noise, where they were examined already; those of `info` are by default.
-    doubts
-        Why whoever made the result would not trust it.
+    findings
+        What the estimation found out about its own result.
     damping
         Of each mode, its name and its damping ratio with the ±2σ band.
     line
@@ -192,7 +204,7 @@ def diagnose(
     rotor_hz = abs(rotor_speed) / (2.0 * math.pi)
     checks = hold_against_priors(parameters, theta, cov)
     names, logarithmic = [q.name for q in parameters], [q.logarithmic for q in parameters]
-    reasons, remarks, seen = list(doubts), [], found_line(None, line)
+    found, seen = list(findings), found_line(None, line)
     changed = doubt_halves(names, constancy)
     if white and whiteness is None:
         whiteness = examine(info.whitened, names=readings, rate=rate, frequencies=frequencies, gated=info.gated)
@@ -202,33 +214,28 @@ def diagnose(
         bending, together = smoothed_loads or (None, None)
         loud = max(np.nan_to_num(c.peak) for c in whiteness.channels) > PLAIN_PEAK_LEVEL
         for verdict in (  # the most telling first
-            _judge_steadiness(whiteness), _judge_line(seen, rotor_hz), _Verdict(changed, []),
+            _judge_steadiness(whiteness), _judge_line(seen, rotor_hz), changed,
             *((spectrum, common) if loud else (common,)), _judge_size(whiteness), _judge_lateness(late),
-            _Verdict([*doubt_correlated(together), *doubt_bent(bent), *doubt_bending(bending)], []),
+            doubt_correlated(together), doubt_bent(bent), doubt_bending(bending),
             *(() if loud else (spectrum,)), _judge_outliers(whiteness),
         ):  # fmt: skip
-            reasons += verdict.reasons
-            remarks += verdict.remarks
+            found += verdict
     else:
-        reasons += _judge_line(seen, rotor_hz).reasons
-    reasons += [*(changed if whiteness is None else ()), *doubt_scatter(names, constancy), *doubt_priors(checks)]
+        found += [*_judge_line(seen, rotor_hz), *changed]
+    found += [*doubt_scatter(names, constancy), *doubt_priors(checks)]
     prior_cov = np.diag([q.prior[1] ** 2 for q in parameters])
-    remarks += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
-    doubts_of_damping, remarks_of_damping = doubt_damping(parameters, theta, cov, damping)
-    reasons += doubts_of_damping
-    remarks += remarks_of_damping
-    return Diagnosis(
-        tuple(reasons), tuple(remarks), whiteness, checks, rotor_hz, blades, band_of_interest(frequencies), seen
-    )
+    found += describe_directions(names, cov, prior_cov, logarithmic, theta) if names else []
+    found += doubt_damping(parameters, theta, cov, damping)
+    return Diagnosis(tuple(found), whiteness, checks, rotor_hz, blades, band_of_interest(frequencies), seen)
 
 
-class _Verdict(NamedTuple):
-    reasons: list[str]
-    remarks: list[str]
+def _graded(code: str, data: Mapping[str, Any], *, large: bool) -> Finding:
+    """A departure that is a reason where it is large, else a remark."""
+    return Finding(code, "reason" if large else "remark", data)
 
 
-def _judge_size(w: Whiteness) -> _Verdict:
-    verdict = _Verdict([], [])
+def _judge_size(w: Whiteness) -> list[Finding]:
+    found = list[Finding]()
     worst = max(w.channels, key=lambda c: abs(math.log(max(c.nis, 1e-9))) if c.used else 0.0)
     rest = w.used - worst.used
     others = (w.nis * w.used - worst.nis * worst.used) / rest if rest > 0 else math.inf
@@ -237,23 +244,16 @@ def _judge_size(w: Whiteness) -> _Verdict:
         and _is_size_off(worst.nis, worst.used, CHANNEL_MAX_FACTOR)
         and not _is_size_off(others, rest, SIZE_MAX_FACTOR)
     ):
-        verdict.reasons.append(
-            f"the innovations of {worst.name} are {math.sqrt(worst.nis):.3g} times as large as the model expects:"
-            " likely an instrument (its noise, unit or gain); check it or leave it out"
-        )
+        found.append(Finding("channel_level", "reason", {"channel": worst.name, "ratio": math.sqrt(worst.nis)}))
     elif _is_size_off(w.nis, w.used, SIZE_MAX_FACTOR):
-        verdict.reasons.append(
-            f"the innovations are {math.sqrt(w.nis):.2g} times as large as the model expects (mean square {w.nis:.3g},"
-            f" expected {w.nis_low:.3f} … {w.nis_high:.3f}): all bands are too {'narrow' if w.nis > 1.0 else 'wide'}"
-        )
+        data = {"ratio": math.sqrt(w.nis), "mean_square": w.nis, "low": w.nis_low, "high": w.nis_high}
+        found.append(Finding("innovation_level", "reason", data))
     for c in w.channels:
         if c.missing > 0.5:
-            verdict.remarks.append(f"{c.name} is missing in {100.0 * c.missing:.0f} % of the samples")
+            found.append(Finding("missing_samples", "remark", {"channel": c.name, "share": c.missing}))
         if abs(c.offset) > max(0.1, 5.0 / math.sqrt(max(c.used, 1))):
-            verdict.remarks.append(
-                f"{c.name} is off by a constant that the model does not have: give its sensor a bias"
-            )
-    return verdict
+            found.append(Finding("constant_offset", "remark", {"channel": c.name, "sigmas": c.offset}))
+    return found
 
 
 def _is_size_off(nis: float, used: int, factor: float) -> bool:
@@ -267,43 +267,40 @@ def _is_size_off(nis: float, used: int, factor: float) -> bool:
     )
 
 
-def _judge_spectrum(w: Whiteness, rotor_hz: float, blades_move: bool) -> _Verdict:
-    verdict = _Verdict([], [])
+def _judge_spectrum(w: Whiteness, rotor_hz: float, blades_move: bool) -> list[Finding]:
+    found = [*_judge_peak(w, rotor_hz), *_judge_colour(w, rotor_hz)]
+    smooth = w.smooth
+    if smooth is None or smooth.ratio <= 1.0 or any(one.severity == "reason" for one in found):
+        return found
+    data = {
+        "low": smooth.low, "low_frequency": smooth.low_hz, "high": smooth.high, "high_frequency": smooth.high_hz,
+        "rotor_frequency": rotor_hz,
+    }  # fmt: skip
+    return [*found, _graded("level_over_frequency", data, large=blades_move)]
+
+
+def _judge_peak(w: Whiteness, rotor_hz: float) -> list[Finding]:
     over = sorted((c for c in w.channels if c.peak > max(PEAK_MAX_LEVEL, w.spectrum_bound)), key=lambda c: -c.peak)
     loud = max(w.channels, key=lambda c: np.nan_to_num(c.near))
     if over:
-        worst, others = over[0], ", ".join(c.name for c in over[1:])
-        verdict.reasons.append(
-            f"the model does not explain {worst.name} around {_name_frequency(worst.peak_hz, rotor_hz)}: its"
-            f" innovations are {worst.peak:.2g} times too strong{f' (also {others})' if others else ''}; {LIKELY_LOADS}"
-        )
-    elif loud.near > max(NEAR_MAX_LEVEL, w.spectrum_bound):
-        verdict.reasons.append(
-            f"the innovations of {loud.name} are {loud.near:.2g} times as strong as the model expects all around"
-            f" {_name_frequency(loud.near_hz, rotor_hz)}; {LIKELY_LOADS}"
-        )
+        where = {"channels": [c.name for c in over], "frequency": over[0].peak_hz, "rotor_frequency": rotor_hz}
+        return [Finding("unexplained_peak", "reason", where | {"level": over[0].peak})]
+    if loud.near > max(NEAR_MAX_LEVEL, w.spectrum_bound):
+        where = {"channel": loud.name, "frequency": loud.near_hz, "rotor_frequency": rotor_hz}
+        return [Finding("unexplained_level", "reason", where | {"level": loud.near})]
+    return []
+
+
+def _judge_colour(w: Whiteness, rotor_hz: float) -> list[Finding]:
+    found = list[Finding]()
     far = max(w.channels, key=lambda c: np.nan_to_num(c.far))
     if far.far > max(FAR_REMARK_LEVEL, w.spectrum_bound):
-        verdict.remarks.append(
-            f"{far.name} is {far.far:.2g} times as strong as the model expects around"
-            f" {_name_frequency(far.far_hz, rotor_hz)}, far from every natural frequency"
-        )
+        where = {"channel": far.name, "frequency": far.far_hz, "rotor_frequency": rotor_hz}
+        found.append(Finding("far_peak", "remark", where | {"level": far.far}))
     worst = max(w.channels, key=lambda c: c.colour)
     if worst.colour > max(COLOUR_REMARK_LEVEL, w.colour_bound):
-        verdict.remarks.append(
-            f"the innovations of {worst.name} are not white (squared autocorrelations add up to {worst.colour:.2f})"
-        )
-    smooth = w.smooth
-    if not verdict.reasons and smooth is not None and smooth.ratio > 1.0:
-        low, high = (_name_frequency(f, rotor_hz) for f in (smooth.low_hz, smooth.high_hz))
-        (verdict.reasons if blades_move else verdict.remarks).append(
-            f"the level of the innovations goes from {smooth.low:.2f} around {low} to {smooth.high:.2f} around {high};"
-            f" {LIKELY_LOADS}"
-        )
-    return verdict
-
-
-LIKELY_LOADS = "likely loads of another kind: try another load model or section"
+        found.append(Finding("coloured_innovations", "remark", {"channel": worst.name, "colour": worst.colour}))
+    return found
 
 
 def found_line(w: Whiteness | None, line: Line | None) -> tuple[str, float] | None:
@@ -314,46 +311,37 @@ def found_line(w: Whiteness | None, line: Line | None) -> tuple[str, float] | No
     return (worst.name, worst.line_hz) if w is not None and worst is not None and worst.line > w.line_bound else None
 
 
-def _judge_line(found: tuple[str, float] | None, rotor_hz: float) -> _Verdict:
+def _judge_line(found: tuple[str, float] | None, rotor_hz: float) -> list[Finding]:
     if found is None:
-        return _Verdict([], [])
-    at = _name_frequency(found[1], rotor_hz)
-    likely = "likely a machine or waves; choose a section without it"
-    return _Verdict([f"{found[0]} has a line at {at}, beside a natural frequency: {likely}"], [])
+        return []
+    data = {"channel": found[0], "frequency": found[1], "rotor_frequency": rotor_hz}
+    return [Finding("spectral_line", "reason", data)]
 
 
-def _judge_lateness(late: Late | None) -> _Verdict:
+def _judge_lateness(late: Late | None) -> list[Finding]:
     if late is None or late.sigmas <= MAX_SIGMAS:
-        return _Verdict([], [])
-    seem = (
-        f"blades seem {'later' if late.lag > 0 else 'earlier'} than the tower ({late.sigmas:.1f} standard deviations)"
-    )
-    return _Verdict([f"{seem}: likely an instrument (a late logger, a wrong azimuth); align the clocks"], [])
+        return []
+    return [Finding("late_blades", "reason", {"lag": late.lag, "sigmas": late.sigmas})]
 
 
-def _judge_steadiness(w: Whiteness) -> _Verdict:
-    verdict = _Verdict([], [])
+def _judge_steadiness(w: Whiteness) -> list[Finding]:
+    found = list[Finding]()
     judged = [channel for channel in w.channels if not _is_ruled_from_afar(channel, w)]
     if not judged:
-        return verdict
+        return found
     swelling = sorted(judged, key=lambda c: -c.unsteady_sigmas)
     first = swelling[0]
     if first.unsteady_sigmas > MAX_SIGMAS:
         alone = len(swelling) > 1 and swelling[1].unsteady < 0.5 * first.unsteady
-        cause = "an instrument (dead, stuck or cut off for a while)" if alone else "loads that swell and fade"
-        (verdict.reasons if first.unsteady > UNSTEADY_MAX else verdict.remarks).append(
-            f"the level of the innovations of {first.name} varies by {100.0 * first.unsteady:.0f} % over the record:"
-            f" likely {cause}; choose a steadier section"
-        )
+        data = {"channel": first.name, "variation": first.unsteady, "alone": alone}
+        found.append(_graded("nonstationary_level", data, large=first.unsteady > UNSTEADY_MAX))
     tailed = max(judged, key=lambda c: c.tails_sigmas)
     if tailed.tails_sigmas > MAX_SIGMAS:
-        (verdict.reasons if tailed.tails > TAILS_MAX else verdict.remarks).append(
-            f"the innovations of {tailed.name} have tails (excess kurtosis {tailed.tails:.1f}): likely impacts, or an"
-            " instrument that spikes; look at its largest readings"
-        )
+        data = {"channel": tailed.name, "kurtosis": tailed.tails}
+        found.append(_graded("heavy_tails", data, large=tailed.tails > TAILS_MAX))
         if tailed.tails_sigmas > first.unsteady_sigmas:
-            verdict.reasons.reverse()
-    return verdict
+            found.reverse()
+    return found
 
 
 def _is_ruled_from_afar(channel: ChannelCheck, w: Whiteness) -> bool:
@@ -362,36 +350,24 @@ def _is_ruled_from_afar(channel: ChannelCheck, w: Whiteness) -> bool:
     return channel.far > max(FAR_REMARK_LEVEL, w.spectrum_bound)
 
 
-def _judge_shared(w: Whiteness) -> _Verdict:
+def _judge_shared(w: Whiteness) -> list[Finding]:
     shared = w.shared
     if shared is None or shared.sigmas < MAX_SIGMAS or abs(shared.correlation) < SHARED_MAX:
-        return _Verdict([], [])
+        return []
     first, second = w.channels[shared.first], w.channels[shared.second]
-    sentence = (
-        f"what is not explained of {first.name} and {second.name} is correlated ({shared.correlation:.2f}): likely"
-        " loads on both at once, a sensor off its axis or a late logger"
-    )
+    data = {"channels": [first.name, second.name], "correlation": shared.correlation}
     from_afar = _is_ruled_from_afar(first, w) or _is_ruled_from_afar(second, w)
-    return _Verdict([], [sentence]) if from_afar else _Verdict([sentence], [])
+    return [_graded("correlated_innovations", data, large=not from_afar)]
 
 
-def _judge_outliers(w: Whiteness) -> _Verdict:
-    verdict = _Verdict([], [])
+def _judge_outliers(w: Whiteness) -> list[Finding]:
+    found = list[Finding]()
     for c in w.channels:
         if c.gated > GATED_MAX_SHARE:
-            share = f"{100.0 * c.gated:.0f} % of the readings of {c.name}"
-            verdict.reasons.append(f"{share} were left out as outliers: so many are none, and the model is wrong")
+            found.append(Finding("too_many_outliers", "reason", {"channel": c.name, "share": c.gated}))
         elif c.gated > 0.0:
-            verdict.remarks.append(f"{100.0 * c.gated:.2g} % of the readings of {c.name} were left out as outliers")
+            found.append(Finding("gated_readings", "remark", {"channel": c.name, "share": c.gated}))
         if c.outliers >= MIN_REMARKED_OUTLIERS:
-            (verdict.reasons if c.outlying > OUTLIER_MAX_SHARE else verdict.remarks).append(
-                f"{c.outliers} readings of {c.name} are more than {OUTLIER_SIGMAS:g} standard deviations off and make"
-                f" up {100.0 * c.outlying:.0f} % of its squared innovations: take the spikes out"
-            )
-    return verdict
-
-
-def _name_frequency(frequency: float, rotor_hz: float) -> str:
-    """A frequency in words: ``3.48 Hz = 3.0P``."""
-    harmonic = f" = {frequency / rotor_hz:.1f}P" if rotor_hz > 0.0 and frequency / rotor_hz > 0.05 else ""
-    return f"{frequency:.3g} Hz{harmonic}"
+            data = {"channel": c.name, "count": c.outliers, "sigmas": OUTLIER_SIGMAS, "share": c.outlying}
+            found.append(_graded("outlying_innovations", data, large=c.outlying > OUTLIER_MAX_SHARE))
+    return found

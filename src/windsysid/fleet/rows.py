@@ -18,7 +18,7 @@ from windsysid.identification.identify import identify
 from windsysid.identification.job import Formulation
 from windsysid.inspection.channels import kinds
 from windsysid.inspection.plausibility import rotor_of
-from windsysid.inspection.screening import findings_of, read_besides
+from windsysid.inspection.screening import faults_of, read_besides
 from windsysid.mechanics.sensors import Sensor
 from windsysid.monitoring.own_information import without_prior
 from windsysid.records.moments import shift_moment
@@ -149,7 +149,7 @@ def _health(record: Record, turbine: Turbine, sensors: Sequence[Sensor] | None) 
         return []
     return [
         {key: getattr(finding, key) for key in ("channel", "kind", "severity", "text", "count")}
-        for finding in findings_of(record, read, turbine)
+        for finding in faults_of(record, read, turbine)
         if finding.severity != "note"
     ]
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from windsysid.identification.verdict.conclude import doubts_of_innovations
 from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
+from windsysid.results.finding import Finding
 from windsysid.spectral.rotor_bands.build import is_lightly_damped
 
 __all__ = ["choose", "spectral_alone"]
@@ -27,7 +29,7 @@ BEGINNING = 60.0
 """Periods of the slowest mode at a record's beginning in which filters look for loads that they cannot explain: where
 there are, a search of all of it takes minutes."""
 
-WITHOUT_WIND = "broad loads explain the record, and spectra in bands suppose wind: use --formulation joint"
+WITHOUT_WIND = Finding("bands_suppose_wind", "reason")
 
 
 def choose(job: Job) -> FittedJob:
@@ -39,16 +41,16 @@ def choose(job: Job) -> FittedJob:
     try:
         spectral_job, spectral = run(job.by("spectral"))
     except (WindsysidError, np.linalg.LinAlgError) as error:
-        return run(job.by("joint"))[1].noting(f"joint formulation, as spectra do not apply ({error})")
+        return run(job.by("joint"))[1].noting(_note("joint_as_spectra_do_not_apply", error=str(error)))
     doubts = (*spectral.outcome.doubts, *_undamped(spectral.outcome))
     joint_job = job.by("joint").with_effects_of(spectral_job, "clock_drift", Sinusoid.code)
     if not doubts and spectral.outcome.hypothesis == RotorWind.name:
         broad = _by_broad_loads(joint_job) if spectral.outcome.in_bands else None
         if broad is not None:
-            return broad.noting("joint formulation: broad loads explain the record, and spectra in bands suppose wind")
-        return spectral.noting("spectral formulation: wind drives a turning rotor, and the record is stationary")
+            return broad.noting(_note("joint_as_loads_are_broad"))
+        return spectral.noting(_note("spectral_under_wind"))
     if not doubts and drifts_in(spectral_job):
-        return spectral.noting("spectral formulation: a clock drifts, and filters feel what is read between samples")
+        return spectral.noting(_note("spectral_as_clock_drifts"))
     joint_job = _prepared(replace(joint_job, prior=spectral.prior), spectral)
     if doubts:
         return _filters_instead(joint_job, spectral, doubts[0])
@@ -74,13 +76,13 @@ def _prepared(job: Job, spectral: FittedJob) -> Job:
     return replace(job, loads=Broadband.name) if drifts_in(job) and job.loads == "auto" else job
 
 
-def _filters_instead(job: Job, spectral: FittedJob, doubt: str) -> FittedJob:
+def _filters_instead(job: Job, spectral: FittedJob, doubt: Finding) -> FittedJob:
     """By filters where something speaks against spectra."""
     joint = _with_priors_of(spectral, run(job)[1])
     explained = joint.rivals or joint.outcome.hypothesis == NarrowBand.name
     if not explained and compare(joint.outcome, spectral.outcome)[1] < DISAGREEMENT:
         joint = joint.with_rivals(*spectral.rivals)  # filters have ended where spectra did
-    return joint.noting(f"joint formulation, as spectra are in doubt ({doubt})")
+    return joint.noting(_note("joint_as_spectra_are_doubtful", because=doubt))
 
 
 def _cross_checked(job: Job, spectral_job: Job, spectral: FittedJob) -> FittedJob:
@@ -95,13 +97,12 @@ def _cross_checked(job: Job, spectral_job: Job, spectral: FittedJob) -> FittedJo
     against = [disagreement(name, off, joint.outcome, job.turbine)]
     if spectral.outcome.turns:
         if off > DISAGREEMENT:
-            return joint.noting("joint formulation; spectra were asked, too", *against)
-        return joint.noting(f"joint formulation; spectra agree within {off:.1f} standard deviations")
-    why = "spectral formulation: the record is stationary, and nothing that moves turns"
+            return joint.noting(_note("joint_with_spectra"), *against)
+        return joint.noting(_note("joint_agrees", sigmas=off))
     if off > DISAGREEMENT:
-        return spectral.noting(f"{why}; filters were asked, too", *against)
+        return spectral.noting(_note("spectral_with_filters"), *against)
     innovations = doubts_of_innovations(joint.outcome, joint.read.rate)
-    return spectral.noting(f"{why}; filters agree within {off:.1f} standard deviations", *innovations)
+    return spectral.noting(_note("spectral_agrees", sigmas=off), *innovations)
 
 
 def _with_priors_of(spectral: FittedJob, joint: FittedJob) -> FittedJob:
@@ -145,8 +146,16 @@ def _by_broad_loads(job: Job) -> FittedJob | None:
     return joint
 
 
-def _undamped(found: Outcome) -> list[str]:
+def _note(code: str, **data: Any) -> Finding:
+    return Finding(code, "note", data)
+
+
+def _undamped(found: Outcome) -> list[Finding]:
     """Which damping is not positive: a spectrum says its size only, and a search may end at the mirror image."""
     damping = {f"c_{name}" for name in found.turbine.model.coordinates}
     at = zip(found.model.parameters, found.theta.tolist(), strict=True)
-    return [f"{q.name} is not positive" for q, theta in at if q.name in damping and q.physical(theta) <= 0.0]
+    return [
+        Finding("coefficient_not_positive", "reason", {"value": float(q.physical(theta))}, (q.name,))
+        for q, theta in at
+        if q.name in damping and q.physical(theta) <= 0.0
+    ]

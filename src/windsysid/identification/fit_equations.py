@@ -29,12 +29,13 @@ from windsysid.identification.estimate.equations_spectra import fit_by_spectra
 from windsysid.identification.estimate.online import begin, spread_over_samples
 from windsysid.identification.estimate.search import Solution, solve
 from windsysid.identification.model.fit import no_innovations
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Model
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
 from windsysid.statespace.compose import StateSpace, compose
@@ -238,14 +239,16 @@ def fit(
         innovation=found.info.innovation,
         whitened=found.info.whitened,
         log_likelihood=found.log_likelihood,
-        notes=(
-            *taken.notes,
-            *found.notes,
-            *noted(taken.faults),
-            *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
-        ),
         statistics=_describe_levels(part, sensors, loads, found.mean[n:], spread[n:]),
-        diagnosis=_diagnose(found, joint, part.rate, (*doubted(taken.faults), *steps)),
+        diagnosis=_diagnose(
+            found,
+            joint,
+            part.rate,
+            (
+                *(*doubted(taken.faults), *steps, *taken.notes, *found.notes, *noted(taken.faults)),
+                *(() if np.isfinite(history[0]).all() else (Finding("no_history", "note"),)),
+            ),
+        ),
         states=plain.states,
         state_mean=found.info.mean,
         state_std=found.info.std,
@@ -286,11 +289,10 @@ def _fit_by_spectra(
         innovation=nothing.innovation,
         whitened=nothing.whitened,
         log_likelihood=found.fit.log_likelihood,
-        notes=found.notes,
         statistics=_describe_levels(part, sensors, loads, at[n:], spread[n:]),
         diagnosis=diagnose(
             nothing, readings=names, rate=part.rate, frequencies=(), parameters=tuple(parameters), theta=at[:n],
-            cov=cov[:n, :n], white=False, doubts=found.doubts,
+            cov=cov[:n, :n], white=False, findings=(*found.doubts, *found.notes),
         ),
         states=(),
         state_mean=nothing.mean,
@@ -307,8 +309,8 @@ class _Taken(NamedTuple):
     number: int
     begun: float
     last: Record
-    notes: tuple[str, ...]
-    faults: list[Finding]
+    notes: tuple[Finding, ...]
+    faults: list[Fault]
 
 
 def _take(
@@ -320,7 +322,7 @@ def _take(
     whole = isinstance(record, Record)
     problem: OwnProblem | None = None
     last: Record | None = None
-    faults: list[Finding] = []
+    faults: list[Fault] = []
     for piece in [record] if isinstance(record, Record) else record:
         part = piece.on_uniform_grid()
         if problem is None or last is None:
@@ -391,7 +393,7 @@ def _describe_levels(
     )
 
 
-def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:
+def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[Finding, ...]:
     """A doubt where the Runge–Kutta method itself makes more than `MAX_STEP_SHARE` of the damping of a vibration about
     the last state."""
     compiled, h = model.compiled, float(model.blocks.step[0])
@@ -414,21 +416,17 @@ def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str
     i = int(np.argmax(worse))
     size = float(np.abs(step[i]))
     enough = size / h / (72.0 * MAX_STEP_SHARE * max(abs(float(ratio[i])), 1e-4)) ** 0.2
-    return (
-        f"steps are too long for the vibration at {size / h / (2.0 * np.pi):.3g} Hz: the integration damps it by "
-        f"{100.0 * (ratio[i] - own[i]):.2g} %, which the damping lacks; give {enough:.3g} Hz, with gaps between",
-    )
+    data = {"frequency": size / h / (2.0 * np.pi), "damping": ratio[i] - own[i], "rate": enough}
+    return (Finding("steps_too_long", "reason", data),)
 
 
-def _diagnose(found: Solution, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
+def _diagnose(found: Solution, model: StateSpace, rate: float, findings: tuple[Finding, ...]) -> Diagnosis:
     """What to think of the result."""
     n = len(model.parameters)
     if not found.settled:
-        doubts += (
-            "the likelihood still rose when the search ended: identify fewer parameters, or give narrower priors",
-        )
+        findings += (Finding("fit_not_converged", "reason"),)
     return diagnose(
         found.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
-        theta=found.mean[:n], cov=found.cov[:n, :n], whiteness=found.whiteness, doubts=doubts,
+        theta=found.mean[:n], cov=found.cov[:n, :n], whiteness=found.whiteness, findings=findings,
         constancy=found.constancy,
     )  # fmt: skip

@@ -23,11 +23,12 @@ from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.regressor import widening_of
 from windsysid.inspection.screening import screen
 from windsysid.loads.narrow_band import NarrowBand
+from windsysid.results.finding import Finding
 from windsysid.signals.inputs import TURNING
 
 __all__ = ["estimate"]
 
-MOVED = "readings of a clock that drifts were put back, between samples: filters feel that; use --formulation spectral"
+MOVED = Finding("drift_moved_readings", "reason")
 
 
 def estimate(job: Job, start: FittedJob | None = None) -> FittedJob:

@@ -9,9 +9,10 @@ from windsysid.identification.condition.readings import resample_for_model, scre
 from windsysid.identification.model.effect import Inclusion
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Conditioned", "FittedJob", "Formulation", "Job"]
@@ -32,9 +33,9 @@ class Conditioned(NamedTuple):
 
     record: Record
     sensors: tuple[Sensor, ...]
-    faults: Sequence[Finding]
+    faults: Sequence[Fault]
     steps: int = 1
-    notes: tuple[str, ...] = ()
+    notes: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ class Job:
         )
         return at._replace(record=read, steps=steps, notes=notes)
 
-    def notes(self, outcome: Outcome) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome) -> tuple[Finding, ...]:
         """What is to be said of the included effects in a fit."""
         return tuple(note for effect in self.effects for note in effect.notes(outcome, filtered=self.filtered))
 
@@ -134,25 +135,25 @@ class FittedJob(NamedTuple):
     outcome: Outcome
     read: Record
     sensors: tuple[Sensor, ...]
-    faults: Sequence[Finding]
+    faults: Sequence[Fault]
     prior: Prior = Prior()
     line: Line | None = None
-    rivals: tuple[str, ...] = ()
-    unmodelled: tuple[str, ...] = ()
+    rivals: tuple[Finding, ...] = ()
+    unmodelled: tuple[Finding, ...] = ()
 
-    def noting(self, note: str, *doubts: str) -> "FittedJob":
+    def noting(self, note: Finding, *doubts: Finding) -> "FittedJob":
         """The same with a note, and what speaks against it."""
         fit = self.doubted(*doubts)
         return fit._replace(outcome=fit.outcome._replace(notes=(*fit.outcome.notes, note)))
 
-    def doubted(self, *doubts: str) -> "FittedJob":
+    def doubted(self, *doubts: Finding) -> "FittedJob":
         """The same with what speaks against it."""
         return self._replace(outcome=self.outcome._replace(doubts=(*self.outcome.doubts, *doubts)))
 
-    def lacking(self, *unmodelled: str) -> "FittedJob":
+    def lacking(self, *unmodelled: Finding) -> "FittedJob":
         """The same with what effects that are not included say against it."""
         return self._replace(unmodelled=(*self.unmodelled, *unmodelled))
 
-    def with_rivals(self, *rivals: str) -> "FittedJob":
+    def with_rivals(self, *rivals: Finding) -> "FittedJob":
         """The same with what a narrow-band load says against it."""
         return self.doubted(*rivals)._replace(rivals=rivals)

@@ -1,9 +1,9 @@
 """Look at a record before anything is identified from it: faults, spectra, and the part worth using.
 
 `inspect_record` is the one function; it reads nothing and writes nothing, so a notebook, the command line and a test
-use it alike. Its parts: `health` (faults of channels), `plausibility` (units and contradictions), `screening` (both,
-for identifications too), `spectra` (what vibrates), `sections` (which part to use), `stops` (of the rotor), `figures`
-and `report`.
+use it alike. Its parts: `clock` and `health` (faults of the clock and of channels), `plausibility` (units and
+contradictions), `screening` (all of them, for identifications too), `spectra` (what vibrates), `sections` (which part
+to use), `stops` (of the rotor), `figures` and `report`.
 """
 
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ import numpy as np
 
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.channels import most_telling
-from windsysid.inspection.health import Finding, Severity
+from windsysid.inspection.fault import Fault, Severity
 from windsysid.inspection.inspection import Inspection
 from windsysid.inspection.plausibility import Rotor
 from windsysid.inspection.screening import examine
@@ -40,7 +40,7 @@ MIN_SAMPLES, MIN_MODAL_SAMPLES = 20, 256
 """Smallest number of samples for identification (`windsysid.identification.condition.readings`) and for operational
 modal analysis (`windsysid.spectral.oma.condition`)."""
 
-__all__ = ["Finding", "Inspection", "Proposal", "Stop", "inspect_record"]
+__all__ = ["Fault", "Inspection", "Proposal", "Stop", "inspect_record"]
 
 
 def inspect_record(
@@ -120,13 +120,13 @@ def inspect_record(
     )
 
 
-def _too_short(record: Record) -> list[Finding]:
+def _too_short(record: Record) -> list[Fault]:
     """Find a record with too few samples for identification or for operational modal analysis."""
     if record.samples >= MIN_MODAL_SAMPLES:
         return []
-    text = f"has {record.samples} samples: identify needs at least {MIN_SAMPLES}, oma {MIN_MODAL_SAMPLES}"
     severity: Severity = "unusable" if record.samples < MIN_SAMPLES else "note"
-    return [Finding("", "too short", severity, f"{text}; give a longer record", record.samples, np.empty((0, 2)))]
+    data = {"identify": MIN_SAMPLES, "oma": MIN_MODAL_SAMPLES}
+    return [Fault("", "too short", severity, record.samples, data=data)]
 
 
 def _blades(record: Record, notes: list[str]) -> int:
@@ -156,7 +156,7 @@ def _modes(
 
 
 def _frequencies(
-    record: Record, chosen: list[str], findings: list[Finding], rotor: Rotor | None,
+    record: Record, chosen: list[str], findings: list[Fault], rotor: Rotor | None,
     modes: tuple[tuple[str, float, float], ...], blades: int, notes: list[str],
 ) -> tuple[tuple[Spectrum, ...], tuple[Spectrogram, ...]]:  # fmt: skip
     """Spectra of all chosen channels, spectrograms of the first on the support and the first on a blade."""

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.inspection.health import Finding, count_of, spans_of, when
+from windsysid.inspection.fault import Fault
+from windsysid.inspection.runs import spans_of
 from windsysid.records.record import Record
 
 __all__ = [
@@ -65,7 +66,7 @@ _BLOCK = 400
 _FACTOR, _MODULUS = 0x9E3779B97F4A7C15, 2**64
 
 
-def copied_passages(record: Record, channels: Sequence[str]) -> list[Finding]:
+def copied_passages(record: Record, channels: Sequence[str]) -> list[Fault]:
     """Passages that repeat an earlier one to the last digit, in all these channels."""
     values = _columns(record, channels)
     if len(values) < 2 * PASSAGE or not channels:
@@ -96,11 +97,8 @@ def copied_passages(record: Record, channels: Sequence[str]) -> list[Finding]:
     copied = np.cumsum(mask)[:-1] > 0
     spans = spans_of(record.time, copied)
     share, origin = float(copied.mean()), float(record.time[source[np.searchsorted(at, again[0])]])
-    text = (
-        f"{count_of(int(copied.sum()), 'row')} ({100.0 * share:.2g} %) repeat earlier rows to the last digit,"
-        f" {when(spans)}, as from {origin:.6g} s on: a passage was written twice; leave the copies out"
-    )
-    return [Finding("", "copied passage", "warning", text, int(copied.sum()), spans)]
+    data = {"share": share, "origin": origin}
+    return [Fault("", "copied passage", "warning", int(copied.sum()), spans, data)]
 
 
 def copies_among(values: Array) -> list[tuple[int, int]]:
@@ -121,16 +119,15 @@ def copies_among(values: Array) -> list[tuple[int, int]]:
     return found
 
 
-def copied_channels(record: Record, channels: Sequence[str]) -> list[Finding]:
+def copied_channels(record: Record, channels: Sequence[str]) -> list[Fault]:
     """Channels that are others, whatever their scale and offset."""
-    found = []
-    for i, j in copies_among(_columns(record, channels)):
-        text = f"is a copy of {channels[i]}: what one sensor says is counted twice; leave it out"
-        found.append(Finding(channels[j], "copy", "warning", text, record.samples, np.empty((0, 2))))
-    return found
+    return [
+        Fault(channels[j], "copy", "warning", record.samples, data={"of": channels[i]})
+        for i, j in copies_among(_columns(record, channels))
+    ]
 
 
-def overrun(record: Record, channel: str) -> list[Finding]:
+def overrun(record: Record, channel: str) -> list[Fault]:
     """Jumps from one end of a channel's range to the other that go on as if they had not been: a converter that counted
     on where it should have stopped."""
     x = record[channel]
@@ -154,14 +151,10 @@ def overrun(record: Record, channel: str) -> list[Finding]:
         return []
     time = record.time[known[far + 1][ends]]
     spans = np.column_stack([time, time])
-    text = (
-        f"jumps {count_of(len(time), 'time')} from one end of its range to the other, {when(spans)}: the converter ran"
-        " over; unwrap its values or leave it out"
-    )
-    return [Finding(channel, "overrun", "warning", text, len(time), spans)]
+    return [Fault(channel, "overrun", "warning", len(time), spans)]
 
 
-def lost_samples(record: Record, channels: Sequence[str]) -> list[Finding]:
+def lost_samples(record: Record, channels: Sequence[str]) -> list[Fault]:
     """Places at regular distances where readings do not go on from those before, though the time does: buffers were
     lost between others that came through. A blow looks the same, but blows do not keep to multiples of some rows."""
     from scipy.special import gammainccinv
@@ -185,11 +178,7 @@ def lost_samples(record: Record, channels: Sequence[str]) -> list[Finding]:
     if not buffer:
         return []
     spans = np.column_stack([record.time[seams], record.time[seams]])
-    text = (
-        f"{seams.size} breaks at multiples of {buffer / record.rate:.6g} s, {when(spans)}: samples were lost there, and"
-        " damping comes out too large; choose a section without"
-    )
-    return [Finding("", "lost samples", "warning", text, int(seams.size), spans)]
+    return [Fault("", "lost samples", "warning", int(seams.size), spans, {"distance": buffer / record.rate})]
 
 
 def _common_divisor(rows: NDArray[np.int64]) -> int:

@@ -1,31 +1,20 @@
-"""Faults of single channels and of the clock: what a look at the curves would find, with times and counts.
+"""Faults of single channels: what a look at the curves would find, with times and counts.
 
 Every test asks for more than one sign, because healthy records have each of them alone: a sinusoid dwells at its
 extremes (clipping is more than that), a coarse converter repeats values (a frozen channel repeats them far longer than
 it is used to), an impact jumps (a spike jumps back at once).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
-
 import numpy as np
-from numpy.typing import NDArray
 
 from windsysid._types import Array, Mask
-from windsysid.inspection.channels import VIBRATION, Kind, is_torque, kinds
-from windsysid.records.record import AS_WRITTEN, RATE_DOUBT, STAMPS, Record
-from windsysid.units import unit_text
+from windsysid.inspection.channels import VIBRATION, Kind, is_torque
+from windsysid.inspection.clock import GAP_MIN_STEPS
+from windsysid.inspection.fault import Fault, Severity
+from windsysid.inspection.runs import runs_of, spans_of
+from windsysid.records.record import AS_WRITTEN, Record
 
-__all__ = [
-    "SEVERITIES", "Finding", "Severity", "channel_faults", "clock_faults", "runs_of", "sampled_every",
-    "spans_of", "when",
-]  # fmt: skip
-
-
-Severity = Literal["note", "warning", "unusable"]
-SEVERITIES: tuple[Severity, ...] = ("unusable", "warning", "note")
-"""The worst first. A note is good to know; a warning needs a hand; what is unusable has to be left out."""
+__all__ = ["MAX_SPIKE_SAMPLES", "channel_faults", "sampled_every"]
 
 SPIKE_MIN_SIGMAS = 8.0
 """A spike's jump, in standard deviations of the steps around it."""
@@ -35,123 +24,10 @@ MAX_SPIKE_SAMPLES = 5
 """Samples; what lasts longer is not called a spike."""
 STRAIGHT = 0.02
 """Of the root mean square of a channel's bends: less is none."""
-GAP_MIN_STEPS = 1.5
-"""A step longer than this many usual ones is a gap."""
-
-MAX_SHORT_GAP_SAMPLES = 10
-"""Largest number of lost samples in a short gap, which `windsysid.spectral.oma.condition` fills by interpolation."""
-MAX_SEPARATE_GAPS = 20
-"""Largest number of short gaps between which a section can be chosen."""
-MAX_OFF_GRID_STEPS = 0.25
-"""Largest 90th percentile of the distance of steps from whole multiples of the usual step, in usual steps, for a
-regular clock that lost samples; for uniformly distributed steps it is 0.45."""
-
 _TURN = 2.0 * np.pi
 
 
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """One thing that is wrong, or worth knowing.
-
-    Attributes
-    ----------
-    channel
-        Name; empty where the whole record is meant.
-    kind
-        ``spikes``, ``frozen``, ``clipping`` …: the same words for the same fault, for programs.
-    severity
-        ``note``, ``warning`` or ``unusable``.
-    text
-        What it is, how much of it, and what to do.
-    count
-        Samples (or gaps) concerned.
-    spans
-        (n, 2) [s]: first and last time of each place; empty where it is everywhere.
-    """
-
-    channel: str
-    kind: str
-    severity: Severity
-    text: str
-    count: int
-    spans: Array
-
-    def summary(self, most: int = 50) -> dict[str, Any]:
-        """As plain values; at most `most` places."""
-        return {
-            "channel": self.channel,
-            "kind": self.kind,
-            "severity": self.severity,
-            "text": self.text,
-            "count": self.count,
-            "spans_s": [[float(a), float(b)] for a, b in self.spans[:most]],
-        }
-
-
-def clock_faults(record: Record) -> list[Finding]:
-    """Gaps and irregular steps of the time stamps, and rows that were written twice."""
-    steps = np.diff(record.time)
-    usual = 1.0 / record.rate
-    found = []
-    scatter = _scatter_of_steps(steps / usual)
-    gap = steps > max(GAP_MIN_STEPS, 1.0 + 5.0 * scatter) * usual  # a clock that scatters loses no sample by it
-    short = gap & (steps <= (MAX_SHORT_GAP_SAMPLES + 1.5) * usual)
-    if np.count_nonzero(short) > MAX_SEPARATE_GAPS:
-        lost = int(np.sum(np.rint(steps[short] / usual) - 1))
-        found.append(
-            Finding(
-                "", "short gaps", "warning",
-                f"{count_of(lost, 'sample')} lost ({_percent(lost / (lost + record.samples))}) in"
-                f" {np.count_nonzero(short)} short gaps, the longest {steps[short].max():.3g} s: use the whole record;"
-                " identify takes them as missing, oma fills them",
-                lost, np.empty((0, 2)),
-            )
-        )  # fmt: skip
-    long = gap & ~short if found else gap
-    if long.any():
-        spans = np.column_stack([record.time[:-1][long], record.time[1:][long]])
-        lost = int(np.sum(np.rint(steps[long] / usual) - 1))
-        share = lost / (lost + record.samples)
-        found.append(
-            Finding(
-                "", "gaps", "unusable" if share > 0.5 else "warning",
-                f"{count_of(len(spans), 'gap')} in the time, the longest {steps[long].max():.3g} s, "
-                f"{count_of(lost, 'sample')} lost ({_percent(share)}), {when(spans)}: choose a section between them",
-                lost, spans,
-            )
-        )  # fmt: skip
-    inside = steps[~gap] / usual - 1.0
-    if inside.size and np.max(np.abs(inside)) > 0.01:
-        worst, spread = float(np.max(np.abs(inside))), float(np.std(inside))
-        off = (np.abs(steps / usual - 1.0) > 0.1) & ~gap
-        on_grid = off.any() and record.has_grid
-        found.append(
-            Finding(
-                "", "irregular sampling", "warning" if worst > 0.1 else "note",
-                f"steps of {usual:.4g} s vary by {_percent(spread)} rms, {_percent(worst)} at most"
-                + (f", {count_of(int(off.sum()), 'step')} more than 10 % off: " if off.any() else "")
-                + ("readings are smoother on a regular grid, and are taken so" if on_grid else "")
-                + ("resample to a uniform rate first" if off.any() and not on_grid else ""),
-                int(off.sum()), spans_of(record.time[1:], off),
-            )
-        )  # fmt: skip
-    if STAMPS in record.attributes:
-        found.append(Finding("", "shared time stamps", "note", record.attributes[STAMPS], 0, np.empty((0, 2))))
-    if RATE_DOUBT in record.attributes:
-        found.append(_everywhere("", "sampling rate", "warning", record.attributes[RATE_DOUBT], 0))
-    return found + _repeated_rows(record)
-
-
-def _scatter_of_steps(steps: Array) -> float:
-    """Standard deviation of the steps of a clock [usual steps]; about whole multiples for a regular clock that lost
-    samples."""
-    apart = float(np.percentile(np.abs(steps - np.maximum(np.rint(steps), 1.0)), 90.0))
-    if apart > MAX_OFF_GRID_STEPS:
-        apart = float(np.percentile(np.abs(steps - 1.0), 90.0))
-    return apart / 1.645
-
-
-def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = False) -> list[Finding]:
+def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = False) -> list[Fault]:
     """Faults of one channel.
 
     Parameters
@@ -164,17 +40,12 @@ def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = Fa
     values = record[channel]
     known = np.isfinite(values)
     found = _missing(record, channel, known)
-    if known.sum() < 3 or any(finding.severity == "unusable" for finding in found):
+    if known.sum() < 3 or any(fault.severity == "unusable" for fault in found):
         return found
     x, time = values[known], record.time[known]
     unit = record.unit(channel)
     if unit.startswith(AS_WRITTEN):
-        found.append(
-            _everywhere(
-                channel, "unknown unit", "note",
-                f"the unit '{unit.removeprefix(AS_WRITTEN)}' is not known: values are as the file has them", x.size,
-            )
-        )  # fmt: skip
+        found.append(Fault(channel, "unknown unit", "note", x.size, data={"unit": unit.removeprefix(AS_WRITTEN)}))
     spread = float(np.ptp(x))
     if spread <= 1e-12 * float(np.abs(x).max()):
         return [*found, _constant(channel, kind, x, unit, standing)]
@@ -216,58 +87,31 @@ def sampled_every(x: Array) -> tuple[int, str]:
     return 1, ""
 
 
-def when(spans: Array, most: int = 4) -> str:
-    """Where it is, in words: ``at 12.3, 45 and 60 s (and 3 more places)``."""
-    if not len(spans):
-        return "everywhere"
-    listed = [f"{a:.6g}" if b - a < 0.05 else f"{a:.6g}–{b:.6g}" for a, b in spans[:most]]
-    text = listed[0] if len(listed) == 1 else ", ".join(listed[:-1]) + " and " + listed[-1]
-    more = len(spans) - most
-    return f"at {text} s" + (f" and {count_of(more, 'more place')}" if more > 0 else "")
-
-
-def _missing(record: Record, channel: str, known: Mask) -> list[Finding]:
+def _missing(record: Record, channel: str, known: Mask) -> list[Fault]:
     missing = ~known
     count = int(missing.sum())
     if not count:
         return []
     share = count / known.size
     if count == known.size:
-        return [_everywhere(channel, "missing", "unusable", "holds no number at all: leave it out", count)]
+        return [Fault(channel, "missing", "unusable", count, data={"share": 1.0})]
     index = np.flatnonzero(known)
     stride = np.diff(index)
     if stride.size > 10 and np.median(stride) > 1 and np.mean(stride == np.median(stride)) > 0.95:
         every = int(np.median(stride))
-        text = f"has a value in every {every}th row only ({record.rate / every:.4g} Hz): a slower logger"
-        return [_everywhere(channel, "slower rate", "note", text, count)]
+        return [Fault(channel, "slower rate", "note", count, data={"every": every, "rate": record.rate / every})]
     spans = spans_of(record.time, missing)
     longest = float((spans[:, 1] - spans[:, 0]).max()) + 1.0 / record.rate
     severity: Severity = "unusable" if share > 0.5 else "warning" if share > 0.01 or longest > 1.0 else "note"
-    advice = (
-        "mostly missing: leave it out"
-        if severity == "unusable"
-        else ("choose a section without them" if severity == "warning" else "short enough to be bridged")
-    )
-    text = (
-        f"{count_of(count, 'sample')} missing ({_percent(share)}) in {count_of(len(spans), 'place')}, the longest"
-        f" {longest:.3g} s, {when(spans)}: {advice}"
-    )
-    return [Finding(channel, "missing", severity, text, count, spans)]
+    return [Fault(channel, "missing", severity, count, spans, {"share": share, "longest": longest})]
 
 
-def _constant(channel: str, kind: Kind, x: Array, unit: str, standing: bool) -> Finding:
-    value = _amount(f"{x[0]:.5g}", unit)
-    if standing and kind in ("azimuth", "rotor speed"):
-        return _everywhere(channel, "constant", "note", f"is {value} throughout: the rotor stands still", x.size)
-    if kind in VIBRATION or kind in ("azimuth", "wind speed"):
-        text = (
-            f"is {value} from the first sample to the last: disconnected, or a motion that a simulator holds; leave"
-            " it out"
-        )
-        return _everywhere(channel, "constant", "unusable", text, x.size)
-    return _everywhere(
-        channel, "constant", "note", f"is {value} throughout: a set value rather than a measured one", x.size
-    )
+def _constant(channel: str, kind: Kind, x: Array, unit: str, standing: bool) -> Fault:
+    data = {"value": float(x[0]), "unit": unit, "standing": standing and kind in ("azimuth", "rotor speed")}
+    dead = not data["standing"] and (kind in VIBRATION or kind in ("azimuth", "wind speed"))
+    if dead:
+        return Fault(channel, "constant", "unusable", x.size, data=data | {"evidence": "motionless"})
+    return Fault(channel, "constant", "note", x.size, data=data)
 
 
 def _spikes(x: Array, adjacent: Mask, lsb: float, step: float, turn: float, kind: Kind) -> Mask:
@@ -326,22 +170,17 @@ def _local_scale(steps: Array, step: float) -> Array:
     return np.concatenate([np.repeat(scale, block), np.full(steps.size - whole * block, scale[-1])])
 
 
-def _spikes_found(channel: str, kind: Kind, x: Array, time: Array, spike: Mask, unit: str) -> Finding:
+def _spikes_found(channel: str, kind: Kind, x: Array, time: Array, spike: Mask, unit: str) -> Fault:
     spans = spans_of(time, spike)
     quartile = np.percentile(x, (25.0, 75.0))
     usual = 0.7413 * float(quartile[1] - quartile[0])
     largest = float(np.max(np.abs(x[spike] - np.median(x))))
     share = float(spike.mean())
-    relative = f", {largest / usual:.2g} × the usual rms" if usual > 0.0 else ""
-    text = (
-        f"{count_of(len(spans), 'spike')} ({count_of(int(spike.sum()), 'sample')}) up to"
-        f" {_amount(f'{largest:.3g}', unit)} off the median{relative}, {when(spans)}: "
-    )
+    severity: Severity = "unusable" if share > 0.1 else "warning"
     if kind == "other":  # counters, states and solver outputs may jump
-        text += "if a sensor reads it, remove them (despike)"
-        return Finding(channel, "spikes", "note", text, int(spike.sum()), spans)
-    text += "remove them (despike) before anything else"
-    return Finding(channel, "spikes", "unusable" if share > 0.1 else "warning", text, int(spike.sum()), spans)
+        severity = "note"
+    data = {"largest": largest, "relative": largest / usual if usual > 0.0 else None, "unit": unit}
+    return Fault(channel, "spikes", severity, int(spike.sum()), spans, data)
 
 
 def _clipped(x: Array, lsb: float, healthy: Mask) -> Mask:
@@ -360,22 +199,14 @@ def _clipped(x: Array, lsb: float, healthy: Mask) -> Mask:
     return clipped
 
 
-def _clipping_found(channel: str, kind: Kind, x: Array, time: Array, clipped: Mask, unit: str) -> Finding:
+def _clipping_found(channel: str, kind: Kind, x: Array, time: Array, clipped: Mask, unit: str) -> Fault:
     ends = sorted({float(f"{x[clipped].min():.4g}"), float(f"{x[clipped].max():.4g}")})
     spans = spans_of(time, clipped)
     share = float(clipped.mean())
-    text = (
-        f"{count_of(int(clipped.sum()), 'sample')} ({_percent(share)}) sit at"
-        f" {_amount(' and '.join(f'{end:g}' for end in ends), unit)}, {when(spans)}: "
-    )
+    data = {"share": share, "ends": ends, "unit": unit}
     if _has_limits(channel, kind, x, clipped, unit):
-        text += "an end stop, a controller's limit, or the end of the sensor's range"
-        return Finding(channel, "limit", "note", text, int(clipped.sum()), spans)
-    text += (
-        "the range of the sensor or its amplifier ends there; what is larger is lost, so amplitudes and damping come"
-        " out wrong"
-    )
-    return Finding(channel, "clipping", "unusable" if share > 0.05 else "warning", text, int(clipped.sum()), spans)
+        return Fault(channel, "limit", "note", int(clipped.sum()), spans, data)
+    return Fault(channel, "clipping", "unusable" if share > 0.05 else "warning", int(clipped.sum()), spans, data)
 
 
 def _has_limits(channel: str, kind: Kind, x: Array, clipped: Mask, unit: str) -> bool:
@@ -389,16 +220,11 @@ def _has_limits(channel: str, kind: Kind, x: Array, clipped: Mask, unit: str) ->
 
 def _frozen(
     channel: str, kind: Kind, x: Array, time: Array, step: float, lsb: float, clipped: Mask, standing: bool
-) -> list[Finding]:
+) -> list[Fault]:
     """Stretches in which a value repeats far longer than this channel is used to."""
     every, filled = sampled_every(x)
     if every > 1:
-        text = (
-            f"changes only every {every} samples ({1.0 / (every * step):.3g} Hz): sampled slowly and held"
-            if filled == "held"
-            else f"lies on straight lines between every {every} samples ({1.0 / (every * step):.3g} Hz): filled in"
-        )
-        return [_everywhere(channel, filled, "note", text, x.size)]
+        return [Fault(channel, filled, "note", x.size, data={"every": every, "rate": 1.0 / (every * step)})]
     starts = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0.0]))
     lengths = np.diff(np.concatenate([starts, [x.size]]))
     usual = float(np.percentile(lengths, 95.0))
@@ -418,23 +244,16 @@ def _frozen(
     begin, last = starts[long], starts[long] + lengths[long] - 1
     spans = np.column_stack([time[begin], time[last]])
     count = int(lengths[long].sum())
-    text = (
-        f"frozen: repeats one value for up to {float((spans[:, 1] - spans[:, 0]).max()) + step:.3g} s,"
-        f" {count_of(count, 'sample')} ({_percent(count / x.size)}), {when(spans)}: treat them as missing"
-    )
-    return [Finding(channel, "frozen", "unusable" if count > 0.5 * x.size else "warning", text, count, spans)]
+    data = {"longest": float((spans[:, 1] - spans[:, 0]).max()) + step, "share": count / x.size}
+    return [Fault(channel, "frozen", "unusable" if count > 0.5 * x.size else "warning", count, spans, data)]
 
 
-def _quantised(channel: str, x: Array, lsb: float, unit: str) -> list[Finding]:
+def _quantised(channel: str, x: Array, lsb: float, unit: str) -> list[Fault]:
     levels = float(np.std(x)) / lsb
     if levels > 10.0:
         return []
-    text = f"comes in steps of {lsb:.3g} {unit_text(unit)}, its rms is {levels:.2g} of them: " + (
-        "the converter sees hardly any motion; raise the gain"
-        if levels < 2.0
-        else f"adds {_percent(0.2887 / levels)} of noise"
-    )
-    return [_everywhere(channel, "coarse steps", "warning" if levels < 2.0 else "note", text, x.size)]
+    data = {"step": lsb, "unit": unit, "levels": levels}
+    return [Fault(channel, "coarse steps", "warning" if levels < 2.0 else "note", x.size, data=data)]
 
 
 def _converter_step(x: Array) -> float:
@@ -453,56 +272,3 @@ def _converter_step(x: Array) -> float:
     multiple = d[near] / step
     off = np.abs(multiple - np.rint(multiple))
     return step if np.percentile(off, 98.0) < 0.1 else 0.0
-
-
-def _repeated_rows(record: Record) -> list[Finding]:
-    """Rows equal to the row before in every channel that never rests: a logger that wrote a sample twice."""
-    same = record.values[1:] == record.values[:-1]
-    lively = same.mean(axis=0) < 0.05
-    vibration = [kind in VIBRATION or kind == "azimuth" for kind in kinds(record).values()]
-    chosen = lively & np.array(vibration, dtype=np.bool_)
-    if chosen.sum() < 2:
-        return []
-    repeated = np.concatenate([[False], same[:, chosen].all(axis=1)])
-    if not repeated.any():
-        return []
-    spans = spans_of(record.time, repeated)
-    text = (
-        f"{count_of(int(repeated.sum()), 'row')} repeat the row before in all {int(chosen.sum())} channels that"
-        f" vibrate, {when(spans)}: the logger stalled or wrote twice; treat them as missing"
-    )
-    return [Finding("", "repeated rows", "warning", text, int(repeated.sum()), spans)]
-
-
-def _everywhere(channel: str, kind: str, severity: Severity, text: str, count: int) -> Finding:
-    return Finding(channel, kind, severity, text, count, np.empty((0, 2)))
-
-
-def runs_of(mask: Mask) -> NDArray[np.int64]:
-    """First and one-past-last index of each run of True, (n, 2)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return edges.reshape(-1, 2).astype(np.int64)
-
-
-def spans_of(time: Array, mask: Mask) -> Array:
-    """First and last time of each run of True, (n, 2) [s]."""
-    runs = runs_of(mask)
-    return np.column_stack([time[runs[:, 0]], time[runs[:, 1] - 1]])
-
-
-def count_of(count: int, what: str) -> str:
-    return f"{count} {what}" + ("" if count == 1 else "s")
-
-
-def _amount(number: str, unit: str) -> str:
-    """Join a number and its unit; pure numbers have none."""
-    return f"{number} {unit_text(unit)}".removesuffix(" 1")
-
-
-def _percent(share: float) -> str:
-    return f"{float(f'{100.0 * share:.2g}'):g} %"
-
-
-def joined(parts: Sequence[str]) -> str:
-    """``a, b and c``."""
-    return parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1]

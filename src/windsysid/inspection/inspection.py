@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from windsysid.inspection.channels import kinds, most_telling
-from windsysid.inspection.health import SEVERITIES, Finding
+from windsysid.inspection.fault import SEVERITIES, Fault
 from windsysid.inspection.plausibility import Rotor
 from windsysid.inspection.sections import Proposal
 from windsysid.inspection.spectra import Spectrogram, Spectrum
@@ -59,7 +59,7 @@ class Inspection(Answer):
 
     record: Record
     turbine: str | None
-    findings: tuple[Finding, ...]
+    findings: tuple[Fault, ...]
     rotor: Rotor | None
     blades: int
     modes: tuple[tuple[str, float, float], ...]
@@ -100,7 +100,7 @@ class Inspection(Answer):
             return f"{faults}; use {good[0].start:g}–{good[0].end:g} s"
         return f"{faults}; no section is good" + (": " + "; ".join(self.proposals[0].against) if self.proposals else "")
 
-    def of(self, channel: str) -> tuple[Finding, ...]:
+    def of(self, channel: str) -> tuple[Fault, ...]:
         """The findings on one channel; ``""`` for those on the whole record."""
         return tuple(finding for finding in self.findings if finding.channel == channel)
 

@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.inspection.health import Finding, sampled_every
+from windsysid.inspection.fault import Fault
+from windsysid.inspection.health import sampled_every
 from windsysid.records.record import Record
 
 __all__ = ["lost_rows"]
@@ -63,7 +64,7 @@ class _Prediction(NamedTuple):
     error: Array
 
 
-def lost_rows(record: Record, channels: Sequence[str]) -> list[Finding]:
+def lost_rows(record: Record, channels: Sequence[str]) -> list[Fault]:
     """Find rows lost at regular intervals although times are equidistant, in these channels together or one by one."""
     values = np.column_stack([record[name][:MAX_ROWS] for name in channels]) if channels else np.empty((0, 0))
     usable = [np.isfinite(column).all() and sampled_every(column)[0] == 1 for column in values.T]
@@ -73,12 +74,8 @@ def lost_rows(record: Record, channels: Sequence[str]) -> list[Finding]:
     period = max(_agreed(_predictions(values, order)) for order in MODEL_ORDERS)[1]
     if not period:
         return []
-    text = (
-        f"one row was lost after every {period}, although the times are equidistant: frequencies are"
-        f" {100.0 / period:.2g} % too high; write the time at which each row was taken"
-    )
     spans = np.array([[record.time[0], record.time[-1]]])
-    return [Finding("", "lost rows", "warning", text, record.samples, spans)]
+    return [Fault("", "lost rows", "warning", record.samples, spans, {"period": period})]
 
 
 def _predictions(values: Array, order: int) -> list[_Prediction]:

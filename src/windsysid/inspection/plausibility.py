@@ -1,12 +1,12 @@
 """Units that cannot be right, and channels that contradict each other."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.inspection.channels import Kind, is_position
-from windsysid.inspection.health import Finding, Severity, when
+from windsysid.inspection.fault import Fault, Severity
 from windsysid.records.record import Record
 from windsysid.signals.azimuth import MAX_SCATTER, steadied
 
@@ -84,10 +84,8 @@ def rotor_of(record: Record, usable: "set[str] | None" = None) -> Rotor | None:
     return None
 
 
-def implausible(
-    record: Record, known: dict[str, Kind], rotor: Rotor | None, turbine: "Turbine | None"
-) -> list[Finding]:
-    """Findings on units and contradictions over all channels (`known`: those that are usable, with their kinds)."""
+def implausible(record: Record, known: dict[str, Kind], rotor: Rotor | None, turbine: "Turbine | None") -> list[Fault]:
+    """Faults of units and contradictions over all channels (`known`: those that are usable, with their kinds)."""
     found = _pace(record) if "acceleration" in known.values() else []
     for channel, kind in known.items():
         values = record[channel]
@@ -96,11 +94,11 @@ def implausible(
         if kind == "acceleration" and unit == "m/s^2":
             found += _acceleration(record, channel, values, x, rotor)
         elif kind == "displacement" and unit == "m" and np.std(x) > 10.0 and not is_position(channel):
-            found.append(_unit(channel, f"rms {np.std(x):.3g} m is no deflection of a structure: mm marked as m?"))
+            found.append(_unit(channel, "no deflection so large", rms=float(np.std(x))))
         elif unit == "rad":
             found += _angle(record, channel, kind, values, x)
         elif kind == "wind speed" and np.mean(x) > 40.0:
-            found.append(_unit(channel, f"a mean wind of {np.mean(x):.3g} m/s: km/h marked as m/s, or not calibrated?"))
+            found.append(_unit(channel, "no wind so strong", mean=float(np.mean(x))))
     if "rotor_speed" in known:
         found += _rotor_speed(record, turbine)
     if "rotor_azimuth" in known:
@@ -108,42 +106,32 @@ def implausible(
     return found
 
 
-def _pace(record: Record) -> list[Finding]:
+def _pace(record: Record) -> list[Fault]:
     """Whether accelerations come so seldom that the time was in milliseconds, or so often that it was in days."""
     step = 1.0 / record.rate
     if record.rate < SLOW:
-        text = f"accelerations come every {step:.3g} s, which shows no structure: is it in milliseconds?"
-        return [_unit(TIME, f"{text} Then write its unit into its heading, as in 'time [ms]'.")]
-    if record.rate <= ONCE_A_SECOND and np.array_equal(record.time, np.round(record.time)):
-        text = f"accelerations come every {step:.3g} s: if it is in milliseconds, write 'time [ms]' as its heading."
-    elif record.rate > FAST:
-        text = f"accelerations come every {step:.3g} s: if it is in hours or days, write 'time [h]' or 'time [d]'."
-    else:
+        return [_unit(TIME, "no structure so slow", step=step)]
+    slow = record.rate <= ONCE_A_SECOND and np.array_equal(record.time, np.round(record.time))
+    if not slow and record.rate <= FAST:
         return []
-    return [Finding(TIME, "pace", "warning", text, 0, np.empty((0, 2)))]
+    return [Fault(TIME, "pace", "warning", 0, data={"step": step, "slow": slow})]
 
 
-def _acceleration(record: Record, channel: str, values: Array, x: Array, rotor: Rotor | None) -> list[Finding]:
+def _acceleration(record: Record, channel: str, values: Array, x: Array, rotor: Rotor | None) -> list[Fault]:
     mean, rms = float(np.mean(x)), float(np.std(x))
     for factor, mistake in _GRAVITIES:
         if abs(abs(mean) / (GRAVITY * factor) - 1.0) < 0.03 and rms < 0.5 * GRAVITY * factor:
-            return [_unit(channel, f"the mean is {mean:.3g} m/s² where gravity would be 9.81: {mistake}?")]
+            return [_unit(channel, "gravity in another unit", mean=mean, mistake=mistake)]
     if abs(abs(mean) - GRAVITY) < 0.3:
-        text = f"feels gravity (mean {mean:.4g} m/s²): remove it before integration"
-        return [Finding(channel, "gravity", "note", text, x.size, np.empty((0, 2)))]
+        return [Fault(channel, "gravity", "note", x.size, data={"mean": mean})]
     on_support = channel.startswith(("tower", "nacelle", "hub", "foundation"))
     if rms > 10.0 * GRAVITY and on_support:
-        return [
-            _unit(
-                channel, f"rms {rms:.3g} m/s² is {rms / GRAVITY:.3g} g, no support shakes so: mg, mm/s² or raw counts?"
-            )
-        ]
+        return [_unit(channel, "no support so shaken", rms=rms, gravities=rms / GRAVITY)]
     if channel.startswith("blade") and "kinematic" not in channel and rotor is not None and rotor.turns:
         amplitude = once_per_turn(record, values, rotor)
         for factor, mistake in _GRAVITIES:
             if abs(amplitude / (GRAVITY * factor) - 1.0) < 0.05 and amplitude > 1.2 * rms:
-                text = f"swings by {amplitude:.3g} m/s² once per turn where gravity would give 9.81: {mistake}?"
-                return [_unit(channel, text)]
+                return [_unit(channel, "gravity once per turn", amplitude=amplitude, mistake=mistake)]
     return []
 
 
@@ -154,7 +142,7 @@ def once_per_turn(record: Record, values: Array, rotor: Rotor) -> float:
     return float(2.0 * np.abs(np.mean((values[ok] - values[ok].mean()) * np.exp(-1j * psi[ok]))))
 
 
-def _angle(record: Record, channel: str, kind: Kind, values: Array, x: Array) -> list[Finding]:
+def _angle(record: Record, channel: str, kind: Kind, values: Array, x: Array) -> list[Fault]:
     span = float(np.ptp(x))
     drops = np.diff(x)
     wraps = drops[np.abs(drops) > 0.5 * span] if span > 0.0 else drops[:0]
@@ -165,14 +153,15 @@ def _angle(record: Record, channel: str, kind: Kind, values: Array, x: Array) ->
     elif kind == "pitch":
         in_degrees |= bool(np.abs(x).max() > _TURN)
     if in_degrees:
-        how = "wraps at 360" if size else f"reaches {np.abs(x).max():.3g}"
-        return [_unit(channel, f"{how} where radians would wrap at 6.28: degrees marked as rad?")]
+        if not size:
+            return [_unit(channel, "angle too large", largest=float(np.abs(x).max()))]
+        return [_unit(channel, "wraps elsewhere", at=360, mistake="degrees marked as rad")]
     if kind == "azimuth" and wraps.size >= 3 and 0.8 < size < 1.05 and span < 1.05:
-        return [_unit(channel, "wraps at 1 where radians would wrap at 6.28: turns marked as rad?")]
+        return [_unit(channel, "wraps elsewhere", at=1, mistake="turns marked as rad")]
     return []
 
 
-def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Finding]:
+def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Fault]:
     values = record["rotor_speed"]
     usual = float(np.nanmedian(values))
     if "rotor_azimuth" in record and _azimuth_speed(record) is not None:
@@ -182,27 +171,15 @@ def _rotor_speed(record: Record, turbine: "Turbine | None") -> list[Finding]:
         for factor, mistake in _RATIOS[:3]:
             # the machine may run away from its usual speed, but hardly this far
             if abs(np.log(ratio / factor)) < 0.35 and abs(np.log(ratio)) > 1.0:
-                text = f"{usual:.4g} rad/s, where {turbine.name} turns at {turbine.rotor_speed:.4g}: {mistake}?"
-                return [
-                    _unit("rotor_speed", text, "warning" if factor > 1.0 else "note")
-                ]  # an idling rotor is slow too
+                severity: Severity = "warning" if factor > 1.0 else "note"  # an idling rotor is slow too
+                speeds = {"speed": usual, "usual": turbine.rotor_speed, "turbine": turbine.name}
+                return [_unit("rotor_speed", "another usual speed", severity, **speeds, mistake=mistake)]
         return []
+    rpm = usual * 60.0 / _TURN
     if abs(usual) > 30.0:
-        return [
-            _unit(
-                "rotor_speed",
-                f"{usual:.4g} rad/s is {usual * 60.0 / _TURN:.4g} rpm: rpm marked as rad/s, or the generator's speed?",
-            )
-        ]
+        return [_unit("rotor_speed", "fast rotor", speed=usual, rpm=rpm)]
     if abs(usual) > 10.0:
-        return [
-            _unit(
-                "rotor_speed",
-                f"{usual:.4g} rad/s is {usual * 60.0 / _TURN:.4g} rpm, which only a small rotor does: make sure that it"
-                " is not rpm",
-                "note",
-            )
-        ]
+        return [_unit("rotor_speed", "small rotor", "note", speed=usual, rpm=rpm)]
     return []
 
 
@@ -218,7 +195,7 @@ def _azimuth_speed(record: Record) -> float | None:
     return float(np.median(steps[near] / np.diff(time)[near])) if near.any() else None
 
 
-def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Finding]:
+def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Fault]:
     values = record["rotor_azimuth"]
     ok = np.isfinite(values)
     time, psi = record.time[ok], values[ok]
@@ -231,11 +208,7 @@ def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Finding]:
     if own is None:
         return []
     if own < -0.02:
-        return [
-            _contradiction(
-                "rotor_azimuth", f"runs backwards ({own:.3g} rad/s): count it in the sense of rotation", "warning"
-            )
-        ]
+        return [_contradiction(evidence="backwards", azimuth=own)]
     found = _azimuth_scatter(record)
     if not with_speed:
         return found
@@ -244,27 +217,20 @@ def _azimuth_against_speed(record: Record, with_speed: bool) -> list[Finding]:
     mean = float(np.median(filled))
     if abs(mean) > 0.05 and abs(own / mean - 1.0) > 0.02:
         ratio = mean / own if own else np.inf
-        mistake = next((f": {text}?" for factor, text in _RATIOS if abs(abs(ratio) / factor - 1.0) < 0.02), "")
-        text = (
-            f"turns at {own:.4g} rad/s, but rotor_speed says {mean:.4g} ({ratio:.4g} times as"
-            f" fast){mistake or ': check the unit of both'}"
-        )
-        return [_contradiction("rotor_azimuth", text, "warning")]
+        mistake = next((text for factor, text in _RATIOS if abs(abs(ratio) / factor - 1.0) < 0.02), "")
+        return [_contradiction(azimuth=own, speed=mean, ratio=ratio, mistake=mistake)]
     expected = 0.5 * (filled[1:] + filled[:-1]) * np.diff(time)
     slip = np.mod(unwrapped - expected + np.pi, _TURN) - np.pi
     # two glitches that cancel are a spike, reported as such; a slip stays
     lasting = np.flatnonzero((np.abs(slip) > 0.3) & (np.abs(_around(slip)) > 0.3) & (np.diff(time) < 1.5 / record.rate))
     if lasting.size:
         spans = np.column_stack([time[lasting], time[lasting + 1]])
-        text = (
-            f"jumps by up to {np.max(np.abs(slip[lasting])):.2g} rad against rotor_speed in {lasting.size} places,"
-            f" {when(spans)}: the encoder slipped; use a section between them"
-        )
-        found.append(Finding("rotor_azimuth", "azimuth jumps", "warning", text, int(lasting.size), spans))
+        data = {"largest": float(np.max(np.abs(slip[lasting])))}
+        found.append(Fault("rotor_azimuth", "azimuth jumps", "warning", int(lasting.size), spans, data))
     return found
 
 
-def _azimuth_scatter(record: Record) -> list[Finding]:
+def _azimuth_scatter(record: Record) -> list[Fault]:
     """That azimuths scatter about a smooth rotation, more than gravity on the blades lets pass."""
     record = record.on_own_times()
     smooth = steadied(record)
@@ -275,8 +241,8 @@ def _azimuth_scatter(record: Record) -> list[Finding]:
     off = off[np.abs(off) <= 10.0 * np.median(np.abs(off))]  # others are spikes
     if not np.std(off) > MAX_SCATTER:
         return []
-    text = f"scatters by {np.degrees(np.std(off)):.2g}° about a smooth rotation: it is smoothed"
-    return [Finding("rotor_azimuth", "azimuth scatter", "warning", text, int(off.size), np.empty((0, 2)))]
+    data = {"degrees": float(np.degrees(np.std(off)))}
+    return [Fault("rotor_azimuth", "azimuth scatter", "warning", int(off.size), data=data)]
 
 
 def _around(values: Array, reach: int = 6) -> Array:
@@ -288,9 +254,9 @@ def _around(values: Array, reach: int = 6) -> Array:
     )
 
 
-def _unit(channel: str, text: str, severity: Severity = "warning") -> Finding:
-    return Finding(channel, "unit", severity, text, 0, np.empty((0, 2)))
+def _unit(channel: str, evidence: str, severity: Severity = "warning", **data: Any) -> Fault:
+    return Fault(channel, "unit", severity, 0, data={"evidence": evidence, **data})
 
 
-def _contradiction(channel: str, text: str, severity: Severity) -> Finding:
-    return Finding(channel, "contradiction", severity, text, 0, np.empty((0, 2)))
+def _contradiction(**data: Any) -> Fault:
+    return Fault("rotor_azimuth", "contradiction", "warning", 0, data=data)

@@ -199,18 +199,21 @@ def _rotor(record: Record, known: dict[str, Meaning | None]) -> tuple[Rotor | No
     return None, "No rotor speed is known: gravity in turning sensors (1P) was not looked for."
 
 
+_BY_FILE, _BY_VALUES = "the file says its unit", "the range of its values tells its unit"
+
+
 def _units(record: Record, name: str, quantity: str) -> tuple[tuple[str, ...], str]:
     """Units that a channel may be in, and what says so; `quantity` is its name in windsysid, which says one."""
     said = record.unit(name).removeprefix(AS_WRITTEN)
     if said not in ("unknown", ""):
         try:
-            return (canonical(said),), "the file says its unit"
+            return (canonical(said),), _BY_FILE
         except ConfigurationError:
             return (), f"the file says '{said}', which windsysid does not know"
     if implied_unit(quantity) is None:
         return (), "no unit is said"
     units = plausible_units(quantity, record[name])
-    return units, "told by the range of its values" if units else "its values fit no unit of what its name says"
+    return units, _BY_VALUES if units else "its values fit no unit of what its name says"
 
 
 def _guess(record: Record, name: str, meaning: Meaning | None, rotor: Rotor | None, *, timed: bool = True) -> Guess:
@@ -225,16 +228,16 @@ def _guess(record: Record, name: str, meaning: Meaning | None, rotor: Rotor | No
     gravity, shown = _gravity(record, name, values, rotor)
     if gravity is not None and implied_unit(ours or name) in ("m/s^2", None):
         evidence.append(shown)
-        if why == "the file says its unit" and units and units[0] != gravity:
+        if why == _BY_FILE and units and units[0] != gravity:
             doubts.append(f"the file says {units[0]}, gravity says {gravity}")
         elif implied_unit(ours or name) == "m/s^2":
             units, why = (gravity,), "gravity"
         else:
             doubts.append(f"is it an accelerometer in {gravity}?")
     if len(units) == 1:
-        if why == "the file says its unit":
+        if why == _BY_FILE:
             evidence.append(why)
-        if why.startswith("told by"):
+        if why == _BY_VALUES:
             doubts.append(f"the unit is told by the values only ({units[0]})")
     else:
         doubts.append(f"in {' or '.join(units)}? Its values allow each" if units else why)

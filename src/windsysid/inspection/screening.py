@@ -13,18 +13,22 @@ import numpy as np
 
 from windsysid.errors import RecordError
 from windsysid.inspection.channels import VIBRATION, Kind, kinds
+from windsysid.inspection.clock import clock_faults
 from windsysid.inspection.continuity import copied_channels, copied_passages, lost_samples, overrun
-from windsysid.inspection.health import SEVERITIES, Finding, channel_faults, clock_faults
+from windsysid.inspection.fault import SEVERITIES, Fault
+from windsysid.inspection.health import channel_faults
 from windsysid.inspection.losses import lost_rows
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, TIME, Rotor, implausible, rotor_of
 from windsysid.inspection.silence import silent_stretches
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
+from windsysid.results.finding import Severity as FindingSeverity
 from windsysid.signals.inputs import TURNING
 
 if TYPE_CHECKING:
     from windsysid.turbine.turbine import Turbine
 
-__all__ = ["doubted", "examine", "findings_of", "noted", "read_besides", "screen"]
+__all__ = ["doubted", "examine", "faults_of", "noted", "read_besides", "screen"]
 
 _DEAD = ("constant", "frozen")
 _FALSE = frozenset({"copied passage", "copy", "lost rows", "lost samples", "overrun"})
@@ -36,7 +40,7 @@ _OFFSET_SIGMAS = 3.0
 """A mean is expected where a sensor's offset has a prior standard deviation of a third of it."""
 
 
-def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], dict[str, Kind], Rotor | None]:
+def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Fault], dict[str, Kind], Rotor | None]:
     """Everything that is wrong with a record, the worst first; its usable channels with their kinds; how the rotor
     turned.
 
@@ -76,7 +80,7 @@ def examine(record: Record, turbine: "Turbine | None") -> tuple[list[Finding], d
     return findings, usable, rotor
 
 
-def findings_of(record: Record, channels: Iterable[str], turbine: "Turbine | None") -> Sequence[Finding]:
+def faults_of(record: Record, channels: Iterable[str], turbine: "Turbine | None") -> Sequence[Fault]:
     """What `examine` finds in these channels; remembered as long as the record lives, since several parts of a program
     ask the same of it.
 
@@ -93,7 +97,7 @@ def findings_of(record: Record, channels: Iterable[str], turbine: "Turbine | Non
     return known[read, rotor_speed]
 
 
-_FOUND: "WeakKeyDictionary[Record, dict[object, tuple[Finding, ...]]]" = WeakKeyDictionary()
+_FOUND: "WeakKeyDictionary[Record, dict[object, tuple[Fault, ...]]]" = WeakKeyDictionary()
 
 
 def read_besides(record: Record, turbine: "Turbine") -> list[str]:
@@ -105,7 +109,7 @@ def read_besides(record: Record, turbine: "Turbine") -> list[str]:
 def screen(
     record: Record, turbine: "Turbine | None", sensors: Iterable[str], *,
     others: Iterable[str] = (), offsets: Mapping[str, float] | None = None, refuse: bool = True,
-) -> list[Finding]:  # fmt: skip
+) -> list[Fault]:  # fmt: skip
     """Check the channels that an identification reads.
 
     Parameters
@@ -125,7 +129,7 @@ def screen(
 
     Returns
     -------
-    list of Finding
+    list of Fault
         What a reader of the result must know, the worst first.
 
     Raises
@@ -135,14 +139,14 @@ def screen(
     """
     measured = list(sensors)
     read = [*measured, *(channel for channel in others if channel in record)]
-    findings = [*findings_of(record, read, turbine), *copied_channels(record, measured)]
+    findings = [*faults_of(record, read, turbine), *copied_channels(record, measured)]
     known = kinds(record)
     for finding in findings if refuse else ():
         channel = finding.channel
         dead = finding.kind in _DEAD and finding.severity == "unusable" and channel in measured
         if dead and known[channel] in VIBRATION:
             constant = finding.kind == "constant"
-            what = finding.text.split(": ")[0] if constant else "repeats one value in most of the record"
+            what = finding.statement if constant else "repeats one value in most of the record"
             raise RecordError(
                 f"{record.name}: channel '{channel}' {what}: disconnected? "
                 "leave it out of the sensors, or choose another section"
@@ -158,22 +162,28 @@ def screen(
     return [finding for finding in findings if finding.severity != "note"]
 
 
-def noted(findings: Iterable[Finding]) -> tuple[str, ...]:
-    """Findings as notes of a result; channels of which the same is said share a note, and so do pieces of a record."""
-    return _told(finding for finding in findings if finding.kind not in _FALSE)
+def noted(faults: Iterable[Fault]) -> tuple[Finding, ...]:
+    """Notes on faults; channels with the same fault share a note, and so do pieces of a record."""
+    return _as_findings((fault for fault in faults if fault.kind not in _FALSE), "note")
 
 
-def doubted(findings: Iterable[Finding]) -> tuple[str, ...]:
-    """Findings that no result is to be trusted with, as `noted` tells the others."""
-    return _told(finding for finding in findings if finding.kind in _FALSE)
+def doubted(faults: Iterable[Fault]) -> tuple[Finding, ...]:
+    """Reasons for faults with which no result is trusted, grouped as by `noted`."""
+    return _as_findings((fault for fault in faults if fault.kind in _FALSE), "reason")
 
 
-def _told(findings: Iterable[Finding]) -> tuple[str, ...]:
-    pieces: dict[tuple[str, str], list[str]] = {}
-    for finding in findings:
-        pieces.setdefault((finding.channel, finding.kind), []).append(finding.text)
-    groups: dict[str, list[str]] = {}
-    for (channel, kind), texts in pieces.items():
-        text = texts[0] if len(texts) == 1 else f"{kind} in {len(texts)} pieces; the first: {texts[0]}"
-        groups.setdefault(text, []).append(channel)
-    return tuple(f"{', '.join(filter(None, names)) or 'record'}: {text}" for text, names in groups.items())
+def _as_findings(faults: Iterable[Fault], severity: FindingSeverity) -> tuple[Finding, ...]:
+    pieces: dict[tuple[str, str], list[Fault]] = {}
+    for fault in faults:
+        pieces.setdefault((fault.channel, fault.kind), []).append(fault)
+    groups: dict[tuple[str, int], list[Fault]] = {}
+    for alike in pieces.values():
+        groups.setdefault((alike[0].text, len(alike)), []).append(alike[0])
+    found = []
+    for (text, count), (first, *others) in groups.items():
+        data = {
+            "channels": [one.channel for one in (first, *others) if one.channel], "pieces": count, "text": text,
+            "count": first.count, **first.data,
+        }  # fmt: skip
+        found.append(Finding(first.kind.replace(" ", "_"), severity, data))
+    return tuple(found)

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from windsysid._types import Array
 from windsysid.inspection.channels import VIBRATION, Kind, most_telling
-from windsysid.inspection.health import Finding, joined
+from windsysid.inspection.fault import Fault
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, Rotor
+from windsysid.inspection.sentences import joined
 from windsysid.inspection.stationarity import FALSE_ALARM_PROBABILITY, Vibration, changes, vibration_of
 from windsysid.records.record import Record
 from windsysid.units import RPM
@@ -81,7 +82,7 @@ class Proposal:
 
 
 def propose(
-    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding], length: float
+    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Fault], length: float
 ) -> tuple[Proposal, ...]:
     """At most five windows that do not overlap, those without objections first, then by penalty.
 
@@ -97,7 +98,7 @@ def propose(
 
 
 def propose_longest(
-    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding]
+    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Fault]
 ) -> tuple[Proposal, ...]:
     """Propose the whole record if its penalty is close to the median of 100 s, else halves of it, and so on.
 
@@ -169,7 +170,7 @@ class _Judged(NamedTuple):
 
 
 def _judged(
-    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Finding], length: float,
+    record: Record, known: dict[str, Kind], rotor: Rotor | None, findings: Sequence[Fault], length: float,
     vibrations: dict[str, Vibration],
 ) -> _Judged | None:  # fmt: skip
     """Judge every window of a length [s]; None if the record is too short."""
@@ -294,9 +295,7 @@ class _Blocks:
         return np.asarray(np.sqrt(-2.0 * np.log(length)), dtype=np.float64)
 
 
-def _judge_faults(
-    record: Record, known: dict[str, Kind], findings: Sequence[Finding], cut: _Blocks, judge: Any
-) -> None:
+def _judge_faults(record: Record, known: dict[str, Kind], findings: Sequence[Fault], cut: _Blocks, judge: Any) -> None:
     """Share of samples that a fault touches; gaps count with the samples they lost."""
     touched = np.zeros(record.samples + 1)
     lost = np.zeros(record.samples)

@@ -13,7 +13,8 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.inspection.continuity import PREDICTORS, normalised_errors, prediction_errors
-from windsysid.inspection.health import Finding, count_of, runs_of, when
+from windsysid.inspection.fault import Fault
+from windsysid.inspection.runs import runs_of
 from windsysid.records.record import Record
 
 __all__ = ["silent_stretches"]
@@ -45,7 +46,7 @@ MIN_SEGMENT_SAMPLES = 40
 """Smallest number of readings within a segment for judging their mean square error."""
 
 
-def silent_stretches(record: Record, channels: Sequence[str]) -> list[Finding]:
+def silent_stretches(record: Record, channels: Sequence[str]) -> list[Fault]:
     """Where one of these channels, which vibrate, reads nothing but noise for a while."""
     found = []
     for channel in channels:
@@ -56,12 +57,9 @@ def silent_stretches(record: Record, channels: Sequence[str]) -> list[Finding]:
             continue
         spans = np.array([[record.time[first], record.time[end - 1]] for first, end in runs])
         count = sum(end - first for first, end in runs)
-        share, longest = 100.0 * count / record.samples, float(np.diff(spans, axis=1).max()) + 1.0 / record.rate
-        text = (
-            f"silent: reads nothing but noise for up to {longest:.3g} s, {count_of(count, 'sample')} ({share:.2g} %),"
-            f" {when(spans)}, while others vibrate: treat them as missing"
-        )
-        found.append(Finding(channel, "silent", "warning", text, count, spans))
+        longest = float(np.diff(spans, axis=1).max()) + 1.0 / record.rate
+        data = {"longest": longest, "share": count / record.samples}
+        found.append(Fault(channel, "silent", "warning", count, spans, data))
     return found
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.inspection.plausibility import Rotor
 from windsysid.records.checks import refuse_gaps
 from windsysid.records.record import Record
@@ -128,7 +128,7 @@ class Spectrogram:
     density: Array
 
 
-def cleaned(record: Record, channels: Sequence[str], findings: Sequence[Finding]) -> tuple[Array, Array, float, str]:
+def cleaned(record: Record, channels: Sequence[str], findings: Sequence[Fault]) -> tuple[Array, Array, float, str]:
     """Time (T,), values (T, m) and rate of channels on a uniform grid, faults bridged; and a remark, if one is due."""
     values = np.column_stack([record[name] for name in channels]) if channels else np.empty((record.samples, 0))
     for finding in findings:

@@ -218,8 +218,8 @@ class MechanicalModel(Model, Protocol):
         return ()
 
     def lock_unseen(self, sensors: Sequence[Any]) -> tuple[Self, tuple[str, ...]]:
-        """The model with those degrees of freedom locked that none of `sensors` sees, and a note on each; by default
-        all stay free."""
+        """The model with those degrees of freedom locked that none of `sensors` sees, and their names; by default all
+        stay free."""
         return self, ()
 
     def bodies(self) -> Mapping[str, tuple[str, ...]]:

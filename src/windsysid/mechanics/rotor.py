@@ -158,19 +158,17 @@ class RotorModel(MechanicalModel):
     def lock_unseen(self, sensors: "Sequence[Sensor]") -> "tuple[RotorModel, tuple[str, ...]]":
         """The rotor with blades locked where none of `sensors` sits on one, and x or y where none sees them move."""
         changes: dict[str, str] = {}
-        notes = []
         if self.lag == "free" and not any(sensor.blade for sensor in sensors):
             changes["lag"] = "locked"
-            notes.append("no blade channels: the blades are locked, and only the support's coefficients are identified")
         seen = set().union(*(sensor.directions for sensor in sensors if not sensor.blade))
         for axis in ("x", "y"):
             coupled = self.lag == "free" and "lag" not in changes  # blades shake the hub, which shakes them back
             if getattr(self, axis) == "free" and axis not in seen and not coupled:
                 changes[axis] = "locked"
-                notes.append(f"no channel sees {axis}: it is locked")
+        locked = tuple(changes)
         if changes.get("x") == "locked" and self.roll == "tied":
             changes["roll"] = "locked"
-        return replace(self, **changes) if changes else self, tuple(notes)  # type: ignore[arg-type]
+        return replace(self, **changes) if changes else self, locked  # type: ignore[arg-type]
 
     def bodies(self) -> Mapping[str, tuple[str, ...]]:
         """The hub with what it carries along of nacelle and tower, and each blade."""

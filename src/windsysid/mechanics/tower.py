@@ -124,9 +124,8 @@ class TowerModel(MechanicalModel):
         seen = set().union(*(sensor.directions for sensor in sensors))
         unseen = [name for name, axis in zip(DIRECTIONS, ("x", "z"), strict=True) if axis not in seen]
         unseen = [name for name in unseen if name in self.coordinates]
-        notes = [f"no channel sees the tower move {name.replace('_', '-')}: it is locked" for name in unseen]
         changes = dict.fromkeys(unseen, "locked")
-        return replace(self, **changes) if changes else self, tuple(notes)  # type: ignore[arg-type]
+        return replace(self, **changes) if changes else self, tuple(unseen)  # type: ignore[arg-type]
 
     def modes(self) -> FixedAxes:
         """Side-side and fore-aft as they are."""

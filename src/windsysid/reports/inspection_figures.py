@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from windsysid._types import Array
 from windsysid.inspection.bodies import body_of
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.inspection.spectra import Line, Spectrogram, Spectrum, seen_from
 from windsysid.reports.canvas import label
 from windsysid.reports.plots import (
@@ -86,7 +86,7 @@ def overview(inspection: "Inspection") -> Figure:
     return figure
 
 
-def _broken(time: Array, low: Array, high: Array, findings: Sequence[Finding]) -> tuple[Array, Array, Array]:
+def _broken(time: Array, low: Array, high: Array, findings: Sequence[Fault]) -> tuple[Array, Array, Array]:
     """The same curve, not drawn across gaps of the time."""
     gaps = [finding.spans for finding in findings if finding.kind == "gaps"]
     if not gaps or time.size < 2:

@@ -12,10 +12,10 @@ from windsysid.errors import ConfigurationError
 from windsysid.output.answers import Answer
 from windsysid.output.table import Table
 from windsysid.results.estimate import Estimate
-from windsysid.results.findings import Findings
 from windsysid.results.posterior import Posterior, section_name
 from windsysid.results.serialization import finite
 from windsysid.results.storage import as_netcdf, attributes_of, variables_of
+from windsysid.results.values import IdentificationValues
 from windsysid.units import RPM, unit_text
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ __all__ = ["Estimate", "Identification", "coefficient_errors", "finite"]
 
 
 @dataclass(frozen=True)
-class Identification(Findings, Answer):
+class Identification(IdentificationValues, Answer):
     """What an identification found.
 
     Attributes
@@ -55,15 +55,13 @@ class Identification(Findings, Answer):
         Names of the readings; innovations (T, m) and the same scaled to unit variance.
     log_likelihood
         Log density of all readings.
-    notes
-        What a reader must know: assumptions, warnings, what was left out.
     statistics
         Statistics of loads and noise that were learned from the record.
     loads
         The loads that were states, as the filter knew them at the result, at the times of the innovations; None where
         none were.
     diagnosis
-        Whether to trust it, and why not.
+        Whether to trust it, why not, and all that a reader must know; `findings` has it as data, `notes` in sentences.
     machine
         The turbine as it was identified: with the reference values, the degrees of freedom that were used, the record's
         mean rotor speed; None for equations of one's own.
@@ -135,6 +133,7 @@ class Identification(Findings, Answer):
             "tolerances": {one.name: asdict(one) for one in self.tolerances},
             "budget": self.budget.summary(),
             "diagnosis": self.diagnosis.summary(),
+            "findings": [finding.summary() for finding in self.findings],
             "notes": list(self.notes),
             "provenance": None if self.provenance is None else self.provenance.summary(),
         }

@@ -7,6 +7,7 @@ explain by sensors off their axes; that moves damping.
 from typing import NamedTuple
 
 from windsysid.checks.nonlinearity import Bending
+from windsysid.results.finding import Finding
 
 __all__ = ["CorrelatedLoads", "SmoothedLoads", "doubt_correlated"]
 
@@ -42,11 +43,8 @@ class SmoothedLoads(NamedTuple):
     correlated: CorrelatedLoads | None
 
 
-def doubt_correlated(found: CorrelatedLoads | None) -> list[str]:
-    """Why a result is not to be trusted, as far as loads go together; none where they do not."""
+def doubt_correlated(found: CorrelatedLoads | None) -> list[Finding]:
+    """A reason where two loads are correlated."""
     if found is None or abs(found.sigmas) <= found.bound:
         return []
-    return [
-        f"{' and '.join(found.loads)} go together ({abs(found.sigmas):.1f} standard deviations): likely loads on both"
-        " at once; choose a section in which the wind comes along one axis"
-    ]
+    return [Finding("correlated_loads", "reason", found._asdict())]

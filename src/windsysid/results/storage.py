@@ -17,7 +17,7 @@ from windsysid.configuration import parse_json
 from windsysid.records.formats.netcdf import sealed
 from windsysid.results.budget import Budget
 from windsysid.results.estimate import Estimate
-from windsysid.results.findings import Findings
+from windsysid.results.finding import Finding, Severity, read_finding
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import (
@@ -30,7 +30,9 @@ from windsysid.results.posterior import (
     read_tolerances,
 )
 from windsysid.results.provenance import Provenance
+from windsysid.results.sentences import UNKNOWN
 from windsysid.results.serialization import as_plain, finite, from_plain
+from windsysid.results.values import IdentificationValues
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.tables import as_tables, parse_turbine
 
@@ -50,7 +52,6 @@ REST: dict[str, Any] = {
     "estimates": tuple[Estimate, ...],
     "modes": tuple[Mode, ...],
     "log_likelihood": float,
-    "notes": tuple[str, ...],
     "budget": Budget,
     "diagnosis": Diagnosis,
 }
@@ -65,7 +66,7 @@ WHITENESS = {
 """The arrays of `windsysid.checks.whiteness.Whiteness`, and the variables that hold them."""
 
 
-def variables_of(found: Findings) -> dict[str, Variable]:
+def variables_of(found: IdentificationValues) -> dict[str, Variable]:
     """What ``identification.nc`` holds."""
     names = [parameter.name for parameter in found.parameters]
     histories = np.reshape([found.history(name) for name in names], (len(names), 3, len(found.time)))
@@ -107,7 +108,7 @@ def variables_of(found: Findings) -> dict[str, Variable]:
     return variables
 
 
-def attributes_of(found: Findings) -> dict[str, Any]:
+def attributes_of(found: IdentificationValues) -> dict[str, Any]:
     """What ``identification.nc`` says of the whole."""
     import tomli_w
 
@@ -132,16 +133,17 @@ def attributes_of(found: Findings) -> dict[str, Any]:
     }
 
 
-def _rest(found: Findings) -> dict[str, Any]:
+def _rest(found: IdentificationValues) -> dict[str, Any]:
     """What ``identification.nc`` holds beside its variables: the rest of what `windsysid.load_result` needs."""
     judged, w = found.diagnosis, found.diagnosis.whiteness
     if w is not None:  # its arrays are variables
         nothing: dict[str, Any] = dict.fromkeys(WHITENESS, np.empty(0))
         judged = replace(judged, whiteness=w._replace(**nothing))
-    return {name: getattr(found, name) for name in REST} | {"diagnosis": judged}
+    listed = {"findings": [finding.summary() for finding in judged.findings]}
+    return {name: getattr(found, name) for name in REST} | {"diagnosis": replace(judged, findings=()), **listed}
 
 
-def as_netcdf(found: Findings) -> bytes:
+def as_netcdf(found: IdentificationValues) -> bytes:
     """``identification.nc``."""
     import h5netcdf
     import h5py  # type: ignore[import-untyped,unused-ignore]
@@ -173,7 +175,9 @@ def read_fields(folder: str | Path) -> dict[str, Any]:
     """
     with opened(folder) as file:
         said = parse_json(file.attrs["result"])
+        findings = _read_findings(said)
         fields = {name: from_plain(kind, said[name]) for name, kind in REST.items()}
+        fields["diagnosis"] = replace(fields["diagnosis"], findings=findings)
         fields |= {name: str(file.attrs[name]) for name in ("method", "formulation", "record", "turbine")}
         parameters = read_parameters(file)
         histories = [file[name][...] for name in ("estimate", "low", "high")]
@@ -223,6 +227,18 @@ def _read_loads(file: "h5netcdf.File") -> Loads | None:
     if "load_name" not in file:
         return None
     return Loads(tuple(file["load_name"][...].tolist()), file["load"][...], file["load_std"][...])
+
+
+def _read_findings(said: dict[str, Any]) -> tuple[Finding, ...]:
+    """The findings of a result; of one of an older version, which has sentences only, those of the code ``unknown``."""
+    if "findings" in said:
+        return tuple(map(read_finding, said["findings"]))
+    judged = said["diagnosis"]
+    texts: dict[Severity, list[str]] = {
+        "reason": judged.pop("reasons"), "remark": judged.pop("remarks"), "note": said["notes"]
+    }  # fmt: skip
+    judged["findings"] = []
+    return tuple(Finding(UNKNOWN, severity, {"text": text}) for severity, of in texts.items() for text in of)
 
 
 def _read_provenance(said: dict[str, Any]) -> Provenance:

@@ -69,15 +69,3 @@ class Tolerance:
         factor, unit = _SHOWN[self.group]
         spread, value, std = (factor * number for number in (self.spread, self.estimate, self.std))
         return self.name, f"± {spread:.3g} {unit}", f"{value:+.2f} ± {std:.2f} {unit}"
-
-    def __str__(self) -> str:
-        factor, unit = _SHOWN[self.group]
-        value, std = factor * self.estimate, factor * self.std
-        digits = max(0, 1 - math.floor(math.log10(std))) if std > 0.0 else 3
-        size = f"{abs(value):.{digits}f} ± {std:.{digits}f} {unit}"
-        if self.group == "clock":
-            return f"the logger {self.of} is {size} {'late' if value >= 0.0 else 'early'}"
-        if self.group == "alignment":
-            return f"{self.of} is turned by {value:+.{digits}f} ± {std:.{digits}f}{unit}"
-        what = f"the gain of {self.of}" if self.group == "gain" else f"the mass of {self.of}"
-        return f"{what} is {size} {'larger' if value >= 0.0 else 'smaller'} than its file says"

@@ -15,17 +15,18 @@ spectrum S has ν = 2 B_e T with B_e = (∫S df)² / ∫S² df (Bendat & Piersol
 where a mode is lightly damped: there nothing is certain.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.checks.verdict import Diagnosis
+from windsysid.results.finding import Finding
+from windsysid.results.sentences import names_cause
 
-__all__ = ["Burst", "Transient", "explain_by_transient", "find_burst", "find_transient", "without_cause"]
+__all__ = ["Burst", "Transient", "explain_by_transient", "find_burst", "find_transient"]
 
 BURST_PROBABILITY = 1e-4
 """False-alarm probability of a burst in a stationary record, all channels together."""
@@ -51,12 +52,9 @@ class Transient(NamedTuple):
     fall: float
 
     @property
-    def reason(self) -> str:
-        """Reason why a result is in doubt."""
-        return (
-            f"the rms of {self.channels[0]} falls {self.fall:.2g}-fold over the record (a transient, such as a free "
-            "decay); checks that assume stationary loads fail: compare other records"
-        )
+    def finding(self) -> Finding:
+        """The reason why checks of a result fail."""
+        return Finding("transient", "reason", {"channels": self.channels, "ratio": self.fall})
 
 
 class Burst(NamedTuple):
@@ -79,13 +77,11 @@ class Burst(NamedTuple):
     share: float
     duration: float
 
-    def describe(self, advice: str) -> str:
-        """Why a result is in doubt, and what to do."""
-        low, high = (self.duration * edge / SEGMENTS for edge in (self.segment, self.segment + 1))
-        return (
-            f"{100.0 * self.share:.0f} % of the power of {self.channel} is between {low:.4g} and {high:.4g} s of the "
-            f"record: a blow, a pull or a start; {advice}"
-        )
+    @property
+    def data(self) -> dict[str, Any]:
+        """Channel, share, start and end [s], for a finding."""
+        start, end = (self.duration * edge / SEGMENTS for edge in (self.segment, self.segment + 1))
+        return {"channel": self.channel, "share": self.share, "start": start, "end": end}
 
 
 def find_burst(values: Array, channels: Sequence[str], rate: float) -> Burst | None:
@@ -123,23 +119,22 @@ def find_transient(values: Array, channels: Sequence[str]) -> Transient | None:
 
 
 def explain_by_transient(diagnosis: Diagnosis, found: Transient, readings: Sequence[str]) -> Diagnosis:
-    """Replace the causes that tests of stationary loads give by the transient as the reason.
+    """Replace the reasons of tests that assume stationary loads by the transient, and leave out the causes that their
+    remarks and notes name.
 
-    A reason that names one of the `readings` that do not decrease is kept.
+    A reason that concerns one of the `readings` that do not decrease is kept.
     """
-    steady = [name for name in readings if name not in found.channels]
-    kept = [one for one in diagnosis.reasons if without_cause(one) == one or any(_names(one, name) for name in steady)]
-    reasons = diagnosis.reasons if len(kept) == len(diagnosis.reasons) else (found.reason, *kept)
-    return replace(diagnosis, reasons=reasons, remarks=tuple(map(without_cause, diagnosis.remarks)))
-
-
-def without_cause(sentence: str) -> str:
-    """Remove the likely cause and the advice from the end of a sentence, or of its part in brackets."""
-    return re.sub(r"[:;] ?(likely |take the spikes out).*?(?=\)$|$)", "", sentence, flags=re.DOTALL)
-
-
-def _names(sentence: str, channel: str) -> bool:
-    return re.search(rf"(?<!\w){re.escape(channel)}(?!\w)", sentence) is not None
+    steady = set(readings).difference(found.channels)
+    left = [
+        one
+        for one in diagnosis.findings
+        if one.severity != "reason" or not names_cause(one.code) or steady.intersection(one.channels)
+    ]
+    explained = [found.finding] if len(left) < len(diagnosis.findings) else []
+    return replace(
+        diagnosis,
+        findings=(*explained, *(one if one.severity == "reason" else one.caused_by("transient") for one in left)),
+    )
 
 
 def _fall(readings: Array) -> float:

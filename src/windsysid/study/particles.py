@@ -24,6 +24,7 @@ from windsysid.identification.model.turbine_problem import pose
 from windsysid.identification.verdict.conclude import conclude
 from windsysid.mechanics.equations import Equations
 from windsysid.output.console import render
+from windsysid.results.finding import Finding
 from windsysid.results.identification import Identification
 from windsysid.simulation.record import simulate_record
 from windsysid.statespace.compose import StateSpace, compose
@@ -83,7 +84,8 @@ def identify_section_by_particles(
     outcome = Outcome(
         turbine, case.model, info.mean, info.std, Info(**{name: getattr(info, name) for name in Info._fields}),
         cloud.mean, cloud.cov, reference.inputs[window, :3],
-        tuple(c for c in reference.record.channels if not c.startswith("rotor")), elapsed, (degeneracy(info),),
+        tuple(c for c in reference.record.channels if not c.startswith("rotor")), elapsed,
+        (Finding("particle_weights", "note", {"text": degeneracy(info)}),),
     )  # fmt: skip
     found = conclude(outcome, reference.record.section(*section), "force-balance")
     return replace(found, method=filter_.name)

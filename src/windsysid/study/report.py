@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from windsysid._types import Array
-from windsysid.identification.estimate.force_balance import LOADS_WITHHELD, analysis_band
+from windsysid.identification.estimate.force_balance import analysis_band
 from windsysid.output.table import Table
 from windsysid.reports.html import Section, report_page
 from windsysid.reports.plots import (
@@ -16,6 +16,7 @@ from windsysid.reports.plots import (
     response_comparison,
     start_indifference,
 )
+from windsysid.results.sentences.model import LOADS_WITHHELD
 from windsysid.signals import band_pass
 from windsysid.study.methods import method_table
 from windsysid.study.particles import PUBLISHED_HOURS, SIR

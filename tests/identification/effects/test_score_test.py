@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.findings import only
 from windsysid.filters import EKF
 from windsysid.identification.effects import EFFECTS
 from windsysid.identification.effects.regression import Regression
@@ -159,7 +160,7 @@ def test_an_included_trend_gives_the_result_of_the_record_without_it(tower: Turb
     assert np.abs((spoiled.theta - clean.theta) / std).max() > 0.4
     (term, *_) = answered.effects[0].terms  # type: ignore[attr-defined]
     assert abs(term.size - 0.05) < 3.0 * term.std < 0.02
-    assert any("has a trend of" in note for note in fit.outcome.notes)
+    assert only(fit.outcome.notes, "trend").channels == ("tower_z_acceleration",)
 
 
 def test_a_record_without_effects_is_left_as_it_is(tower: Turbine):

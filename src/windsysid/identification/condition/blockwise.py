@@ -17,8 +17,8 @@ from windsysid.errors import RecordError
 from windsysid.identification.condition.readings import (
     check_readings,
     choose_rate,
-    describe_rate,
-    describe_steps,
+    note_rate,
+    note_steps,
     refine,
     slow_down,
     steps_per_reading,
@@ -26,6 +26,7 @@ from windsysid.identification.condition.readings import (
 from windsysid.identification.model.fit import known_inputs, known_loads
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Prepared", "Windows"]
@@ -70,11 +71,11 @@ class Windows:
         self.steps = steps_per_reading(turbine, readings)
         self.rate = self.steps * readings
         self._margin = SMOOTHING + (RESAMPLING / readings if self._slow or self.steps > 1 else 0.0)
-        self.notes: tuple[str, ...] = ()
+        self.notes: tuple[Finding, ...] = ()
         if self._slow is not None:
-            self.notes = describe_rate(first.rate, self._slow, self.steps, turbine)
+            self.notes = note_rate(first.rate, self._slow, self.steps, turbine)
         elif self.steps > 1:
-            self.notes = (describe_steps(self.steps),)
+            self.notes = (note_steps(self.steps),)
         self._held: Record | None = None
         self._origin = float(first.time[0])
         self._reached = -math.inf

@@ -12,10 +12,11 @@ from windsysid.filters import Info
 from windsysid.identification.model.fit import PART_OF, Outcome
 from windsysid.inspection import MIN_SAMPLES
 from windsysid.inspection.channels import VIBRATION, kinds
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import read_besides, screen
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.results.load_history import Loads
 from windsysid.signals import resample
 from windsysid.signals.azimuth import steadied
@@ -26,8 +27,8 @@ __all__ = [
     "check_length",
     "check_readings",
     "choose_rate",
-    "describe_rate",
-    "describe_steps",
+    "note_rate",
+    "note_steps",
     "refine",
     "resample_for_model",
     "screened",
@@ -39,12 +40,8 @@ __all__ = [
     "without_faulty",
 ]
 
-TAKEN_AS_MISSING = {
-    "frozen": "treat them as missing", "silent": "treat them as missing",
-    "spikes": "remove them (despike) before anything else",
-}  # fmt: skip
-"""Faults of readings that are left out, and what an inspection says of them."""
-
+TAKEN_AS_MISSING = frozenset({"frozen", "silent", "spikes"})
+"""Kinds of faults whose readings are left out."""
 
 FEWEST_PER_PERIOD = 2.5
 """Samples per period of the slowest mode below which nothing of it is left in a resampled record."""
@@ -150,7 +147,7 @@ def usable_sensors(record: Record, turbine: Turbine, sensors: Sequence[Sensor] |
     return found
 
 
-def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, refuse: bool = True) -> list[Finding]:
+def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, refuse: bool = True) -> list[Fault]:
     """What is wrong with the channels that the joint formulation reads (`windsysid.inspection.screening`); RecordError
     where it makes estimates wrong."""
     return screen(
@@ -161,9 +158,9 @@ def screened(record: Record, turbine: Turbine, sensors: Sequence[Sensor], *, ref
     )  # fmt: skip
 
 
-def without_faulty(record: Record, faults: Sequence[Finding]) -> tuple[Record, list[Finding]]:
-    """The record with readings missing where a channel repeats one value, falls silent or has a spike, and what is to
-    be said of its faults."""
+def without_faulty(record: Record, faults: Sequence[Fault]) -> tuple[Record, list[Fault]]:
+    """The record with readings missing where a channel repeats one value, falls silent or has a spike, and its faults,
+    of which those are marked as treated."""
     told, held, half = [], dict[str, tuple[Array, str]](), 0.5 / record.rate
     for fault in faults:
         if (
@@ -176,7 +173,7 @@ def without_faulty(record: Record, faults: Sequence[Finding]) -> tuple[Record, l
                 wrong |= (record.time > first - half) & (record.time < last + half)
             readings = held[fault.channel][0] if fault.channel in held else record[fault.channel]
             held[fault.channel] = np.where(wrong, np.nan, readings), record.unit(fault.channel)
-            told.append(replace(fault, text=fault.text.replace(TAKEN_AS_MISSING[fault.kind], "taken as missing")))
+            told.append(replace(fault, treated_as_missing=True))
         else:
             told.append(fault)
     return (record.with_channels(held) if held else record), told
@@ -184,7 +181,7 @@ def without_faulty(record: Record, faults: Sequence[Finding]) -> tuple[Record, l
 
 def resample_for_model(
     record: Record, turbine: Turbine, rate: float | None, sensors: Sequence[Sensor]
-) -> tuple[Record, int, tuple[str, ...]]:
+) -> tuple[Record, int, tuple[Finding, ...]]:
     """The record at a lower rate, where one is asked for or the turbine's model has nothing to say of what is faster;
     samples per reading, and a note.
 
@@ -202,8 +199,8 @@ def resample_for_model(
     steps = steps_per_reading(turbine, slow or record.rate) if slow or record.is_uniform else 1
     if slow is None:
         check_readings(record.name, record.rate, turbine)
-        return (record, 1, ()) if steps == 1 else (refine(record, read, steps), steps, (describe_steps(steps),))
-    return slow_down(record, read, slow, steps), steps, describe_rate(record.rate, slow, steps, turbine)
+        return (record, 1, ()) if steps == 1 else (refine(record, read, steps), steps, (note_steps(steps),))
+    return slow_down(record, read, slow, steps), steps, note_rate(record.rate, slow, steps, turbine)
 
 
 def choose_rate(recorded: float, duration: float, turbine: Turbine, rate: float | None) -> float | None:
@@ -233,23 +230,16 @@ def steps_per_reading(turbine: Turbine, rate: float) -> int:
     return max(math.ceil(fastest / MAX_STEP / rate * (1.0 - 1e-9)), 1)
 
 
-def describe_rate(recorded: float, rate: float, steps: int, turbine: Turbine) -> tuple[str, ...]:
+def note_rate(recorded: float, rate: float, steps: int, turbine: Turbine) -> tuple[Finding, ...]:
     """What resampling from the rate `recorded` to `rate` [Hz] does."""
     fastest = max(turbine.natural_frequency(name) for name in turbine.model.coordinates)
-    note = f"resampled from {recorded:.4g} to {rate:.3g} Hz"
-    if steps <= 1:
-        return (note,)
-    if fastest > 0.8 * math.pi * rate:
-        note += (
-            f", which takes the mode near {fastest / (2.0 * math.pi):.3g} Hz out of the record and not out of "
-            f"the model: do not rely on what is said of it"
-        )
-    return (f"{note}, {describe_steps(steps)}",)
+    lost = fastest / (2.0 * math.pi) if steps > 1 and fastest > 0.8 * math.pi * rate else None
+    return (Finding("resampled", "note", {"recorded": recorded, "rate": rate, "lost_mode": lost, "steps": steps}),)
 
 
-def describe_steps(steps: int) -> str:
+def note_steps(steps: int) -> Finding:
     """How finely the equations go."""
-    return f"{steps} steps of the equations for each reading"
+    return Finding("steps_of_equations", "note", {"steps": steps})
 
 
 def slow_down(record: Record, read: Sequence[str], rate: float, steps: int, *, start: float | None = None) -> Record:

@@ -7,6 +7,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 
 __all__ = ["read_bridged"]
 
@@ -14,7 +15,7 @@ GAPS = 0.01
 """Share of a channel that may be missing: so little is bridged by straight lines."""
 
 
-def read_bridged(record: Record, channels: Sequence[str], notes: list[str]) -> Array:
+def read_bridged(record: Record, channels: Sequence[str], notes: list[Finding]) -> Array:
     """What channels hold (T, m), short gaps bridged, which `notes` then say.
 
     Raises
@@ -33,6 +34,7 @@ def read_bridged(record: Record, channels: Sequence[str], notes: list[str]) -> A
             )
         if missing.any():
             values = np.interp(record.time, record.time[~missing], values[~missing])
-            notes.append(f"{int(missing.sum())} missing samples of {name} were bridged")
+            data = {"channel": name, "count": missing.sum()}
+            notes.append(Finding("missing_samples_bridged", "note", data))
         columns.append(values)
     return np.column_stack(columns)

@@ -8,6 +8,7 @@ they differ by more than chance, the sensor gets an offset to be found. Spectra 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.sensors import Accelerometer, Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Biases", "SensorBias", "SmallBias", "find_biases"]
@@ -62,12 +64,12 @@ class Biases:
         )
 
     @property
-    def note(self) -> str:
+    def note(self) -> Finding:
         """What the readings are off by."""
-        of = ", ".join(f"{channel} by {size:.2g} {self.units[channel]}" for channel, size in self.sizes.items())
-        return f"readings are off by a constant, which is found beside: {of}"
+        units = {channel: self.units[channel] for channel in self.sizes}
+        return Finding("sensor_offsets", "note", {"offsets": dict(self.sizes), "units": units})
 
-    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
         """That the readings have a bias; spectra leave constants out."""
         return (self.note,) if filtered else ()
 
@@ -96,10 +98,10 @@ class SmallBias(RegressorEffect):
             if not (sensor.bias or sensor.drift)
         ]
 
-    def describe(self, terms: Sequence[Term], shift: str) -> str:
-        """How large."""
+    def describe(self, terms: Sequence[Term]) -> dict[str, Any]:
+        """How large it is."""
         (one,) = terms
-        return f"{one.channel} is off by {one.size:.2g} ± {2.0 * one.std:.1g} {one.unit}: {shift}"
+        return {"size": one.size, "std": one.std}
 
 
 def find_biases(record: Record, turbine: Turbine, sensors: Sequence[Sensor]) -> Biases | None:

@@ -27,6 +27,7 @@ from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
@@ -62,9 +63,9 @@ class ClockDrifts:
             )
         return record, tuple(sensors)
 
-    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
         """Which clocks drift."""
-        return tuple(map(str, self.drifts))
+        return tuple(one.note for one in self.drifts)
 
 
 class ClockDrift(Effect):

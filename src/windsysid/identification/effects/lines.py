@@ -19,6 +19,7 @@ from windsysid.identification.job import FittedJob, Job
 from windsysid.identification.model.effect import Detection, Effect
 from windsysid.identification.model.prior import Prior
 from windsysid.loads.family import Broadband
+from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import find_lines
 
 __all__ = ["RotorHarmonic", "Sinusoid", "harmonics_of_spectra", "sinusoids_in"]
@@ -94,7 +95,7 @@ class _Lines(NamedTuple):
 
     line: Line | None
     depends: tuple[tuple[str, float], ...]
-    doubts: tuple[str, ...]
+    doubts: tuple[Finding, ...]
 
     @classmethod
     def of(cls, job: Job, fit: FittedJob) -> "_Lines":

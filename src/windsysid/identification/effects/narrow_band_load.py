@@ -27,6 +27,7 @@ from windsysid.loads.family import Broadband
 from windsysid.loads.narrow_band import NarrowBand
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["NarrowBandIncluded", "NarrowBandLoad", "narrow_band_in"]
@@ -45,7 +46,7 @@ class NarrowBandIncluded:
         """Nothing: it is a load of the model."""
         return record, tuple(sensors)
 
-    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
         """Nothing: the fit that includes it says so."""
         return ()
 

@@ -23,6 +23,7 @@ from windsysid.identification.model.effect import Effect
 from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import Accelerometer, Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["RandomWalkBias", "RandomWalkBiases", "find_random_walks"]
@@ -84,13 +85,15 @@ class RandomWalkBiases:
         return record.with_channels(held), tuple(known)
 
     @property
-    def note(self) -> str:
-        """That biases wander."""
-        said = [f"{name} by {drift:.2g} {self.units[name]} in a second" for name, (drift, _) in self.drifts.items()]
-        drifting = f", and drifts are found beside: {', '.join(said)}" if said else ""
-        return f"offsets wander: slow variations of {', '.join(self.detrended)} are taken out{drifting}"
+    def note(self) -> Finding:
+        """Which biases wander."""
+        drifts = {channel: drift for channel, (drift, _) in self.drifts.items()}
+        units = {channel: self.units[channel] for channel in drifts}
+        return Finding(
+            "wandering_offsets", "note", {"channels": list(self.detrended), "drifts": drifts, "units": units}
+        )
 
-    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
         """What filters have beside; spectra read above what is slow."""
         return (self.note,) if filtered else ()
 

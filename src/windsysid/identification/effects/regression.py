@@ -8,7 +8,7 @@ of which it resembles.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -42,8 +42,8 @@ class RegressorEffect:
         """Regressors that a fit may lack."""
         raise NotImplementedError
 
-    def describe(self, terms: Sequence[Term], shift: str) -> str:
-        """What the included waveforms in one channel are, and by how much they shifted an estimate, in words."""
+    def describe(self, terms: Sequence[Term]) -> dict[str, Any]:
+        """Numbers that say what the included waveforms in one channel are: the data of its finding."""
         raise NotImplementedError
 
 
@@ -75,8 +75,7 @@ class Regression(Effect):
             return Detection(fit)
         found = self._with(job, at, fit, best)
         if not _matters(at, best):
-            terms = found.of(best.candidate.channel)
-            return Detection(fit.noting(found.describe(terms, "estimates hardly change with it")))
+            return Detection(fit.noting(found.finding(best.candidate.channel, None)))
         return Detection(fit, found, digits, fit)
 
     def _included(self, job: Job, at: Linearisation) -> list[Candidate]:

@@ -23,6 +23,7 @@ from windsysid.checks.lines import SURROUNDINGS, stand_out_of_a_bend
 from windsysid.errors import RecordError
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.signals.band import bridged
 from windsysid.signals.rotor import rotor_inputs
 from windsysid.spectral.transforms.harmonics import steadiness
@@ -73,19 +74,15 @@ class Sine(NamedTuple):
         return abs(self.frequency - other.frequency) < apart and self.on_blades == other.on_blades
 
     @property
-    def doubt(self) -> str:
-        """That it is left in innovations, as a doubt."""
-        if self.order:
-            return (
-                f"what turns at {self.order}P is left over: likely loads that turn with the rotor; try another section"
-            )
-        return (
-            f"a steady line at {self.frequency:.4g} Hz is left over: likely a machine or waves; choose a section "
-            "without it"
-        )
+    def doubt(self) -> Finding:
+        """That it is left in innovations."""
+        code = "rotor_harmonic_left" if self.order else "tone_left"
+        return Finding(code, "reason", {"frequency": self.frequency, "order": self.order})
 
-    def __str__(self) -> str:
-        return f"a steady line at {self.frequency:.4g} Hz was left out of the readings: likely a machine"
+    @property
+    def note(self) -> Finding:
+        """That it was left out of the readings."""
+        return Finding("tone_removed", "note", {"frequency": self.frequency})
 
 
 def find_sine(

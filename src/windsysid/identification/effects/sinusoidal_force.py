@@ -30,6 +30,7 @@ from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.statespace.compose import StateSpace
 from windsysid.turbine.turbine import Turbine
 
@@ -67,20 +68,14 @@ class SineForce(NamedTuple):
         """Whether it is surely there."""
         return self.amplitude > SURE * self.std
 
-    def __str__(self) -> str:
-        if not self.matters:
-            return (
-                f"what turns at {self.sine.order}P is taken into account: an imbalance of the rotor, or masses off "
-                "within their tolerances"
-            )
-        at, cause = f"{self.sine.frequency:.4g} Hz", "a machine"
-        if self.sine.order:
-            at = f"{self.sine.order}P"
-            cause = "an imbalance of the rotor" if self.sine.order == 1 else "what turns with the rotor"
-        return (
-            f"{self.load} has a steady sine of {self.amplitude:.2g} ± {2.0 * self.std:.1g} {self.unit} at {at}: "
-            f"likely {cause}; the estimates take it into account"
-        )
+    @property
+    def note(self) -> Finding:
+        """That it is taken into account."""
+        data = {
+            "frequency": self.sine.frequency, "order": self.sine.order, "load": self.load, "amplitude": self.amplitude,
+            "std": self.std, "unit": self.unit,
+        }  # fmt: skip
+        return Finding("sinusoidal_force" if self.matters else "rotor_harmonic", "note", data)
 
 
 def find_forces(
@@ -232,14 +227,13 @@ class Sinusoids:
         """The record without the waves."""
         return without_sines(record, turbine, sensors, [one.sine for one in self.forces] or self.sines)
 
-    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
         """What was found of them."""
         if not (filtered and self.forces):
-            return tuple(str(sine) for sine in self.sines)
-        sure = [str(force) for force in self.forces if force.matters]
+            return tuple(sine.note for sine in self.sines)
+        sure = [force.note for force in self.forces if force.matters]
         turning = {one.sine.order for one in self.forces} - {one.sine.order for one in self.forces if one.matters} - {0}
-        first = [next(one for one in self.forces if one.sine.order == order) for order in sorted(turning)]
-        return (*sure, *map(str, first))
+        return (*sure, *(next(one.note for one in self.forces if one.sine.order == order) for order in sorted(turning)))
 
 
 def with_forces(record: Record, forces: Sequence[SineForce], psi: Array | None) -> Record:

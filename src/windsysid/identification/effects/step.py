@@ -1,6 +1,7 @@
 """A step of a reading: a sensor that was touched, a supply that changed, a range that was switched."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -38,11 +39,10 @@ class Step(RegressorEffect):
             if not sensor.drift
         ]
 
-    def describe(self, terms: Sequence[Term], shift: str) -> str:
+    def describe(self, terms: Sequence[Term]) -> dict[str, Any]:
         """When, and how large."""
         (one,) = terms
-        at = one.wave.time if isinstance(one.wave, StepAt) else 0.0
-        return f"{one.channel} steps by {one.size:.2g} ± {2.0 * one.std:.1g} {one.unit} at {at:.4g} s: {shift}"
+        return {"size": one.size, "std": one.std, "time": one.wave.time if isinstance(one.wave, StepAt) else 0.0}
 
 
 def likeliest_change(values: Array) -> int:

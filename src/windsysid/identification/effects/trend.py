@@ -1,6 +1,7 @@
 """Slow trends of a reading: temperature, settling of a filter, a turn of a mounting."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -30,8 +31,7 @@ class Trend(RegressorEffect):
             if not sensor.drift
         ]
 
-    def describe(self, terms: Sequence[Term], shift: str) -> str:
+    def describe(self, terms: Sequence[Term]) -> dict[str, Any]:
         """The size of the trend: its root mean square."""
         size = float(np.sqrt(sum(one.size**2 / (2 * order + 1) for order, one in enumerate(terms, start=1))))
-        first = terms[0]
-        return f"{first.channel} has a trend of {size:.2g} {first.unit} rms: {shift}"
+        return {"size": size}

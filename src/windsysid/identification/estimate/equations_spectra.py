@@ -16,11 +16,12 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError, WindsysidError
 from windsysid.identification.condition.spectral_readings import read_bridged
 from windsysid.identification.model.equations_problem import constant_loads, known_columns
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Model
 from windsysid.records.record import LOW_PASS, Record
+from windsysid.results.finding import Finding
 from windsysid.spectral.lti.check import doubts_of, frequency_ranges, range_energies
 from windsysid.spectral.lti.fit import LinearFit, fit_linear
 from windsysid.spectral.lti.likelihood import LinearModel
@@ -67,8 +68,8 @@ class SpectralFit(NamedTuple):
     last: Record
     begun: float
     samples: int
-    notes: tuple[str, ...]
-    doubts: tuple[str, ...]
+    notes: tuple[Finding, ...]
+    doubts: tuple[Finding, ...]
 
 
 def fit_by_spectra(
@@ -88,11 +89,11 @@ def fit_by_spectra(
     posed: LinearModel | None = None
     total: CrossSpectra | None = None
     last: Record | None = None
-    notes: list[str] = []
+    notes: list[Finding] = []
     energies: list[Array] = []
     samples, begun, limits = 0, 0.0, (0.0, 0.0)
     names = [sensor.channel for sensor in sensors]
-    faults: list[Finding] = []
+    faults: list[Fault] = []
     for piece in [record] if isinstance(record, Record) else record:
         part = piece.on_uniform_grid()
         faults += screen(piece, None, names, refuse=last is None)
@@ -125,11 +126,11 @@ def fit_by_spectra(
             "no spectrum of this model is positive: expected a stable system, and loads, noise and priors of the size "
             "of the record's"
         ) from None
-    seconds = total.samples / total.rate
-    notes.append(
-        f"read in {total.blocks:g} block{'s' * (total.blocks != 1)} of {seconds:.4g} s, at {total.frequency[0]:.3g} … "
-        f"{total.frequency[-1]:.3g} Hz"
-    )
+    data = {
+        "blocks": total.blocks, "duration": total.samples / total.rate, "low": total.frequency[0],
+        "high": total.frequency[-1],
+    }  # fmt: skip
+    notes.append(Finding("blocks_read", "note", data))
     told, against = (*notes, *noted(faults)), (*doubted(faults), *doubts)
     return SpectralFit(posed.compiled.name, found, last, begun, samples, told, against)
 

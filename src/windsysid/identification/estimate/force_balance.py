@@ -30,6 +30,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Model
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.signals import band_pass, rotor_inputs
 from windsysid.signals import integrate as integrate_acceleration
 from windsysid.simulation.integrate import integrate
@@ -54,12 +55,6 @@ __all__ = [
     "measured_motion",
 ]
 
-
-LOADS_WITHHELD = (
-    "Stationary loads feed what damping takes, E[f v] = c E[v²]: a balance without them loses damping and biases "
-    "stiffness. Use the joint formulation."
-)
-"""What a reader of a balance without its loads must know."""
 
 RINGING = 2.0
 """Periods of the band's lower edge at either end of a record that are left out: there the filters know one side
@@ -97,11 +92,11 @@ def identify_by_force_balance(whole: Record, part: Record, turbine: Turbine, pri
     balance = balance_forces(turbine, motion, rotor, known, identifiable(turbine), rate=whole.rate, band=band)
     start = int(np.argmin(np.abs(whole.time - part.time[0])))
     window = slice(start, start + part.samples)
-    notes = [f"both sides of the balance filtered to {band[0]:.2f}–{band[1]:.2f} Hz with zero phase"]
-    doubts: tuple[str, ...] = ()
+    notes = [Finding("balance_filtered", "note", {"low": band[0], "high": band[1]})]
+    doubts: tuple[Finding, ...] = ()
     if withheld:
-        notes.append(f"loads withheld: {', '.join(load.load for load in withheld)}. {LOADS_WITHHELD}")
-        doubts = ("the balance lacks loads that act, and so loses the damping",)
+        notes.append(Finding("loads_withheld", "note", {"loads": [load.load for load in withheld]}))
+        doubts = (Finding("loads_missing", "reason"),)
     cut = Balance(balance.force[window], balance.regressors[window])
     outcome = filter_balance(cut, turbine, rotor[window], prior, rate=whole.rate, band=band)
     return outcome._replace(channels=channels, notes=tuple(notes), doubts=doubts)

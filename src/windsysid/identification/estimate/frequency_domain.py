@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,7 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.rotor import MEAN_LAG, as_rotor
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.spectral.rotor.build import pose_lifted, turns_couple
 from windsysid.spectral.rotor.fit import COARSE, WHOLE, Fit, admit, fit
@@ -82,7 +83,7 @@ def identify_by_spectrum(
         If the record is too short, has gaps, holds measured loads or a speed that varies, or no such load model fits
         this turbine.
     """
-    notes: list[str] = []
+    notes: list[Finding] = []
     turbine = seen_by(turbine, sensors, notes)
     inputs = known_inputs(record, turbine, sensors)
     readings = read_bridged(record, [sensor.channel for sensor in sensors], notes)
@@ -122,7 +123,7 @@ def identify_by_spectrum(
         name, posed, best = loads, beside.posed, beside.fit
         notes.append(note_narrow_band(beside))
         doubts += doubts_of_narrow_band(beside, asked=loads)
-        why = f" (log evidence over broad loads alone by {beside.gain:.0f})"
+        why = {"rivals": {"broad loads alone": beside.gain}, "part": False}
     tolerances = tolerances_in(question)
     if tolerances:
         best = admit(best, inexact_of(question, tolerances))
@@ -133,17 +134,15 @@ def identify_by_spectrum(
         doubts += passed_by(question, best.unknowns, abs(float(speeds.mean())) / (2.0 * math.pi))
     n, lag = len(question.parameters), model.lag
     if lag:
-        angle, std = 1e3 * best.unknowns[n], 1e3 * math.sqrt(best.cov[n, n])
-        notes.append(f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad")
+        data = {"angle": best.unknowns[n], "std": math.sqrt(best.cov[n, n])}
+        notes.append(Finding("lag_angle", "note", data))
 
     def log_likelihood(unknowns: Array) -> float:
         return -best.model.likelihood(unknowns, slopes=False).value
 
-    where = ", ".join(f"{low:.3g} … {high:.3g} Hz" for low, high in posed.bands)
     notes += [
-        f"loads: {posed.text}, learned from the record with the noise{why}; damping is total: structure and "
-        f"aerodynamics",
-        f"read at {where}; what repeats in every turn was taken out",
+        Finding("loads_of_spectra", "note", {"loads": posed.text, **why}),
+        Finding("ranges_read", "note", {"ranges": posed.bands}),
     ]
     return _outcome(
         question, best.unknowns, best.cov, lag, tolerances, log_likelihood=best.log_likelihood,
@@ -152,7 +151,7 @@ def identify_by_spectrum(
     )._replace(turns=coupled, drifts=drifts_of(question, halves, best.unknowns, tolerances))  # fmt: skip
 
 
-def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str]) -> Outcome | None:
+def _in_bands(question: Question, loads: str, doubts: list[Finding], notes: list[Finding]) -> Outcome | None:
     """The result of a rotor that is read in bands; None where its modes cannot be told apart."""
     started = time.perf_counter()
     tolerances = tolerances_in(question)
@@ -168,8 +167,8 @@ def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str
 
 def _outcome(
     question: Question, unknowns: Array, cov: Array, lag: int, tolerances: Sequence[Tolerance], *,
-    log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[str],
-    doubts: Sequence[str], hypothesis: str, held: tuple[str, ...],
+    log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[Finding],
+    doubts: Sequence[Finding], hypothesis: str, held: tuple[str, ...],
 ) -> Outcome:  # fmt: skip
     """What was found, from all unknowns: θ, then the mean lag angle where `lag` is 1, then τ and η."""
     n, end = len(question.parameters), len(question.parameters) + len(statistics)
@@ -251,7 +250,7 @@ def ask(
     return question._replace(turned=sums) if isinstance(sums, TurnedSums) else question._replace(sums=sums)
 
 
-def _speed(speed: Array, steady: float, varying: float) -> list[str]:
+def _speed(speed: Array, steady: float, varying: float) -> list[Finding]:
     """What speaks against spectra of a constant speed; RecordError where it varies too much."""
     varies = float(speed.std() / abs(speed.mean()))
     if varies > varying:
@@ -260,19 +259,17 @@ def _speed(speed: Array, steady: float, varying: float) -> list[str]:
             "spectra; choose a steadier section, or use --formulation joint"
         )
     if varies > steady:
-        return [
-            f"the rotor's speed varies by ±{100 * varies:.2g} % (standard deviation), and spectra were taken as if "
-            f"it did not"
-        ]
+        return [Finding("varying_rotor_speed", "reason", {"variation": varies})]
     return []
 
 
 class _Found(NamedTuple):
-    """The load model that explains the record best, what the record says under it, and in words why it was taken."""
+    """The load model that explains the record best, what the record says under it, and its log evidence over others, in
+    which `part` of the record only was used."""
 
     name: str
     fit: Fit
-    why: str
+    why: dict[str, Any]
 
 
 def _fitted(poses: dict[str, Posed]) -> _Found:
@@ -280,16 +277,16 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
     try:
         if len(poses) == 1:
             ((name, posed),) = poses.items()
-            return _Found(name, _fit_alone(posed), "")
+            return _Found(name, _fit_alone(posed), {"rivals": {}, "part": False})
         if any(posed.model.blocks > 1.0 for posed in poses.values()):
             return _after_all(poses)
         tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
         rivals = _rivals(tried)
         later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
-        why = f" (log evidence over {_margins(tried)}, of a fifth of the record)"
+        why = {"rivals": _margins(tried), "part": True}
         if len(rivals) > 1:
             tried = {name: fit(poses[name].model, tried[name].unknowns, COARSE[-1:], rough=True) for name in rivals}
-            later, why = WHOLE, f" (log evidence over {_margins(tried)})"
+            later, why = WHOLE, {"rivals": _margins(tried), "part": False}
         name = _rivals(tried)[0]
         return _Found(name, fit(poses[name].model, tried[name].unknowns, later, poses[name].smoothed), why)
     except np.linalg.LinAlgError:
@@ -313,7 +310,7 @@ def _after_all(poses: dict[str, Posed]) -> _Found:
     overlap = max(found.model.overlap for found in tried.values())
     tried = {name: found._replace(log_evidence=found.evidence_at(overlap)) for name, found in tried.items()}
     name = _rivals(tried)[0]
-    return _Found(name, tried[name], f" (log evidence over {_margins(tried)})")
+    return _Found(name, tried[name], {"rivals": _margins(tried), "part": False})
 
 
 def _rivals(tried: dict[str, Fit]) -> list[str]:
@@ -322,7 +319,7 @@ def _rivals(tried: dict[str, Fit]) -> list[str]:
     return [name for name in order if tried[order[0]].log_evidence - tried[name].log_evidence < CLEAR]
 
 
-def _margins(tried: dict[str, Fit]) -> str:
+def _margins(tried: dict[str, Fit]) -> dict[str, float]:
     """By how much the best load model explains the record better than each of the others."""
     best, *others = sorted(tried, key=lambda name: -tried[name].log_evidence)
-    return ", ".join(f"{name} by {tried[best].log_evidence - tried[name].log_evidence:.0f}" for name in others)
+    return {name: tried[best].log_evidence - tried[name].log_evidence for name in others}

@@ -24,6 +24,7 @@ from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.spectral.transforms.harmonics import without_line
 from windsysid.turbine.turbine import Turbine
 
@@ -51,7 +52,7 @@ class Dependence(NamedTuple):
 
     channel: str
     frequency: float
-    doubt: str
+    doubt: Finding
 
 
 def doubt_line(
@@ -71,11 +72,8 @@ def doubt_line(
     )  # fmt: skip
     if off < MOVED:
         return None
-    return Dependence(
-        line.channel, line.frequency,
-        f"without {line.frequency:.3g} Hz {name} would be {off:.1f} standard deviations elsewhere: likely a machine or "
-        "waves; choose a section without it",
-    )  # fmt: skip
+    data = {"channel": line.channel, "frequency": line.frequency, "sigmas": off}
+    return Dependence(line.channel, line.frequency, Finding("line_influence", "reason", data, (name,)))
 
 
 def is_harmless(
@@ -96,7 +94,7 @@ def is_harmless(
 def doubt_sine(
     frequency: float, outcome: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior,
     parameters: Sequence[str] | None, *, by_spectra: bool,
-) -> tuple[str, ...]:  # fmt: skip
+) -> tuple[Finding, ...]:  # fmt: skip
     """That what is left beside a sine at a frequency [Hz], which was taken out of the record, still moves a
     coefficient, as a doubt: a narrow-band load would. Arguments as for `doubt_line`."""
     name, off = _moved(
@@ -105,10 +103,7 @@ def doubt_sine(
     )  # fmt: skip
     if off < MOVED:
         return ()
-    return (
-        f"without what is left around {frequency:.3g} Hz {name} would be {off:.1f} standard deviations elsewhere: "
-        "likely a machine or waves; choose a section without it",
-    )
+    return (Finding("tone_influence", "reason", {"frequency": frequency, "sigmas": off}, (name,)),)
 
 
 def _moved(

@@ -21,7 +21,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,6 +38,7 @@ from windsysid.loads.statistics import coordinates_of, values_of
 from windsysid.mechanics.rotor import as_rotor
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.statespace.compose import StateSpace
 from windsysid.turbine.turbine import Turbine
 
@@ -92,10 +93,10 @@ class Candidate(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """The load model that was chosen, in words why, and the seconds that its kernels took to load or compile."""
+    """The load model that was chosen, why, and the seconds that its kernels took to load or compile."""
 
     best: Candidate
-    why: str
+    why: Finding
     warming: float
 
 
@@ -233,17 +234,12 @@ def _compare_levels(simplest: Candidate) -> dict[str, float]:
     return {name: level(values, name) / level(given, name) for name in given if name.startswith("load_rms")}
 
 
-def _describe_choice(best: Candidate, tried: Sequence[Candidate], seconds: float) -> str:
+def _describe_choice(best: Candidate, tried: Sequence[Candidate], seconds: float) -> Finding:
     """What was chosen, and by how much."""
-    name = best.problem.loads.name
+    data: dict[str, Any] = {"model": best.problem.loads.name}
     if len(tried) == 1:
-        return f"load model {name}" + (
-            ": it explains the record" if best.white else "" if best.driven else ": loads hardly matter in this record"
-        )
-    others = ", ".join(
-        f"{other.problem.loads.name} by {best.log_evidence - other.log_evidence:.0f}"
-        for other in tried
-        if other is not best
-    )
-    doubt = "" if best.white else ", though it does not explain all of it"
-    return f"load model {name}: its log evidence beats {others} on the first {seconds:.3g} s{doubt}"
+        data["reason"] = "explains" if best.white else "" if best.driven else "loads hardly matter"
+    else:
+        rivals = {one.problem.loads.name: best.log_evidence - one.log_evidence for one in tried if one is not best}
+        data |= {"reason": "evidence", "rivals": rivals, "duration": seconds, "explained": best.white}
+    return Finding("load_model_chosen", "note", data)

@@ -15,6 +15,7 @@ from windsysid.identification.estimate.modes import modes_of
 from windsysid.identification.model.fit import Outcome
 from windsysid.loads.narrow_band import FREQUENCY, WIDTH
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.results.mode import Mode
 from windsysid.signals.rotor import rotor_inputs
 from windsysid.turbine.turbine import Turbine
@@ -32,7 +33,7 @@ the factor of their frequencies within which it matters."""
 
 def doubts_beside_modes(
     outcome: Outcome, record: Record, modes: Sequence[Mode], speed: float, *, filtered: bool
-) -> tuple[str, ...]:
+) -> tuple[Finding, ...]:
     """What speaks against the modes of a turbine whose rotor has a mean speed [rad/s]; of filters, more is asked."""
     return (
         *_still(outcome, record, speed),
@@ -87,7 +88,7 @@ def _usual_damping(file: Turbine, mode: Mode) -> float:
     return ratios[min(ratios)] if ratios else 0.0
 
 
-def _still(outcome: Outcome, record: Record, speed: float) -> tuple[str, ...]:
+def _still(outcome: Outcome, record: Record, speed: float) -> tuple[Finding, ...]:
     """Which channels hear no vibration, as a doubt; the file's frequencies tell where to listen: the fit's may be
     anywhere then."""
     if not record.is_uniform:
@@ -100,14 +101,10 @@ def _still(outcome: Outcome, record: Record, speed: float) -> tuple[str, ...]:
     )
     if not still:
         return ()
-    more = f" and {len(still) - 1} more" if len(still) > 1 else ""
-    return (
-        f"nothing vibrates in {still[0]}{more}, only noise is there: likely an instrument (no power, a broken "
-        "cable); check it or leave it out",
-    )
+    return (Finding("dead_channel", "reason", {"channels": still}),)
 
 
-def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[str, ...]:
+def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[Finding, ...]:
     """That blades pass a support at a steady speed where it has a mode, as a doubt."""
     model = outcome.turbine.model
     if any(one.blade for one in model.freedoms) or not ("rotor_azimuth" in record and record.is_uniform):
@@ -121,7 +118,7 @@ def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[st
     found = find_passing(
         readings, psi, rate=record.rate, modes=_no_narrower(outcome.turbine, modes), blades=model.blades
     )  # fmt: skip
-    return () if found is None else (found.describe(model.blades),)
+    return () if found is None else (found.finding(model.blades),)
 
 
 def mode_of(turbine: Turbine, name: str) -> tuple[float, float]:

@@ -24,6 +24,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.loads.narrow_band import FREQUENCY, LEVEL, WIDTH, NarrowBand, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
+from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.build import pose_lifted
 from windsysid.spectral.rotor.fit import WHOLE, Fit, fit
 from windsysid.spectral.rotor.model import LiftedModel
@@ -86,15 +87,15 @@ class NarrowBandFit(NamedTuple):
     moved
         By how many standard deviations a coefficient is elsewhere than with broad loads alone.
     rival
-        Which coefficient is elsewhere under an explanation that is nearly as good as the better one of both, in words;
-        empty where there is none.
+        Which coefficient is elsewhere under an explanation that is nearly as good as the better one of both, and by how
+        many standard deviations; None where there is none.
     """
 
     posed: Posed
     fit: Fit
     gain: float
     moved: float
-    rival: str
+    rival: tuple[str, float] | None
 
     @property
     def is_needed(self) -> bool:
@@ -140,7 +141,7 @@ def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: b
         and (thorough or end.log_evidence > plain or _may_matter(question, found, end, end.log_evidence - plain))
     ]
     if not near:
-        return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], "")
+        return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], None)
     ends = [
         end._replace(log_evidence=end.evidence_at(overlap))
         for end in _ends(question, posed, [end.unknowns for end in near])
@@ -150,36 +151,33 @@ def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: b
     gain = ends[0].log_evidence - found.log_evidence
     best, *others = [*ends, found] if gain > SURE else [found, *ends]
     narrow = [other for other in others if other is found or gain > SURE or _is_narrow(question, posed, other)]
-    rival = next((said for other in narrow if (said := _elsewhere(question, best, other))), "")
+    rival = next((said for other in narrow if (said := _elsewhere(question, best, other))), None)
     return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], rival)
 
 
-def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[str, ...]:
+def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[Finding, ...]:
     """What a narrow-band load says against a result under the load model that was `asked` for."""
     if found is None:
         return ()
-    at = f"a narrow-band load at {found.values[FREQUENCY]:.3g} Hz"
+    at = {"frequency": found.values[FREQUENCY]}
     if found.is_needed and asked not in ("auto", NarrowBand.name):
-        return (f"{at} explains the spectra better (log evidence by {found.gain:.0f}): likely loads of a machine; "
-                "try the load model narrow-band",)  # fmt: skip
-    if found.rival and found.is_needed:
-        return (f"where {at} is may be told in two ways, and {found.rival}: likely loads of a machine; try another "
-                "section",)  # fmt: skip
-    if found.rival:
-        return (f"{at} would explain the spectra, too, and {found.rival}: likely loads of a machine; try another "
-                "section",)  # fmt: skip
-    return ()
+        return (Finding("narrow_band_load_preferred", "reason", at | {"gain": found.gain}),)
+    if found.rival is None:
+        return ()
+    name, sigmas = found.rival
+    code = "narrow_band_load_ambiguous" if found.is_needed else "narrow_band_load_possible"
+    return (Finding(code, "reason", at | {"sigmas": sigmas}, (name,)),)
 
 
-def note_narrow_band(found: NarrowBandFit) -> str:
+def note_narrow_band(found: NarrowBandFit) -> Finding:
     """What a reader should know of a narrow-band load that a result takes into account."""
     levels = {one.name: one.unit for one in found.statistics if one.name.startswith(LEVEL)}
     loudest = max(levels, key=lambda name: found.values[name])
-    load, pushed = f"{found.values[loudest]:.2g} {levels[loudest]} rms", loudest.removeprefix(LEVEL)
-    return (
-        f"a narrow-band load of {load} pushes {pushed} at {found.values[FREQUENCY]:.4g} Hz "
-        f"({100.0 * found.values[WIDTH]:.2g} % damped): likely a machine or waves; the estimates know it"
-    )
+    data = {
+        "rms": found.values[loudest], "unit": levels[loudest], "load": loudest.removeprefix(LEVEL),
+        "frequency": found.values[FREQUENCY], "width": found.values[WIDTH],
+    }  # fmt: skip
+    return Finding("narrow_band_load", "note", data)
 
 
 def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: bool = False) -> list[Fit]:
@@ -331,9 +329,10 @@ def _may_matter(question: Question, found: Fit, end: Fit, gain: float) -> bool:
     return off > HARDLY and off * math.exp(min(gain, 0.0)) > 0.5 * EXPECTED
 
 
-def _elsewhere(question: Question, best: Fit, other: Fit) -> str:
-    """Which coefficient is elsewhere under another explanation that is nearly as good, in words."""
+def _elsewhere(question: Question, best: Fit, other: Fit) -> tuple[str, float] | None:
+    """Which coefficient is elsewhere under another explanation that is nearly as good, and by how many standard
+    deviations."""
     name, off = _off(question, best, other)
     if off < MOVED or off * math.exp(min(other.log_evidence - best.log_evidence, 0.0)) < EXPECTED:
-        return ""
-    return f"{name} would be {off:.1f} standard deviations elsewhere"
+        return None
+    return name, off

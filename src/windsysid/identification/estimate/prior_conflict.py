@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.estimates import CONFLICT_SIGMAS, conflict_text
+from windsysid.checks.estimates import CONFLICT_SIGMAS, conflict
 from windsysid.identification.condition.samples import Samples
 from windsysid.identification.estimate.clock_lag import shifted
 from windsysid.identification.estimate.online import Online
@@ -26,6 +26,7 @@ from windsysid.identification.estimate.search import Solution, solve
 from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem
+from windsysid.results.finding import Finding
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
@@ -159,8 +160,9 @@ def note_wide_priors(found: Outcome) -> Outcome:
         if q.spread > given.spread:
             mean, std = given.prior
             off = float(found.theta[i] - mean) / math.hypot(std, math.sqrt(found.cov[i, i]))
-            wider = f"the prior was made {q.spread / given.spread:.0f} times as wide"
-            notes.append(f"the readings want {q.name} {abs(off):.1f} standard deviations from its prior: {wider}")
+            notes.append(
+                Finding("prior_widened", "note", {"sigmas": off, "factor": q.spread / given.spread}, (q.name,))
+            )
             if abs(off) > CONFLICT_SIGMAS:
-                doubts.append(conflict_text(q.name, off))
+                doubts.append(conflict(q.name, off))
     return found._replace(notes=tuple(notes), doubts=tuple(doubts))

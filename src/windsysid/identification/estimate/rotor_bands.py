@@ -12,6 +12,7 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.estimate.prior_conflict import find_held, one_by_one
 from windsysid.loads.statistics import Statistic
+from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import Question
 from windsysid.spectral.rotor.scoring import covariance
@@ -42,8 +43,8 @@ class ReadInBands(NamedTuple):
     cov: Array
     log_likelihood: float
     statistics: tuple[Statistic, ...]
-    doubts: tuple[str, ...]
-    notes: tuple[str, ...]
+    doubts: tuple[Finding, ...]
+    notes: tuple[Finding, ...]
     held: tuple[str, ...]
 
 
@@ -88,14 +89,13 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
     )
 
 
-def _notes(posed: PosedBands, unknowns: Array, cov: Array, n: int) -> tuple[str, ...]:
+def _notes(posed: PosedBands, unknowns: Array, cov: Array, n: int) -> tuple[Finding, ...]:
     """Mean lag angle, loads, and where the modes were read."""
     hz = posed.spectra.rotor_hz
-    places = [f"{p.name} near {p.frequency - (p.shape or 0) * hz:.3g} Hz" for p in posed.places]
-    angle, std = 1e3 * unknowns[n], 1e3 * math.sqrt(cov[n, n])
+    modes = {p.name: p.frequency - (p.shape or 0) * hz for p in posed.places}
     return (
-        f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad",
-        "loads: in each band humps at harmonics of the rotor and a level, learned from the record with the noise",
-        "damping is total: structure and aerodynamics",
-        f"read in bands: {', '.join(places)}; what repeats in every turn was taken out",
+        Finding("lag_angle", "note", {"angle": unknowns[n], "std": math.sqrt(cov[n, n])}),
+        Finding("loads_in_bands", "note"),
+        Finding("damping_is_total", "note"),
+        Finding("bands_read", "note", {"modes": modes}),
     )

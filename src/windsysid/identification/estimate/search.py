@@ -29,6 +29,7 @@ from windsysid.identification.estimate.outlier import Outliers, find_spikes
 from windsysid.identification.estimate.scoring import Mode, find_mode
 from windsysid.identification.model.fit import check_finite, diverged
 from windsysid.output.progress import expect
+from windsysid.results.finding import Finding
 from windsysid.results.load_history import Loads
 from windsysid.statespace.acting_loads import acting_loads
 from windsysid.statespace.compose import StateSpace
@@ -128,11 +129,11 @@ class Solution(NamedTuple):
     mean_inputs: Array
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Finding, ...]:
         """What was left out."""
         counts = self.outliers.counts(len(self.read))
         return tuple(
-            f"{count} of {read} samples of {channel.name} were left out as outliers (beyond {GATE_SIGMAS:g}σ)"
+            Finding("outliers", "note", {"channel": channel.name, "count": count, "read": read, "sigmas": GATE_SIGMAS})
             for channel, count, read in zip(self.whiteness.channels, counts, self.read, strict=True)
             if count
         )

@@ -34,6 +34,7 @@ from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.statistics import coordinates_of, learned_statistics
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Tolerance
 from windsysid.turbine.turbine import Turbine
@@ -113,7 +114,8 @@ def identify_jointly_from(
         return None
     n, elapsed = len(problem.parameters), time.perf_counter() - started
     only = solution.mean[None, :n], np.sqrt(np.diag(solution.cov)[:n])[None]
-    why = f"load model {near.hypothesis}: {'it explains the record' if explained else 'as before'}"
+    reason = "explains" if explained else "as before"
+    why = Finding("load_model_chosen", "note", {"model": near.hypothesis, "reason": reason})
     found = describe_solution(problem, solution, turbine, why, only, elapsed)
     return found._replace(smoothed_loads=_smoothed_loads(problem, solution), given_priors=near.given_priors)
 
@@ -190,7 +192,12 @@ def first_estimate(turbine: Turbine, rate: float) -> int:
 
 
 def describe_solution(
-    problem: TurbineProblem, solution: Solution, given: Turbine, why: str, history: tuple[Array, Array], elapsed: float
+    problem: TurbineProblem,
+    solution: Solution,
+    given: Turbine,
+    why: Finding,
+    history: tuple[Array, Array],
+    elapsed: float,
 ) -> Outcome:
     """What was found, with notes and doubts.
 
@@ -237,27 +244,23 @@ def describe_solution(
     )
 
 
-def _describe_loads(problem: TurbineProblem, why: str) -> tuple[str, ...]:
+def _describe_loads(problem: TurbineProblem, why: Finding) -> tuple[Finding, ...]:
     """What was taken for the loads, and why."""
-    total = "damping is total: structure and aerodynamics"
     if not problem.loads.statistics:
-        return (f"all loads are known, the noise learned from the record; {total}",)
-    taken = f"loads are states ({problem.loads.text}), their statistics and the noise learned from the record; {total}"
+        return (Finding("loads_known", "note"),)
+    taken = Finding("loads_are_states", "note", {"loads": problem.loads.text})
     caution = HYPOTHESES[problem.loads.name].caution
-    return (taken, why, caution) if caution else (taken, why)
+    data = {"model": problem.loads.name, "text": caution}
+    return (taken, why, Finding("load_model_caution", "note", data)) if caution else (taken, why)
 
 
-def _list_doubts(solution: Solution, given: Turbine, used: Turbine, tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
+def _list_doubts(
+    solution: Solution, given: Turbine, used: Turbine, tolerances: Sequence[Tolerance]
+) -> tuple[Finding, ...]:
     """What speaks against the bands and does not show in the innovations."""
     doubts = list(doubt_tolerances(tolerances))
     if not solution.settled:
-        doubts.append(
-            f"the likelihood still rose after {solution.iterations} steps: choose a longer or steadier section, or "
-            f"priors nearer to the structure"
-        )
+        doubts.append(Finding("search_not_converged", "reason", {"steps": solution.iterations}))
     if getattr(given.model, "lag", "") == "free" and getattr(used.model, "lag", "") == "locked":
-        doubts.append(
-            "no channel sees the blades, so they are locked: the support's stiffness may be off by more than its band; "
-            "add a blade sensor (docs/tower.md)"
-        )
+        doubts.append(Finding("blades_locked_unseen", "reason"))
     return tuple(doubts)

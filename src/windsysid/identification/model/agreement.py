@@ -3,6 +3,7 @@
 import math
 
 from windsysid.identification.model.fit import Outcome
+from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Group
 from windsysid.turbine.turbine import Turbine
 
@@ -28,11 +29,10 @@ def compare(one: Outcome, other: Outcome) -> tuple[str, float]:
     return worst, float(off[worst])
 
 
-def disagreement(name: str, off: float, fit: Outcome, turbine: Turbine) -> str:
+def disagreement(name: str, off: float, fit: Outcome, turbine: Turbine) -> Finding:
     """That filters and spectra are so many standard deviations apart on a coefficient, and the likeliest cause."""
     locked = _blades_move(turbine) and not _blades_move(fit.turbine)
-    cause = "blades move that no channel sees: record them" if locked else "loads are not as modelled"
-    return f"filters and spectra disagree on {name} by {off:.1f} standard deviations: {cause}"
+    return Finding("formulations_disagree", "reason", {"sigmas": off, "unseen_blades": locked}, (name,))
 
 
 def _blades_move(turbine: Turbine) -> bool:

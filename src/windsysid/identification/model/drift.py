@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["CLEAR", "Drift"]
@@ -33,12 +34,10 @@ class Drift(NamedTuple):
     std: float
     by: str = "gravity in its readings"
 
-    def __str__(self) -> str:
-        ppm, std, pace = 1e6 * abs(self.rate), 1e6 * self.std, "slowly" if self.rate < 0.0 else "fast"
-        return (
-            f"the clock of the logger {self.logger} runs {ppm:.3g} ± {std:.2g} ppm too {pace}, by {self.by}: its "
-            "readings were put back"
-        )
+    @property
+    def note(self) -> Finding:
+        """That readings were put back."""
+        return Finding("clock_drift", "note", self._asdict())
 
     def matters(self, turbine: Turbine, duration: float) -> bool:
         """Whether it is beyond chance, no faster than clocks drift, and moves what vibrates in such a record [s]."""

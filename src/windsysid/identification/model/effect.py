@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class Inclusion(Protocol):
     ) -> tuple[Record, tuple[Sensor, ...]]:
         """The record and the sensors that know of the effect, as filters read them or spectra."""
 
-    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
         """What a reader of the result must know of it."""
 
 

@@ -13,6 +13,7 @@ from windsysid.filters import EKF
 from windsysid.identification.condition.samples import Samples
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.records.record import LOW_PASS, Record
+from windsysid.results.finding import Finding
 from windsysid.statespace.compose import StateSpace
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
@@ -142,9 +143,10 @@ def state_only_model(
     return replace(plain, blocks=blocks, cov=cov)
 
 
-def loads_behind_low_pass(loads: Sequence[LoadModel], record: Record) -> tuple[tuple[LoadModel, ...], tuple[str, ...]]:
-    """The load models as far as the record's low-pass lets them through, and what to say of those that do not know
-    how."""
+def loads_behind_low_pass(
+    loads: Sequence[LoadModel], record: Record
+) -> tuple[tuple[LoadModel, ...], tuple[Finding, ...]]:
+    """The load models as far as the record's low-pass lets them through, and a note on those that do not know how."""
     if LOW_PASS not in record.attributes:
         return tuple(loads), ()
     low_pass = float(record.attributes[LOW_PASS])
@@ -152,11 +154,8 @@ def loads_behind_low_pass(loads: Sequence[LoadModel], record: Record) -> tuple[t
         replace(load, low_pass=min(load.low_pass, low_pass)) if isinstance(load, GaussMarkov) else load
         for load in loads
     )
-    others = ", ".join(load.states[0] for load in loads if not isinstance(load, GaussMarkov))
-    note = (
-        f"the record went through a low-pass at {low_pass:.3g} Hz, and the model of {others} does not know it: "
-        f"damping may come out too low"
-    )
+    others = [load.states[0] for load in loads if not isinstance(load, GaussMarkov)]
+    note = Finding("low_pass_unknown_to_loads", "note", {"low_pass": low_pass, "loads": others})
     return passed, (note,) if others else ()
 
 

@@ -17,6 +17,7 @@ from windsysid.identification.model.drift import Drift
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
+from windsysid.results.finding import Finding
 from windsysid.results.load_history import Loads
 from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Group, Tolerance
@@ -56,11 +57,11 @@ class Outcome(NamedTuple):
     elapsed
         Seconds in the filter.
     notes
-        What a reader must know.
+        What was done to the record and the model.
     statistics
         Statistics of loads and noise that were learned with the parameters.
     doubts
-        Why the formulation itself would not trust its result, in sentences.
+        Why the formulation itself would not trust its result.
     loads
         The loads that were states, as the filter knew them at the result; None where none were.
     joint_cov
@@ -101,9 +102,9 @@ class Outcome(NamedTuple):
     rotor: Array
     channels: tuple[str, ...]
     elapsed: float
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
     statistics: tuple[Statistic, ...] = ()
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Finding, ...] = ()
     loads: Loads | None = None
     joint_cov: Array | None = None
     whiteness: Whiteness | None = None

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from windsysid.identification.model.agreement import compare
 from windsysid.identification.model.fit import Outcome
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["Constant", "Legendre", "Regressors", "StepAt", "Term", "Waveform", "widening_of"]
@@ -86,7 +87,7 @@ class Regressors:
     code
         Of the effect.
     describe
-        What its terms in one channel are, and by how much they shifted an estimate, in words.
+        The numbers that say what its terms in one channel are.
     terms
         What is subtracted from the readings before the structure is fitted.
     widenings
@@ -96,7 +97,7 @@ class Regressors:
     """
 
     code: str
-    describe: Callable[[Sequence[Term], str], str]
+    describe: Callable[[Sequence[Term]], dict[str, Any]]
     terms: tuple[Term, ...] = ()
     widenings: Mapping[str, Array] = field(default_factory=dict)
     before: Mapping[str, Outcome] = field(default_factory=dict)
@@ -115,13 +116,15 @@ class Regressors:
         known = {channel: (values, record.unit(channel)) for channel, values in held.items()}
         return record.with_channels(known), tuple(sensors)
 
-    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[str, ...]:
-        """What they are."""
-        said = []
-        for channel, before in self.before.items():
-            name, off = compare(outcome, before)
-            said.append(self.describe(self.of(channel), f"without it {name} would be {off:.1f} σ elsewhere"))
-        return tuple(said)
+    def finding(self, channel: str, shift: tuple[str, float] | None) -> Finding:
+        """What the terms in a channel are, and which estimate they shifted, by how many standard deviations."""
+        terms, (name, sigmas) = self.of(channel), shift or ("", 0.0)
+        data = {"channel": channel, "unit": terms[0].unit, **self.describe(terms), "sigmas": sigmas}
+        return Finding(self.code, "note", data, (name,) if name else ())
+
+    def notes(self, outcome: Outcome, *, filtered: bool) -> tuple[Finding, ...]:
+        """What they are, and by how much estimates differ from those of the fit that lacked them."""
+        return tuple(self.finding(channel, compare(outcome, before)) for channel, before in self.before.items())
 
 
 def widening_of(effects: Sequence[object], n: int) -> Array:

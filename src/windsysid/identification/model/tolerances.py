@@ -9,11 +9,13 @@ are half wrong together, as they were weighed on one scale, or computed from one
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from windsysid._types import Array
 from windsysid.mechanics.sensors import TOWER_LOGGER, Sensor, instrument_parameters
+from windsysid.results.finding import Finding
 from windsysid.results.tolerance import MOST, Tolerance
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.turbine.turbine import Turbine
@@ -91,20 +93,26 @@ def in_numbers(
     return Inexact(np.array(moved), np.array([seconds_late(tolerances, tau, sensors) for tau in each]))
 
 
-def note_tolerances(tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
+def note_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:
     """What a record says is off, which the estimates take into account."""
-    taken = "the estimates take it into account"
-    by_model = f", as far as the model goes: {taken}; correct its file, or look for a coupling"
-    return tuple(f"{one}{by_model if one.contradicted else f': {taken}'}" for one in tolerances if one.off)
+    return tuple(
+        Finding("tolerance_off", "note", _data(one) | {"contradicted": one.contradicted})
+        for one in tolerances
+        if one.off
+    )
 
 
-def doubt_tolerances(tolerances: Sequence[Tolerance]) -> tuple[str, ...]:
+def doubt_tolerances(tolerances: Sequence[Tolerance]) -> tuple[Finding, ...]:
     """What a record says little of, and yet puts far off."""
     return tuple(
-        f"{one}: more than {MOST:g} times its tolerance; correct it, or the turbine file"
+        Finding("tolerance_conflict", "reason", _data(one) | {"factor": MOST})
         for one in tolerances
         if one.contradicted and not one.informed
     )
+
+
+def _data(one: Tolerance) -> dict[str, Any]:
+    return {"group": one.group, "of": one.of, "estimate": one.estimate, "std": one.std}
 
 
 def learned_tolerances(tolerances: Sequence[Tolerance], tau: Array, cov: Array) -> tuple[Tolerance, ...]:

@@ -26,6 +26,7 @@ from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.mechanics.model import MechanicalModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.statespace.compose import LoadBlocks, StateSpace, compose, discretise_loads, parameters_given
 from windsysid.statespace.load_model import LoadModel
@@ -68,7 +69,7 @@ class TurbineProblem(NamedTuple):
     inputs, readings
         As filters take them (T, n_u + n_w), (T, m).
     notes
-        What was locked, and why.
+        What was locked.
     made
         Loads and noise at the last values of η that were asked for.
     """
@@ -81,7 +82,7 @@ class TurbineProblem(NamedTuple):
     tolerances: tuple[Tolerance, ...]
     inputs: Array
     readings: Array
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
     made: dict[bytes, tuple[LoadBlocks, list[float]]]
 
     @property
@@ -187,7 +188,7 @@ def pose(
 
     `loads` names a load model of `windsysid.loads.family`.
     """
-    notes: list[str] = []
+    notes: list[Finding] = []
     turbine = seen_by(turbine, sensors, notes)
     known = known_inputs(record, turbine, sensors)
     measured, of_the_file = known_loads(record, turbine)
@@ -205,12 +206,12 @@ def pose(
     )  # fmt: skip
 
 
-def seen_by(turbine: Turbine, sensors: Sequence[Sensor], notes: list[str]) -> Turbine:
-    """The turbine with those degrees of freedom locked that no sensor sees."""
+def seen_by(turbine: Turbine, sensors: Sequence[Sensor], notes: list[Finding]) -> Turbine:
+    """The turbine with those degrees of freedom locked that no sensor sees, which `notes` then name."""
     model, locked = turbine.model.lock_unseen(sensors)
     if not locked:
         return turbine
-    notes += locked
+    notes += [Finding("coordinate_locked", "note", {"coordinate": name}) for name in locked]
     return replace(turbine, model=model, loads=tuple(load for load in turbine.loads if load.load in model.loads))
 
 

@@ -36,6 +36,7 @@ from windsysid.output.answers import Answer
 from windsysid.output.progress import Progress, unheard
 from windsysid.output.table import Table
 from windsysid.results.budget import Budget, budget_of
+from windsysid.results.finding import Finding
 from windsysid.results.posterior import SIGMAS
 from windsysid.results.serialization import finite
 from windsysid.results.tolerance import Tolerance
@@ -151,9 +152,8 @@ class Plan(Answer):
     @cached_property
     def directions(self) -> tuple[str, ...]:
         """What these sensors leave unseen or badly told apart after the planned duration, a sentence each."""
-        return tuple(
-            describe_information(self.names, self.information(self.duration), aside=self.names[self.unknown :])
-        )
+        found = describe_information(self.names, self.information(self.duration), aside=self.names[self.unknown :])
+        return tuple(map(str, found))
 
     def answer(self, name: str) -> str:
         """Will these sensors see `name` in time, and if not, how long do they need?"""
@@ -310,7 +310,7 @@ def plan(
         raise ConfigurationError(f"formulation: expected {', '.join(WAYS)}; got '{formulation}'")
     known = identifiable(turbine)
     asked = identifiable(turbine, parameters) if parameters is not None else known
-    notes: list[str] = []
+    notes: list[Finding] = []
     seen = seen_by(turbine, turbine.sensors, notes)
     unknown = tuple(name for name in dict.fromkeys([*known, *asked]) if seen.model.acts(name))
     slowest, fastest, damping = _time_scales(seen)
@@ -321,7 +321,7 @@ def plan(
     draft = Plan(
         turbine.name, tuple(sensor.channel for sensor in turbine.sensors), turbine.rotor_speed, rate, duration, within,
         told.names, len(unknown), tuple(asked), finding, told.start, told.growths.mean(axis=0), 0.0,
-        tuple(name for name in asked if name not in unknown), (*notes, *told.notes), told.tolerances,
+        tuple(name for name in asked if name not in unknown), (*map(str, notes), *told.notes), told.tolerances,
     )  # fmt: skip
     accuracy = _accuracy(draft, told.growths, told.length * damping)
     return replace(draft, accuracy=accuracy, notes=(*draft.notes, f"these numbers are good to {percent(accuracy)}"))

@@ -20,6 +20,7 @@ from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.loads.statistics import to_logarithms
 from windsysid.output.progress import Progress
+from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.turbine import Turbine
@@ -56,7 +57,7 @@ class PlannedSpectra(NamedTuple):
     growths: Array
     tolerances: tuple[Tolerance, ...]
     turns: bool
-    doubts: tuple[str, ...]
+    doubts: tuple[Finding, ...]
 
 
 def planned_spectra(
@@ -100,13 +101,13 @@ def _names(found: Outcome) -> list[str]:
     return [*(q.name for q in found.model.parameters), *levels, *(one.name for one in found.tolerances)]
 
 
-def _shared_doubts(found: Sequence[Outcome]) -> tuple[str, ...]:
-    """Doubts of more than half of the results, whatever the numbers in them, as the first of them says it."""
-    kinds: dict[str, list[str]] = {}
+def _shared_doubts(found: Sequence[Outcome]) -> tuple[Finding, ...]:
+    """Reasons of more than half of the results, whatever their numbers, as the first of them has them."""
+    alike: dict[tuple[object, ...], list[Finding]] = {}
     for one in found:
-        for kind, doubt in {re.sub(r"[\d.]+", "", doubt): doubt for doubt in one.doubts}.items():
-            kinds.setdefault(kind, []).append(doubt)
-    return tuple(texts[0] for texts in kinds.values() if len(texts) > RECORDS // 2)
+        for key, doubt in {(d.code, d.channels, d.quantities): d for d in one.doubts}.items():
+            alike.setdefault(key, []).append(doubt)
+    return tuple(doubts[0] for doubts in alike.values() if len(doubts) > RECORDS // 2)
 
 
 def _information(found: Outcome) -> Array:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from windsysid.errors import RecordError
 from windsysid.identification.condition.readings import screened, usable_sensors
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
@@ -19,7 +19,7 @@ class _Run(Protocol):
     def take(self, piece: Record, /) -> None:
         """The next piece as it was recorded."""
 
-    def conclude(self, started: float, faults: Sequence[Finding], /) -> Identification:
+    def conclude(self, started: float, faults: Sequence[Fault], /) -> Identification:
         """The result, with the faults of all pieces."""
 
 
@@ -36,7 +36,7 @@ def take_in(
         If there is no piece.
     """
     run: _Run | None = None
-    faults: list[Finding] = []
+    faults: list[Fault] = []
     found: tuple[Sensor, ...] = ()
     for piece in pieces:
         if run is None:

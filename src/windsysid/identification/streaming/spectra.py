@@ -35,10 +35,11 @@ from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import seen_by
 from windsysid.identification.streaming.driver import take_in
 from windsysid.identification.verdict.conclude import conclude
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.mechanics.sensors import Sensor
 from windsysid.output.files import claim_file
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding, read_finding
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import RecordHash, record_hash, sensor_tables, trace, turbine_hash
 from windsysid.spectral.rotor.build import harmonics_of, turns_couple
@@ -101,7 +102,7 @@ class _Run:
         }  # fmt: skip
         self.checkpoint, self.first, self.turbine, self.sensors = checkpoint, first, turbine, sensors
         self.prior, self.chosen, self.loads = prior, chosen, loads
-        self.notes: list[str] = []
+        self.notes: list[Finding] = []
         self.seen = seen_by(turbine, sensors, self.notes)
         part = first.on_uniform_grid()
         self.rate = part.rate
@@ -200,7 +201,12 @@ class _Run:
                 "inputs": self.inputs,
             }  # fmt: skip
             arrays |= {f"last_{name}": np.asarray(value) for name, value in self.sums.last._asdict().items()}
-        progress = {"samples": self.taken, "taken": str(self.hash), "wind": self.wind, "notes": self.notes}
+        progress = {
+            "samples": self.taken,
+            "taken": str(self.hash),
+            "wind": self.wind,
+            "notes": [note.summary() for note in self.notes],
+        }
         progress |= {"channels": list(self.last.channels)}
         for name, told in (("call", self.call), ("progress", progress)):
             arrays[name] = np.asarray(json.dumps(told))
@@ -225,13 +231,13 @@ class _Run:
                 block = Lifted(**{**last, **numbers})
                 self.sums = LiftedSums(archive["power"], float(archive["blocks"]), block, archive["energies"])
                 self.inputs = archive["inputs"]
-        self.wind, self.notes = list(self.stopped["wind"]), list(self.stopped["notes"])
+        self.wind, self.notes = list(self.stopped["wind"]), list(map(read_finding, self.stopped["notes"]))
 
     def _another(self, what: str) -> ConfigurationError:
         assert self.checkpoint is not None
         return another_call(self.checkpoint, [what])
 
-    def conclude(self, started: float, faults: Sequence[Finding]) -> Identification:
+    def conclude(self, started: float, faults: Sequence[Fault]) -> Identification:
         """The result."""
         if self.taken < int(self.stopped["samples"]):
             raise self._another("record")
@@ -249,11 +255,11 @@ class _Run:
         whole = self.first.on_uniform_grid()
         beside = narrow_band_beside(outcome, whole, self.turbine, self.sensors, sums)
         outcome = outcome._replace(doubts=(*outcome.doubts, *doubts_of_narrow_band(beside, asked=outcome.hypothesis)))
-        seconds = sums.last.duration
-        what = f"{self.turns} turns" if self.coupled else f"{seconds:.4g} s"
-        blocks = f"taken in piece by piece: {len(sums.energies)} blocks of {what}"
-        if self.memory < 1.0:
-            blocks += f", which count as {sums.blocks:.3g}: the older, the less"
+        data = {
+            "blocks": len(sums.energies), "turns": self.turns, "duration": sums.last.duration,
+            "weight": sums.blocks if self.memory < 1.0 else None,
+        }  # fmt: skip
+        blocks = Finding("blocks", "note", data)
         outcome = note_wide_priors(outcome)
         outcome = outcome._replace(
             rotor=inputs, notes=tuple(dict.fromkeys([*self.notes, *outcome.notes, blocks])),

@@ -48,10 +48,11 @@ from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.identification.streaming.driver import take_in
 from windsysid.identification.streaming.spectra import identify_spectra_of_pieces
 from windsysid.identification.verdict.conclude import conclude
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.kernels.threads import one_thread
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.results.finding import Finding, read_finding
 from windsysid.results.identification import Identification
 from windsysid.results.provenance import RecordHash, record_hash, sensor_tables, trace, turbine_hash
 from windsysid.turbine.coercion import TurbineLike, as_turbine
@@ -199,7 +200,8 @@ class _Run:
         self.samples: SamplesOnDisk | None = None
         self.problem: TurbineProblem | None = None
         self.online: Online | None = None
-        self.why, self.histories, self.warming = "", list[History](), 0.0
+        self.why = Finding("load_model_chosen", "note", {"model": "", "reason": ""})
+        self.histories, self.warming = list[History](), 0.0
         self.ended, self.wind = float(first.time[0]), [0.0, 0.0]
 
     def take(self, piece: Record) -> None:
@@ -213,7 +215,7 @@ class _Run:
             raise another_call(self._path, ["record"])
         self._append(self.windows.take(piece))
         if self.checkpoint is not None and self.taken > known:
-            chosen = None if self.problem is None else [self.problem.loads.name, self.why]
+            chosen = None if self.problem is None else [self.problem.loads.name, self.why.summary()]
             progress = {"samples": self.taken, "taken": str(self.hash), "chosen": chosen}
             history = join_histories(self.histories) if self.histories else None
             save(self.online, history, self.checkpoint, call=self.call, progress=progress)
@@ -257,7 +259,8 @@ class _Run:
         self.beginning = []
         question = Question(beginning, self.turbine, self.sensors, self.prior, self.chosen)
         if self.stopped["chosen"] is not None:
-            name, self.why = self.stopped["chosen"]
+            name, why = self.stopped["chosen"]
+            self.why = read_finding(why)
             self.problem = pose(*question, name)
             self.online, earlier = restore(self.problem.build, self._path)
             self.histories = [earlier]
@@ -276,7 +279,7 @@ class _Run:
             self.online, history = advance(self.problem.build, self.online, *new, self.problem.start)
             self.histories.append(history)
 
-    def conclude(self, started: float, faults: Sequence[Finding]) -> Identification:
+    def conclude(self, started: float, faults: Sequence[Fault]) -> Identification:
         """The result."""
         if self.taken < int(self.stopped["samples"]):
             raise another_call(self._path, ["record"])
@@ -299,9 +302,8 @@ class _Run:
         outcome: Outcome = describe_solution(problem, solution, self.turbine, self.why, known, elapsed)
         outcome = note_wide_priors(outcome._replace(given_priors=given))
         last = len(solution.info.innovation)
-        pieces = "taken in piece by piece"
-        if last < solution.samples:
-            pieces += f": innovations, states and loads are kept of the last {last / self.windows.rate:.0f} s"
+        kept_seconds = last / self.windows.rate if last < solution.samples else None
+        pieces = Finding("pieces", "note", {"kept": kept_seconds})
         thin = thin_to_readings(outcome, steps)._replace(
             history_mean=outcome.history_mean,
             history_std=outcome.history_std,

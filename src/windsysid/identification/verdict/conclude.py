@@ -20,17 +20,18 @@ from windsysid.identification.estimate.modal_residuals import doubts_beside_mode
 from windsysid.identification.estimate.modes import modes_of
 from windsysid.identification.job import Formulation
 from windsysid.identification.model.fit import Outcome
-from windsysid.inspection.health import Finding
+from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import doubted, noted
 from windsysid.mechanics.compile import compile_model
 from windsysid.mechanics.model import Coefficient
 from windsysid.records.record import Record
 from windsysid.results.budget import Budget, budget_of
+from windsysid.results.finding import Finding
 from windsysid.results.identification import Estimate, Identification, coefficient_errors
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import SIGMAS, Conditions
 from windsysid.results.provenance import Provenance
-from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient, without_cause
+from windsysid.results.transient import Transient, explain_by_transient, find_burst, find_transient
 from windsysid.signals.rotor import STANDING_MAX_SPEED, rotor_inputs
 from windsysid.turbine.turbine import Turbine
 
@@ -51,7 +52,7 @@ def conclude(
     history_time: Array | None = None,
     wind_speed: float | None = None,
     provenance: Provenance | None = None,
-    faults: Sequence[Finding] = (),
+    faults: Sequence[Fault] = (),
     line: Line | None = None,
 ) -> Identification:
     """Put what a formulation found on `record` into physical units, with bands, modes and errors, and judge it, with
@@ -88,7 +89,7 @@ def conclude(
         )
     at = modes_of(outcome, compile_model(turbine.model) if formulation == "force-balance" else None)
     final, speed, modes = at.turbine, at.speed, at.modes
-    beside: tuple[str, ...] = ()
+    beside: tuple[Finding, ...] = ()
     if formulation != "force-balance":
         beside = doubts_beside_modes(outcome, record, modes, speed, filtered=formulation == "joint")
     diagnosis = diagnose(
@@ -102,12 +103,14 @@ def conclude(
         rotor_speed=speed,
         blades=turbine.model.blades,
         white=formulation == "joint",
-        doubts=(
+        findings=(
             *doubted(faults),
             *outcome.doubts,
             *_off_clock(record, speed),
             *(_burst(outcome, record) if formulation == "joint" and section is None else ()),
             *beside,
+            *outcome.notes,
+            *noted(faults),
         ),
         whiteness=outcome.whiteness,
         damping=[(mode.name, mode.damping_ratio) for mode in modes],
@@ -118,11 +121,9 @@ def conclude(
         constancy=outcome.constancy,
         blades_move=any(freedom.blade for freedom in turbine.model.freedoms),
     )
-    notes = (*outcome.notes, *noted(faults))
     transient = _transient(outcome, record) if section is None else None
     if transient is not None:
         diagnosis = explain_by_transient(diagnosis, transient, outcome.channels)
-        notes = tuple(map(without_cause, notes))
     return Identification(
         method=_METHODS[formulation],
         formulation=formulation,
@@ -146,7 +147,6 @@ def conclude(
         log_likelihood=float(outcome.final.log_likelihood.sum())
         if outcome.log_likelihood is None
         else outcome.log_likelihood,
-        notes=notes,
         statistics=outcome.statistics,
         diagnosis=diagnosis,
         machine=replace(turbine, rotor_speed=max(speed, 0.0)),
@@ -161,17 +161,18 @@ def conclude(
     )
 
 
-def doubts_of_innovations(outcome: Outcome, rate: float) -> tuple[str, ...]:
+def doubts_of_innovations(outcome: Outcome, rate: float) -> tuple[Finding, ...]:
     """What the innovations of a filter, so many a second, say against its result."""
     nothing, names = np.empty(0), [q.name for q in outcome.model.parameters]
     found = diagnose(
         outcome.final, readings=outcome.model.readings, rate=rate, frequencies=(), parameters=(), theta=nothing,
         cov=np.diag(nothing), whiteness=outcome.whiteness, bent=_bent(outcome), smoothed_loads=outcome.smoothed_loads,
     )  # fmt: skip
-    return (*found.reasons, *doubt_constancy(names, outcome.constancy))
+    reasons = (one for one in found.findings if one.severity == "reason")
+    return (*reasons, *doubt_constancy(names, outcome.constancy))
 
 
-def _off_clock(record: Record, speed: float) -> tuple[str, ...]:
+def _off_clock(record: Record, speed: float) -> tuple[Finding, ...]:
     """That azimuth and speed contradict each other, as a doubt: time may be counted wrongly, and stiffness goes with
     its square."""
     if not ("rotor_azimuth" in record and "rotor_speed" in record and record.is_uniform):
@@ -184,11 +185,7 @@ def _off_clock(record: Record, speed: float) -> tuple[str, ...]:
     turned = float(psi[-1] - psi[0]) / float(record.time[-1] - record.time[0])
     if not mean > STANDING_MAX_SPEED or abs(turned / mean - 1.0) < OFF_CLOCK:
         return ()
-    how = "faster" if turned > mean else "slower"
-    return (
-        f"rotor_azimuth turns {100.0 * abs(turned / mean - 1.0):.2g} % {how} than rotor_speed says: where time is "
-        "wrong, stiffness is by twice that; check the sampling rate and both channels",
-    )
+    return (Finding("azimuth_contradicts_speed", "reason", {"ratio": turned / mean}),)
 
 
 def _transient(outcome: Outcome, record: Record) -> Transient | None:
@@ -196,11 +193,11 @@ def _transient(outcome: Outcome, record: Record) -> Transient | None:
     return find_transient(np.column_stack([record[name] for name in outcome.channels]), outcome.channels)
 
 
-def _burst(outcome: Outcome, record: Record) -> tuple[str, ...]:
+def _burst(outcome: Outcome, record: Record) -> tuple[Finding, ...]:
     """A burst after the beginning of a record, as a doubt: a filter learns the state at the beginning, however large,
     but its loads are stationary."""
     burst = find_burst(np.column_stack([record[name] for name in outcome.channels]), outcome.channels, record.rate)
-    return (burst.describe("choose a section that begins after it"),) if burst is not None and burst.segment else ()
+    return (Finding("late_burst", "reason", burst.data),) if burst is not None and burst.segment else ()
 
 
 def _late(outcome: Outcome, record: Record) -> Late | None:

@@ -10,6 +10,7 @@ from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.drift_of_halves import drift_of_halves
 from windsysid.identification.model.drift import Drift
+from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.results.transient import find_burst
 from windsysid.spectral.rotor.build import pose_lifted
@@ -60,40 +61,33 @@ def drifts_of(
     return tuple(drift_of_halves([half.model for half in halves], unknowns, loggers, apart))
 
 
-def doubts_of_spectra(question: Question, posed: Posed, found: Fit, loads: str, halves: Sequence[Posed]) -> list[str]:
+def doubts_of_spectra(
+    question: Question, posed: Posed, found: Fit, loads: str, halves: Sequence[Posed]
+) -> list[Finding]:
     """What speaks against the bands: a search that did not end, a record that the spectra do not explain or that is not
     stationary."""
-    doubts = []
+    doubts = list[Finding]()
     if not found.settled:
-        doubts.append(
-            f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors "
-            f"nearer to the structure"
-        )
+        doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
     least = LEAST_STANDING if posed.smoothed is None else LEAST_RESONANCE
     if posed.resonance < least:
-        doubts.append(
-            f"the narrowest resonance counts as {posed.resonance:.2g} independent values only, and bands were not "
-            f"proven below {least:g}: choose a longer record"
-        )
+        doubts.append(Finding("narrow_resonance", "reason", {"count": posed.resonance, "least": least}))
     if loads == "rotor-wind" and posed.resonance > MOST_RESONANCE:
         proven = len(question.readings) / question.rate * MOST_RESONANCE / posed.resonance
-        doubts.append(
-            f"bands under wind were proven for {proven:.3g} s at most: in a longer record they are narrower than what "
-            f"the load model does not know"
-        )
+        doubts.append(Finding("long_record_under_wind", "reason", {"duration": proven}))
     doubts += unexplained(_parts(_alike(posed, found), posed, found.unknowns, question))[:3]
     if question.sums is not None:
         return doubts + _unsteady_blocks(question, question.sums, posed)
     burst = find_burst(question.readings, [sensor.channel for sensor in question.sensors], question.rate)
     if burst is not None:
-        doubts.append(burst.describe("choose a section without it"))
+        doubts.append(Finding("burst", "reason", burst.data))
     if not halves:
-        return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
+        return [*doubts, Finding("too_short_for_stationarity", "reason")]
     first, second = (_parts(half, posed, found.unknowns, question) for half in halves)
     return doubts + unsteady(first, second)[:2]
 
 
-def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[str]:
+def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[Finding]:
     """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: what wind does then is a
     hump, not a line, and spectra have no model of it."""
     blades = question.turbine.model.blades
@@ -103,25 +97,21 @@ def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[str]
     for name in found.model.coordinates:
         natural = found.natural_frequency(name) / (2.0 * math.pi)
         if passing and natural / PASSING < passing < natural * PASSING:
-            return [
-                f"the blades pass at {passing:.3g} Hz ({blades}P), near {name} at {natural:.3g} Hz: their load was not "
-                "modelled; use --formulation joint"
-            ]
+            data = {"frequency": passing, "blades": blades, "coordinate": name, "mode": natural}
+            return [Finding("blade_passing_near_mode", "reason", data)]
     return []
 
 
-def _unsteady_blocks(question: Question, sums: LiftedSums, posed: Posed) -> list[str]:
+def _unsteady_blocks(question: Question, sums: LiftedSums, posed: Posed) -> list[Finding]:
     """Whether the first half of the blocks is much louder or quieter than the second, and whether a block is long
     enough."""
-    blocks, doubts = len(sums.energies), []
+    blocks, doubts = len(sums.energies), list[Finding]()
     alone = posed.resonance / sums.blocks
     if posed.smoothed is not None and alone < LEAST_OF_A_BLOCK:
-        doubts.append(
-            f"the narrowest resonance counts as {alone:.2g} independent values in a piece, expected "
-            f"{LEAST_OF_A_BLOCK:g}: choose longer pieces"
-        )
+        data = {"count": alone, "least": LEAST_OF_A_BLOCK}
+        doubts.append(Finding("narrow_resonance_in_pieces", "reason", data))
     if blocks < 2:
-        return [*doubts, "one block only: it cannot be seen whether the record is stationary; choose a longer one"]
+        return [*doubts, Finding("one_block", "reason")]
     low, high = posed.bands[0][0], posed.bands[-1][1]
     halves = [
         [

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from windsysid._types import Array, Complex
+from windsysid.results.finding import Finding
 from windsysid.spectral.lti.fit import LinearFit
 from windsysid.spectral.lti.likelihood import LinearModel
 from windsysid.spectral.rotor.check import Part, unexplained, unsteady
@@ -53,17 +54,15 @@ def doubts_of(
     channels: Sequence[str],
     energies: Sequence[Array],
     ranges: Sequence[tuple[float, float]],
-) -> list[str]:
+) -> list[Finding]:
     """What speaks against the bands: a search that did not end, resonances of few bins, what the model does not
     explain, blocks of different loudness.
 
     `energies` are `range_energies` of parts of the record in their order, over `ranges` [Hz].
     """
-    doubts = []
+    doubts = list[Finding]()
     if not fit.settled:
-        doubts.append(
-            "the likelihood still rose when the search ended: choose a longer record, or give narrower priors"
-        )
+        doubts.append(Finding("fit_not_converged", "reason"))
     S = model.spectrum(fit.rows.frequency, fit.unknowns) + fit.smear
     counts = fit.rows.counts
     parts = _parts(S, fit, ranges, spectra.factor, channels)
@@ -72,10 +71,8 @@ def doubts_of(
     poles = poles[(poles.imag > 0.0) & (poles.imag < 2.0 * math.pi * spectra.frequency[-1])]
     least = float(np.min(-poles.real, initial=math.inf)) * duration
     if least < LEAST_RESONANCE * spectra.factor:
-        doubts.append(
-            f"the narrowest resonance counts as {max(least / spectra.factor, 0.0):.2g} independent values only, and "
-            f"bands were not proven below {LEAST_RESONANCE:g}: choose a longer record"
-        )
+        data = {"count": max(least / spectra.factor, 0.0), "least": LEAST_RESONANCE}
+        doubts.append(Finding("narrow_resonance", "reason", data))
     doubts += unexplained(parts)[:3]
     halves = [np.nanmean(half, axis=0) for half in np.array_split(np.array(energies), 2) if len(half)]
     if len(halves) < 2:

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from windsysid._types import Array, Complex
 from windsysid.errors import RecordError
 from windsysid.inspection import MIN_MODAL_SAMPLES
+from windsysid.inspection.clock import MAX_SHORT_GAP_SAMPLES
 from windsysid.inspection.continuity import copies_among
-from windsysid.inspection.health import MAX_SHORT_GAP_SAMPLES, Finding, sampled_every
+from windsysid.inspection.fault import Fault
+from windsysid.inspection.health import sampled_every
 from windsysid.inspection.plausibility import MIN_ROTOR_SPEED, rotor_of
 from windsysid.inspection.screening import doubted, noted, screen
 from windsysid.mechanics.sensors import Sensor
@@ -123,8 +125,8 @@ def prepare_readings(record: Record, sensors: Sequence[Sensor | ModalSensor | st
     findings = screen(record, None, channels, others=helpers)
     few = [one for one in findings if one.kind == "spikes" and one.count <= MAX_SPIKED * record.samples]
     findings = [one for one in findings if one not in few and one.kind != "copy"]  # copies are left out
-    notes += noted(findings) + ((_bridged_spikes(few, record.samples),) if few else ())
-    doubts = [_doubt_of(finding) for finding in findings if finding.kind in TELLING] + list(doubted(findings))
+    notes += [*map(str, noted(findings)), *([_bridged_spikes(few, record.samples)] if few else [])]
+    doubts = [_doubt_of(finding) for finding in findings if finding.kind in TELLING] + [*map(str, doubted(findings))]
     values = np.column_stack([_bridged(_without_spikes(record, name, few)) for name in channels])
     kept = _without_copies(record, channels, values, notes, refuse=sensors is not None)
     chosen, values = tuple(chosen[i] for i in kept), values[:, kept]
@@ -314,7 +316,7 @@ def _transient(values: Array) -> list[str]:
     ]
 
 
-def _without_spikes(record: Record, channel: str, spikes: Sequence[Finding]) -> Array:
+def _without_spikes(record: Record, channel: str, spikes: Sequence[Fault]) -> Array:
     """A channel, NaN where it has spikes."""
     values = record[channel].copy()
     for finding in spikes:
@@ -328,7 +330,7 @@ def _without_spikes(record: Record, channel: str, spikes: Sequence[Finding]) -> 
     return np.asarray(values)
 
 
-def _bridged_spikes(spikes: Sequence[Finding], samples: int) -> str:
+def _bridged_spikes(spikes: Sequence[Fault], samples: int) -> str:
     count = sum(finding.count for finding in spikes)
     where = ", ".join(finding.channel for finding in spikes[:4]) + (" …" if len(spikes) > 4 else "")
     return f"{count} samples of spikes among {samples} were bridged by straight lines: {where}"
@@ -374,5 +376,5 @@ def _unwrapped_known(psi: Array) -> Array:
     return np.interp(np.arange(len(psi)), np.flatnonzero(known), np.unwrap(psi[known]))
 
 
-def _doubt_of(finding: Finding) -> str:
-    return f"channel {finding.channel or 'clock'}: {finding.kind}: {finding.text.split(': ')[0]}"[:150]
+def _doubt_of(fault: Fault) -> str:
+    return f"channel {fault.channel or 'clock'}: {fault.kind}: {fault.statement}"

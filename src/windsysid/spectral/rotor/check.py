@@ -7,11 +7,12 @@ which channel and at which frequencies the model fails. A record whose halves ha
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.results.finding import Finding
 
 __all__ = ["Part", "parts_of", "unexplained", "unsteady"]
 
@@ -79,18 +80,21 @@ def parts_of(
     return found
 
 
-def unexplained(parts: Sequence[Part]) -> list[str]:
-    """In words: where a channel is louder or quieter than the model expects, the worst first."""
+def unexplained(parts: Sequence[Part]) -> list[Finding]:
+    """Reasons where a channel is louder or quieter than the model expects, the worst first."""
     off = [p for p in parts if (p.mean > LOUD or p.mean < QUIET) and abs(p.mean - 1.0) > SIGMAS * p.scatter]
     return [
-        f"{p.channel} is {p.mean:.2g} times as loud (squared) as the model expects at {p.low:.3g} … {p.high:.3g} Hz: "
-        "loads or motion are not as modelled there"
+        Finding("unexplained_power", "reason", _data(p, p.mean))
         for p in sorted(off, key=lambda p: -abs(math.log(max(p.mean, 1e-12))))
     ]
 
 
-def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
-    """In words: where the halves of a record differ in energy by more than chance and by more than a factor, the worst
+def _data(part: Part, ratio: float) -> dict[str, Any]:
+    return {"channel": part.channel, "ratio": ratio, "low": part.low, "high": part.high}
+
+
+def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[Finding]:
+    """Reasons where the halves of a record differ in energy by more than chance and by more than a factor, the worst
     first.
 
     Of N complex normal entries the energy is χ² with 2N degrees of freedom, and the ratio of two energies follows
@@ -102,10 +106,7 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
     others = {(p.channel, p.low, p.high): p for p in second}
     pairs = [(a, others[a.channel, a.low, a.high]) for a in first if (a.channel, a.low, a.high) in others]
     if not pairs:
-        return [
-            "no frequency range is free of rotor harmonics in both halves: stationarity cannot be tested; choose a "
-            "section of steadier rotor speed"
-        ]
+        return [Finding("stationarity_untestable", "reason")]
     off = []
     for a, b in pairs:
         loud, quiet = (a, b) if a.energy > b.energy else (b, a)
@@ -115,7 +116,5 @@ def unsteady(first: Sequence[Part], second: Sequence[Part]) -> list[str]:
         if factor > max(UNSTEADY, rare):
             off.append((factor, a))
     return [
-        f"{p.channel} is {factor:.2g} times as loud (squared) in one half as in the other at "
-        f"{p.low:.3g} … {p.high:.3g} Hz: not stationary; choose a steadier section"
-        for factor, p in sorted(off, key=lambda pair: -pair[0])
+        Finding("nonstationary", "reason", _data(p, factor)) for factor, p in sorted(off, key=lambda pair: -pair[0])
     ]

@@ -20,6 +20,7 @@ from windsysid.errors import RecordError
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.rotor import RotorModel
 from windsysid.modal.analysis import modes
+from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.build import MOST_HARMONICS
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
 from windsysid.spectral.rotor.likelihood import Place as Where
@@ -107,7 +108,7 @@ class PosedBands(NamedTuple):
     start: Array
     places: tuple[Place, ...]
     combined: tuple[Combined, ...]
-    doubts: tuple[str, ...]
+    doubts: tuple[Finding, ...]
     spectra: TurnedSpectra
 
 

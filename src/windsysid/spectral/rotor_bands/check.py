@@ -14,6 +14,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
+from windsysid.results.finding import Finding
 from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import Question
@@ -38,28 +39,25 @@ LEAST_ENERGY = 4.0
 """Independent values that an energy counts as at least: a resonance as narrow as a bin has few."""
 
 
-def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list[str]:
-    """What speaks against a result, in words."""
+def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list[Finding]:
+    """What speaks against a result."""
     posed, found = posed._replace(model=fit.model), fit.mode
     doubts = [*posed.doubts, *_short(posed)]
     if not found.settled:
-        doubts.append(
-            f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors "
-            f"nearer to the structure"
-        )
+        doubts.append(Finding("search_not_converged", "reason", {"steps": found.steps}))
     doubts += unexplained(_parts(posed, found.unknowns))[:3]
     try:
         halves = _halves(question, posed)
         narrow = pose_bands(question, posed.places, posed.spectra, width=NARROWER)
     except RecordError:
-        return [*doubts, "the record is too short to see whether it is stationary: choose a longer one"]
+        return [*doubts, Finding("too_short_for_stationarity", "reason")]
     if len(halves) < 2:
-        return [*doubts, "one block only: it cannot be seen whether the record is stationary; choose a longer one"]
+        return [*doubts, Finding("one_block", "reason")]
     doubts += unsteady(*(_energies(posed, piece, found.unknowns) for piece in halves))[:2]
     try:
         return doubts + _disagreements(question, posed, found, halves, narrow)
     except np.linalg.LinAlgError:
-        return [*doubts, "parts of the record have no spectrum that the model could have: choose another section"]
+        return [*doubts, Finding("segments_without_spectrum", "reason")]
 
 
 def _halves(question: Question, posed: PosedBands) -> list[PosedBands]:
@@ -76,7 +74,7 @@ def _halves(question: Question, posed: PosedBands) -> list[PosedBands]:
 
 def _disagreements(
     question: Question, posed: PosedBands, found: Mode, halves: Sequence[PosedBands], narrow: PosedBands
-) -> list[str]:
+) -> list[Finding]:
     """Whether the halves and the narrower bands say another stiffness than the record."""
     which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
     names = [question.parameters[i].name for i in which]
@@ -84,30 +82,24 @@ def _disagreements(
     known, one, other, less = (
         np.linalg.inv(mode.information)[np.ix_(which, which)] for mode in (found, first, second, again)
     )
-    doubts = _differ(
-        first.unknowns[which] - second.unknowns[which], one + other, names,
-        "the halves of the record do not agree on {}: what drives it, or the structure, changed",
-    )  # fmt: skip
+    between = first.unknowns[which] - second.unknowns[which]
+    doubts = _differ("halves_disagree_in_bands", between, one + other, names)
     step = again.unknowns[which] - found.unknowns[which]
     if np.any(np.abs(step) > np.sqrt(np.diag(known))):
-        text = "narrower bands do not agree on {}: something in the bands is not as modelled"
-        doubts += _differ(step, less - (1.0 - UNSAID) * known, names, text)
+        doubts += _differ("narrower_bands_disagree", step, less - (1.0 - UNSAID) * known, names)
     return doubts
 
 
-def _short(posed: PosedBands) -> list[str]:
+def _short(posed: PosedBands) -> list[Finding]:
     """Whether resonances are narrower in the record than those whose bands were proven."""
-    spectra, doubts = posed.spectra, []
-    longer = "a longer record" if spectra.recent is None else "longer pieces"
+    spectra, doubts = posed.spectra, list[Finding]()
     for of_blades, least in ((True, LEAST_OF_BLADES), (False, LEAST_OF_SUPPORT)):
         widths = [p.ratio * p.frequency for p in posed.places if (p.shape is not None) == of_blades]
         counts = [2.0 * np.pi * width * spectra.duration / spectra.overlap for width in widths]
         if counts and min(counts) < least:
-            what = "the blades" if of_blades else "the support"
-            doubts.append(
-                f"the narrowest resonance of {what} counts as {min(counts):.2g} independent values, and bands were not "
-                f"proven below {least:g}: choose {longer}"
-            )
+            data = {"part": "blades" if of_blades else "support", "count": min(counts), "least": least}
+            code = "narrow_resonance_in_bands" if spectra.recent is None else "narrow_resonance_in_bands_of_pieces"
+            doubts.append(Finding(code, "reason", data))
     return doubts
 
 
@@ -116,8 +108,8 @@ def _again(whole: PosedBands, found: Mode, other: PosedBands) -> Mode:
     return other.model.fit(other.model.start_from(found.unknowns, whole.model), rough=True).mode
 
 
-def _differ(step: Array, cov: Array, names: list[str], text: str) -> list[str]:
-    """Whether a step is longer than chance makes it; the parameter that it moves most goes into the text."""
+def _differ(code: str, step: Array, cov: Array, names: list[str]) -> list[Finding]:
+    """A reason where a step is longer than chance makes it, with the parameter that it moves most."""
     from scipy.special import chdtri
 
     values, vectors = np.linalg.eigh(cov)
@@ -126,7 +118,7 @@ def _differ(step: Array, cov: Array, names: list[str], text: str) -> list[str]:
     if size <= float(chdtri(len(step), CHANCE)):
         return []
     worst = int(np.argmax(np.abs(step) / np.sqrt(np.diag(cov).clip(1e-300))))
-    return [text.format(f"{names[worst]} ({100.0 * step[worst]:+.2g} %)")]
+    return [Finding(code, "reason", {"change": step[worst]}, (names[worst],))]
 
 
 def _parts(posed: PosedBands, unknowns: Array) -> list[Part]:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.results.finding import Finding
 from windsysid.spectral.rotor_bands.channels import Combined, TurnedSpectra
 from windsysid.spectral.rotor_bands.peak_search import FAINT, Trace, best_of, trace
 from windsysid.statespace.parameter import Parameter
@@ -73,7 +74,7 @@ class Places(NamedTuple):
 
     places: tuple[Place, ...]
     start: Array
-    doubts: tuple[str, ...]
+    doubts: tuple[Finding, ...]
 
 
 class _Group(NamedTuple):
@@ -113,7 +114,7 @@ def find_places(
     named = [name for name in there if (name in WHIRLS and True in seen_on) or (_stands(name) and False in seen_on)]
     traces: dict[str, Trace] = {}
     found: dict[str, float] = {}
-    doubts: list[str] = []
+    doubts: list[Finding] = []
     for group in _groups(frequencies, values, parameters, named, there):
         scales = np.linspace(-REACH * group.spread, REACH * group.spread, SUPPOSED)
         curves = _curves(frequencies, values, group, scales, spectra.rotor_hz)
@@ -218,12 +219,9 @@ def _trace(
     return trace(spectra, [spectra.combined(c.weights) for c in combined if c.blade], 0, 1, low, high)
 
 
-def _doubts(group: _Group, found: Mapping[str, float], gain: float, rivals: Sequence[float]) -> list[str]:
+def _doubts(group: _Group, found: Mapping[str, float], gain: float, rivals: Sequence[float]) -> list[Finding]:
     """What speaks against the peaks of a group."""
-    which, where = " and ".join(group.modes), ", ".join(f"{found[name]:.3g}" for name in group.modes)
+    data = {"modes": group.modes, "frequencies": [found[name] for name in group.modes]}
     if gain < FAINT:
-        return [f"no peak of {which} stands out near {where} Hz: choose a longer record, or a narrower prior"]
-    if rivals:
-        others = ", ".join(f"{rival:.3g}" for rival in rivals[:3])
-        return [f"{which} may be the peak at {where} Hz or that at {others} Hz: give a narrower prior (--prior-spread)"]
-    return []
+        return [Finding("faint_peak", "reason", data)]
+    return [Finding("ambiguous_peak", "reason", data | {"others": rivals[:3]})] if rivals else []

@@ -9,6 +9,7 @@ from windsysid.checks.verdict import Diagnosis
 from windsysid.loads.statistics import Statistic
 from windsysid.results.budget import Budget
 from windsysid.results.estimate import Estimate
+from windsysid.results.finding import Finding
 from windsysid.results.load_history import Loads
 from windsysid.results.mode import Mode
 from windsysid.results.posterior import NOT_RECORDED, SIGMAS, Conditions
@@ -17,11 +18,11 @@ from windsysid.results.tolerance import Tolerance
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Findings"]
+__all__ = ["IdentificationValues"]
 
 
 @dataclass(frozen=True)
-class Findings:
+class IdentificationValues:
     """The values of an identification; `windsysid.Identification` says what each is."""
 
     method: str
@@ -44,7 +45,6 @@ class Findings:
     innovation: Array
     whitened: Array
     log_likelihood: float
-    notes: tuple[str, ...] = ()
     statistics: tuple[Statistic, ...] = ()
     loads: Loads | None = None
     machine: Turbine | None = None
@@ -61,6 +61,16 @@ class Findings:
             if estimate.name == name:
                 return estimate
         raise KeyError(f"'{name}' was not identified: expected one of {', '.join(e.name for e in self.estimates)}")
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What a reader must know, as data."""
+        return self.diagnosis.findings
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was done to the record and the model, in sentences."""
+        return self.diagnosis.sentences("note")
 
     @property
     def innovation_time(self) -> Array:

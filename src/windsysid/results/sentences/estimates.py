@@ -1,0 +1,129 @@
+"""Sentences about estimates: priors, damping, correlation, tolerances, convergence."""
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence
+
+__all__ = ["ESTIMATES"]
+
+_SHOWN = {"gain": (100.0, "%"), "alignment": (180.0 / math.pi, "°"), "clock": (1e3, "ms"), "masses": (100.0, "%")}
+
+
+def _damping_not_positive(d: Data) -> str:
+    def sure(certain: bool) -> str:
+        return " (negative over its whole band)" if certain else ""
+
+    lost = [f"{name} is {value:.2g}{sure(certain)}" for name, value, certain in d["coefficients"]]
+    lost += [f"{name} has {100.0 * ratio:.2g} %{sure(certain)}" for name, ratio, certain in d["modes"]]
+    return (
+        f"damping is not positive: {', '.join(lost)}. If the motion grew, stop and check the turbine; if not, try"
+        " a longer or calmer section or another load model"
+    )
+
+
+def _all(d: Data) -> str:
+    *most, last = d["quantities"]
+    return f"{', '.join(most)} and {last}"
+
+
+def _two_sigma(std: float) -> str:
+    return f"±{float(f'{200.0 * std:.2g}'):g} %"
+
+
+def _each(d: Data) -> str:
+    """Two standard deviations of each quantity."""
+    return _two_sigma(d["low"]) + (f" … {_two_sigma(d['high'])}" if d["high"] >= 1.1 * d["low"] else "")
+
+
+def _prior_dominates(d: Data) -> str:
+    share = f"{100.0 * d['share']:.0f} % from the data"
+    if d["seen"]:
+        return f"{_all(d)}: the data see only {d['seen']}; the rest is the prior's ({share})"
+    if len(d["quantities"]) > 1:
+        return f"{d['direction']} together: {share}, the rest is the prior's"
+    return f"{d['quantity']}: {share}, its band is mostly the prior's"
+
+
+def _tolerance(d: Data) -> str:
+    """What is off, and by how much."""
+    factor, unit = _SHOWN[d["group"]]
+    value, std = factor * d["estimate"], factor * d["std"]
+    digits = max(0, 1 - math.floor(math.log10(std))) if 0.0 < std < math.inf else 3
+    size = f"{abs(value):.{digits}f} ± {std:.{digits}f} {unit}"
+    if d["group"] == "clock":
+        return f"the logger {d['of']} is {size} {'late' if value >= 0.0 else 'early'}"
+    if d["group"] == "alignment":
+        return f"{d['of']} is turned by {value:+.{digits}f} ± {std:.{digits}f}{unit}"
+    what = f"the gain of {d['of']}" if d["group"] == "gain" else f"the mass of {d['of']}"
+    return f"{what} is {size} {'larger' if value >= 0.0 else 'smaller'} than its file says"
+
+
+def _tolerance_off(d: Data) -> str:
+    taken = "the estimates take it into account"
+    if not d["contradicted"]:
+        return f"{_tolerance(d)}: {taken}"
+    return f"{_tolerance(d)}, as far as the model goes: {taken}; correct its file, or look for a coupling"
+
+
+ESTIMATES: Final[Mapping[str, Sentence]] = {
+    "prior_conflict": (
+        "{quantity} and its prior contradict each other: they are {sigmas:|.1f|} standard deviations apart; the turbine"
+        " file, a unit or the model is wrong"
+    ),
+    "prior_widened": (
+        "the data put {quantity} {sigmas:|.1f|} standard deviations from its prior: the prior was made "
+        "{factor:.0f} times as wide"
+    ),
+    "damping_not_positive": _damping_not_positive,
+    "damping_may_be_negative": (
+        "damping may be zero or negative within its band: {names}; a longer record tells"
+    ),
+    "prior_dominates": _prior_dominates,
+    "unseen": "{quantity} is not seen at all",
+    "unseen_combination": lambda d: f"{_all(d)}: only {d['seen']} is seen",
+    "unseen_direction": "{direction} together: no reading changes",
+    "hard_to_tell_apart": lambda d: (
+        f"{_all(d)} are hard to tell apart: {d['seen']} is seen to {_two_sigma(d['std'])}, each alone to {_each(d)}"
+        " (2σ)"
+    ),
+    "direction_hardly_seen": lambda d: (
+        f"{_all(d)} are hard to tell apart: {d['direction']} together is hardly seen (2σ of each: {_each(d)})"
+    ),
+    "correlated_estimates": lambda d: f"{' and '.join(d['quantities'])} are correlated by {d['correlation']:+.2f}",
+    "halves_disagree": (
+        "the halves of the record disagree on {quantity} by {sigmas:|.1f|} standard deviations",
+        ": likely a structure or loads that changed; identify each half",
+    ),
+    "segments_scatter": (
+        "parts of the record scatter on {quantity} {ratio:.2g} times as much as its band holds",
+        ": likely loads of another kind; try another section",
+    ),
+    "tolerance_off": _tolerance_off,
+    "tolerance_conflict": lambda d: (
+        f"{_tolerance(d)}: more than {d['factor']:g} times its tolerance; correct it, or the turbine file"
+    ),
+    "line_influence": (
+        "without {frequency:.3g} Hz {quantity} would change by {sigmas:.1f} σ",
+        LIKELY_MACHINE,
+    ),
+    "tone_influence": (
+        "without the power left around {frequency:.3g} Hz {quantity} would change by {sigmas:.1f} σ",
+        LIKELY_MACHINE,
+    ),
+    "search_not_converged": (
+        "the likelihood still rose after {steps} steps: choose a longer or steadier section, or priors nearer to the"
+        " structure"
+    ),
+    "fit_not_converged": (
+        "the likelihood still rose when the search ended: choose a longer record, identify fewer parameters, or give"
+        " narrower priors"
+    ),
+    "steps_too_long": (
+        "steps are too long for the vibration at {frequency:.3g} Hz: the integration damps it by {damping:.2g %}, which"
+        " the damping lacks; give {rate:.3g} Hz, with gaps between"
+    ),
+    "no_history": "there is no history: the search on line did not converge",
+}  # fmt: skip
+"""For each code its sentence: one part, or a statement and its likely cause with what to do."""

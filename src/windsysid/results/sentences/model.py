@@ -1,0 +1,123 @@
+"""Sentences about loads, locked coordinates, and the choice of a formulation."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from windsysid.results.sentences.template import LIKELY_MACHINE, Data, Sentence
+
+__all__ = ["LOADS_WITHHELD", "MODEL"]
+
+LOADS_WITHHELD = (
+    "Stationary loads feed what damping takes, E[f v] = c E[v²]: a balance without them loses damping and biases "
+    "stiffness. Use the joint formulation."
+)
+"""What a reader of a balance without its loads must know."""
+_TOTAL = "damping is total: structure and aerodynamics"
+_WHY_CHOSEN = {
+    "explains": "it explains the record", "as before": "as before",
+    "loads hardly matter": "loads hardly matter in this record",
+}  # fmt: skip
+_ANOTHER_SECTION = ": likely loads of a machine; try another section"
+
+
+def _load_model_chosen(d: Data) -> str:
+    name, reason = f"load model {d['model']}", d["reason"]
+    if reason != "evidence":
+        return name + (f": {_WHY_CHOSEN[reason]}" if reason in _WHY_CHOSEN else "")
+    others = ", ".join(f"{other} by {odds:.0f}" for other, odds in d["rivals"].items())
+    rest = "" if d["explained"] else ", though it does not explain all of it"
+    return f"{name}: its log evidence beats {others} on the first {d['duration']:.3g} s{rest}"
+
+
+def _loads_of_spectra(d: Data) -> str:
+    others = ", ".join(f"{other} by {odds:.0f}" for other, odds in d["rivals"].items())
+    part = ", of a fifth of the record" if d["part"] else ""
+    why = f" (log evidence over {others}{part})" if others else ""
+    return f"loads: {d['loads']}, learned from the record with the noise{why}; {_TOTAL}"
+
+
+def _sinusoidal_force(d: Data) -> str:
+    at = f"{d['order']}P" if d["order"] else f"{d['frequency']:.4g} Hz"
+    return f"{d['load']} has a sinusoid of {d['amplitude']:.2g} ± {2.0 * d['std']:.1g} {d['unit']} at {at}"
+
+
+def _cause_of_force(d: Data) -> str:
+    cause = {0: "a machine", 1: "an imbalance of the rotor"}.get(d["order"], "a load that turns with the rotor")
+    return f": likely {cause}; the estimates take it into account"
+
+
+MODEL: Final[Mapping[str, Sentence]] = {
+    "loads_known": f"all loads are known, the noise learned from the record; {_TOTAL}",
+    "loads_are_states": (
+        "loads are states ({loads}), their statistics and the noise learned from the record; " + _TOTAL
+    ),
+    "loads_of_spectra": _loads_of_spectra,
+    "loads_in_bands": (
+        "loads: in each band peaks at harmonics of the rotor and a level, learned from the record with the noise"
+    ),
+    "damping_is_total": _TOTAL,
+    "load_model_chosen": _load_model_chosen,
+    "load_model_caution": "{text}",
+    "loads_withheld": "loads withheld: {loads}. " + LOADS_WITHHELD,
+    "loads_missing": "the balance lacks loads that act, and so loses the damping",
+    "low_pass_unknown_to_loads": (
+        "the record went through a low-pass at {low_pass:.3g} Hz, and the model of {loads} does not know it: damping "
+        "may come out too low"
+    ),
+    "narrow_band_load": (
+        "a narrow-band load of {rms:.2g} {unit} rms pushes {load} at {frequency:.4g} Hz ({width:.2g %} damped)",
+        ": likely a machine or waves; the estimates take it into account",
+    ),
+    "narrow_band_load_preferred": (
+        "a narrow-band load at {frequency:.3g} Hz explains the spectra better (log evidence by {gain:.0f})",
+        ": likely loads of a machine; try the load model narrow-band",
+    ),
+    "narrow_band_load_ambiguous": (
+        "a narrow-band load at {frequency:.3g} Hz is ambiguous, and {quantity} would change by {sigmas:.1f} σ",
+        _ANOTHER_SECTION,
+    ),
+    "narrow_band_load_possible": (
+        "a narrow-band load at {frequency:.3g} Hz explains the spectra as well, and {quantity} would change by"
+        " {sigmas:.1f} σ",
+        _ANOTHER_SECTION,
+    ),
+    "tone_removed": ("a sinusoid at {frequency:.4g} Hz was removed from the readings", ": likely a machine"),
+    "tone_left": ("a sinusoid at {frequency:.4g} Hz is left over", LIKELY_MACHINE),
+    "rotor_harmonic_left": (
+        "the rotor harmonic {order}P is left over",
+        ": likely loads that turn with the rotor; try another section",
+    ),
+    "sinusoidal_force": (_sinusoidal_force, _cause_of_force),
+    "rotor_harmonic": (
+        "the rotor harmonic {order}P is taken into account: an imbalance of the rotor, or masses off within their"
+        " tolerances"
+    ),
+    "joint_as_spectra_do_not_apply": "joint formulation, as spectra do not apply ({error})",
+    "joint_as_spectra_are_doubtful": "joint formulation, as spectra are in doubt ({because})",
+    "joint_as_loads_are_broad": (
+        "joint formulation: broad loads explain the record, and spectra in bands suppose wind"
+    ),
+    "joint_with_spectra": "joint formulation; spectra were computed, too",
+    "joint_agrees": "joint formulation; spectra agree within {sigmas:.1f} standard deviations",
+    "spectral_under_wind": "spectral formulation: wind drives a turning rotor, and the record is stationary",
+    "spectral_as_clock_drifts": (
+        "spectral formulation: a clock drifts, and filters are sensitive to what is read between samples"
+    ),
+    "spectral_with_filters": (
+        "spectral formulation: the record is stationary, and nothing that moves turns; filters were computed, too"
+    ),
+    "spectral_agrees": (
+        "spectral formulation: the record is stationary, and nothing that moves turns; filters agree within"
+        " {sigmas:.1f} standard deviations"
+    ),
+    "formulations_disagree": lambda d: (
+        f"filters and spectra disagree on {d['quantity']} by {d['sigmas']:.1f} standard deviations:"
+        f" {'blades move that no channel sees: record them' if d['unseen_blades'] else 'loads are not as modelled'}"
+    ),
+    "bands_suppose_wind": (
+        "broad loads explain the record, and spectra in bands suppose wind: use --formulation joint"
+    ),
+    "coefficient_not_positive": "{quantity} is not positive",
+    "particle_weights": "{text}",
+}  # fmt: skip
+"""For each code its sentence: one part, or a statement and its likely cause with what to do."""

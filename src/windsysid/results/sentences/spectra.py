@@ -1,0 +1,92 @@
+"""Sentences about spectra: what was read, and what speaks against their intervals."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from windsysid.results.sentences.template import Data, Sentence
+
+__all__ = ["SPECTRA"]
+
+
+def _hz(frequencies: list[float]) -> str:
+    return f"{', '.join(f'{frequency:.3g}' for frequency in frequencies)} Hz"
+
+
+def _in_bands(d: Data) -> str:
+    places = ", ".join(f"{name} near {frequency:.3g} Hz" for name, frequency in d["modes"].items())
+    return f"read in bands: {places}; rotor harmonics were removed"
+
+
+def _ranges_read(d: Data) -> str:
+    return (
+        f"read at {', '.join(f'{low:.3g} … {high:.3g} Hz' for low, high in d['ranges'])}; rotor harmonics were removed"
+    )
+
+
+SPECTRA: Final[Mapping[str, Sentence]] = {
+    "narrow_resonance": (
+        "the narrowest resonance has {count:.2g} equivalent degrees of freedom; intervals are validated from {least:g}:"
+        " choose a longer record"
+    ),
+    "narrow_resonance_in_pieces": (
+        "the narrowest resonance has {count:.2g} equivalent degrees of freedom in a piece; intervals are validated from"
+        " {least:g}: choose longer pieces"
+    ),
+    "narrow_resonance_in_bands": (
+        "the narrowest resonance of the {part} has {count:.2g} equivalent degrees of freedom; intervals are validated"
+        " from {least:g}: choose a longer record"
+    ),
+    "narrow_resonance_in_bands_of_pieces": (
+        "the narrowest resonance of the {part} has {count:.2g} equivalent degrees of freedom; intervals are validated"
+        " from {least:g}: choose longer pieces"
+    ),
+    "long_record_under_wind": (
+        "bands under wind were proven for {duration:.3g} s at most: in a longer record they are narrower than what the"
+        " load model does not know"
+    ),
+    "unexplained_power": (
+        "{channel} is {ratio:.2g} times as loud (squared) as the model expects at {low:.3g} … {high:.3g} Hz: loads or"
+        " motion are not as modelled there"
+    ),
+    "nonstationary": (
+        "{channel} is {ratio:.2g} times as loud (squared) in one half as in the other at {low:.3g} … {high:.3g} Hz: not"
+        " stationary; choose a steadier section"
+    ),
+    "stationarity_untestable": (
+        "no frequency range is free of rotor harmonics in both halves: stationarity cannot be tested; choose a section"
+        " of steadier rotor speed"
+    ),
+    "too_short_for_stationarity": "the record is too short to see whether it is stationary: choose a longer one",
+    "one_block": "one block only: it cannot be seen whether the record is stationary; choose a longer one",
+    "halves_disagree_in_bands": (
+        "the halves of the record do not agree on {quantity} ({change:+.2g %}): what drives it, or the structure, "
+        "changed"
+    ),
+    "narrower_bands_disagree": (
+        "narrower bands do not agree on {quantity} ({change:+.2g %}): something in the bands is not as modelled"
+    ),
+    "segments_without_spectrum": (
+        "parts of the record have no spectrum that the model could have: choose another section"
+    ),
+    "faint_peak": lambda d: (
+        f"no peak of {' and '.join(d['modes'])} stands out near {_hz(d['frequencies'])}: choose a longer record, or a"
+        " narrower prior"
+    ),
+    "ambiguous_peak": lambda d: (
+        f"{' and '.join(d['modes'])} may be the peak at {_hz(d['frequencies'])} or that at {_hz(d['others'])}: give a"
+        " narrower prior (--prior-spread)"
+    ),
+    "varying_rotor_speed": (
+        "the rotor's speed varies by ±{variation:.2g %} (standard deviation), and spectra were taken as if it did not"
+    ),
+    "lag_angle": lambda d: (
+        f"the blades' mean lag angle is {1e3 * d['angle']:.1f} ± {2e3 * d['std']:.1f} mrad"
+    ),
+    "ranges_read": _ranges_read,
+    "bands_read": _in_bands,
+    "blocks_read": lambda d: (
+        f"read in {d['blocks']:g} block{'s' * (d['blocks'] != 1)} of {d['duration']:.4g} s, at {d['low']:.3g} …"
+        f" {d['high']:.3g} Hz"
+    ),
+}  # fmt: skip
+"""For each code its sentence: one part, or a statement and its likely cause with what to do."""
