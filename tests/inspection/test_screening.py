@@ -12,7 +12,7 @@ import windsysid as ws
 from windsysid.errors import RecordError
 from windsysid.fleet.rows import empty_row, row_of
 from windsysid.identification.condition.readings import screened, usable_sensors
-from windsysid.identification.streaming.time_domain import identify_pieces
+from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.inspection import health, screening
 from windsysid.inspection.screening import noted, screen
 from windsysid.records.record import Record

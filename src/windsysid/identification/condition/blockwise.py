@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.errors import RecordError
 from windsysid.identification.condition.readings import (
     check_readings,
     choose_rate,
@@ -23,6 +22,7 @@ from windsysid.identification.condition.readings import (
     slow_down,
     steps_per_reading,
 )
+from windsysid.identification.condition.segments import require_alike, steps_after
 from windsysid.identification.model.fit import known_inputs, known_loads
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
@@ -88,21 +88,12 @@ class Windows:
         RecordError
             If the piece does not go on from the one before.
         """
-        if abs(piece.rate / self._recorded - 1.0) > 0.01:
-            raise RecordError(
-                f"{piece.name}: expected pieces of {self._recorded:.6g} Hz, got one of {piece.rate:.6g} Hz"
-            )
-        missing = [sensor.channel for sensor in self._sensors if sensor.channel not in piece]
-        if missing:
-            raise RecordError(
-                f"{piece.name}: expected the channels of the first piece, got none of {', '.join(missing)}"
-            )
+        require_alike(piece, self._recorded, [sensor.channel for sensor in self._sensors])
         if self._held is None:
             self._held = piece
         else:
             before = self._held
-            if piece.time[0] - before.time[-1] < 0.5 / self._recorded:
-                raise RecordError(f"{piece.name}: expected a piece that begins after the one before, got an overlap")
+            steps_after(before, piece, self._recorded)
             channels = [name for name in before.channels if name in piece]
             self._held = replace(
                 piece.select(channels),

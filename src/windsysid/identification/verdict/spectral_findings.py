@@ -15,7 +15,8 @@ from windsysid.spectral.rotor.build import pose_lifted
 from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.rotor.fit import Fit
 from windsysid.spectral.rotor.problem import Posed, Question
-from windsysid.spectral.transforms.lifted_blocks import LiftedSums
+from windsysid.spectral.transforms.block_sums import BlockSums
+from windsysid.spectral.transforms.lifted import Lifted
 
 __all__ = ["doubts_of_spectra", "drifts_of", "halves_of", "passed_by"]
 
@@ -109,7 +110,7 @@ def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[str]
     return []
 
 
-def _unsteady_blocks(question: Question, sums: LiftedSums, posed: Posed) -> list[str]:
+def _unsteady_blocks(question: Question, sums: BlockSums[Lifted], posed: Posed) -> list[str]:
     """Whether the first half of the blocks is much louder or quieter than the second, and whether a block is long
     enough."""
     blocks, doubts = len(sums.energies), []

@@ -72,7 +72,7 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
         If the spectrum there is not positive definite, or the equations are unstable.
     """
     mean, std = model.prior
-    factor, unknowns = spectra.factor, _stable_start(model)
+    factor, unknowns = spectra.last.overlap, _stable_start(model)
     for widening, weight in WIDE:
         rows = model.rows(spectra, unknowns, widening)
         evaluate = _evaluator(model, rows, factor, None, widening)

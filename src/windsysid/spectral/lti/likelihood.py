@@ -19,7 +19,7 @@ from windsysid._types import Array, Complex
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.spectral.lti.system import LinearSystem, is_stable, linearise, low_rank, resolve
 from windsysid.spectral.rotor.load_filters import LoadShape
-from windsysid.spectral.transforms.cross_spectra import CrossSpectra, Rows, pool
+from windsysid.spectral.transforms.cross_spectra import CrossSpectra, FixedBlock, Rows, pool
 from windsysid.spectral.transforms.dft import WINDOW_REACH, window_weights
 from windsysid.statespace.parameter import Parameter
 
@@ -99,11 +99,12 @@ class LinearModel(NamedTuple):
 
     def rows(self, spectra: CrossSpectra, unknowns: Array, widening: float = 0.0) -> Rows:
         """Bins pooled where the spectrum at the unknowns is smooth."""
-        s = (1j + widening) * 2.0 * np.pi * spectra.frequency + self.blur
+        block = spectra.last
+        s = (1j + widening) * 2.0 * np.pi * block.frequency + self.blur
         poles = self.poles(unknowns)
         distance = np.min([np.abs(s - pole) for pole in poles], axis=0) / (2.0 * np.pi)
-        step = spectra.rate / spectra.samples
-        return pool(spectra, np.minimum(distance / ALIKE, max(WIDEST, widening / ALIKE) * spectra.frequency) / step)
+        step = block.rate / block.samples
+        return pool(spectra, np.minimum(distance / ALIKE, max(WIDEST, widening / ALIKE) * block.frequency) / step)
 
     def likelihood(
         self, rows: Rows, factor: float, unknowns: Array, smear: Complex | None = None, widening: float = 0.0
@@ -178,7 +179,7 @@ class LinearModel(NamedTuple):
         Rows of many bins are far from any resonance: there S hardly bends within the window, and its mean is taken.
         """
         number = np.diff(rows.first)
-        step = spectra.rate / spectra.samples
+        step = spectra.last.rate / spectra.last.samples
         points, weights = np.polynomial.legendre.leggauss(3)
         places = rows.frequency[:, None] + 0.5 * step * number[:, None] * points
         middle, sharp = self.spectrum(rows.frequency, unknowns), self._replace(blur=0.0)
@@ -187,13 +188,13 @@ class LinearModel(NamedTuple):
         near = np.flatnonzero(number <= 2.0 * WINDOW_REACH / ALIKE)
         for run in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
             if len(run):
-                mean[run] = sharp._windowed(spectra, rows.first[run[0] : run[-1] + 2], unknowns)
+                mean[run] = sharp._windowed(spectra.last, rows.first[run[0] : run[-1] + 2], unknowns)
         return np.asarray(mean - middle)
 
-    def _windowed(self, spectra: CrossSpectra, first: NDArray[np.int64], unknowns: Array) -> Complex:
+    def _windowed(self, block: FixedBlock, first: NDArray[np.int64], unknowns: Array) -> Complex:
         """Means over rows, which begin at bins `first` (K + 1,) and follow each other, of S smoothed by the window."""
-        bins = spectra.bins[first[0] : first[-1]]
-        fine, starts, weights = window_weights(spectra.samples, spectra.rate, bins)
+        bins = block.bins[first[0] : first[-1]]
+        fine, starts, weights = window_weights(block.samples, block.rate, bins)
         S = self.spectrum(fine, unknowns)
         smooth = np.zeros((len(bins), *S.shape[1:]), dtype=np.complex128)
         for w in range(weights.shape[1]):

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.spectral.rotor_bands.channels import Combined, TurnedSpectra
+from windsysid.spectral.rotor_bands.channels import Combined
 from windsysid.spectral.rotor_bands.peak_search import FAINT, Trace, best_of, trace
+from windsysid.spectral.transforms.rotating_frame import TurnedSpectra
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["Place", "Places", "find_places"]
