@@ -1,9 +1,10 @@
-"""Blades that pass at a steady speed where a mode is.
+"""Blade-passing frequency near a mode: the load of the blades looks like a resonance there.
 
-Filters take the line NP for a load whose amplitude wanders. A steady one stays, whatever the filter's memory, and comes
-to stand for a part of the resonance: damping comes out too small. Turned back by N ψ it is a constant, which stands out
-of the transform's neighbours as lines do (`windsysid.checks.lines`). A resonance that is hardly broader than a line
-cannot be told from one, so that no answer is given there.
+Spectra of a structure on which nothing turns have no model of that load: no mode may be near. Filters take the line NP
+for a load whose amplitude varies. A steady one stays, whatever the filter's memory, and comes to stand for a part of
+the resonance: damping comes out too small. Turned back by N ψ it is a constant, which stands out of the transform's
+neighbours as lines do (`windsysid.checks.lines`). A resonance that is hardly broader than a line cannot be told from
+one, so that no answer is given there.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,10 @@ from windsysid.checks.lines import (
     stand_out_of_a_bend,
 )
 
-__all__ = ["Passing", "find_passing"]
+__all__ = ["AzimuthReadings", "Passing", "find_passing"]
+
+UNMODELLED_FACTOR = 1.2
+"""Factor about a natural frequency within which a load of the blades that is not modelled biases the mode."""
 
 BEYOND = 2.0
 """Frequencies 1/T of a record beyond a mode's half-width ζf within which the line is in it."""
@@ -42,15 +46,23 @@ class Passing(NamedTuple):
         Half-power half-width ζf of the mode [Hz].
     resolution
         Frequency resolution of the record [Hz].
+    unmodelled
+        The degree of freedom of the mode where the load is not modelled.
     """
 
     frequency: float
     natural: float
     half_width: float
     resolution: float
+    unmodelled: str = ""
 
     def describe(self, blades: int) -> str:
         """Describe the conflict and its remedy in one sentence."""
+        if self.unmodelled:
+            return (
+                f"the blades pass at {self.frequency:.3g} Hz ({blades}P), near {self.unmodelled} at {self.natural:.3g} "
+                "Hz: their load was not modelled; use --formulation joint"
+            )
         passing, mode = f"the blades pass steadily at {self.frequency:.3g} Hz ({blades}P)", f"{self.natural:.3g} Hz"
         off = abs(self.frequency - self.natural)
         if off <= (LINE_REACH - 1.0) * self.natural:
@@ -67,23 +79,47 @@ class Passing(NamedTuple):
         )
 
 
+class AzimuthReadings(NamedTuple):
+    """Readings (T, m) without gaps at `rate` [Hz], and ψ (T,) [rad], unwrapped."""
+
+    values: Array
+    azimuth: Array
+    rate: float
+
+
 def find_passing(
-    values: Array, azimuth: Array, *, rate: float, modes: Sequence[tuple[float, float]], blades: int
-) -> Passing | None:
-    """Whether a steady line of the passing blades is in a mode.
+    modes: Sequence[tuple[str, float, float]], blades: int, rotor_hz: float = 0.0,
+    readings: AzimuthReadings | None = None,
+) -> Passing | None:  # fmt: skip
+    """Find a mode that the load of the passing blades cannot be separated from.
 
     Parameters
     ----------
-    values, azimuth
-        Readings (T, m) without gaps, and ψ (T,) [rad], unwrapped.
     modes
-        Frequency [Hz] and damping ratio of each.
+        Name, frequency [Hz] and damping ratio of each.
+    rotor_hz
+        Mean rotor speed [Hz], where the load is not modelled.
+    readings
+        The readings of a formulation that models the load but for a steady line.
     """
+    if readings is not None:
+        return _find_steady(modes, blades, *readings)
+    passing = blades * rotor_hz
+    for name, natural, damping in modes:
+        if passing and natural / UNMODELLED_FACTOR < passing < natural * UNMODELLED_FACTOR:
+            return Passing(passing, natural, damping * natural, 0.0, name)
+    return None
+
+
+def _find_steady(
+    modes: Sequence[tuple[str, float, float]], blades: int, values: Array, azimuth: Array, rate: float
+) -> Passing | None:
+    """The first mode with a steady line of the passing blades."""
     step, cycle = rate / len(values), 0.5 * blades / np.pi
     passing = cycle * abs(float(azimuth[-1] - azimuth[0])) / ((len(azimuth) - 1) / rate)
     hop = max(1, min(round(SMOOTHED * rate), len(azimuth) // 2))
     scatter = cycle * float(np.std(azimuth[hop:] - azimuth[:-hop])) * rate / hop
-    for natural, damping in modes:
+    for _, natural, damping in modes:
         width = damping * natural
         if abs(passing - natural) > width + BEYOND * step or scatter > width:
             continue

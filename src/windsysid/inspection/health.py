@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Mask
+from windsysid.checks.dead_channel import is_constant
 from windsysid.inspection.channels import VIBRATION, Kind, is_torque, kinds
 from windsysid.records.record import AS_WRITTEN, RATE_DOUBT, STAMPS, Record
 from windsysid.units import unit_text
@@ -175,10 +176,9 @@ def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = Fa
                 f"the unit '{unit.removeprefix(AS_WRITTEN)}' is not known: values are as the file has them", x.size,
             )
         )  # fmt: skip
-    spread = float(np.ptp(x))
-    if spread <= 1e-12 * float(np.abs(x).max()):
+    if is_constant(x):
         return [*found, _constant(channel, kind, x, unit, standing)]
-    step = float(np.median(np.diff(time)))
+    step, spread = float(np.median(np.diff(time))), float(np.ptp(x))
     adjacent = np.diff(time) < GAP_MIN_STEPS * step
     lsb = _converter_step(x)
     turning = kind == "azimuth" and spread < 1.1 * max(_TURN, 360.0 if spread > 2.2 * _TURN else 0.0)

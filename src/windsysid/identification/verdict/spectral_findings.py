@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.blade_passing import find_passing
 from windsysid.errors import RecordError
 from windsysid.identification.effects.clock_drift import Drift, drift_of_halves
 from windsysid.results.tolerance import Tolerance
@@ -27,9 +28,6 @@ with the record, what the load model does not know stays. ``python -m validation
 LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
 """As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
 Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
-
-PASSING = 1.2
-"""Factor about a natural frequency within which the load of passing blades bends what spectra find of it."""
 
 LEAST_OF_A_BLOCK = 20.0
 """And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
@@ -94,20 +92,13 @@ def doubts_of_spectra(question: Question, posed: Posed, found: Fit, loads: str, 
 
 
 def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[str]:
-    """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: what wind does then is a
-    hump, not a line, and spectra have no model of it."""
-    blades = question.turbine.model.blades
-    passing = blades * rotor_hz
+    """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: wind makes no line there,
+    and spectra have no model of it."""
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, unknowns, strict=False)}
-    found = question.turbine.with_values(values)
-    for name in found.model.coordinates:
-        natural = found.natural_frequency(name) / (2.0 * math.pi)
-        if passing and natural / PASSING < passing < natural * PASSING:
-            return [
-                f"the blades pass at {passing:.3g} Hz ({blades}P), near {name} at {natural:.3g} Hz: their load was not "
-                "modelled; use --formulation joint"
-            ]
-    return []
+    found, blades = question.turbine.with_values(values), question.turbine.model.blades
+    modes = [(name, found.natural_frequency(name) / (2.0 * math.pi), 0.0) for name in found.model.coordinates]
+    passing = find_passing(modes, blades, rotor_hz)
+    return [] if passing is None else [passing.describe(blades)]
 
 
 def _unsteady_blocks(question: Question, sums: BlockSums[Lifted], posed: Posed) -> list[str]:
