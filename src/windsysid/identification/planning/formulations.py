@@ -16,12 +16,11 @@ from windsysid.errors import WindsysidError
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.identification.planning.information import planned_information
-from windsysid.identification.planning.spectral_information import planned_spectra
+from windsysid.identification.planning.spectral_information import PlannedRecord, planned_spectra
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.output.progress import Progress
 from windsysid.results.tolerance import Tolerance
-from windsysid.simulation.record import simulate_record
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import spell
 
@@ -103,10 +102,11 @@ def _by_filters(planned: Planned) -> Told:
 def _by_spectra(planned: Planned) -> Told:
     """What spectra will say, where a rotor turns under wind, else under loads of any smooth spectrum."""
     length = min(planned.duration, planned.most)
-    told = planned_spectra(
-        planned.thinned, planned.unknown, planned.simulated_rate, planned.settling, length, planned.seed,
-        RotorWind.name if planned.turns else "random", planned.progress,
+    loads = RotorWind.name if planned.turns else "random"
+    record = PlannedRecord(
+        planned.thinned, planned.simulated_rate, planned.settling, length, planned.seed, loads
     )  # fmt: skip
+    told = planned_spectra(record, planned.unknown, planned.progress)
     doubts = (f"such a record will be in doubt: {doubt}" for doubt in told.doubts)
     length *= len(told.growths)
     notes = (_rests_on("spectra", length, told.tolerances), *doubts)
@@ -129,9 +129,8 @@ def _by_what_fits(planned: Planned) -> Told:
 def _simulated(planned: Planned, length: float) -> TurbineProblem:
     """The problem that a record of the planned kind poses, from stationary vibration."""
     turbine, settling = planned.thinned, min(planned.settling, length)
-    record = simulate_record(turbine, duration=settling + length, rate=planned.simulated_rate, seed=planned.seed)
-    part = record.section(settling, float(record.time[-1]))
-    return pose(part, turbine, turbine.sensors, Prior(), planned.unknown)
+    record = PlannedRecord(turbine, planned.simulated_rate, settling, length, planned.seed)
+    return pose(record.drawn(), turbine, turbine.sensors, Prior(), planned.unknown)
 
 
 def _rests_on(what: str, length: float, tolerances: Sequence[Tolerance]) -> str:

@@ -20,17 +20,37 @@ from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.loads.statistics import to_logarithms
 from windsysid.output.progress import Progress
+from windsysid.records.record import Record
 from windsysid.results.tolerance import Tolerance
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["PlannedSpectra", "planned_spectra"]
+__all__ = ["PlannedRecord", "PlannedSpectra", "planned_spectra"]
 
 RECORDS = 4
 """Records that are simulated; their scatter tells the accuracy."""
 
 ROUNDING = 1e-7
 """Scaled eigenvalue of the information up to which nothing is seen: what is left where the priors' is taken out."""
+
+
+class PlannedRecord(NamedTuple):
+    """A stationary record that is simulated: `length` [s] at `rate` [Hz], after `settling` [s] that are left out."""
+
+    turbine: Turbine
+    rate: float
+    settling: float
+    length: float
+    seed: int
+    loads: str = "random"
+
+    def drawn(self, number: int = 0) -> Record:
+        """The record of the seed, or of one of those after it."""
+        record = simulate_record(
+            self.turbine, duration=self.settling + self.length, rate=self.rate, seed=self.seed + number,
+            loads=self.loads,
+        )  # fmt: skip
+        return record.section(self.settling, float(record.time[-1]))
 
 
 class PlannedSpectra(NamedTuple):
@@ -59,11 +79,8 @@ class PlannedSpectra(NamedTuple):
     doubts: tuple[str, ...]
 
 
-def planned_spectra(
-    turbine: Turbine, unknown: Sequence[str], rate: float, settling: float, length: float, seed: int, loads: str,
-    progress: Progress,
-) -> PlannedSpectra:  # fmt: skip
-    """Simulate records of `length` [s] after `settling` [s] and identify them.
+def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Progress) -> PlannedSpectra:
+    """Simulate records and identify them.
 
     Raises
     ------
@@ -73,9 +90,8 @@ def planned_spectra(
     found = []
     for i in range(RECORDS):
         progress("identifying simulated records", i / RECORDS)
-        record = simulate_record(turbine, duration=settling + length, rate=rate, seed=seed + i, loads=loads)
-        part = record.section(settling, float(record.time[-1]))
-        found.append(identify_by_spectrum(part, turbine, turbine.sensors, Prior(), unknown))
+        turbine = planned.turbine
+        found.append(identify_by_spectrum(planned.drawn(i), turbine, turbine.sensors, Prior(), unknown))
     tolerances = found[0].tolerances
     names = dict.fromkeys([*unknown, *(name for one in found for name in _names(one))])
     for one in tolerances:
@@ -84,7 +100,7 @@ def planned_spectra(
     growths = np.zeros((RECORDS, len(names), len(names)))
     for growth, outcome in zip(growths, found, strict=True):
         at = [places[name] for name in _names(outcome)]
-        growth[np.ix_(at, at)] = _information(outcome) / length
+        growth[np.ix_(at, at)] = _information(outcome) / planned.length
     known = [0.0] * (len(names) - len(tolerances)) + [1.0] * len(tolerances)
     growths = _of_what_is_seen(growths)
     return PlannedSpectra(tuple(names), np.diag(known), growths, tolerances, found[0].turns, _shared_doubts(found))
