@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from windsysid.checks.blade_passing import AzimuthReadings, Passing, find_passing
+from windsysid.checks.blade_passing import Passing, find_passing
 
 RATE, SAMPLES, F = 20.0, 12000, 0.32
 
@@ -25,7 +25,7 @@ def shaken(seed: int, zeta: float, line: float = 0.0, passing: float = F, wander
 
 def seen(zeta: float, *, seed: int = 1, line: float = 0.0, passing: float = F, wander: float = 0.0) -> bool:
     values, azimuth = shaken(seed, zeta, line, passing, wander)
-    return find_passing([("", F, zeta)], 3, readings=AzimuthReadings(values, azimuth, RATE)) is not None
+    return find_passing([("", F, zeta)], 3, readings=(values, azimuth, RATE)) is not None
 
 
 def test_a_steady_line_in_a_damped_mode_is_seen_and_no_line_is_not():
@@ -54,7 +54,7 @@ def swinging(swing: float):
 @pytest.mark.parametrize(("sigmas", "steady"), [(0.9, True), (1.1, False)])
 def test_blades_pass_steadily_if_their_frequency_scatters_by_less_than_the_half_width(sigmas: float, steady: bool):
     values, azimuth = swinging(sigmas * 0.06 * np.sqrt(2.0))  # of a sine, the amplitude over the standard deviation
-    found = find_passing([("", F, 0.06)], 3, readings=AzimuthReadings(values, azimuth, RATE))
+    found = find_passing([("", F, 0.06)], 3, readings=(values, azimuth, RATE))
     assert (found is not None) is steady
 
 
@@ -76,7 +76,7 @@ def test_the_blades_are_said_to_pass_on_a_mode_only_where_they_are_near_it(
 
 def test_what_is_said_of_passing_blades_is_what_was_measured():
     values, azimuth = shaken(1, 0.4, 0.3, 0.44)
-    found = find_passing([("", F, 0.4)], 3, readings=AzimuthReadings(values, azimuth, RATE))
+    found = find_passing([("", F, 0.4)], 3, readings=(values, azimuth, RATE))
     assert found is not None
     assert found[:4] == pytest.approx((0.44, F, 0.128, 2.0 * RATE / SAMPLES), abs=1e-4)
     assert "within the half-width of the mode at 0.32 Hz" in found.describe(3)

@@ -23,7 +23,7 @@ from windsysid.checks.lines import (
     stand_out_of_a_bend,
 )
 
-__all__ = ["AzimuthReadings", "Passing", "find_passing"]
+__all__ = ["Passing", "find_passing"]
 
 UNMODELLED_FACTOR = 1.2
 """Factor about a natural frequency within which a load of the blades that is not modelled biases the mode."""
@@ -79,17 +79,9 @@ class Passing(NamedTuple):
         )
 
 
-class AzimuthReadings(NamedTuple):
-    """Readings (T, m) without gaps at `rate` [Hz], and ψ (T,) [rad], unwrapped."""
-
-    values: Array
-    azimuth: Array
-    rate: float
-
-
 def find_passing(
     modes: Sequence[tuple[str, float, float]], blades: int, rotor_hz: float = 0.0,
-    readings: AzimuthReadings | None = None,
+    readings: tuple[Array, Array, float] | None = None,
 ) -> Passing | None:  # fmt: skip
     """Find a mode that the load of the passing blades cannot be separated from.
 
@@ -100,7 +92,8 @@ def find_passing(
     rotor_hz
         Mean rotor speed [Hz], where the load is not modelled.
     readings
-        The readings of a formulation that models the load but for a steady line.
+        Of a formulation that models the load but for a steady line: readings (T, m) without gaps, ψ (T,) [rad],
+        unwrapped, and their rate [Hz].
     """
     if readings is not None:
         return _find_steady(modes, blades, *readings)

@@ -17,20 +17,8 @@ MAX_RATE_ERROR = 0.01
 
 
 class SegmentReader:
-    """The segments of a record on uniform grids, one for a whole record; what is left out between them is missing where
-    they are `continuous`.
-
-    Attributes
-    ----------
-    whole
-        Whether the record is not in segments.
-    first, last
-        The first segment, and the last that was read.
-    samples
-        How many were read.
-    faults
-        Of the channels.
-    """
+    """The segments of a record on uniform grids, one for a `whole` record; what is left out between them is missing
+    where they are `continuous`. It knows the first segment and the last, how many samples were read, and faults."""
 
     first: Record
     last: Record
@@ -41,14 +29,8 @@ class SegmentReader:
         self._channels, self._continuous = channels, continuous
 
     def __iter__(self) -> Iterator[Record]:
-        """Read segment by segment.
-
-        Raises
-        ------
-        RecordError
-            If there is none, the first one is refused (`windsysid.inspection.screening.screen`), or another does not
-            fit to it.
-        """
+        """Read segment by segment; RecordError where there is none, the first is refused (`screen`), or another does
+        not fit to it."""
         for segment in self._segments:
             part, first = segment.on_uniform_grid(), not self.samples
             if first:

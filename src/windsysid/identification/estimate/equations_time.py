@@ -47,25 +47,9 @@ MAX_STEP_SHARE = 0.1
 
 
 class EquationsEstimate(NamedTuple):
-    """What a formulation finds of one's own equations.
-
-    Attributes
-    ----------
-    method, name, elapsed
-        Of the estimate, of the equations, and seconds of the search.
-    unknowns, cov, log_likelihood
-        Mode of the posterior of θ and η, its covariance, and the likelihood there.
-    info, states
-        The filter at the mode, and the names of its states.
-    time, history
-        Times [s], and mean and standard deviation of the unknowns as they were known then (T, n).
-    loads
-        The load models as they were used.
-    notes, doubts
-        What a reader must know, and what speaks against the bands.
-    whiteness, constancy
-        Tests of the innovations; None without innovations.
-    """
+    """What a formulation finds of one's own equations: names of the method and of the equations, and seconds; the mode
+    of the posterior of θ and η; the filter there, with its states; what was known of the unknowns at which time [s],
+    mean and standard deviation (T, n); the load models as used; notes, doubts, and tests of the innovations."""
 
     method: str
     name: str

@@ -25,7 +25,7 @@ from windsysid.results.tolerance import Tolerance
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["PlannedRecord", "PlannedSpectra", "planned_spectra"]
+__all__ = ["PlannedInformation", "PlannedRecord", "planned_spectra"]
 
 RECORDS = 4
 """Records that are simulated; their scatter tells the accuracy."""
@@ -53,33 +53,21 @@ class PlannedRecord(NamedTuple):
         return record.section(self.settling, float(record.time[-1]))
 
 
-class PlannedSpectra(NamedTuple):
-    """What simulated records told.
-
-    Attributes
-    ----------
-    names
-        The parameters that were asked for, then all other unknowns, the tolerances last (n,).
-    start, growths
-        Information before the first sample (n, n), and its growth [1/s] in each record (RECORDS, n, n), in relative
-        coordinates.
-    tolerances
-        What is known of instruments and masses within tolerances only.
-    turns
-        Whether the rotor's turns couple what moves.
-    doubts
-        What speaks against the results of more than half of the records.
-    """
+class PlannedInformation(NamedTuple):
+    """What simulated records of `length` [s] in all tell: names of the unknowns, tolerances last (n,), and information
+    as in `windsysid.identification.planning.plan.Plan`, its growth by part (…, n, n); notes, and whether identification
+    would leave it at that."""
 
     names: tuple[str, ...]
     start: Array
     growths: Array
     tolerances: tuple[Tolerance, ...]
-    turns: bool
-    doubts: tuple[str, ...]
+    length: float
+    notes: tuple[str, ...]
+    fits: bool = True
 
 
-def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Progress) -> PlannedSpectra:
+def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Progress) -> PlannedInformation:
     """Simulate records and identify them.
 
     Raises
@@ -103,7 +91,11 @@ def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Pr
         growth[np.ix_(at, at)] = _information(outcome) / planned.length
     known = [0.0] * (len(names) - len(tolerances)) + [1.0] * len(tolerances)
     growths = _of_what_is_seen(growths)
-    return PlannedSpectra(tuple(names), np.diag(known), growths, tolerances, found[0].turns, _shared_doubts(found))
+    doubts = tuple(f"such a record will be in doubt: {doubt}" for doubt in _shared_doubts(found))
+    return PlannedInformation(
+        tuple(names), np.diag(known), growths, tolerances, RECORDS * planned.length, doubts,
+        fits=not (found[0].turns or doubts),
+    )  # fmt: skip
 
 
 def _names(found: Outcome) -> list[str]:

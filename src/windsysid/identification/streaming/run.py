@@ -35,10 +35,8 @@ FIRST_SAMPLES = 1000
 
 
 class StreamingJob(NamedTuple):
-    """What is to be identified from the segments of a record; as for `windsysid.identify_pieces`.
-
-    `sensors` are those that were asked for, and from the first segment on those that are used.
-    """
+    """What is to be identified from the segments of a record, as for `windsysid.identify_pieces`; `sensors` are those
+    that were asked for, and from the first segment on those that are used."""
 
     turbine: Turbine
     sensors: Sequence[Sensor] | None
@@ -53,38 +51,26 @@ class StreamingJob(NamedTuple):
     options: Mapping[str, Any]
 
     @property
-    def kept_options(self) -> dict[str, Any]:
-        """The options that a result keeps."""
-        own = {"rate": self.rate} if self.formulation == "joint" else {"memory": self.memory}
+    def own_options(self) -> dict[str, Any]:
+        """The options that a result keeps, without those that were added."""
         listed = None if self.parameters is None else list(self.parameters)
         common = {"formulation": self.formulation, "prior": asdict(self.prior), "parameters": listed}
-        return {**common, "loads": self.loads, **own, **self.options}
+        only = {"rate": self.rate} if self.formulation == "joint" else {"memory": self.memory}
+        return {**common, "loads": self.loads, **only}
 
     def call_on(self, first: Record) -> dict[str, Any]:
         """What must be the same in a call that resumes: of options that were added, how the file is read only."""
         beginning = replace(first, time=first.time[:FIRST_SAMPLES], values=first.values[:FIRST_SAMPLES])
-        given = {name: value for name, value in self.kept_options.items() if name not in self.options}
         return {
             "version": __version__, "turbine": turbine_hash(self.turbine),
-            "sensors": sensor_tables(self.sensors or ()), **given, "mapping": self.options.get("mapping"),
+            "sensors": sensor_tables(self.sensors or ()), **self.own_options, "mapping": self.options.get("mapping"),
             "length of pieces": first.on_uniform_grid().samples, "record": record_hash(beginning),
         }  # fmt: skip
 
 
 class SegmentsEstimate(NamedTuple):
-    """What an accumulator ends with.
-
-    Attributes
-    ----------
-    outcome
-        What the formulation found.
-    read
-        The last samples, as they were read.
-    samples
-        How many there were.
-    history_time
-        When the estimates of the history were made [s].
-    """
+    """What a formulation found, the last samples as they were read, how many there were, and the times of the history's
+    estimates [s]."""
 
     outcome: Outcome
     read: Record
@@ -93,13 +79,7 @@ class SegmentsEstimate(NamedTuple):
 
 
 class Accumulator(Protocol):
-    """What is kept of the segments of a record.
-
-    Attributes
-    ----------
-    sensors
-        The sensors as they are used.
-    """
+    """What is kept of the segments of a record; the sensors as they are used."""
 
     sensors: tuple[Sensor, ...]
 
@@ -203,12 +183,13 @@ class _StreamingRun:
         self._require_same_record(self.taken >= self.known["samples"])
         self._add_wind(self.accumulator.finish())
         found, job = self.accumulator.estimate(), self.job
+        options = {**job.own_options, **job.options}
         section = float(self.first.time[0]), float(found.read.time[-1])
         elapsed = time.perf_counter() - started - found.outcome.elapsed
         return conclude(
             found.outcome._replace(elapsed=elapsed), found.read, job.formulation,
             section=section, samples=found.samples, history_time=found.history_time,
             wind_speed=self.wind[0] / self.wind[1] if self.wind[1] else None,
-            provenance=trace(self.first, str(self.hash), job.turbine, self.accumulator.sensors, job.kept_options),
+            provenance=trace(self.first, str(self.hash), job.turbine, self.accumulator.sensors, options),
             faults=faults,
         )  # fmt: skip

@@ -53,16 +53,13 @@ class BlockLayout(NamedTuple):
 
     Attributes
     ----------
-    rate, samples
-        Of the readings [Hz], and their number in a block of equal time.
-    turns
-        Of the rotor in a block of equal turns; 0 where blocks are of equal time.
+    rate, samples, turns
+        Of the readings [Hz], and what a block has: a number of samples or, unless it is 0, of turns of the rotor.
     harmonics
         K of the lifted spectrum.
-    support
-        Which readings (m,) are not on blades, of a rotor that is read in bands; None of a lifted spectrum.
-    highest
-        The last bin that bands read.
+    support, highest
+        Which readings (m,) are not on blades, and the last bin that is read, of a rotor in bands; None of a lifted
+        spectrum.
     """
 
     rate: float
@@ -89,20 +86,10 @@ class BlockLayout(NamedTuple):
         """The class of a block's transforms."""
         return Lifted if self.support is None else TurnedBlock
 
-    @property
-    def groups(self) -> int:
-        """Groups of blocks that are kept."""
-        return 1 if self.support is None else MAX_GROUPS
-
 
 def layout_of(part: Record, question: Question) -> BlockLayout:
-    """How the record that begins with a segment is cut and transformed for a question.
-
-    Raises
-    ------
-    RecordError
-        If the segment has too few turns of the rotor.
-    """
+    """How the record that begins with a segment is cut and transformed for a question; RecordError where the segment
+    has too few turns of the rotor."""
     if not turns_couple(question):
         return BlockLayout(part.rate, part.samples, 0, harmonics_of(question), None, 0)
     if belongs_in_bands(question):
@@ -158,7 +145,10 @@ class SpectraAccumulator:
 
     def _add(self, inputs: Array, readings: Array) -> None:
         block = self.layout.transform(readings, inputs[:, 0])
-        self.sums = BlockSums.of(block, self.layout.groups) if self.sums is None else self.sums.plus(block, self.memory)
+        if self.sums is None:
+            self.sums = BlockSums.of(block, 1 if self.layout.support is None else MAX_GROUPS)
+        else:
+            self.sums = self.sums.plus(block, self.memory)
         speed, varies = float(inputs[:, 1].mean()), float(inputs[:, 1].std())
         self.speeds += [speed - varies, speed + varies]  # which have the same mean and standard deviation
         self.inputs = inputs

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.checks.blade_passing import AzimuthReadings, find_passing
+from windsysid.checks.blade_passing import find_passing
 from windsysid.checks.dead_channel import find_still
 from windsysid.checks.lines import Line, find_line
 from windsysid.errors import RecordError
@@ -117,7 +117,7 @@ def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[st
     readings = np.column_stack([record[channel] for channel in outcome.channels])
     readings = np.nan_to_num(readings - np.nanmean(readings, axis=0))
     known = [("", *mode) for mode in _no_narrower(outcome.turbine, modes)]
-    found = find_passing(known, model.blades, readings=AzimuthReadings(readings, psi, record.rate))
+    found = find_passing(known, model.blades, readings=(readings, psi, record.rate))
     return () if found is None else (found.describe(model.blades),)
 
 

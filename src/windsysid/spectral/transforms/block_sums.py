@@ -53,12 +53,9 @@ class BlockSums(NamedTuple, Generic[Block]):
 
     Attributes
     ----------
-    powers
-        Σ v vᴴ (B, E, E) of each group of successive blocks [unit²/Hz].
-    counts
-        The weight of each group: its number of blocks, as far as they are not forgotten.
-    sizes
-        The number of blocks that were added to each.
+    powers, counts, sizes
+        Of each group of successive blocks: Σ v vᴴ (B, E, E) [unit²/Hz], its number of blocks as far as they are not
+        forgotten, and that of all.
     last
         The last block, its frequencies being the mean of all blocks'.
     energies, independent
@@ -83,13 +80,7 @@ class BlockSums(NamedTuple, Generic[Block]):
         )
 
     def plus(self, block: Block, memory: float = 1.0) -> "BlockSums[Block]":
-        """The sums with another block, all before weighted by `memory`.
-
-        Raises
-        ------
-        ValueError
-            If the block has other frequencies.
-        """
+        """The sums with another block, all before weighted by `memory`; ValueError for other frequencies."""
         product = _products(block)
         if product.shape != self.powers[0].shape:
             raise ValueError(f"expected a block of {self.powers[0].shape} numbers, got {product.shape}")

@@ -22,19 +22,8 @@ FIRST_BIN = 2
 
 
 class FixedBlock(NamedTuple):
-    """The transforms of one block of readings that do not turn.
-
-    Attributes
-    ----------
-    data
-        Y at the bins k = first … (F, m), one-sided [unit/√Hz].
-    first
-        The first bin.
-    samples, rate
-        L, and per second [Hz].
-    ranges
-        Frequency ranges [Hz] whose mean squares are compared between blocks.
-    """
+    """The transforms of one block of readings that do not turn: Y at the bins k = first … (F, m), one-sided [unit/√Hz],
+    of L samples at a rate [Hz]; mean squares in `ranges` of frequency [Hz] are compared between blocks."""
 
     data: Complex
     first: int
