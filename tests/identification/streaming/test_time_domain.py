@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from windsysid.errors import RecordError
-from windsysid.identification.condition.blockwise import Windows
+from windsysid.identification.condition.blockwise import BlockwiseConditioner
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.streaming.run import StreamingJob
 from windsysid.identification.streaming.time_domain import SampleAccumulator
@@ -29,7 +29,7 @@ def begun(record: Record, turbine: Turbine) -> SampleAccumulator:
 def test_samples_of_segments_are_those_of_the_whole_record(verne555: Turbine, record: Record):
     edges = (0, 700, 1130, record.samples)
     parts = [replace(record, time=record.time[a:b], values=record.values[a:b]) for a, b in pairwise(edges)]
-    taken, straight = begun(parts[0], verne555), Windows(record, verne555, verne555.sensors, None)
+    taken, straight = begun(parts[0], verne555), BlockwiseConditioner(record, verne555, verne555.sensors, None)
     for part in parts:
         taken.replay(part)  # which holds samples, and estimates nothing
     taken._hold(taken.windows.finish())

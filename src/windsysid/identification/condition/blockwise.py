@@ -1,4 +1,4 @@
-"""What filters read of a record in pieces: the same as of the whole record.
+"""Block-wise conditioning: the samples that a filter reads of the segments of a record are those of the whole.
 
 Resampling, and the smooth slopes of azimuth and yaw, look at samples before and after the one they are for. So pieces
 are joined: the end of what has come is held back until the samples after it have come too, and what was handed out is
@@ -28,7 +28,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Prepared", "Windows"]
+__all__ = ["BlockwiseConditioner", "ConditionedSamples"]
 
 SMOOTHING = 8.0
 """Seconds that the slopes of azimuth and yaw look ahead and back at most (`windsysid.signals.yaw`,
@@ -38,7 +38,7 @@ RESAMPLING = 50.0
 """The same for resampling, in samples of the lower rate (`windsysid.signals.condition`)."""
 
 
-class Prepared(NamedTuple):
+class ConditionedSamples(NamedTuple):
     """Consecutive samples as the model takes them: the record at the model's rate, inputs (T, n_u + n_w), readings (T,
     m)."""
 
@@ -47,7 +47,7 @@ class Prepared(NamedTuple):
     readings: Array
 
 
-class Windows:
+class BlockwiseConditioner:
     """Pieces of a record, joined and brought to the model's rate.
 
     Attributes
@@ -80,7 +80,7 @@ class Windows:
         self._reached = -math.inf
         self._azimuth = 0.0
 
-    def take(self, piece: Record) -> Prepared | None:
+    def take(self, piece: Record) -> ConditionedSamples | None:
         """The samples that are ready now that a piece has come; None where none are.
 
         Raises
@@ -102,11 +102,11 @@ class Windows:
             )
         return self._hand_out(float(self._held.time[-1]) - self._margin)
 
-    def finish(self) -> Prepared | None:
+    def finish(self) -> ConditionedSamples | None:
         """The samples that were held back."""
         return None if self._held is None else self._hand_out(math.inf)
 
-    def _hand_out(self, until: float) -> Prepared | None:
+    def _hand_out(self, until: float) -> ConditionedSamples | None:
         """The samples after those handed out and before `until` [s]."""
         held = self._held
         if held is None or until <= self._reached or held.samples < 2:
@@ -137,7 +137,7 @@ class Windows:
         self._held = replace(held, time=held.time[kept], values=held.values[kept])
         record = replace(part, time=part.time[new_rows], values=part.values[new_rows])
         readings = np.column_stack([record[sensor.channel] for sensor in self._sensors])
-        return Prepared(record, inputs[new_rows], readings)
+        return ConditionedSamples(record, inputs[new_rows], readings)
 
     def _turns(self, part: Record, azimuth: Array) -> float:
         """What must be added to the azimuth so that it goes on where it was: whole turns where it was recorded."""

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from windsysid.errors import RecordError
-from windsysid.identification.condition.blockwise import Prepared, Windows
+from windsysid.identification.condition.blockwise import BlockwiseConditioner, ConditionedSamples
 from windsysid.identification.condition.readings import check_length, thin_to_readings
 from windsysid.identification.condition.samples import SamplesOnDisk
 from windsysid.identification.effects.bias import with_offsets
@@ -51,10 +51,10 @@ class SampleAccumulator:
     def __init__(self, first: Record, job: StreamingJob) -> None:
         self.first, self.job = first, job
         self.sensors, self.offsets = with_offsets(first.on_uniform_grid(), job.turbine, tuple(job.sensors or ()))
-        self.windows = Windows(first.on_uniform_grid(), job.turbine, self.sensors, job.rate)
+        self.windows = BlockwiseConditioner(first.on_uniform_grid(), job.turbine, self.sensors, job.rate)
         check_length(first.name, math.inf, self.windows.rate, job.turbine)
         self.loads = load_models(first, job.turbine, job.loads)
-        self.beginning: list[Prepared] = []
+        self.beginning: list[ConditionedSamples] = []
         self.enough = MEMORY * first_estimate(job.turbine, self.windows.rate)
         self.samples: SamplesOnDisk | None = None
         self.problem: TurbineProblem | None = None
@@ -93,7 +93,7 @@ class SampleAccumulator:
         self.online, earlier = restored(self.problem.build, arrays)
         self.histories = [earlier]
 
-    def _hold(self, more: Prepared | None) -> Record | None:
+    def _hold(self, more: ConditionedSamples | None) -> Record | None:
         """Write samples to disk; the first ones stay in memory, too, until the load model is chosen."""
         if more is None:
             return None
@@ -106,7 +106,7 @@ class SampleAccumulator:
         self.ended = float(more.record.time[-1])
         return more.record
 
-    def _append(self, more: Prepared | None) -> Record | None:
+    def _append(self, more: ConditionedSamples | None) -> Record | None:
         """Hold samples, and estimate on line as soon as there are enough."""
         added = self._hold(more)
         if added is None or self.samples is None:

@@ -19,7 +19,7 @@ from windsysid._types import Array, Complex
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.spectral.lti.system import LinearSystem, is_stable, linearise, low_rank, resolve
 from windsysid.spectral.rotor.load_filters import LoadShape
-from windsysid.spectral.transforms.cross_spectra import CrossSpectra, FixedBlock, Rows, pool
+from windsysid.spectral.transforms.cross_spectra import CrossSpectra, FixedBlock, PooledBins, pool
 from windsysid.spectral.transforms.dft import WINDOW_REACH, window_weights
 from windsysid.statespace.parameter import Parameter
 
@@ -97,7 +97,7 @@ class LinearModel(NamedTuple):
         least = min(len(logarithms) for logarithms in found)
         return np.array([logarithms[:least] for logarithms in found])
 
-    def rows(self, spectra: CrossSpectra, unknowns: Array, widening: float = 0.0) -> Rows:
+    def rows(self, spectra: CrossSpectra, unknowns: Array, widening: float = 0.0) -> PooledBins:
         """Bins pooled where the spectrum at the unknowns is smooth."""
         block = spectra.last
         s = (1j + widening) * 2.0 * np.pi * block.frequency + self.blur
@@ -107,7 +107,7 @@ class LinearModel(NamedTuple):
         return pool(spectra, np.minimum(distance / ALIKE, max(WIDEST, widening / ALIKE) * block.frequency) / step)
 
     def likelihood(
-        self, rows: Rows, factor: float, unknowns: Array, smear: Complex | None = None, widening: float = 0.0
+        self, rows: PooledBins, factor: float, unknowns: Array, smear: Complex | None = None, widening: float = 0.0
     ) -> tuple[float, Array, Array]:
         """J, g (n,) and F (n, n) of rows of which `factor` count as one, without the prior.
 
@@ -173,7 +173,7 @@ class LinearModel(NamedTuple):
             parts.append(t @ _h(t) + self._noise(some, unknowns)[1][:, :, None] * np.eye(len(self.noise)))
         return np.concatenate(parts)
 
-    def smear(self, spectra: CrossSpectra, rows: Rows, unknowns: Array) -> Complex:
+    def smear(self, spectra: CrossSpectra, rows: PooledBins, unknowns: Array) -> Complex:
         """The mean of what the taper's window makes of S at the bins of each row, over S in the row's middle.
 
         Rows of many bins are far from any resonance: there S hardly bends within the window, and its mean is taken.

@@ -15,7 +15,7 @@ from windsysid._types import Array, Complex
 from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.dft import taper_factor, transform
 
-__all__ = ["CrossSpectra", "FixedBlock", "Rows", "pool", "transform_block"]
+__all__ = ["CrossSpectra", "FixedBlock", "PooledBins", "pool", "transform_block"]
 
 FIRST_BIN = 2
 """Lowest bin in use: nearer to 0 the mean has been taken out."""
@@ -76,7 +76,7 @@ CrossSpectra: TypeAlias = BlockSums[FixedBlock]
 """Sums over blocks whose frequencies are fixed: `power` is Σ Y Yᴴ (F, m, m), one-sided [unit²/Hz]."""
 
 
-class Rows(NamedTuple):
+class PooledBins(NamedTuple):
     """Pools of neighbouring bins that share one spectrum.
 
     Attributes
@@ -114,7 +114,7 @@ def _level(readings: Array) -> Array:
     return np.asarray(readings - readings.mean(axis=0) - along[:, None] * trend)
 
 
-def pool(spectra: CrossSpectra, width: Array) -> Rows:
+def pool(spectra: CrossSpectra, width: Array) -> PooledBins:
     """Bins pooled as far as `width` (F,) [bins] allows around each of them."""
     place = np.cumsum(1.0 / np.maximum(width, 1.0))
     first = np.flatnonzero(np.diff(np.floor(place - 1e-9), prepend=-1.0))
@@ -122,4 +122,4 @@ def pool(spectra: CrossSpectra, width: Array) -> Rows:
     number = np.diff(ends).astype(np.float64)
     power = np.add.reduceat(spectra.power, first, axis=0) / (number * spectra.blocks)[:, None, None]
     middle = np.add.reduceat(spectra.last.frequency, first) / number
-    return Rows(ends, middle, number * spectra.blocks, np.asarray(power, dtype=np.complex128))
+    return PooledBins(ends, middle, number * spectra.blocks, np.asarray(power, dtype=np.complex128))
