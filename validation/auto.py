@@ -26,7 +26,7 @@ from validation.robustness import DAMAGES
 from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.identification.identify import identify
-from windsysid.identification.streaming.time_domain import identify_pieces
+from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.mechanics.compile import compile_model
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from windsysid.identification.model.prior import Prior
-from windsysid.identification.streaming.time_domain import identify_pieces
+from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.mechanics.compile import compile_model
 from windsysid.output.console import render
 from windsysid.records.record import Record

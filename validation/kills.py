@@ -22,8 +22,8 @@ import h5netcdf
 import numpy as np
 
 from windsysid.checks.verdict import Diagnosis
-from windsysid.identification.estimate.online import History, begin, restore
-from windsysid.identification.estimate.online import save as save_checkpoint
+from windsysid.identification.estimate.online import History, begin, restored, stored
+from windsysid.identification.streaming.checkpoint import Checkpoint
 from windsysid.output.folders import Saveable, result_file
 from windsysid.output.locks import HOME, LOCK, PART
 from windsysid.records.formats import read_record, write_record
@@ -133,9 +133,8 @@ def _write_all(place: Path, results: list["_Result"], versions: dict[str, int], 
             write_record(record, place / kind, overwrite=True)
         else:
             online = begin(np.full(3, value), np.eye(3), 10, (1, 1))
-            save_checkpoint(
-                online, History(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))), place / kind
-            )
+            history = History(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+            Checkpoint(place / kind, {}).write(stored(online, history), {})
         if tells is not None:
             os.write(tells, f"{kind} {version}\n".encode())
 
@@ -149,7 +148,8 @@ def _version(place: Path, kind: str) -> int:
         if values.shape != (200, 3) or len(np.unique(values)) != 1:
             raise ValueError("a mixed record")
         return int(values[0, 0])
-    return int(restore(_no_model, place / kind)[0].theta[0])
+    with Checkpoint(place / kind, {}).opened() as arrays:
+        return int(restored(_no_model, arrays)[0].theta[0])
 
 
 def _version_of_result(folder: Path) -> int:

@@ -26,7 +26,7 @@ from windsysid.identification.estimate import load_selection as load_choice
 from windsysid.identification.estimate import scoring as posterior_mode
 from windsysid.identification.identify import identify
 from windsysid.identification.model import turbine_problem as problem
-from windsysid.identification.streaming.time_domain import identify_pieces
+from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.output.console import render
 from windsysid.records.formats import read_record
 from windsysid.records.record import Record

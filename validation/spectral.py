@@ -28,7 +28,7 @@ from validation.mismatch import total_coefficients
 from validation.pieces import cut
 from windsysid._types import Array
 from windsysid.identification.identify import identify
-from windsysid.identification.streaming.time_domain import identify_pieces
+from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.output.console import render
 from windsysid.simulation.record import simulate_record
 from windsysid.study.drawn_prior import DrawnPrior

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from windsysid.identification.identify import identify
     from windsysid.identification.model.prior import Prior
     from windsysid.identification.planning.plan import Plan, plan
-    from windsysid.identification.streaming.time_domain import identify_pieces
+    from windsysid.identification.streaming.identify_pieces import identify_pieces
     from windsysid.inspection import inspect_record as inspect
     from windsysid.inspection.inspection import Inspection
     from windsysid.loads.hypothesis import LoadHypothesis, SupposedLoads, register_loads
@@ -85,7 +85,7 @@ _WHERE = {
     "fleet.batch": "Batch batch",
     "identification.identify": "identify",
     "identification.fit_equations": "Fit Reading fit",
-    "identification.streaming.time_domain": "identify_pieces",
+    "identification.streaming.identify_pieces": "identify_pieces",
     "identification.planning.plan": "Plan plan",
     "identification.condition.readings": "add_noise",
     "identification.model.prior": "Prior",

@@ -19,7 +19,7 @@ from windsysid.identification.condition.readings import add_noise, usable_sensor
 from windsysid.identification.estimate.frequency_domain import identify_by_spectrum
 from windsysid.identification.estimate.time_domain import identify_jointly_from
 from windsysid.identification.model.prior import Prior
-from windsysid.identification.streaming.time_domain import identify_pieces
+from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.mechanics import Sensor
 from windsysid.mechanics.sensors import Accelerometer
 from windsysid.modal.sweep import find_modes

@@ -14,7 +14,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification import identify as front
 from windsysid.identification.estimate.outlier import find_spikes
 from windsysid.identification.model.prior import Prior
-from windsysid.identification.streaming.time_domain import identify_pieces
+from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.identification import Identification

@@ -8,8 +8,9 @@ import pytest
 
 from tests.mechanics.models import CHAIN_VALUES, chain, chain_sensors
 from windsysid.errors import ConfigurationError
-from windsysid.identification.estimate.online import History, Online, advance, begin, finish, restore, save
+from windsysid.identification.estimate.online import History, Online, advance, begin, finish, restored, stored
 from windsysid.identification.estimate.scoring import posterior_mode
+from windsysid.identification.streaming.checkpoint import Checkpoint
 from windsysid.simulation.integrate import integrate
 from windsysid.simulation.random_loads import draw_loads
 from windsysid.statespace.compose import StateSpace, compose
@@ -87,10 +88,12 @@ def test_a_run_that_was_interrupted_goes_on_bit_for_bit(
 ):
     online, history = whole
     stopped, before = advance(build, begin(*PRIOR, FIRST, (3, 3)), record[0][:cut], record[1][:cut])
-    save(stopped, before, tmp_path / "checkpoint.npz")
-    restored, kept = restore(build, tmp_path / "checkpoint.npz")
-    assert restored.reached == cut
-    resumed, after = advance(build, restored, record[0][cut:], record[1][cut:])
+    checkpoint = Checkpoint(tmp_path / "checkpoint.npz", {})
+    checkpoint.write(stored(stopped, before), {})
+    with checkpoint.opened() as arrays:
+        again, kept = restored(build, arrays)
+    assert again.reached == cut
+    resumed, after = advance(build, again, record[0][cut:], record[1][cut:])
     np.testing.assert_array_equal(resumed.theta, online.theta)
     np.testing.assert_array_equal(resumed.precision, online.precision)
     np.testing.assert_array_equal(np.concatenate([kept.mean, after.mean]), history.mean)
@@ -114,9 +117,13 @@ def test_memory_does_not_grow_with_the_record(whole: tuple[Online, History]):
 
 def test_a_file_that_is_no_checkpoint_is_refused(whole: tuple[Online, History], tmp_path: Path):
     path = tmp_path / "checkpoint.npz"
-    save(*whole, path)
+    checkpoint = Checkpoint(path, {})
+    checkpoint.write(stored(*whole), {})
     whole_file = path.read_bytes()
     for content in (b"", b"not a checkpoint", whole_file[:300], whole_file[: len(whole_file) // 2]):
         path.write_bytes(content)
-        with pytest.raises(ConfigurationError, match=r"expected where an earlier run .* stopped"):
-            restore(build, path)
+        with (
+            pytest.raises(ConfigurationError, match=r"expected where an earlier run .* stopped"),
+            checkpoint.opened() as arrays,
+        ):
+            restored(build, arrays)

@@ -10,12 +10,12 @@ import pytest
 from tests.findings import codes, only, reasons
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.identification.identify import identify
-from windsysid.identification.streaming.time_domain import identify_pieces
+from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.records.record import Record
 from windsysid.results.identification import Identification
 from windsysid.simulation.record import simulate_record
+from windsysid.spectral.transforms.block_sums import BlockSums, factored
 from windsysid.spectral.transforms.lifted import lift
-from windsysid.spectral.transforms.lifted_blocks import factored, sums_of
 from windsysid.turbine.file import load_turbine
 from windsysid.turbine.turbine import Turbine
 
@@ -215,7 +215,7 @@ def test_sums_hold_the_products_of_all_blocks() -> None:
     rng = np.random.default_rng(1)
     psi = np.asarray(2.0 * np.pi * 0.2 * np.arange(1000) / 10.0, dtype=np.float64)
     blocks = [lift(rng.normal(size=(1000, 2)), psi, 10.0, 1) for _ in range(3)]
-    sums = sums_of(blocks[0]).plus(blocks[1]).plus(blocks[2], memory=0.5)
+    sums = BlockSums.of(blocks[0]).plus(blocks[1]).plus(blocks[2], memory=0.5)
     flat = [block.data.reshape(len(block.data), -1) for block in blocks]
     expected = sum(w * y[:, :, None] * y[:, None, :].conj() for w, y in zip((0.5, 0.5, 1.0), flat, strict=True))
     assert sums.blocks == 2.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from windsysid.errors import OutputError
-from windsysid.identification.condition.blockwise import Windows
+from windsysid.identification.condition.blockwise import BlockwiseConditioner
 from windsysid.identification.condition.readings import resample_for_model
 from windsysid.identification.condition.samples import SamplesOnDisk, split_evenly
 from windsysid.identification.model.fit import known_inputs, known_loads
@@ -52,7 +52,7 @@ def read_pieces(
 ) -> Rows:
     edges = [0, *cuts, record.samples]
     parts = [replace(record, time=record.time[a:b], values=record.values[a:b]) for a, b in pairwise(edges)]
-    windows = Windows(parts[0], turbine, sensors, rate)
+    windows = BlockwiseConditioner(parts[0], turbine, sensors, rate)
     found = [*map(windows.take, parts), windows.finish()]
     rows = [(p.record.time, p.inputs, p.readings) for p in found if p is not None]
     time, inputs, readings = (np.concatenate(columns) for columns in zip(*rows, strict=True))

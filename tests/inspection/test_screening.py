@@ -13,7 +13,7 @@ from tests.findings import only
 from windsysid.errors import RecordError
 from windsysid.fleet.rows import empty_row, row_of
 from windsysid.identification.condition.readings import screened, usable_sensors
-from windsysid.identification.streaming.time_domain import identify_pieces
+from windsysid.identification.streaming.identify_pieces import identify_pieces
 from windsysid.inspection import clock, screening
 from windsysid.inspection.fault import Fault
 from windsysid.inspection.screening import noted, screen

@@ -18,12 +18,19 @@ from windsysid.records.record import Record
 from windsysid.simulation.record import simulate_record
 from windsysid.spectral.rotor.problem import Question
 from windsysid.spectral.rotor_bands.build import PosedBands, belongs_in_bands, pose_bands, search_bands
-from windsysid.spectral.rotor_bands.channels import bins_between, combine, turned_spectra
+from windsysid.spectral.rotor_bands.channels import bins_between, combine
 from windsysid.spectral.rotor_bands.mode_locations import Place, find_places
 from windsysid.spectral.rotor_bands.model import BandModel
 from windsysid.spectral.rotor_bands.peak_search import FAINT, best_of, trace
 from windsysid.spectral.rotor_bands.rotational_sampling import hump_terms, line_terms, wind_of
-from windsysid.spectral.transforms.rotating_frame import TurnedSums
+from windsysid.spectral.transforms.block_sums import BlockSums
+from windsysid.spectral.transforms.rotating_frame import (
+    MAX_GROUPS,
+    TurnedBlock,
+    combine_groups,
+    turned_block,
+    turned_spectra,
+)
 from windsysid.statespace.compose import compose
 from windsysid.study.drawn_prior import DrawnPrior
 from windsysid.turbine.file import load_turbine
@@ -333,24 +340,26 @@ def test_sums_stand_for_the_products_of_all_blocks() -> None:
     support = np.array([True, False, False])
     blocks = [turned_spectra(rng.normal(size=(400, 3)), turning(HZ, 400, 10.0), 10.0, 1) for _ in range(11)]
     blocks = [block._replace(rotor_hz=HZ + 0.001 * i) for i, block in enumerate(blocks)]
-    sums = TurnedSums.of(blocks[0], support)
+    sums = BlockSums.of(turned_block(blocks[0], support), MAX_GROUPS)
     for block in blocks[1:]:
-        sums = sums.plus(block)
+        sums = sums.plus(turned_block(block, support))
     assert sums.sizes == (4, 4, 3)
     assert sums.blocks == 11.0
     assert sums.last.rotor_hz == pytest.approx(HZ + 0.005)
     halves = sums.halves()
     assert halves is not None
-    for spectra, of in ((sums.spectra(), blocks), (halves[0], blocks[:4]), (halves[1], blocks[4:])):
+    for groups, of in ((None, blocks), (halves[0], blocks[:4]), (halves[1], blocks[4:])):
+        spectra = combine_groups(sums, groups)
         assert spectra.blocks == len(of)
         for (i, j), (k, other) in product(product(range(3), (0,)), ((0, 1), (1, 0), (-1, 0))):
             ours = np.sum(spectra.data[j][:, i] * spectra.data[k][:, other].conj(), axis=1)
             every = [b.data[j][:, i, 0] * b.data[k][:, other, 0].conj() for b in of]
             np.testing.assert_allclose(ours, np.sum(every, axis=0), atol=1e-9 * np.abs(every).max())
-    again = TurnedSums.restored(sums.stored())
-    assert np.array_equal(again.spectra().data[0], sums.spectra().data[0])
-    assert again.halves()[0].blocks == 4.0  # type: ignore[index]
-    forgotten = TurnedSums.of(blocks[0], support).plus(blocks[1], 0.25)
+    again = BlockSums.restored(sums.stored(), TurnedBlock)
+    assert np.array_equal(combine_groups(again).data[0], combine_groups(sums).data[0])
+    assert again.halves() == halves
+    first, second = (turned_block(block, support) for block in blocks[:2])
+    forgotten = BlockSums.of(first, MAX_GROUPS).plus(second, 0.25)
     assert forgotten.counts == (0.25, 1.0)
 
 
@@ -361,9 +370,9 @@ def test_blocks_that_are_louder_by_turns_count_less() -> None:
     gusty = [b._replace(data={k: (1.0 + i % 2) * Y for k, Y in b.data.items()}) for i, b in enumerate(steady)]
     found = []
     for blocks in (steady, gusty):
-        sums = TurnedSums.of(blocks[0], support)
+        sums = BlockSums.of(turned_block(blocks[0], support), MAX_GROUPS)
         for block in blocks[1:]:
-            sums = sums.plus(block)
+            sums = sums.plus(turned_block(block, support))
         found.append(sums.gusts)
     assert found[0] == pytest.approx(1.0, abs=0.02)
     assert found[1] == pytest.approx(1.36, abs=0.03)  # energies 1 and 4: mean 2.5, spread 1.5

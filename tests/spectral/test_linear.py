@@ -12,7 +12,8 @@ from windsysid.mechanics.compile import compile_model
 from windsysid.simulation.random_loads import draw_loads
 from windsysid.spectral.lti.likelihood import LinearModel
 from windsysid.spectral.rotor.load_filters import LoadShape, load_shapes
-from windsysid.spectral.transforms.cross_spectra import cross_spectra
+from windsysid.spectral.transforms.block_sums import BlockSums
+from windsysid.spectral.transforms.cross_spectra import transform_block
 from windsysid.statespace.process import load_on, rational, second_order
 
 LOAD = GaussMarkov("force", 3.0, 0.5)
@@ -57,18 +58,18 @@ def test_the_spectrum_is_that_of_scipys_transfer_function(model: LinearModel):
 
 
 def test_gradient_and_information_are_those_of_differences(model: LinearModel, record: Record):
-    spectra = cross_spectra(record.values, RATE, (0.0, 5.0))
+    spectra = BlockSums.of(transform_block(record.values, RATE, (0.0, 5.0)))
     rows = model.rows(spectra, AT)
     smear = model.smear(spectra, rows, AT)
     h = 1e-5 * np.eye(5)
-    g = model.likelihood(rows, spectra.factor, AT, smear)[1]
+    g = model.likelihood(rows, spectra.last.overlap, AT, smear)[1]
     moved = [
-        [model.likelihood(rows, spectra.factor, AT + sign * step, smear)[0] for sign in (1, -1)] for step in h
+        [model.likelihood(rows, spectra.last.overlap, AT + sign * step, smear)[0] for sign in (1, -1)] for step in h
     ]  # fmt: skip
     np.testing.assert_allclose(g, [(up - down) / 2e-5 for up, down in moved], rtol=1e-5, atol=1e-4)
     expected = rows._replace(power=model.spectrum(rows.frequency, AT))  # there the curvature is its mean
-    F = model.likelihood(expected, spectra.factor, AT)[2]
-    up, down = ([model.likelihood(expected, spectra.factor, AT + s * step)[1] for step in h] for s in (1, -1))
+    F = model.likelihood(expected, spectra.last.overlap, AT)[2]
+    up, down = ([model.likelihood(expected, spectra.last.overlap, AT + s * step)[1] for step in h] for s in (1, -1))
     np.testing.assert_allclose(F, (np.array(up) - np.array(down)) / 2e-5, atol=1e-5 * np.abs(F).max())
 
 
@@ -95,8 +96,10 @@ def test_smeared_spectra_are_the_mean_of_what_records_show(model: LinearModel):
     # A resonance of 8 bins under white noise: the mean of many short blocks against S̄, and S itself is off by more.
     truth = np.array([TRUTH["c"] / 20.0, np.log(TRUTH["k"] / 20.0), 0.0, 0.0, 0.0])
     long = driven(5, 60 * 1600).values
-    blocks = [cross_spectra(block, RATE, (0.0, 3.0)) for block in np.split(long, 60)]
-    total = sum(blocks[1:], blocks[0])
+    blocks = [transform_block(block, RATE, (0.0, 3.0)) for block in np.split(long, 60)]
+    total = BlockSums.of(blocks[0])
+    for block in blocks[1:]:
+        total = total.plus(block)
     rows = model.rows(total, truth)
     sharp = model.spectrum(rows.frequency, truth)[:, 0, 0].real
     smooth = sharp + model.smear(total, rows, truth)[:, 0, 0].real

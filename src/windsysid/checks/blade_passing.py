@@ -1,9 +1,10 @@
-"""Blades that pass at a steady speed where a mode is.
+"""Blade-passing frequency near a mode: the load of the blades looks like a resonance there.
 
-Filters take the line NP for a load whose amplitude wanders. A steady one stays, whatever the filter's memory, and comes
-to stand for a part of the resonance: damping comes out too small. Turned back by N ψ it is a constant, which stands out
-of the transform's neighbours as lines do (`windsysid.checks.lines`). A resonance that is hardly broader than a line
-cannot be told from one, so that no answer is given there.
+Spectra of a structure on which nothing turns have no model of that load: no mode may be near. Filters take the line NP
+for a load whose amplitude varies. A steady one stays, whatever the filter's memory, and comes to stand for a part of
+the resonance: damping comes out too small. Turned back by N ψ it is a constant, which stands out of the transform's
+neighbours as lines do (`windsysid.checks.lines`). A resonance that is hardly broader than a line cannot be told from
+one, so that no answer is given there.
 """
 
 from collections.abc import Sequence
@@ -25,6 +26,9 @@ from windsysid.results.finding import Finding
 
 __all__ = ["Passing", "find_passing"]
 
+UNMODELLED_FACTOR = 1.2
+"""Factor about a natural frequency within which a load of the blades that is not modelled biases the mode."""
+
 BEYOND = 2.0
 """Frequencies 1/T of a record beyond a mode's half-width ζf within which the line is in it."""
 
@@ -43,16 +47,21 @@ class Passing(NamedTuple):
         Half-power half-width ζf of the mode [Hz].
     resolution
         Frequency resolution of the record [Hz].
+    unmodelled
+        The degree of freedom of the mode where the load is not modelled.
     """
 
     frequency: float
     natural: float
     half_width: float
     resolution: float
+    unmodelled: str = ""
 
     def finding(self, blades: int) -> Finding:
         """A reason: the line may be the mode, part of it, or too near to it."""
         data: dict[str, Any] = {"frequency": self.frequency, "blades": blades, "mode": self.natural}
+        if self.unmodelled:
+            return Finding("blade_passing_near_mode", "reason", data | {"coordinate": self.unmodelled})
         off = abs(self.frequency - self.natural)
         if off <= (LINE_REACH - 1.0) * self.natural:
             return Finding("blade_passing_on_mode", "reason", data)
@@ -62,22 +71,39 @@ class Passing(NamedTuple):
 
 
 def find_passing(
-    values: Array, azimuth: Array, *, rate: float, modes: Sequence[tuple[float, float]], blades: int
-) -> Passing | None:
-    """Whether a steady line of the passing blades is in a mode.
+    modes: Sequence[tuple[str, float, float]], blades: int, rotor_hz: float = 0.0,
+    readings: tuple[Array, Array, float] | None = None,
+) -> Passing | None:  # fmt: skip
+    """Find a mode that the load of the passing blades cannot be separated from.
 
     Parameters
     ----------
-    values, azimuth
-        Readings (T, m) without gaps, and ψ (T,) [rad], unwrapped.
     modes
-        Frequency [Hz] and damping ratio of each.
+        Name, frequency [Hz] and damping ratio of each.
+    rotor_hz
+        Mean rotor speed [Hz], where the load is not modelled.
+    readings
+        Of a formulation that models the load but for a steady line: readings (T, m) without gaps, ψ (T,) [rad],
+        unwrapped, and their rate [Hz].
     """
+    if readings is not None:
+        return _find_steady(modes, blades, *readings)
+    passing = blades * rotor_hz
+    for name, natural, damping in modes:
+        if passing and natural / UNMODELLED_FACTOR < passing < natural * UNMODELLED_FACTOR:
+            return Passing(passing, natural, damping * natural, 0.0, name)
+    return None
+
+
+def _find_steady(
+    modes: Sequence[tuple[str, float, float]], blades: int, values: Array, azimuth: Array, rate: float
+) -> Passing | None:
+    """The first mode with a steady line of the passing blades."""
     step, cycle = rate / len(values), 0.5 * blades / np.pi
     passing = cycle * abs(float(azimuth[-1] - azimuth[0])) / ((len(azimuth) - 1) / rate)
     hop = max(1, min(round(SMOOTHED * rate), len(azimuth) // 2))
     scatter = cycle * float(np.std(azimuth[hop:] - azimuth[:-hop])) * rate / hop
-    for natural, damping in modes:
+    for _, natural, damping in modes:
         width = damping * natural
         if abs(passing - natural) > width + BEYOND * step or scatter > width:
             continue

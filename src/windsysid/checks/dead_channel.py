@@ -1,4 +1,4 @@
-"""Channels in which nothing vibrates: noise, white or of any power law, where the structure's modes are.
+"""Dead channels: constant ones, and those that are noise, white or of any power law, where the structure's modes are.
 
 A sensor without power or with a broken cable reads noise. A model explains it with a loud noise and little load, leaves
 white innovations, and takes the missing resonances for information: coefficients go where a resonance would not show.
@@ -15,7 +15,10 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["CHANCE", "find_still"]
+__all__ = ["CHANCE", "find_still", "is_constant"]
+
+MAX_CONSTANT_SPREAD = 1e-12
+"""Spread of a constant channel over its greatest value: rounding of a unit's conversion."""
 
 CHANCE, CHANCE_OF_FEW = 1e-3, 0.1
 """Share of channels of noise in which something seems to vibrate, and the same of records that are short or end just
@@ -39,6 +42,11 @@ stands out."""
 
 MOST_MISSING = 0.05
 """Share of a channel beyond which it is not judged."""
+
+
+def is_constant(values: Array) -> bool:
+    """Whether finite readings (T,) have one value."""
+    return float(np.ptp(values)) <= MAX_CONSTANT_SPREAD * float(np.abs(values).max())
 
 
 def find_still(

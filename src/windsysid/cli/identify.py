@@ -163,7 +163,7 @@ def _identify_in_pieces(
     formulation: Literal["joint", "spectral"],
 ) -> tuple["Identification", "Record"]:
     """Identify a file piece by piece, going on from where an earlier call was interrupted; the last piece too."""
-    from windsysid.identification.streaming.time_domain import identify_pieces
+    from windsysid.identification.streaming.identify_pieces import identify_pieces
     from windsysid.output.progress import hear
     from windsysid.records.formats import iterate_record
     from windsysid.results.provenance import mapping_tables

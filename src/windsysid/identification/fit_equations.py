@@ -1,68 +1,38 @@
-"""Fit: one's own equations + a record → estimates with bands. The front door for every structure that is no turbine.
+"""Fit: one's own equations + a record → estimates with intervals. The front door for every structure that is no
+turbine.
 
-The unknowns are the parameters θ and, beside them, the noise of every sensor and the level of every load, η. The record
-is taken in as it would be on line (`windsysid.identification.estimate.online`); that history is kept. The result is the
-mode of the posterior of the whole record on the likelihood of the state-only filter
-(`windsysid.identification.estimate.scoring`).
-
-The mode is climbed from where a joint filter ends. Far off, the likelihood has false summits, because the motion that
-it expects has lost the phase of the one that was measured; the joint filter stays in phase. It also locks in what it
-learns while linearised at wrong parameters, the more so the quieter the sensors are said to be, so it runs again with
-all noise 10 and 100 times as loud, and the end that the state-only filter likes best is the start.
+The estimate is made in time (`windsysid.identification.estimate.equations_time`) or from spectra
+(`windsysid.identification.estimate.equations_spectra`).
 """
 
-import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from windsysid._types import Array
-from windsysid.checks.verdict import Diagnosis, diagnose
-from windsysid.errors import ConfigurationError, RecordError
-from windsysid.filters import EKF, Info
-from windsysid.filters.bank import bank_of, run_bank
-from windsysid.identification.condition.samples import Samples, SamplesOnDisk
+from windsysid.checks.verdict import diagnose
+from windsysid.errors import ConfigurationError
+from windsysid.identification.condition.segments import SegmentReader
 from windsysid.identification.estimate.equations_spectra import fit_by_spectra
-from windsysid.identification.estimate.online import begin, spread_over_samples
-from windsysid.identification.estimate.search import Solution, solve
-from windsysid.identification.model.fit import no_innovations
-from windsysid.inspection.fault import Fault
-from windsysid.inspection.screening import doubted, noted, screen
+from windsysid.identification.estimate.equations_time import EquationsEstimate, fit_by_filter
+from windsysid.identification.model.equations_problem import EquationsJob
+from windsysid.inspection.screening import doubted, noted
 from windsysid.kernels.threads import one_thread
 from windsysid.loads.statistics import Statistic
 from windsysid.mechanics.model import Model
 from windsysid.records.record import Record
-from windsysid.results.finding import Finding
 from windsysid.results.identification import Estimate, Identification
 from windsysid.results.posterior import SIGMAS
-from windsysid.statespace.compose import StateSpace, compose
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
 
 if TYPE_CHECKING:
     import sympy as sp
 
-from windsysid.identification.model.equations_problem import (
-    OwnProblem,
-    constant_loads,
-    known_columns,
-    loads_behind_low_pass,
-    read_columns,
-)
-
 __all__ = ["Fit", "Reading", "fit"]
-
-LEVEL_SPREAD = 1.5
-"""Prior standard deviation of the logarithm of a level: noise and loads may be wrong by a factor of four or five."""
-
-FIRST_FRACTION = 16
-"""The first estimate on line comes after this fraction of the record."""
-
-MAX_STEP_SHARE = 0.1
-"""Share of a vibration's damping that may be the integration's."""
 
 
 @dataclass(frozen=True)
@@ -180,193 +150,65 @@ def fit(
     WindsysidError
         If every run of the filter diverges.
     """
-    if not parameters:
-        raise ConfigurationError("parameters: expected at least one to identify, got none")
-    if formulation == "spectral":
-        return _fit_by_spectra(
-            model,
-            record,
-            parameters,
-            sensors,
-            mean,
-            dict(values or {}),
-            loads,
-            channels or {},
-            learn_levels=learn_levels,
-        )
-    if formulation != "joint":
-        raise ConfigurationError(f"formulation: expected joint or spectral, got '{formulation}'")
-    if cov is None:
-        raise ConfigurationError("cov: expected the prior covariance of the states, got none: the joint fit needs it")
-    prior: dict[str, Any] = {"sensors": sensors, "mean": mean, "cov": cov}
-    taken = _take(
-        record, model, parameters, dict(values or {}), loads, channels or {}, prior, learn_levels=learn_levels
-    )
-    problem, part, samples = taken.problem, taken.last, taken.samples
-    joint, plain, loads = problem.model, problem.plain, problem.loads
-    columns = len(joint.inputs), len(joint.readings)
-    for space in (joint, plain):  # compiles or loads the kernels outside the clock
-        EKF.run(space, EKF.init(space), np.empty((0, columns[0])), np.empty((0, columns[1])))
-    run_bank(bank_of([plain]), np.empty((0, columns[0])), np.empty((0, columns[1])))
-    started = time.perf_counter()
-    nothing = begin(*problem.prior, -(-taken.number // FIRST_FRACTION), columns)
-    found = solve(problem, samples, nothing, rate=part.rate, start=problem.start_from(samples))
-    history = spread_over_samples(*problem.prior, found.history, taken.number)
-    times = taken.begun + np.arange(taken.number) / part.rate if isinstance(samples, SamplesOnDisk) else part.time
-    elapsed = time.perf_counter() - started
+    job = EquationsJob(
+        model, tuple(parameters), tuple(sensors), mean, cov, dict(values or {}), tuple(loads), channels or {},
+        learn_levels,
+    )  # fmt: skip
+    _check(job, formulation)
+    spectral = formulation == "spectral"
+    segments = SegmentReader(record, job.readings, continuous=not spectral)
+    return _describe(job, segments, fit_by_spectra(job, segments) if spectral else fit_by_filter(job, segments))
 
-    n = len(parameters)
-    spread = np.sqrt(np.diag(found.cov))
-    steps = _list_step_doubts(problem.build(found.mean), found.info, found.inputs)
+
+def _check(job: EquationsJob, formulation: str) -> None:
+    """Refuse what no formulation, or not this one, can identify from."""
+    if not job.parameters:
+        raise ConfigurationError("parameters: expected at least one to identify, got none")
+    if not job.sensors:
+        raise ConfigurationError("sensors: expected at least one reading, got none")
+    if formulation not in ("joint", "spectral"):
+        raise ConfigurationError(f"formulation: expected joint or spectral, got '{formulation}'")
+    if formulation == "joint" and job.cov is None:
+        raise ConfigurationError("cov: expected the prior covariance of the states, got none: the joint fit needs it")
+
+
+def _describe(job: EquationsJob, segments: SegmentReader, found: EquationsEstimate) -> Fit:
+    """An estimate in physical units, with its diagnosis."""
+    n, last, parameters, spectral = len(job.parameters), segments.last, job.parameters, found.whiteness is None
+    theta, cov, spread = found.unknowns[:n], found.cov[:n, :n], np.sqrt(np.diag(found.cov))
+    lost = () if np.isfinite(found.history[0]).all() else (Finding("no_history", "note"),)
+    units = [last.unit(channel) for channel in job.readings]
     return Fit(
-        method=f"posterior mode, {EKF.name}",
-        formulation="fit",
-        record=part.name,
-        turbine=joint.compiled.name,
-        sensors=joint.readings,
-        section=(taken.begun, float(part.time[-1])),
-        rate=part.rate,
-        samples=taken.number,
-        elapsed=elapsed,
-        estimates=tuple(map(_describe_parameter, parameters, found.mean[:n], spread[:n])),
+        method=found.method,
+        formulation="spectral" if spectral else "fit",
+        record=last.name,
+        turbine=found.name,
+        sensors=job.readings,
+        section=(float(segments.first.time[0]), float(last.time[-1])),
+        rate=last.rate,
+        samples=segments.samples,
+        elapsed=found.elapsed,
+        estimates=tuple(map(_describe_parameter, parameters, theta, spread[:n])),
         modes=(),
-        parameters=tuple(parameters),
-        time=times,
-        mean=history[0][:, :n],
-        std=history[1][:, :n],
-        cov=found.cov[:n, :n],
-        readings=joint.readings,
+        parameters=parameters,
+        time=found.time,
+        mean=found.history[0][:, :n],
+        std=found.history[1][:, :n],
+        cov=cov,
+        readings=job.readings,
         innovation=found.info.innovation,
         whitened=found.info.whitened,
         log_likelihood=found.log_likelihood,
-        statistics=_describe_levels(part, sensors, loads, found.mean[n:], spread[n:]),
-        diagnosis=_diagnose(
-            found,
-            joint,
-            part.rate,
-            (
-                *(*doubted(taken.faults), *steps, *taken.notes, *found.notes, *noted(taken.faults)),
-                *(() if np.isfinite(history[0]).all() else (Finding("no_history", "note"),)),
-            ),
+        statistics=_describe_levels(job, found, units),
+        diagnosis=diagnose(
+            found.info, readings=job.readings, rate=last.rate, frequencies=(), parameters=parameters, theta=theta,
+            cov=cov, white=not spectral, whiteness=found.whiteness, constancy=found.constancy,
+            findings=(*doubted(segments.faults), *found.doubts, *found.notes, *noted(segments.faults), *lost),
         ),
-        states=plain.states,
+        states=found.states,
         state_mean=found.info.mean,
         state_std=found.info.std,
-    )
-
-
-def _fit_by_spectra(
-    model: Model, record: Record | Iterable[Record], parameters: Sequence[Parameter], sensors: Sequence[Any],
-    mean: ArrayLike | None, known: dict[str, float], loads: Sequence[LoadModel], channels: Mapping[str, str], *,
-    learn_levels: bool,
-) -> Fit:  # fmt: skip
-    """The result of spectra."""
-    started = time.perf_counter()
-    levels = np.full((len(sensors) + len(loads)) * learn_levels, LEVEL_SPREAD)
-    found = fit_by_spectra(model, record, parameters, sensors, mean, known, loads, channels, levels)
-    n, part = len(parameters), found.last
-    at, cov = found.fit.unknowns, found.fit.cov
-    spread, names = np.sqrt(np.diag(cov)), tuple(sensor.channel for sensor in sensors)
-    nothing = no_innovations(len(sensors), found.fit.log_likelihood)
-    return Fit(
-        method="posterior mode, spectral likelihood",
-        formulation="spectral",
-        record=part.name,
-        turbine=found.model,
-        sensors=names,
-        section=(found.begun, float(part.time[-1])),
-        rate=part.rate,
-        samples=found.samples,
-        elapsed=time.perf_counter() - started,
-        estimates=tuple(map(_describe_parameter, parameters, at[:n], spread[:n])),
-        modes=(),
-        parameters=tuple(parameters),
-        time=part.time[-1:],
-        mean=at[None, :n],
-        std=spread[None, :n],
-        cov=cov[:n, :n],
-        readings=names,
-        innovation=nothing.innovation,
-        whitened=nothing.whitened,
-        log_likelihood=found.fit.log_likelihood,
-        statistics=_describe_levels(part, sensors, loads, at[n:], spread[n:]),
-        diagnosis=diagnose(
-            nothing, readings=names, rate=part.rate, frequencies=(), parameters=tuple(parameters), theta=at[:n],
-            cov=cov[:n, :n], white=False, findings=(*found.doubts, *found.notes),
-        ),
-        states=(),
-        state_mean=nothing.mean,
-        state_std=nothing.std,
     )  # fmt: skip
-
-
-class _Taken(NamedTuple):
-    """A record and what it poses: the samples, how many, when they begin [s], the last piece of them, and what is to be
-    said."""
-
-    problem: OwnProblem
-    samples: Samples
-    number: int
-    begun: float
-    last: Record
-    notes: tuple[Finding, ...]
-    faults: list[Fault]
-
-
-def _take(
-    record: Record | Iterable[Record], model: Model, parameters: Sequence[Parameter], known: dict[str, float],
-    loads: Sequence[LoadModel], channels: Mapping[str, str], prior: Mapping[str, Any], *, learn_levels: bool,
-) -> _Taken:  # fmt: skip
-    """Pose the problem on the first piece, or the only one, and take all of them in."""
-    sensors = prior["sensors"]
-    whole = isinstance(record, Record)
-    problem: OwnProblem | None = None
-    last: Record | None = None
-    faults: list[Fault] = []
-    for piece in [record] if isinstance(record, Record) else record:
-        part = piece.on_uniform_grid()
-        if problem is None or last is None:
-            begun, rate = float(part.time[0]), part.rate
-            loads, notes = loads_behind_low_pass(loads, part)
-            settings = {**prior, "rate": rate, "loads": loads, "continuous": True}
-            joint = compose(model, values=known, parameters=parameters, **settings)
-            known |= {q.name: q.centre for q in parameters}
-            plain = compose(model, values=known, **settings)
-            spreads = np.full((len(sensors) + len(loads)) * learn_levels, LEVEL_SPREAD)
-            problem = OwnProblem(joint, plain, tuple(loads), spreads)
-            constant = constant_loads(joint.compiled.loads, part, channels, loads, known)
-            held = SamplesOnDisk((len(joint.inputs), len(sensors)))
-        else:
-            part = _go_on(last, part, sensors)
-        inputs, readings = (
-            known_columns(joint.compiled, part, channels, constant),
-            read_columns(part, sensors, first=last is None),
-        )
-        faults += screen(piece, None, [sensor.channel for sensor in sensors], refuse=last is None)
-        last = part
-        if not whole:
-            held.append(inputs, readings)
-    if problem is None or last is None:
-        raise RecordError("no pieces: expected at least one, got an empty record")
-    samples: Samples = [(inputs, readings)] if whole else held
-    number = len(readings) if whole else held.count
-    return _Taken(problem, samples, number, begun, last, notes, faults)
-
-
-def _go_on(before: Record, piece: Record, sensors: Sequence[Any]) -> Record:
-    """A piece with the samples that are missing before it."""
-    missing = [sensor.channel for sensor in sensors if sensor.channel not in piece]
-    if missing:
-        raise RecordError(f"{piece.name}: expected the channels of the first piece, got none of {', '.join(missing)}")
-    if abs(piece.rate / before.rate - 1.0) > 0.01:
-        raise RecordError(f"{piece.name}: expected pieces of {before.rate:.6g} Hz, got one of {piece.rate:.6g} Hz")
-    steps = round((piece.time[0] - before.time[-1]) * before.rate)
-    if steps < 1:
-        raise RecordError(f"{piece.name}: expected a piece that begins after the one before, got an overlap")
-    between = piece.time[0] - np.arange(steps - 1, 0, -1) / before.rate
-    nothing = np.full((steps - 1, len(piece.channels)), np.nan)
-    time, values = np.concatenate([between, piece.time]), np.vstack([nothing, piece.values])
-    return replace(piece, time=time, values=values)
 
 
 def _describe_parameter(q: Parameter, theta: float, std: float) -> Estimate:
@@ -380,53 +222,12 @@ def _describe_parameter(q: Parameter, theta: float, std: float) -> Estimate:
     )  # fmt: skip
 
 
-def _describe_levels(
-    part: Record, sensors: Sequence[Any], loads: Sequence[LoadModel], eta: Array, spread: Array
-) -> tuple[Statistic, ...]:
-    """Noise of every sensor and rms of every load, from η and its standard deviations (n_η,); none where they are as
-    given."""
-    given = [(f"noise_{sensor.channel}", part.unit(sensor.channel), sensor.noise) for sensor in sensors]
-    given += [(f"rms_{load.states[0]}", "", float(np.sqrt(load.cov[0, 0]))) for load in loads]
+def _describe_levels(job: EquationsJob, found: EquationsEstimate, units: Sequence[str]) -> tuple[Statistic, ...]:
+    """Noise of every sensor and rms of every load, from η and its standard deviations; none where they are as given."""
+    given = [(f"noise_{s.channel}", unit, s.noise) for s, unit in zip(job.sensors, units, strict=True)]
+    given += [(f"rms_{load.states[0]}", "", float(np.sqrt(load.cov[0, 0]))) for load in found.loads]
+    n = len(job.parameters)
     return tuple(
         Statistic(*one, *(one[2] * np.exp(middle + k * std) for k in (0.0, -SIGMAS, SIGMAS)))
-        for one, middle, std in zip(given, eta, spread, strict=False)
+        for one, middle, std in zip(given, found.unknowns[n:], np.sqrt(np.diag(found.cov))[n:], strict=False)
     )
-
-
-def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[Finding, ...]:
-    """A doubt where the Runge–Kutta method itself makes more than `MAX_STEP_SHARE` of the damping of a vibration about
-    the last state."""
-    compiled, h = model.compiled, float(model.blocks.step[0])
-    n, nu = len(compiled.states), len(compiled.inputs)
-    if not (n and len(inputs)):
-        return ()
-    value, A = np.empty(n), np.zeros((n, n))
-    B, G = np.zeros((n, len(compiled.identified))), np.zeros((n, len(compiled.loads)))
-    at = np.ascontiguousarray(info.mean[-1, :n])
-    compiled.rates_jacobian(at, inputs[-1, :nu], model.blocks.p, inputs[-1, nu:].copy(), value, A, B, G)
-    if not np.isfinite(A).all():
-        return ()
-    exponents = np.linalg.eigvals(A)
-    step = h * exponents[exponents.imag > 1e-6 * np.abs(exponents)]
-    stepped = np.log(1.0 + step * (1.0 + step / 2.0 * (1.0 + step / 3.0 * (1.0 + step / 4.0))))
-    ratio, own = -stepped.real / np.abs(stepped), -step.real / np.abs(step)
-    worse = np.abs(ratio - own) - MAX_STEP_SHARE * np.abs(ratio)
-    if not worse.max(initial=-1.0) > 0.0:
-        return ()
-    i = int(np.argmax(worse))
-    size = float(np.abs(step[i]))
-    enough = size / h / (72.0 * MAX_STEP_SHARE * max(abs(float(ratio[i])), 1e-4)) ** 0.2
-    data = {"frequency": size / h / (2.0 * np.pi), "damping": ratio[i] - own[i], "rate": enough}
-    return (Finding("steps_too_long", "reason", data),)
-
-
-def _diagnose(found: Solution, model: StateSpace, rate: float, findings: tuple[Finding, ...]) -> Diagnosis:
-    """What to think of the result."""
-    n = len(model.parameters)
-    if not found.settled:
-        findings += (Finding("fit_not_converged", "reason"),)
-    return diagnose(
-        found.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
-        theta=found.mean[:n], cov=found.cov[:n, :n], whiteness=found.whiteness, findings=findings,
-        constancy=found.constancy,
-    )  # fmt: skip

@@ -8,6 +8,7 @@ it is used to), an impact jumps (a spike jumps back at once).
 import numpy as np
 
 from windsysid._types import Array, Mask
+from windsysid.checks.dead_channel import is_constant
 from windsysid.inspection.channels import VIBRATION, Kind, is_torque
 from windsysid.inspection.clock import GAP_MIN_STEPS
 from windsysid.inspection.fault import Fault, Severity
@@ -46,10 +47,9 @@ def channel_faults(record: Record, channel: str, kind: Kind, standing: bool = Fa
     unit = record.unit(channel)
     if unit.startswith(AS_WRITTEN):
         found.append(Fault(channel, "unknown unit", "note", x.size, data={"unit": unit.removeprefix(AS_WRITTEN)}))
-    spread = float(np.ptp(x))
-    if spread <= 1e-12 * float(np.abs(x).max()):
+    if is_constant(x):
         return [*found, _constant(channel, kind, x, unit, standing)]
-    step = float(np.median(np.diff(time)))
+    step, spread = float(np.median(np.diff(time))), float(np.ptp(x))
     adjacent = np.diff(time) < GAP_MIN_STEPS * step
     lsb = _converter_step(x)
     turning = kind == "azimuth" and spread < 1.1 * max(_TURN, 360.0 if spread > 2.2 * _TURN else 0.0)

@@ -1,4 +1,4 @@
-"""What filters read of a record in pieces: the same as of the whole record.
+"""Block-wise conditioning: the samples that a filter reads of the segments of a record are those of the whole.
 
 Resampling, and the smooth slopes of azimuth and yaw, look at samples before and after the one they are for. So pieces
 are joined: the end of what has come is held back until the samples after it have come too, and what was handed out is
@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.errors import RecordError
 from windsysid.identification.condition.readings import (
     check_readings,
     choose_rate,
@@ -23,13 +22,14 @@ from windsysid.identification.condition.readings import (
     slow_down,
     steps_per_reading,
 )
+from windsysid.identification.condition.segments import require_alike, steps_after
 from windsysid.identification.model.fit import known_inputs, known_loads
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["Prepared", "Windows"]
+__all__ = ["BlockwiseConditioner", "ConditionedSamples"]
 
 SMOOTHING = 8.0
 """Seconds that the slopes of azimuth and yaw look ahead and back at most (`windsysid.signals.yaw`,
@@ -39,7 +39,7 @@ RESAMPLING = 50.0
 """The same for resampling, in samples of the lower rate (`windsysid.signals.condition`)."""
 
 
-class Prepared(NamedTuple):
+class ConditionedSamples(NamedTuple):
     """Consecutive samples as the model takes them: the record at the model's rate, inputs (T, n_u + n_w), readings (T,
     m)."""
 
@@ -48,7 +48,7 @@ class Prepared(NamedTuple):
     readings: Array
 
 
-class Windows:
+class BlockwiseConditioner:
     """Pieces of a record, joined and brought to the model's rate.
 
     Attributes
@@ -81,7 +81,7 @@ class Windows:
         self._reached = -math.inf
         self._azimuth = 0.0
 
-    def take(self, piece: Record) -> Prepared | None:
+    def take(self, piece: Record) -> ConditionedSamples | None:
         """The samples that are ready now that a piece has come; None where none are.
 
         Raises
@@ -89,21 +89,12 @@ class Windows:
         RecordError
             If the piece does not go on from the one before.
         """
-        if abs(piece.rate / self._recorded - 1.0) > 0.01:
-            raise RecordError(
-                f"{piece.name}: expected pieces of {self._recorded:.6g} Hz, got one of {piece.rate:.6g} Hz"
-            )
-        missing = [sensor.channel for sensor in self._sensors if sensor.channel not in piece]
-        if missing:
-            raise RecordError(
-                f"{piece.name}: expected the channels of the first piece, got none of {', '.join(missing)}"
-            )
+        require_alike(piece, self._recorded, [sensor.channel for sensor in self._sensors])
         if self._held is None:
             self._held = piece
         else:
             before = self._held
-            if piece.time[0] - before.time[-1] < 0.5 / self._recorded:
-                raise RecordError(f"{piece.name}: expected a piece that begins after the one before, got an overlap")
+            steps_after(before, piece, self._recorded)
             channels = [name for name in before.channels if name in piece]
             self._held = replace(
                 piece.select(channels),
@@ -112,11 +103,11 @@ class Windows:
             )
         return self._hand_out(float(self._held.time[-1]) - self._margin)
 
-    def finish(self) -> Prepared | None:
+    def finish(self) -> ConditionedSamples | None:
         """The samples that were held back."""
         return None if self._held is None else self._hand_out(math.inf)
 
-    def _hand_out(self, until: float) -> Prepared | None:
+    def _hand_out(self, until: float) -> ConditionedSamples | None:
         """The samples after those handed out and before `until` [s]."""
         held = self._held
         if held is None or until <= self._reached or held.samples < 2:
@@ -147,7 +138,7 @@ class Windows:
         self._held = replace(held, time=held.time[kept], values=held.values[kept])
         record = replace(part, time=part.time[new_rows], values=part.values[new_rows])
         readings = np.column_stack([record[sensor.channel] for sensor in self._sensors])
-        return Prepared(record, inputs[new_rows], readings)
+        return ConditionedSamples(record, inputs[new_rows], readings)
 
     def _turns(self, part: Record, azimuth: Array) -> float:
         """What must be added to the azimuth so that it goes on where it was: whole turns where it was recorded."""

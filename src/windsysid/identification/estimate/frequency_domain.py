@@ -51,8 +51,8 @@ from windsysid.spectral.rotor.fit import COARSE, WHOLE, Fit, admit, fit
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import Posed, Question
 from windsysid.spectral.rotor_bands.build import belongs_in_bands
-from windsysid.spectral.transforms.lifted_blocks import LiftedSums
-from windsysid.spectral.transforms.rotating_frame import TurnedSums
+from windsysid.spectral.transforms.block_sums import BlockSums
+from windsysid.spectral.transforms.rotating_frame import TurnedBlock
 from windsysid.statespace.compose import compose
 from windsysid.turbine.turbine import Turbine
 
@@ -71,7 +71,7 @@ CLEAR = 50.0
 
 def identify_by_spectrum(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None = None, *,
-    loads: str = "auto", sums: LiftedSums | TurnedSums | None = None, speeds: Array | None = None,
+    loads: str = "auto", sums: BlockSums[Any] | None = None, speeds: Array | None = None,
 ) -> Outcome:  # fmt: skip
     """Identify the chosen parameters, or every coefficient that the sensors see, from the spectra of a uniformly
     sampled record, or of the blocks that `sums` adds up: then `record` is the last of them, and `speeds` are the
@@ -232,7 +232,7 @@ def _names(turbine: Turbine, loads: str, *, coupled: bool) -> tuple[str, ...]:
 
 def ask(
     record: Record, turbine: Turbine, sensors: Sequence[Sensor], prior: Prior, chosen: Sequence[str] | None,
-    inputs: Array, readings: Array, loads: str, sums: LiftedSums | TurnedSums | None = None,
+    inputs: Array, readings: Array, loads: str, sums: BlockSums[Any] | None = None,
 ) -> Question:  # fmt: skip
     """The question under a load model, which may bring coefficients of its own."""
     file_loads = known_loads(record, turbine)[1]
@@ -247,7 +247,8 @@ def ask(
         turbine = supposed.turbine
     compiled = compile_model(turbine.model, tuple(sensors), instruments=True)
     question = Question(turbine, tuple(sensors), readings, record.rate, inputs, compiled, parameters, tuple(file_loads))
-    return question._replace(turned=sums) if isinstance(sums, TurnedSums) else question._replace(sums=sums)
+    in_frame = sums is not None and isinstance(sums.last, TurnedBlock)
+    return question._replace(turned=sums) if in_frame else question._replace(sums=sums)
 
 
 def _speed(speed: Array, steady: float, varying: float) -> list[Finding]:

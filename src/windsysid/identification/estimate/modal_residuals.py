@@ -115,9 +115,8 @@ def _passed(outcome: Outcome, record: Record, modes: Sequence[Mode]) -> tuple[Fi
         return ()
     readings = np.column_stack([record[channel] for channel in outcome.channels])
     readings = np.nan_to_num(readings - np.nanmean(readings, axis=0))
-    found = find_passing(
-        readings, psi, rate=record.rate, modes=_no_narrower(outcome.turbine, modes), blades=model.blades
-    )  # fmt: skip
+    known = [("", *mode) for mode in _no_narrower(outcome.turbine, modes)]
+    found = find_passing(known, model.blades, readings=(readings, psi, record.rate))
     return () if found is None else (found.finding(model.blades),)
 
 

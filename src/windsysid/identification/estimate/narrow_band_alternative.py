@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -25,8 +26,7 @@ from windsysid.spectral.rotor.build import pose_lifted, turns_couple
 from windsysid.spectral.rotor.fit import WHOLE, fit
 from windsysid.spectral.rotor.problem import Posed, Question
 from windsysid.spectral.rotor_bands.build import belongs_in_bands
-from windsysid.spectral.transforms.lifted_blocks import LiftedSums
-from windsysid.spectral.transforms.rotating_frame import TurnedSums
+from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["heard_on_time", "narrow_band_beside", "told_before"]
@@ -44,7 +44,7 @@ TURNED = 0.05
 
 def narrow_band_beside(
     near: Outcome, record: Record, turbine: Turbine, sensors: Sequence[Sensor],
-    sums: LiftedSums | TurnedSums | None = None,
+    sums: BlockSums[Any] | None = None,
 ) -> NarrowBandFit | None:  # fmt: skip
     """What spectra say of a narrow-band load beside broad ones where a search has ended `near`, of filters or of
     spectra; None where they do not apply, or such a load could push nothing, under wind, and where damping, a gain or a

@@ -15,19 +15,14 @@ What is learned at a wrong θ, in the first seconds, must not be kept. So the sa
 original prior, and the recursion goes on from there. Blocks grow with the record: a step then never moves θ by much.
 """
 
-import json
-import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array
-from windsysid.errors import ConfigurationError
 from windsysid.filters.bank import Bank, bank_of
 from windsysid.identification.estimate.scoring import (
     INCREMENT,
@@ -37,20 +32,17 @@ from windsysid.identification.estimate.scoring import (
     neighbours,
     score,
 )
-from windsysid.output.files import claim_file
 from windsysid.statespace.compose import StateSpace
 
 __all__ = [
     "History",
     "Online",
     "advance",
-    "another_call",
     "begin",
-    "check_call",
     "finish",
     "join_histories",
-    "restore",
-    "save",
+    "restored",
+    "stored",
 ]
 
 Start = Callable[[Array, Array], tuple[Array, Array]]
@@ -176,94 +168,36 @@ def finish(build: Callable[[Array], StateSpace], online: Online, start: Start | 
     return online, _history([(online.samples, online.theta, online.cov)], len(online.theta))
 
 
-def save(
-    online: Online | None, history: History | None, path: Path, *,
-    call: Mapping[str, Any] | None = None, progress: Mapping[str, Any] | None = None,
-) -> None:  # fmt: skip
-    """Write to a NumPy archive all that is needed to go on, and the estimates so far, whole or not at all.
-
-    Parameters
-    ----------
-    online, history
-        What is known; None before the first estimate.
-    call
-        What must be the same for the file to be taken up, see `check_call`: names and plain values.
-    progress
-        What `check_call` gives back: names and plain values.
-    """
-    arrays: dict[str, Any] = {}
-    if online is not None and history is not None:
-        arrays |= {name: np.asarray(value) for name, value in online._asdict().items() if name != "bank"}
-        arrays |= {f"history_{name}": values for name, values in history._asdict().items()}
-        if online.bank is not None:
-            bank = online.bank
-            arrays |= {"bank_mean": bank.mean, "bank_cov": bank.cov, "bank_inputs": bank.inputs}
-            arrays["bank_samples"] = np.asarray(bank.samples)
-    arrays |= {name: np.asarray(json.dumps(dict(of or {}))) for name, of in (("call", call), ("progress", progress))}
-    with claim_file(path, overwrite=True) as write:
-        write(lambda file: np.savez(file, **arrays))
+def stored(online: Online, history: History) -> dict[str, Any]:
+    """All that is needed to go on, and the estimates so far, in arrays by name."""
+    arrays: dict[str, Any] = {name: np.asarray(value) for name, value in online._asdict().items() if name != "bank"}
+    arrays |= {f"history_{name}": values for name, values in history._asdict().items()}
+    if online.bank is not None:
+        bank = online.bank
+        arrays |= {"bank_mean": bank.mean, "bank_cov": bank.cov, "bank_inputs": bank.inputs}
+        arrays["bank_samples"] = np.asarray(bank.samples)
+    return arrays
 
 
-def check_call(path: Path, call: Mapping[str, Any]) -> dict[str, Any]:
-    """The progress that `save` wrote; refuse a checkpoint that it wrote for another `call`.
+def restored(build: Callable[[Array], StateSpace], arrays: Mapping[str, Any]) -> tuple[Online, History]:
+    """What `stored` gave: going on from it gives what going on without a stop would have given, bit for bit.
 
     Raises
     ------
-    ConfigurationError
-        If the file is not one of ours, or belongs to another call; the line names what differs.
+    KeyError, ValueError
+        If the arrays are others, or of another problem.
     """
-    with _checkpoint(path) as archive:
-        before, now = json.loads(str(archive["call"])), json.loads(json.dumps(call))
-        progress: dict[str, Any] = json.loads(str(archive["progress"]))
-    differ = [name for name in now if before.get(name) != now[name]]
-    if differ:
-        raise another_call(path, differ)
-    return progress
-
-
-def another_call(path: Path, differ: Sequence[str]) -> ConfigurationError:
-    """The refusal of a checkpoint that belongs to another call."""
-    return ConfigurationError(
-        f"{path}: was left by another call, which differs in {', '.join(differ)}: repeat that call, choose another "
-        f"output, or delete "
-        "the checkpoint to begin anew"
-    )
-
-
-def restore(build: Callable[[Array], StateSpace], path: Path) -> tuple[Online, History]:
-    """What `save` wrote: going on from it gives what going on without a stop would have given, bit for bit.
-
-    Raises
-    ------
-    ConfigurationError
-        If the file is not one of ours, or belongs to another problem.
-    """
-    with _checkpoint(path) as archive:
-        arrays = dict(archive)
-        fields = {name: arrays[name] for name in Online._fields if name != "bank"}
-        online = Online(**fields, bank=None)._replace(first=int(arrays["first"]), samples=int(arrays["samples"]))
-        history = History(*(arrays[f"history_{name}"] for name in History._fields))
-        if "bank_mean" not in arrays:
-            return online, history
-        bank = bank_of([build(theta) for theta in neighbours(online.theta, online.widths)])
-        if bank.mean.shape != arrays["bank_mean"].shape:
-            raise ValueError("another model")
-        mean, cov, inputs = arrays["bank_mean"], arrays["bank_cov"], arrays["bank_inputs"]
-        bank = bank._replace(mean=mean, cov=cov, inputs=inputs, samples=int(arrays["bank_samples"]))
+    fields = {name: arrays[name] for name in Online._fields if name != "bank"}
+    online = Online(**fields, bank=None)._replace(first=int(arrays["first"]), samples=int(arrays["samples"]))
+    history = History(*(arrays[f"history_{name}"] for name in History._fields))
+    if "bank_mean" not in arrays:
+        return online, history
+    bank = bank_of([build(theta) for theta in neighbours(online.theta, online.widths)])
+    mean, cov, inputs = arrays["bank_mean"], arrays["bank_cov"], arrays["bank_inputs"]
+    if bank.mean.shape != mean.shape:
+        raise ValueError("another model")
+    bank = bank._replace(mean=mean, cov=cov, inputs=inputs, samples=int(arrays["bank_samples"]))
     return online._replace(bank=bank), history
-
-
-@contextmanager
-def _checkpoint(path: Path) -> Iterator[Any]:
-    """The arrays of a checkpoint; ConfigurationError if they are none."""
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            yield archive
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise ConfigurationError(
-            f"{path}: expected where an earlier run of this version stopped, got something else ({error}): delete it "
-            f"to begin anew"
-        ) from None
 
 
 def join_histories(histories: Sequence[History]) -> History:

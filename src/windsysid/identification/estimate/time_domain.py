@@ -4,7 +4,7 @@ The unknowns are the coefficients and the statistics of loads and noise
 (`windsysid.identification.model.turbine_problem`). The record chooses what its loads are taken for
 (`windsysid.identification.estimate.load_selection`), and the rest is the one way from samples to an estimate
 (`windsysid.identification.estimate.search`). A record in pieces goes the same way
-(`windsysid.identification.streaming.time_domain`).
+(`windsysid.identification.streaming.identify_pieces`).
 """
 
 import math

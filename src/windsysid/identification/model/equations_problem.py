@@ -6,12 +6,14 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF
 from windsysid.identification.condition.samples import Samples
 from windsysid.mechanics.compile import CompiledModel
+from windsysid.mechanics.model import Model
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.finding import Finding
 from windsysid.statespace.compose import StateSpace
@@ -19,14 +21,55 @@ from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
 
-__all__ = ["OwnProblem", "constant_loads", "known_columns", "loads_behind_low_pass", "read_columns", "state_only_model"]
+__all__ = [
+    "EquationsJob",
+    "OwnProblem",
+    "constant_loads",
+    "known_columns",
+    "loads_behind_low_pass",
+    "read_columns",
+    "state_only_model",
+]
 
+
+LEVEL_SPREAD = 1.5
+"""Prior standard deviation of the logarithm of a level: noise and loads may be wrong by a factor of four or five."""
 
 LOUDER = (1.0, 10.0, 100.0)
 """Factors on all noise with which the joint filter looks for a start."""
 
 FIRST_WIDTH = 0.05
 """Standard deviation of the logarithm of a level that scales its first differences."""
+
+
+class EquationsJob(NamedTuple):
+    """What is to be identified of one's own equations; attributes as of `windsysid.fit`."""
+
+    model: Model
+    parameters: tuple[Parameter, ...]
+    sensors: tuple[Any, ...]
+    mean: ArrayLike | None
+    cov: ArrayLike | None
+    values: Mapping[str, float]
+    loads: tuple[LoadModel, ...]
+    channels: Mapping[str, str]
+    learn_levels: bool
+
+    @property
+    def readings(self) -> tuple[str, ...]:
+        """The channels of the sensors."""
+        return tuple(sensor.channel for sensor in self.sensors)
+
+    @property
+    def levels(self) -> Array:
+        """Prior standard deviations of η (n_η,): of the noise of each reading, then of each load; none where they are
+        not learned."""
+        return np.full((len(self.sensors) + len(self.loads)) * self.learn_levels, LEVEL_SPREAD)
+
+    @property
+    def centres(self) -> dict[str, float]:
+        """Values of all parameters, those that are identified at the centres of their priors."""
+        return {**self.values, **{q.name: q.centre for q in self.parameters}}
 
 
 class OwnProblem(NamedTuple):
@@ -159,34 +202,26 @@ def loads_behind_low_pass(
     return passed, (note,) if others else ()
 
 
-def constant_loads(
-    acting: Sequence[str],
-    record: Record,
-    channels: Mapping[str, str],
-    loads: Sequence[LoadModel],
-    values: Mapping[str, float],
-) -> dict[str, float]:
+def constant_loads(acting: Sequence[str], record: Record, job: EquationsJob) -> dict[str, float]:
     """The constant value of each load of a model that was not measured: what `values` says, and zero beside a model."""
-    driven = {name for load in loads for name in load.outputs}
+    driven = {name for load in job.loads for name in load.outputs}
     constant = {}
     for name in acting:
-        if name in channels or name in record:
+        if name in job.channels or name in record:
             continue
-        if name not in values and name not in driven:
+        if name not in job.values and name not in driven:
             raise ConfigurationError(
                 f"load '{name}': nothing says what it was: expected a channel, a model in `loads`, or a constant in "
                 f"`values` (0: it does not act); the record has {', '.join(record.channels)}"
             )
-        constant[name] = float(values.get(name, 0.0))
+        constant[name] = float(job.values.get(name, 0.0))
     return constant
 
 
-def known_columns(
-    compiled: CompiledModel, record: Record, channels: Mapping[str, str], constant: Mapping[str, float]
-) -> Array:
+def known_columns(compiled: CompiledModel, record: Record, job: EquationsJob, constant: Mapping[str, float]) -> Array:
     """Known inputs and loads (T, n_u + n_w), measured or constant."""
     names = (*compiled.inputs, *compiled.loads)
-    for name in channels:
+    for name in job.channels:
         if name not in names:
             raise ConfigurationError(
                 f"channels: '{name}' is no input or load of the model: expected one of {', '.join(names) or 'none'}"
@@ -196,7 +231,7 @@ def known_columns(
         if name in constant:
             columns[:, column] = constant[name]
             continue
-        channel = channels.get(name, name)
+        channel = job.channels.get(name, name)
         columns[:, column] = record[channel]
         missing = int(np.isnan(columns[:, column]).sum())
         if missing:
@@ -209,8 +244,6 @@ def known_columns(
 
 def read_columns(record: Record, sensors: Sequence[Any], *, first: bool = True) -> Array:
     """What the sensors read (T, m); in the first piece, each must hold numbers."""
-    if not sensors:
-        raise ConfigurationError("sensors: expected at least one reading, got none")
     readings = np.column_stack([record[sensor.channel] for sensor in sensors])
     for sensor, values in zip(sensors, readings.T, strict=True):
         if first and not np.isfinite(values).any():

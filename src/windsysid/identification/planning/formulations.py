@@ -11,21 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from windsysid._types import Array
 from windsysid.errors import WindsysidError
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
 from windsysid.identification.planning.information import planned_information
-from windsysid.identification.planning.spectral_information import planned_spectra
+from windsysid.identification.planning.spectral_information import PlannedInformation, PlannedRecord, planned_spectra
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.output.progress import Progress
 from windsysid.results.tolerance import Tolerance
-from windsysid.simulation.record import simulate_record
 from windsysid.turbine.turbine import Turbine
 from windsysid.units import spell
 
-__all__ = ["WAYS", "Planned", "Told"]
+__all__ = ["WAYS", "Planned"]
 
 RELAXATIONS = 100.0
 """How many times the energy of the least damped mode is renewed in the simulated record: σ is then known to 1/(2√100) =
@@ -77,44 +75,30 @@ class Planned(NamedTuple):
         return replace(self.turbine, sensors=tuple(sensors))
 
 
-class Told(NamedTuple):
-    """What simulated records of `length` [s] in all tell: names and information as in `Plan`, growth by part, and
-    whether identification would leave it at that."""
-
-    names: tuple[str, ...]
-    start: Array
-    growths: Array
-    tolerances: tuple[Tolerance, ...]
-    length: float
-    notes: tuple[str, ...]
-    fits: bool = True
-
-
-def _by_filters(planned: Planned) -> Told:
+def _by_filters(planned: Planned) -> PlannedInformation:
     """What filters will say, under the loads of the turbine file."""
     length = min(max(RELAXATIONS / planned.damping, 20.0 * planned.finding), planned.most)
     planned.progress(f"simulating {spell(length)}", None)
     problem = _simulated(planned, length)
     start, growths = planned_information(problem, planned.simulated_rate, planned.finding, planned.progress)
     names = (*planned.unknown, *(s.name for s in problem.statistics), *(one.name for one in problem.tolerances))
-    return Told(names, start, growths, problem.tolerances, length, (_rests_on("filters", length, problem.tolerances),))
+    return PlannedInformation(
+        names, start, growths, problem.tolerances, length, (_rests_on("filters", length, problem.tolerances),)
+    )
 
 
-def _by_spectra(planned: Planned) -> Told:
+def _by_spectra(planned: Planned) -> PlannedInformation:
     """What spectra will say, where a rotor turns under wind, else under loads of any smooth spectrum."""
     length = min(planned.duration, planned.most)
-    told = planned_spectra(
-        planned.thinned, planned.unknown, planned.simulated_rate, planned.settling, length, planned.seed,
-        RotorWind.name if planned.turns else "random", planned.progress,
+    loads = RotorWind.name if planned.turns else "random"
+    record = PlannedRecord(
+        planned.thinned, planned.simulated_rate, planned.settling, length, planned.seed, loads
     )  # fmt: skip
-    doubts = (f"such a record will be in doubt: {doubt}" for doubt in told.doubts)
-    length *= len(told.growths)
-    notes = (_rests_on("spectra", length, told.tolerances), *doubts)
-    fits = not (told.turns or told.doubts)
-    return Told(told.names, told.start, told.growths, told.tolerances, length, notes, fits)
+    told = planned_spectra(record, planned.unknown, planned.progress)
+    return told._replace(notes=(_rests_on("spectra", told.length, told.tolerances), *told.notes))
 
 
-def _by_what_fits(planned: Planned) -> Told:
+def _by_what_fits(planned: Planned) -> PlannedInformation:
     """As `windsysid.identify` takes a record of the turbine file's loads."""
     if planned.turns:
         told = _by_filters(planned)
@@ -129,9 +113,8 @@ def _by_what_fits(planned: Planned) -> Told:
 def _simulated(planned: Planned, length: float) -> TurbineProblem:
     """The problem that a record of the planned kind poses, from stationary vibration."""
     turbine, settling = planned.thinned, min(planned.settling, length)
-    record = simulate_record(turbine, duration=settling + length, rate=planned.simulated_rate, seed=planned.seed)
-    part = record.section(settling, float(record.time[-1]))
-    return pose(part, turbine, turbine.sensors, Prior(), planned.unknown)
+    record = PlannedRecord(turbine, planned.simulated_rate, settling, length, planned.seed)
+    return pose(record.drawn(), turbine, turbine.sensors, Prior(), planned.unknown)
 
 
 def _rests_on(what: str, length: float, tolerances: Sequence[Tolerance]) -> str:

@@ -305,7 +305,9 @@ def plan(
     ConfigurationError
         If a name is unknown, a number out of range, or the sensor list empty.
     """
-    turbine = _as_planned(as_turbine(turbine), sensors, duration, rate, within, load_scale, rotor_speed)
+    _require_positive("within", within, 10.0)
+    turbine = _as_planned(as_turbine(turbine), sensors, load_scale, rotor_speed)
+    _check_record(turbine, duration, rate)
     if formulation not in WAYS:
         raise ConfigurationError(f"formulation: expected {', '.join(WAYS)}; got '{formulation}'")
     known = identifiable(turbine)
@@ -333,15 +335,10 @@ def percent(share: float) -> str:
 
 
 def _as_planned(
-    turbine: Turbine, sensors: Sequence[Sensor] | None, duration: float, rate: float, within: float, load_scale: float,
-    rotor_speed: float | None
-) -> Turbine:  # fmt: skip
-    """The turbine with the planned sensors, loads and rotor speed, all options checked."""
-    for what, value, most in (
-        ("within", within, 10.0), ("load scale", load_scale, 1e6), ("rate", rate, 1e5),
-    ):  # fmt: skip
-        if not (math.isfinite(value) and 0.0 < value <= most):
-            raise ConfigurationError(f"{what}: expected a positive number of at most {most:g}, got {value:g}")
+    turbine: Turbine, sensors: Sequence[Sensor] | None, load_scale: float, rotor_speed: float | None
+) -> Turbine:
+    """The turbine with the planned sensors, loads and rotor speed, which are checked."""
+    _require_positive("load scale", load_scale, 1e6)
     turning = turbine.rotor_speed if rotor_speed is None else rotor_speed
     if not (math.isfinite(turning) and 0.0 <= turning <= 1e3):
         raise ConfigurationError(f"rotor speed: expected a number from 0 (parked) to 1000 rad/s, got {turning:g}")
@@ -350,12 +347,18 @@ def _as_planned(
         raise ConfigurationError(
             "the sensor list is empty: expected at least one sensor; leave it out for the usual ones"
         )
-    turbine = replace(
-        turbine,
-        sensors=chosen,
-        rotor_speed=turning,
-        loads=tuple(replace(load, rms=load.rms * load_scale) for load in turbine.loads),
-    )
+    loads = tuple(replace(load, rms=load.rms * load_scale) for load in turbine.loads)
+    return replace(turbine, sensors=chosen, rotor_speed=turning, loads=loads)
+
+
+def _require_positive(what: str, value: float, most: float) -> None:
+    if not (math.isfinite(value) and 0.0 < value <= most):
+        raise ConfigurationError(f"{what}: expected a positive number of at most {most:g}, got {value:g}")
+
+
+def _check_record(turbine: Turbine, duration: float, rate: float) -> None:
+    """Refuse a record of the turbine that is too short, endless, or too slow for its modes."""
+    _require_positive("rate", rate, 1e5)
     least, why = turbine.least_duration
     if not (math.isfinite(duration) and least <= duration <= FOREVER):
         raise ConfigurationError(f"duration: expected {why} to ten years, got {duration:g} s: plan another record")
@@ -365,7 +368,6 @@ def _as_planned(
             f"rate: expected at least {fastest / 0.6:.3g} samples per second for a mode at "
             f"{fastest / (2.0 * math.pi):.3g} Hz, got {rate:g}"
         )
-    return turbine
 
 
 def _time_scales(turbine: Turbine) -> tuple[float, float, float]:

@@ -20,12 +20,13 @@ from windsysid.identification.model.fit import Outcome
 from windsysid.identification.model.prior import Prior
 from windsysid.loads.statistics import to_logarithms
 from windsysid.output.progress import Progress
+from windsysid.records.record import Record
 from windsysid.results.finding import Finding
 from windsysid.results.tolerance import Tolerance
 from windsysid.simulation.record import simulate_record
 from windsysid.turbine.turbine import Turbine
 
-__all__ = ["PlannedSpectra", "planned_spectra"]
+__all__ = ["PlannedInformation", "PlannedRecord", "planned_spectra"]
 
 RECORDS = 4
 """Records that are simulated; their scatter tells the accuracy."""
@@ -34,37 +35,41 @@ ROUNDING = 1e-7
 """Scaled eigenvalue of the information up to which nothing is seen: what is left where the priors' is taken out."""
 
 
-class PlannedSpectra(NamedTuple):
-    """What simulated records told.
+class PlannedRecord(NamedTuple):
+    """A stationary record that is simulated: `length` [s] at `rate` [Hz], after `settling` [s] that are left out."""
 
-    Attributes
-    ----------
-    names
-        The parameters that were asked for, then all other unknowns, the tolerances last (n,).
-    start, growths
-        Information before the first sample (n, n), and its growth [1/s] in each record (RECORDS, n, n), in relative
-        coordinates.
-    tolerances
-        What is known of instruments and masses within tolerances only.
-    turns
-        Whether the rotor's turns couple what moves.
-    doubts
-        What speaks against the results of more than half of the records.
-    """
+    turbine: Turbine
+    rate: float
+    settling: float
+    length: float
+    seed: int
+    loads: str = "random"
+
+    def drawn(self, number: int = 0) -> Record:
+        """The record of the seed, or of one of those after it."""
+        record = simulate_record(
+            self.turbine, duration=self.settling + self.length, rate=self.rate, seed=self.seed + number,
+            loads=self.loads,
+        )  # fmt: skip
+        return record.section(self.settling, float(record.time[-1]))
+
+
+class PlannedInformation(NamedTuple):
+    """What simulated records of `length` [s] in all tell: names of the unknowns, tolerances last (n,), and information
+    as in `windsysid.identification.planning.plan.Plan`, its growth by part (…, n, n); notes, and whether identification
+    would leave it at that."""
 
     names: tuple[str, ...]
     start: Array
     growths: Array
     tolerances: tuple[Tolerance, ...]
-    turns: bool
-    doubts: tuple[Finding, ...]
+    length: float
+    notes: tuple[str, ...]
+    fits: bool = True
 
 
-def planned_spectra(
-    turbine: Turbine, unknown: Sequence[str], rate: float, settling: float, length: float, seed: int, loads: str,
-    progress: Progress,
-) -> PlannedSpectra:  # fmt: skip
-    """Simulate records of `length` [s] after `settling` [s] and identify them.
+def planned_spectra(planned: PlannedRecord, unknown: Sequence[str], progress: Progress) -> PlannedInformation:
+    """Simulate records and identify them.
 
     Raises
     ------
@@ -74,9 +79,8 @@ def planned_spectra(
     found = []
     for i in range(RECORDS):
         progress("identifying simulated records", i / RECORDS)
-        record = simulate_record(turbine, duration=settling + length, rate=rate, seed=seed + i, loads=loads)
-        part = record.section(settling, float(record.time[-1]))
-        found.append(identify_by_spectrum(part, turbine, turbine.sensors, Prior(), unknown))
+        turbine = planned.turbine
+        found.append(identify_by_spectrum(planned.drawn(i), turbine, turbine.sensors, Prior(), unknown))
     tolerances = found[0].tolerances
     names = dict.fromkeys([*unknown, *(name for one in found for name in _names(one))])
     for one in tolerances:
@@ -85,10 +89,14 @@ def planned_spectra(
     growths = np.zeros((RECORDS, len(names), len(names)))
     for growth, outcome in zip(growths, found, strict=True):
         at = [places[name] for name in _names(outcome)]
-        growth[np.ix_(at, at)] = _information(outcome) / length
+        growth[np.ix_(at, at)] = _information(outcome) / planned.length
     known = [0.0] * (len(names) - len(tolerances)) + [1.0] * len(tolerances)
     growths = _of_what_is_seen(growths)
-    return PlannedSpectra(tuple(names), np.diag(known), growths, tolerances, found[0].turns, _shared_doubts(found))
+    doubts = tuple(f"such a record will be in doubt: {doubt}" for doubt in _shared_doubts(found))
+    return PlannedInformation(
+        tuple(names), np.diag(known), growths, tolerances, RECORDS * planned.length, doubts,
+        fits=not (found[0].turns or doubts),
+    )  # fmt: skip
 
 
 def _names(found: Outcome) -> list[str]:

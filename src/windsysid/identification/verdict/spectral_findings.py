@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.checks.blade_passing import find_passing
 from windsysid.errors import RecordError
 from windsysid.identification.estimate.drift_of_halves import drift_of_halves
 from windsysid.identification.model.drift import Drift
@@ -17,7 +18,8 @@ from windsysid.spectral.rotor.build import pose_lifted
 from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.rotor.fit import Fit
 from windsysid.spectral.rotor.problem import Posed, Question
-from windsysid.spectral.transforms.lifted_blocks import LiftedSums
+from windsysid.spectral.transforms.block_sums import BlockSums
+from windsysid.spectral.transforms.lifted import Lifted
 
 __all__ = ["doubts_of_spectra", "drifts_of", "halves_of", "passed_by"]
 
@@ -28,9 +30,6 @@ with the record, what the load model does not know stays. ``python -m validation
 LEAST_RESONANCE, LEAST_STANDING = 20.0, 4.0
 """As how many independent values the narrowest resonance has to count, of a turning rotor and where nothing turns.
 Below, bands of a rotor were never proven; those of a tower are up to 18 times too narrow where it counts as one."""
-
-PASSING = 1.2
-"""Factor about a natural frequency within which the load of passing blades bends what spectra find of it."""
 
 LEAST_OF_A_BLOCK = 20.0
 """And in each block of one that came in pieces: what the taper does to narrower ones was not proven."""
@@ -88,21 +87,16 @@ def doubts_of_spectra(
 
 
 def passed_by(question: Question, unknowns: Array, rotor_hz: float) -> list[Finding]:
-    """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: what wind does then is a
-    hump, not a line, and spectra have no model of it."""
-    blades = question.turbine.model.blades
-    passing = blades * rotor_hz
+    """Whether the blades pass nearly as often as a structure vibrates on which nothing turns: wind makes no line there,
+    and spectra have no model of it."""
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, unknowns, strict=False)}
-    found = question.turbine.with_values(values)
-    for name in found.model.coordinates:
-        natural = found.natural_frequency(name) / (2.0 * math.pi)
-        if passing and natural / PASSING < passing < natural * PASSING:
-            data = {"frequency": passing, "blades": blades, "coordinate": name, "mode": natural}
-            return [Finding("blade_passing_near_mode", "reason", data)]
-    return []
+    found, blades = question.turbine.with_values(values), question.turbine.model.blades
+    modes = [(name, found.natural_frequency(name) / (2.0 * math.pi), 0.0) for name in found.model.coordinates]
+    passing = find_passing(modes, blades, rotor_hz)
+    return [] if passing is None else [passing.finding(blades)]
 
 
-def _unsteady_blocks(question: Question, sums: LiftedSums, posed: Posed) -> list[Finding]:
+def _unsteady_blocks(question: Question, sums: BlockSums[Lifted], posed: Posed) -> list[Finding]:
     """Whether the first half of the blocks is much louder or quieter than the second, and whether a block is long
     enough."""
     blocks, doubts = len(sums.energies), list[Finding]()

@@ -13,7 +13,7 @@ from windsysid.spectral.lti.likelihood import LinearModel
 from windsysid.spectral.rotor.check import Part, unexplained, unsteady
 from windsysid.spectral.transforms.cross_spectra import CrossSpectra
 
-__all__ = ["LEAST_RESONANCE", "doubts_of", "frequency_ranges", "range_energies"]
+__all__ = ["LEAST_RESONANCE", "doubts_of", "frequency_ranges"]
 
 RANGES = 8
 """In how many ranges a record is judged."""
@@ -36,45 +36,34 @@ def frequency_ranges(limits: tuple[float, float]) -> list[tuple[float, float]]:
     return [(float(low), float(high)) for low, high in pairwise(edges)]
 
 
-def range_energies(spectra: CrossSpectra, ranges: Sequence[tuple[float, float]]) -> Array:
-    """Σ |Y|² over each range, per bin and block (R, m); NaN where there is no bin."""
-    power = np.einsum("kii->ki", spectra.power).real / spectra.blocks
-    found = np.full((len(ranges), power.shape[1]), np.nan)
-    for i, (low, high) in enumerate(ranges):
-        inside = (spectra.frequency >= low) & (spectra.frequency < high)
-        if inside.any():
-            found[i] = power[inside].mean(axis=0)
-    return found
-
-
 def doubts_of(
     model: LinearModel,
     spectra: CrossSpectra,
     fit: LinearFit,
     channels: Sequence[str],
-    energies: Sequence[Array],
-    ranges: Sequence[tuple[float, float]],
+    energies: Array,
 ) -> list[Finding]:
     """What speaks against the bands: a search that did not end, resonances of few bins, what the model does not
     explain, blocks of different loudness.
 
-    `energies` are `range_energies` of parts of the record in their order, over `ranges` [Hz].
+    `energies` (n, R, m) are those of n parts of the record in their order, over the ranges of the blocks.
     """
-    doubts = list[Finding]()
+    doubts, ranges = list[Finding](), spectra.last.ranges
     if not fit.settled:
         doubts.append(Finding("fit_not_converged", "reason"))
     S = model.spectrum(fit.rows.frequency, fit.unknowns) + fit.smear
     counts = fit.rows.counts
-    parts = _parts(S, fit, ranges, spectra.factor, channels)
-    duration = spectra.samples / spectra.rate
+    parts = _parts(S, fit, ranges, spectra.last.overlap, channels)
+    duration = spectra.last.samples / spectra.last.rate
     poles = model.poles(fit.unknowns)
-    poles = poles[(poles.imag > 0.0) & (poles.imag < 2.0 * math.pi * spectra.frequency[-1])]
+    poles = poles[(poles.imag > 0.0) & (poles.imag < 2.0 * math.pi * spectra.last.frequency[-1])]
     least = float(np.min(-poles.real, initial=math.inf)) * duration
-    if least < LEAST_RESONANCE * spectra.factor:
-        data = {"count": max(least / spectra.factor, 0.0), "least": LEAST_RESONANCE}
+    values = least / spectra.last.overlap
+    if values < LEAST_RESONANCE:
+        data = {"count": max(values, 0.0), "least": LEAST_RESONANCE}
         doubts.append(Finding("narrow_resonance", "reason", data))
     doubts += unexplained(parts)[:3]
-    halves = [np.nanmean(half, axis=0) for half in np.array_split(np.array(energies), 2) if len(half)]
+    halves = [np.nanmean(half, axis=0) for half in np.array_split(energies, 2) if len(half)]
     if len(halves) < 2:
         return doubts
     own = np.einsum("kii->ki", S).real
@@ -86,7 +75,7 @@ def doubts_of(
         for j, channel in enumerate(channels):
             s, n = own[inside, j], 0.5 * counts[inside]
             independent = float((n @ s) ** 2 / (n @ s**2))
-            independent = max(independent, min(0.5 * least, float(n.sum()))) / spectra.factor
+            independent = max(independent, min(0.5 * least, float(n.sum()))) / spectra.last.overlap
             for pair, half in zip(pairs, halves, strict=True):
                 pair.append(Part(channel, low, high, 1.0, 0.0, float(half[i, j]), independent))
     return doubts + unsteady(*pairs)[:2]

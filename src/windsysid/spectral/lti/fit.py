@@ -14,7 +14,7 @@ import numpy as np
 from windsysid._types import Array, Complex
 from windsysid.spectral.lti.likelihood import LinearModel
 from windsysid.spectral.rotor.scoring import Mode, find_mode
-from windsysid.spectral.transforms.cross_spectra import CrossSpectra, Rows
+from windsysid.spectral.transforms.cross_spectra import CrossSpectra, PooledBins
 
 __all__ = ["LinearFit", "fit_linear"]
 
@@ -58,7 +58,7 @@ class LinearFit(NamedTuple):
     unknowns: Array
     cov: Array
     log_likelihood: float
-    rows: Rows
+    rows: PooledBins
     smear: Complex
     settled: bool
 
@@ -72,7 +72,7 @@ def fit_linear(model: LinearModel, spectra: CrossSpectra) -> LinearFit:
         If the spectrum there is not positive definite, or the equations are unstable.
     """
     mean, std = model.prior
-    factor, unknowns = spectra.factor, _stable_start(model)
+    factor, unknowns = spectra.last.overlap, _stable_start(model)
     for widening, weight in WIDE:
         rows = model.rows(spectra, unknowns, widening)
         evaluate = _evaluator(model, rows, factor, None, widening)
@@ -103,7 +103,7 @@ def _moved(mode: Mode, before: Array) -> float:
 
 
 def _evaluator(
-    model: LinearModel, rows: Rows, factor: float, smear: Complex | None, widening: float = 0.0
+    model: LinearModel, rows: PooledBins, factor: float, smear: Complex | None, widening: float = 0.0
 ) -> Callable[[Array, int], tuple[float, Array, Array]]:
     """J, g and F of the rows; of every n-th, as much as all of them would be."""
 
@@ -111,7 +111,7 @@ def _evaluator(
         if every == 1:
             return model.likelihood(rows, factor, unknowns, smear, widening)
         some = slice(every // 2, None, every)
-        few = Rows(rows.first[some], rows.frequency[some], rows.counts[some], rows.power[some])
+        few = PooledBins(rows.first[some], rows.frequency[some], rows.counts[some], rows.power[some])
         share = float(few.counts.sum() / rows.counts.sum())
         return model.likelihood(few, factor * share, unknowns, None, widening)
 

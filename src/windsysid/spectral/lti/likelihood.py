@@ -19,7 +19,7 @@ from windsysid._types import Array, Complex
 from windsysid.mechanics.compile import CompiledModel
 from windsysid.spectral.lti.system import LinearSystem, is_stable, linearise, low_rank, resolve
 from windsysid.spectral.rotor.load_filters import LoadShape
-from windsysid.spectral.transforms.cross_spectra import CrossSpectra, Rows, pool
+from windsysid.spectral.transforms.cross_spectra import CrossSpectra, FixedBlock, PooledBins, pool
 from windsysid.spectral.transforms.dft import WINDOW_REACH, window_weights
 from windsysid.statespace.parameter import Parameter
 
@@ -97,16 +97,17 @@ class LinearModel(NamedTuple):
         least = min(len(logarithms) for logarithms in found)
         return np.array([logarithms[:least] for logarithms in found])
 
-    def rows(self, spectra: CrossSpectra, unknowns: Array, widening: float = 0.0) -> Rows:
+    def rows(self, spectra: CrossSpectra, unknowns: Array, widening: float = 0.0) -> PooledBins:
         """Bins pooled where the spectrum at the unknowns is smooth."""
-        s = (1j + widening) * 2.0 * np.pi * spectra.frequency + self.blur
+        block = spectra.last
+        s = (1j + widening) * 2.0 * np.pi * block.frequency + self.blur
         poles = self.poles(unknowns)
         distance = np.min([np.abs(s - pole) for pole in poles], axis=0) / (2.0 * np.pi)
-        step = spectra.rate / spectra.samples
-        return pool(spectra, np.minimum(distance / ALIKE, max(WIDEST, widening / ALIKE) * spectra.frequency) / step)
+        step = block.rate / block.samples
+        return pool(spectra, np.minimum(distance / ALIKE, max(WIDEST, widening / ALIKE) * block.frequency) / step)
 
     def likelihood(
-        self, rows: Rows, factor: float, unknowns: Array, smear: Complex | None = None, widening: float = 0.0
+        self, rows: PooledBins, factor: float, unknowns: Array, smear: Complex | None = None, widening: float = 0.0
     ) -> tuple[float, Array, Array]:
         """J, g (n,) and F (n, n) of rows of which `factor` count as one, without the prior.
 
@@ -172,13 +173,13 @@ class LinearModel(NamedTuple):
             parts.append(t @ _h(t) + self._noise(some, unknowns)[1][:, :, None] * np.eye(len(self.noise)))
         return np.concatenate(parts)
 
-    def smear(self, spectra: CrossSpectra, rows: Rows, unknowns: Array) -> Complex:
+    def smear(self, spectra: CrossSpectra, rows: PooledBins, unknowns: Array) -> Complex:
         """The mean of what the taper's window makes of S at the bins of each row, over S in the row's middle.
 
         Rows of many bins are far from any resonance: there S hardly bends within the window, and its mean is taken.
         """
         number = np.diff(rows.first)
-        step = spectra.rate / spectra.samples
+        step = spectra.last.rate / spectra.last.samples
         points, weights = np.polynomial.legendre.leggauss(3)
         places = rows.frequency[:, None] + 0.5 * step * number[:, None] * points
         middle, sharp = self.spectrum(rows.frequency, unknowns), self._replace(blur=0.0)
@@ -187,13 +188,13 @@ class LinearModel(NamedTuple):
         near = np.flatnonzero(number <= 2.0 * WINDOW_REACH / ALIKE)
         for run in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
             if len(run):
-                mean[run] = sharp._windowed(spectra, rows.first[run[0] : run[-1] + 2], unknowns)
+                mean[run] = sharp._windowed(spectra.last, rows.first[run[0] : run[-1] + 2], unknowns)
         return np.asarray(mean - middle)
 
-    def _windowed(self, spectra: CrossSpectra, first: NDArray[np.int64], unknowns: Array) -> Complex:
+    def _windowed(self, block: FixedBlock, first: NDArray[np.int64], unknowns: Array) -> Complex:
         """Means over rows, which begin at bins `first` (K + 1,) and follow each other, of S smoothed by the window."""
-        bins = spectra.bins[first[0] : first[-1]]
-        fine, starts, weights = window_weights(spectra.samples, spectra.rate, bins)
+        bins = block.bins[first[0] : first[-1]]
+        fine, starts, weights = window_weights(block.samples, block.rate, bins)
         S = self.spectrum(fine, unknowns)
         smooth = np.zeros((len(bins), *S.shape[1:]), dtype=np.complex128)
         for w in range(weights.shape[1]):

@@ -19,7 +19,7 @@ from windsysid._types import Array, Complex
 from windsysid.errors import ConfigurationError
 from windsysid.mechanics.compile import CompiledModel
 
-__all__ = ["LinearSystem", "Slopes", "is_stable", "linearise", "low_rank", "resolve"]
+__all__ = ["LinearSystem", "LowRankSlopes", "is_stable", "linearise", "low_rank", "resolve"]
 
 MOST_STEPS = 50
 """Newton's steps to the working point."""
@@ -48,7 +48,7 @@ class LinearSystem(NamedTuple):
         return np.concatenate([np.concatenate([self.A, self.G], 2), np.concatenate([self.C, self.E], 2)], 1)
 
 
-class Slopes(NamedTuple):
+class LowRankSlopes(NamedTuple):
     """Derivatives of [[A, G], [C, E]] as Σ_j l_j r_jᵀ.
 
     Attributes
@@ -105,7 +105,7 @@ def linearise(compiled: CompiledModel, parameters: Array, inputs: Array, loads: 
     return found
 
 
-def low_rank(derivatives: Array) -> Slopes:
+def low_rank(derivatives: Array) -> LowRankSlopes:
     """Derivatives (n_θ, n + m, n + w) as sums of products."""
     left, right, owner = [], [], []
     for which, matrix in enumerate(derivatives):
@@ -118,8 +118,8 @@ def low_rank(derivatives: Array) -> Slopes:
             owner.append(which)
     shape = derivatives.shape
     if not left:
-        return Slopes(np.zeros((shape[1], 0)), np.zeros((shape[2], 0)), np.zeros(0, dtype=np.intp))
-    return Slopes(np.column_stack(left), np.column_stack(right), np.array(owner, dtype=np.intp))
+        return LowRankSlopes(np.zeros((shape[1], 0)), np.zeros((shape[2], 0)), np.zeros(0, dtype=np.intp))
+    return LowRankSlopes(np.column_stack(left), np.column_stack(right), np.array(owner, dtype=np.intp))
 
 
 def resolve(system: LinearSystem, s: Complex) -> tuple[Complex, Complex, Complex]:

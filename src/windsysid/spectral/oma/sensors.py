@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from windsysid._types import Array
+from windsysid.checks.dead_channel import is_constant
 from windsysid.errors import ConfigurationError
 from windsysid.inspection.bodies import body_of
 from windsysid.inspection.channels import VIBRATION, kind_of
@@ -210,4 +211,4 @@ def _has_measured_twin(channel: str, others: Container[str]) -> bool:
 
 def _moves(values: Array) -> bool:
     known = values[np.isfinite(values)]
-    return known.size > 2 and float(np.ptp(known)) > 1e-12 * float(np.abs(known).max())
+    return known.size > 2 and not is_constant(known)

@@ -18,8 +18,8 @@ from windsysid.spectral.rotor.load_spectra import BroadbandLoads, Sources, WindL
 from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
 from windsysid.spectral.rotor.problem import Posed, Question
 from windsysid.spectral.rotor.start import damped_start
+from windsysid.spectral.transforms.block_sums import factored
 from windsysid.spectral.transforms.lifted import Complex, Lifted
-from windsysid.spectral.transforms.lifted_blocks import factored
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["harmonics_of", "pose_lifted", "turns_couple"]

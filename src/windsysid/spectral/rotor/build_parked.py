@@ -14,8 +14,8 @@ from windsysid.spectral.rotor.load_spectra import BandLoads
 from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
 from windsysid.spectral.rotor.problem import Posed, Question
 from windsysid.spectral.rotor.start import damped_start
+from windsysid.spectral.transforms.block_sums import factored
 from windsysid.spectral.transforms.lifted import Lifted
-from windsysid.spectral.transforms.lifted_blocks import factored
 from windsysid.statespace.gauss_markov import GaussMarkov
 
 __all__ = ["pose_standing"]

@@ -15,9 +15,9 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.spectral.rotor.load_spectra import Sources
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.narrow_band_spectra import NarrowBandBeside
+from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.lifted import Lifted, lift
-from windsysid.spectral.transforms.lifted_blocks import LiftedSums
-from windsysid.spectral.transforms.rotating_frame import TurnedSums
+from windsysid.spectral.transforms.rotating_frame import TurnedBlock
 from windsysid.statespace.gauss_markov import GaussMarkov
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.turbine import Turbine
@@ -56,8 +56,8 @@ class Question(NamedTuple):
     compiled: CompiledModel
     parameters: tuple[Parameter, ...]
     loads: tuple[GaussMarkov, ...]
-    sums: LiftedSums | None = None
-    turned: TurnedSums | None = None
+    sums: BlockSums[Lifted] | None = None
+    turned: BlockSums[TurnedBlock] | None = None
 
     @property
     def size(self) -> int:

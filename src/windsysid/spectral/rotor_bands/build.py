@@ -31,10 +31,8 @@ from windsysid.spectral.rotor_bands.channels import (
     ABOUT_SUPPORT,
     Combined,
     Row,
-    TurnedSpectra,
     bins_between,
     combine,
-    turned_spectra,
 )
 from windsysid.spectral.rotor_bands.mode_locations import REACH, WHIRLS, Place, find_places
 from windsysid.spectral.rotor_bands.model import Band, BandModel
@@ -48,6 +46,7 @@ from windsysid.spectral.rotor_bands.rotational_sampling import (
     wind_of,
 )
 from windsysid.spectral.transforms.lifted import Complex
+from windsysid.spectral.transforms.rotating_frame import TurnedSpectra, combine_groups, turned_spectra
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
@@ -213,7 +212,7 @@ def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> Pose
 
 def _read(question: Question) -> tuple[TurnedSpectra, list[Combined]]:
     if question.turned is not None:
-        spectra = question.turned.spectra()
+        spectra = combine_groups(question.turned)
     else:
         spectra = turned_spectra(question.readings, question.inputs[:, 0], question.rate, 1)
     return spectra, combine(question.sensors, len(WHIRLS))

@@ -22,10 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid._types import Array
 from windsysid.mechanics.sensors import Sensor
-from windsysid.spectral.transforms.dft import taper, taper_factor
-from windsysid.spectral.transforms.lifted import Complex, _without_lines, turn_lines
+from windsysid.spectral.transforms.lifted import Complex
+from windsysid.spectral.transforms.rotating_frame import TurnedSpectra
 
 __all__ = [
     "ABOUT_BLADES",
@@ -33,10 +32,8 @@ __all__ = [
     "LINE_BINS",
     "Combined",
     "Row",
-    "TurnedSpectra",
     "bins_between",
     "combine",
-    "turned_spectra",
 ]
 
 ABOUT_BLADES, ABOUT_SUPPORT = np.arange(-2, 3), np.arange(-1, 2)
@@ -45,38 +42,6 @@ at ±1, which move it where it was. Equal blades do no more, and unequal ones ha
 
 LINE_BINS = 1.5
 """Bins to either side of a harmonic of the rotor that are not used."""
-
-
-class TurnedSpectra(NamedTuple):
-    """Transforms of a record in frames that turn with the rotor.
-
-    Attributes
-    ----------
-    data
-        Y_k at the bins 0, 1, 2 … below half the rate (T/2, m, 1) for each k; of several blocks columns (B, m, g) that
-        have the products of all together.
-    rotor_hz, duration, overlap
-        Ω / 2π [Hz], T [s], c_h.
-    taper
-        h (T,).
-    blocks
-        Of how many blocks `data` are.
-    recent, gusts
-        Where there are several, Y_k of the last, and how much larger c_h is for what changes between them.
-    """
-
-    data: dict[int, Complex]
-    rotor_hz: float
-    duration: float
-    overlap: float
-    taper: Array
-    blocks: float = 1.0
-    recent: dict[int, Complex] | None = None
-    gusts: float = 1.0
-
-    def combined(self, weights: Complex, k: int = 0) -> Complex:
-        """Y_k of a combination of readings (m,): (B, g)."""
-        return np.asarray(np.einsum("bmg,m->bg", self.data[k], weights))
 
 
 class Combined(NamedTuple):
@@ -122,24 +87,6 @@ class Row(NamedTuple):
     order: int
     low: float
     high: float
-
-
-def turned_spectra(readings: Array, azimuth: Array, rate: float, reach: int) -> TurnedSpectra:
-    """Y_k, |k| ≤ `reach`, of readings (T, m) without gaps at `rate` [Hz] and azimuths (T,) [rad, unwrapped], harmonics
-    of the rotor taken out."""
-    samples = len(azimuth)
-    duration = samples / rate
-    turned = abs(float(azimuth[-1] - azimuth[0])) / (2.0 * math.pi) * samples / (samples - 1)
-    rotor_hz = turned / duration
-    h = taper(samples)
-    quiet = _without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
-    scale = math.sqrt(1.0 / rate / float(h @ h))
-    bins = np.arange((samples + 1) // 2)
-    data: dict[int, Complex] = {0: (scale * np.fft.rfft(quiet, axis=0)[bins])[:, :, None]}
-    for k in range(1, reach + 1):  # readings are real: Y_{−k}(f) is the complex conjugate of Y_k(−f)
-        whole = (scale * np.fft.fft(quiet * np.exp(-1j * k * azimuth)[:, None], axis=0))[:, :, None]
-        data |= {k: whole[bins], -k: whole[-bins].conj()}
-    return TurnedSpectra(data, rotor_hz, duration, taper_factor(samples), h)
 
 
 def combine(sensors: Sequence[Sensor], blades: int) -> list[Combined]:

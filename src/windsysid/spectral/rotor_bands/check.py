@@ -21,6 +21,7 @@ from windsysid.spectral.rotor.problem import Question
 from windsysid.spectral.rotor.scoring import Mode
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
 from windsysid.spectral.rotor_bands.model import BandFit
+from windsysid.spectral.transforms.rotating_frame import combine_groups
 
 __all__ = ["doubts_of_bands"]
 
@@ -63,7 +64,8 @@ def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list
 def _halves(question: Question, posed: PosedBands) -> list[PosedBands]:
     """The problem of either half of the record; of one block none."""
     if question.turned is not None:
-        return [pose_bands(question, posed.places, half) for half in question.turned.halves() or ()]
+        halves = [combine_groups(question.turned, groups) for groups in question.turned.halves() or ()]
+        return [pose_bands(question, posed.places, half) for half in halves]
     half = len(question.readings) // 2
     pieces = [
         question._replace(readings=question.readings[part], inputs=question.inputs[part])

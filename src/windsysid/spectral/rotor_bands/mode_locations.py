@@ -13,8 +13,9 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.results.finding import Finding
-from windsysid.spectral.rotor_bands.channels import Combined, TurnedSpectra
+from windsysid.spectral.rotor_bands.channels import Combined
 from windsysid.spectral.rotor_bands.peak_search import FAINT, Trace, best_of, trace
+from windsysid.spectral.transforms.rotating_frame import TurnedSpectra
 from windsysid.statespace.parameter import Parameter
 
 __all__ = ["Place", "Places", "find_places"]

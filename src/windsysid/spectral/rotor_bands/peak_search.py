@@ -18,8 +18,9 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.errors import RecordError
-from windsysid.spectral.rotor_bands.channels import LINE_BINS, TurnedSpectra, bins_between
+from windsysid.spectral.rotor_bands.channels import LINE_BINS, bins_between
 from windsysid.spectral.transforms.lifted import Complex
+from windsysid.spectral.transforms.rotating_frame import TurnedSpectra
 
 __all__ = ["Trace", "best_of", "trace"]
 

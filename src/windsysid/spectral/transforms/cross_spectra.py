@@ -1,49 +1,40 @@
-"""Cross-spectra of readings, block by block: all that a stationary record says, in a memory that does not grow.
+"""Cross-spectra of readings over blocks: the sufficient statistic of a stationary record.
 
 A block of L samples has the tapered transforms Y_k (`windsysid.spectral.transforms.dft`), complex Gaussian with the
-covariance S̄(f_k). What the likelihood of many blocks depends on is Σ Y_k Y_kᴴ at every frequency and their number, so
-that blocks add, and so do records of one structure in one state.
+covariance S̄(f_k). The likelihood of many blocks depends on Σ Y_k Y_kᴴ at every frequency and on their number
+(`windsysid.spectral.transforms.block_sums`).
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from windsysid._types import Array, Complex
+from windsysid.spectral.transforms.block_sums import BlockSums
 from windsysid.spectral.transforms.dft import taper_factor, transform
 
-__all__ = ["CrossSpectra", "Rows", "cross_spectra", "pool"]
+__all__ = ["CrossSpectra", "FixedBlock", "PooledBins", "pool", "transform_block"]
 
 FIRST_BIN = 2
 """Lowest bin in use: nearer to 0 the mean has been taken out."""
 
 
-class CrossSpectra(NamedTuple):
-    """Sums over blocks.
+class FixedBlock(NamedTuple):
+    """The transforms of one block of readings that do not turn: Y at the bins k = first … (F, m), one-sided [unit/√Hz],
+    of L samples at a rate [Hz]; mean squares in `ranges` of frequency [Hz] are compared between blocks."""
 
-    Attributes
-    ----------
-    power
-        Σ Y Yᴴ at the bins k = first … (F, m, m), one-sided [unit²/Hz].
-    first
-        The first bin.
-    blocks
-        How many.
-    samples, rate
-        Of a block L, and per second [Hz].
-    """
-
-    power: Complex
+    data: Complex
     first: int
-    blocks: float
     samples: int
     rate: float
+    ranges: tuple[tuple[float, float], ...] = ()
 
     @property
     def bins(self) -> NDArray[np.int64]:
         """k (F,)."""
-        return np.arange(self.first, self.first + len(self.power))
+        return np.arange(self.first, self.first + len(self.data))
 
     @property
     def frequency(self) -> Array:
@@ -51,21 +42,47 @@ class CrossSpectra(NamedTuple):
         return np.asarray(self.bins * self.rate / self.samples)
 
     @property
-    def factor(self) -> float:
+    def overlap(self) -> float:
         """c_h: how many bins count as one."""
         return taper_factor(self.samples)
 
-    def __add__(self, other: "CrossSpectra") -> "CrossSpectra":  # type: ignore[override]
-        return self._replace(power=self.power + other.power, blocks=self.blocks + other.blocks)
+    @property
+    def vectors(self) -> Complex:
+        """Y (F, m)."""
+        return self.data
+
+    @property
+    def energies(self) -> Array:
+        """Mean square per bin in each range (R, m); NaN where there is no bin."""
+        power = (self.data * self.data.conj()).real
+        inside = [(self.frequency >= low) & (self.frequency < high) for low, high in self.ranges]
+        nothing = np.full(power.shape[1], np.nan)
+        found = [power[one].mean(axis=0) if one.any() else nothing for one in inside]
+        return np.array(found).reshape(len(found), power.shape[1])
+
+    @property
+    def independent(self) -> Array:
+        """The number of bins in each range (R, m)."""
+        ends = np.array(self.ranges).reshape(-1, 2)
+        counts = np.diff(np.searchsorted(self.frequency, ends), axis=1)
+        return np.asarray(np.repeat(counts, self.data.shape[1], axis=1), dtype=np.float64)
+
+    def averaged(self, before: "FixedBlock", share: float) -> "FixedBlock":
+        """The block itself: its frequencies are those of all blocks."""
+        return self
 
 
-class Rows(NamedTuple):
+CrossSpectra: TypeAlias = BlockSums[FixedBlock]
+"""Sums over blocks whose frequencies are fixed: `power` is Σ Y Yᴴ (F, m, m), one-sided [unit²/Hz]."""
+
+
+class PooledBins(NamedTuple):
     """Pools of neighbouring bins that share one spectrum.
 
     Attributes
     ----------
     first
-        Place of the first bin of each in `CrossSpectra.power` (K + 1,), the end last.
+        Place of the first bin of each in the sums (K + 1,), the end last.
     frequency
         Their middles (K,) [Hz].
     counts
@@ -80,13 +97,14 @@ class Rows(NamedTuple):
     power: Complex
 
 
-def cross_spectra(readings: Array, rate: float, limits: tuple[float, float]) -> CrossSpectra:
-    """Of one block of readings (L, m) without gaps, between two frequencies [Hz]."""
+def transform_block(
+    readings: Array, rate: float, limits: tuple[float, float], ranges: Sequence[tuple[float, float]] = ()
+) -> FixedBlock:
+    """The transforms of one block of readings (L, m) without gaps, between two frequencies [Hz]."""
     frequency, found = transform(_level(readings), rate)
     low, high = (int(k) for k in np.searchsorted(frequency, limits, side="right"))
     first = max(low, FIRST_BIN)
-    used = found[first:high]
-    return CrossSpectra(used[:, :, None] * used[:, None, :].conj(), first, 1.0, len(readings), rate)
+    return FixedBlock(found[first:high], first, len(readings), rate, tuple(ranges))
 
 
 def _level(readings: Array) -> Array:
@@ -96,12 +114,12 @@ def _level(readings: Array) -> Array:
     return np.asarray(readings - readings.mean(axis=0) - along[:, None] * trend)
 
 
-def pool(spectra: CrossSpectra, width: Array) -> Rows:
+def pool(spectra: CrossSpectra, width: Array) -> PooledBins:
     """Bins pooled as far as `width` (F,) [bins] allows around each of them."""
     place = np.cumsum(1.0 / np.maximum(width, 1.0))
     first = np.flatnonzero(np.diff(np.floor(place - 1e-9), prepend=-1.0))
     ends = np.append(first, len(place))
     number = np.diff(ends).astype(np.float64)
     power = np.add.reduceat(spectra.power, first, axis=0) / (number * spectra.blocks)[:, None, None]
-    middle = np.add.reduceat(spectra.frequency, first) / number
-    return Rows(ends, middle, number * spectra.blocks, np.asarray(power, dtype=np.complex128))
+    middle = np.add.reduceat(spectra.last.frequency, first) / number
+    return PooledBins(ends, middle, number * spectra.blocks, np.asarray(power, dtype=np.complex128))

@@ -28,7 +28,7 @@ from windsysid._types import Array
 from windsysid.kernels.jit import compiled
 from windsysid.spectral.transforms.dft import taper, taper_factor
 
-__all__ = ["FIRST_BIN", "Complex", "Lifted", "lift", "turn_lines"]
+__all__ = ["FIRST_BIN", "Complex", "Lifted", "count_harmonics", "lift", "without_rotor_harmonics"]
 
 Complex = NDArray[np.complex128]
 
@@ -83,9 +83,31 @@ class Lifted(NamedTuple):
         """Signed frequency of every entry (B, 2K + 1) [Hz]."""
         return np.asarray(self.base[:, None] + self.rotor_hz * self.harmonics)
 
+    @property
+    def vectors(self) -> Complex:
+        """Y of all harmonics and readings in one row (B, (2K + 1) m)."""
+        return self.data.reshape(len(self.data), -1)
 
-def turn_lines(rotor_hz: float, rate: float) -> int:
-    """How many harmonics of the rotor are fitted."""
+    @property
+    def energies(self) -> Array:
+        """Mean square of every reading (m,) [unit²/Hz]."""
+        return np.asarray(np.mean(np.abs(self.data) ** 2, axis=(0, 1)))
+
+    @property
+    def independent(self) -> Array:
+        """The number of base bins, for every reading (m,)."""
+        return np.full(self.data.shape[2], float(len(self.data)))
+
+    def averaged(self, before: "Lifted", share: float) -> "Lifted":
+        """The spectrum at mean frequencies: those of earlier blocks, moved by a share towards its own."""
+        return self._replace(
+            base=before.base + share * (self.base - before.base),
+            rotor_hz=before.rotor_hz + share * (self.rotor_hz - before.rotor_hz),
+        )
+
+
+def count_harmonics(rotor_hz: float, rate: float) -> int:
+    """The number of harmonics of the rotor that are fitted."""
     return 0 if rotor_hz <= 0.0 else min(MOST_LINES, int(0.5 * NYQUIST_SHARE * rate / rotor_hz))
 
 
@@ -105,7 +127,7 @@ def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted
     duration = samples / rate
     rotor_hz = turns / duration if harmonics else abs(turned) / duration
     h = taper(samples)
-    quiet = _without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
+    quiet = without_rotor_harmonics(readings, azimuth, h, count_harmonics(rotor_hz, rate)) * h[:, None]
     last = (turns - 1) // 2 if harmonics else int(0.5 * NYQUIST_SHARE * samples)
     bins = np.arange(FIRST_BIN, last + 1)
     orders = np.arange(-harmonics, harmonics + 1)
@@ -122,17 +144,17 @@ def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted
     return Lifted(data, bins / duration, orders, rotor_hz, taper_factor(samples), h, duration, rate)
 
 
-def _without_lines(readings: Array, azimuth: Array, taper: Array, lines: int) -> Array:
-    """The readings without their mean and what repeats in every turn, fitted under the taper.
+def without_rotor_harmonics(readings: Array, azimuth: Array, taper: Array, lines: int) -> Array:
+    """Subtract the mean and the harmonics of the rotor from readings (T, m), fitted under the taper (T,).
 
     Σ_k c_k e^{ikψ} is fitted: the normal equations hold the sums of h² e^{−ijψ} only, j = 0 … 2 `lines`.
     """
     readings, weights = np.ascontiguousarray(readings, dtype=np.float64), taper**2
-    sums = np.zeros(2 * lines + 1, dtype=np.complex128)
-    seen = np.zeros((lines + 1, readings.shape[1]), dtype=np.complex128)
+    across, along = np.zeros((2 * lines + 1, 2, LANES)), np.zeros((lines + 1, readings.shape[1], 2, LANES))
     add_up, take_out = _kernels()
     azimuth = np.ascontiguousarray(azimuth, dtype=np.float64)
-    add_up(readings, azimuth, weights, sums, seen)
+    add_up(readings, azimuth, weights, across, along)
+    sums, seen = (real + 1j * imag for real, imag in (np.moveaxis(a.sum(axis=-1), -1, 0) for a in (across, along)))
     order = np.arange(-lines, lines + 1)
     apart = order[:, None] - order
     gram = np.where(apart >= 0, sums[np.abs(apart)], sums[np.abs(apart)].conj())
@@ -146,19 +168,19 @@ def _without_lines(readings: Array, azimuth: Array, taper: Array, lines: int) ->
 
 @lru_cache(maxsize=1)
 def _kernels() -> tuple[Any, Any]:
-    """The compiled loops of `_without_lines`."""
-    vector, matrix = types.float64[::1], types.float64[:, ::1]
-    complex_vector, complex_matrix = types.complex128[::1], types.complex128[:, ::1]
+    """The compiled loops of `without_rotor_harmonics`."""
+    vector, matrix, complex_matrix = types.float64[::1], types.float64[:, ::1], types.complex128[:, ::1]
+    sums, products = types.float64[:, :, ::1], types.float64[:, :, :, ::1]
     return (
-        compiled(_add_up, types.void(matrix, vector, vector, complex_vector, complex_matrix)),
+        compiled(_add_up, types.void(matrix, vector, vector, sums, products)),
         compiled(_take_out, types.void(matrix, vector, complex_matrix, matrix)),
     )
 
 
-def _add_up(readings: Any, azimuth: Any, weights: Any, sums: Any, seen: Any) -> None:
-    """Σ h² e^{−ijψ} (2 lines + 1,) and Σ h² y e^{−ikψ} (lines + 1, m), `LANES` samples side by side."""
-    lines, m = seen.shape[0] - 1, readings.shape[1]
-    across, along = np.zeros((2 * lines + 1, 2, LANES)), np.zeros((lines + 1, m, 2, LANES))
+def _add_up(readings: Any, azimuth: Any, weights: Any, across: Any, along: Any) -> None:
+    """Σ h² e^{−ijψ} (2 lines + 1, 2, LANES) and Σ h² y e^{−ikψ} (lines + 1, m, 2, LANES), real and imaginary parts, of
+    every `LANES`-th sample."""
+    lines, m = along.shape[0] - 1, readings.shape[1]
     c, s, a, b = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     y = np.zeros((m, LANES))
     for first in range(0, len(azimuth), LANES):
@@ -180,13 +202,6 @@ def _add_up(readings: Any, azimuth: Any, weights: Any, sums: Any, seen: Any) -> 
                 next_a = a[lane] * c[lane] - b[lane] * s[lane]
                 b[lane] = a[lane] * s[lane] + b[lane] * c[lane]
                 a[lane] = next_a
-    for j in range(2 * lines + 1):
-        for lane in range(LANES):
-            sums[j] += complex(across[j, 0, lane], across[j, 1, lane])
-    for j in range(lines + 1):
-        for i in range(m):
-            for lane in range(LANES):
-                seen[j, i] += complex(along[j, i, 0, lane], along[j, i, 1, lane])
 
 
 def _take_out(readings: Any, azimuth: Any, coefficients: Any, out: Any) -> None:

@@ -1,160 +1,144 @@
-"""Spectra of many blocks of equal length in frames that turn with the rotor, in a memory that does not grow.
+"""Transforms of a record in frames that turn with the rotor, and their sums over blocks of equal length.
 
-What bands ask of N blocks with one spectrum is N and Σ v vᴴ at every bin, v being what is read at f and, of the
-support, at f ± Ω. So blocks add, and so do records of one machine in one state. The sums are kept in a few groups of
-successive blocks, so that the beginning can be held against the end.
+A vector v about the frequency f has the support's readings at f and f ± Ω, and those of the blades at f, where they
+turn (`windsysid.spectral.rotor_bands.channels`).
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from windsysid._types import Array
-from windsysid.spectral.rotor_bands.channels import TurnedSpectra
-from windsysid.spectral.transforms.lifted import Complex
-from windsysid.spectral.transforms.lifted_blocks import factored, gusts_of
+from windsysid._types import Array, Complex
+from windsysid.spectral.transforms.block_sums import BlockSums, factored
+from windsysid.spectral.transforms.dft import taper, taper_factor
+from windsysid.spectral.transforms.lifted import count_harmonics, without_rotor_harmonics
 
-__all__ = ["TurnedSums"]
+__all__ = ["MAX_GROUPS", "TurnedBlock", "TurnedSpectra", "combine_groups", "turned_block", "turned_spectra"]
 
-MOST_GROUPS = 4
-"""Groups that are kept; where there are more, neighbours are added."""
+MAX_GROUPS = 4
+"""Groups of blocks that are kept, so that the beginning can be compared with the end."""
 
 HARMONICS = (0, 1, -1)
-"""At which the support is read; blades are read at the first."""
+"""Harmonics at which the support is read; blades are read at the first."""
 
 
-T = TypeVar("T", Complex, float, int)
-
-
-class TurnedSums(NamedTuple):
-    """Sums over blocks.
+class TurnedSpectra(NamedTuple):
+    """Transforms of a record in frames that turn with the rotor.
 
     Attributes
     ----------
-    powers
-        Σ v vᴴ (B, E, E) of every group [unit²/Hz].
-    counts
-        As how many blocks each group counts, as far as they are not forgotten.
-    sizes
-        How many blocks were added to each.
-    support
-        Which readings (m,) are not on blades.
-    last
-        The last block; its rotor speed is the mean of all blocks'.
-    energies, independent
-        Mean square of every reading in every block (n, m) [unit²/Hz], and as how many independent values each counts.
+    data
+        Y_k at the bins 0, 1, 2 … below half the rate (T/2, m, 1) for each k; of several blocks columns (B, m, g) that
+        have the products of all together.
+    rotor_hz, duration, overlap
+        Ω / 2π [Hz], T [s], c_h.
+    taper
+        h (T,).
+    blocks
+        Of how many blocks `data` are.
+    recent, gusts
+        Where there are several, Y_k of the last, and how much larger c_h is for what changes between them.
     """
 
-    powers: tuple[Complex, ...]
-    counts: tuple[float, ...]
-    sizes: tuple[int, ...]
+    data: dict[int, Complex]
+    rotor_hz: float
+    duration: float
+    overlap: float
+    taper: Array
+    blocks: float = 1.0
+    recent: dict[int, Complex] | None = None
+    gusts: float = 1.0
+
+    def combined(self, weights: Complex, k: int = 0) -> Complex:
+        """Y_k of a combination of readings (m,): (B, g)."""
+        return np.asarray(np.einsum("bmg,m->bg", self.data[k], weights))
+
+
+class TurnedBlock(NamedTuple):
+    """The transforms of one block.
+
+    Attributes
+    ----------
+    data
+        Y_k (3, B, m) at the harmonics `HARMONICS`.
+    support
+        Which readings (m,) are not on blades.
+    rotor_hz, duration, overlap, taper
+        As of `TurnedSpectra`.
+    """
+
+    data: Complex
     support: NDArray[np.bool_]
-    last: TurnedSpectra
-    energies: Array
-    independent: Array
-
-    @classmethod
-    def of(cls, block: TurnedSpectra, support: NDArray[np.bool_]) -> "TurnedSums":
-        """The sums over one block."""
-        energies, independent = _energies(block)
-        return cls((_products(block, support),), (1.0,), (1,), support, block, energies[None], independent[None])
-
-    def plus(self, block: TurnedSpectra, memory: float = 1.0) -> "TurnedSums":
-        """The sums with another block, all before weighted by `memory`."""
-        powers = [memory * power for power in self.powers]
-        counts, sizes = [memory * count for count in self.counts], list(self.sizes)
-        if len(sizes) > 1 and sizes[-1] < sizes[0]:
-            powers[-1] = powers[-1] + _products(block, self.support)
-            counts[-1], sizes[-1] = counts[-1] + 1.0, sizes[-1] + 1
-        else:
-            powers, counts, sizes = [*powers, _products(block, self.support)], [*counts, 1.0], [*sizes, 1]
-        if len(sizes) > MOST_GROUPS:
-            powers, counts, sizes = _paired(powers), _paired(counts), _paired(sizes)
-        hz = self.last.rotor_hz + (block.rotor_hz - self.last.rotor_hz) / sum(counts)
-        energies, independent = _energies(block)
-        return TurnedSums(
-            tuple(powers), tuple(counts), tuple(sizes), self.support, block._replace(rotor_hz=hz),
-            np.vstack([self.energies, energies]), np.vstack([self.independent, independent]),
-        )  # fmt: skip
+    rotor_hz: float
+    duration: float
+    overlap: float
+    taper: Array
 
     @property
-    def blocks(self) -> float:
-        """How many, as far as they are not forgotten."""
-        return sum(self.counts)
+    def read_at(self) -> list[NDArray[np.intp]]:
+        """The readings that are used at each harmonic."""
+        return [np.flatnonzero(self.support | (k == 0)) for k in HARMONICS]
 
     @property
-    def gusts(self) -> float:
-        """As `gusts_of` has it."""
-        return gusts_of(self.energies, self.last.overlap / self.independent.mean(axis=0))
+    def vectors(self) -> Complex:
+        """v (B, E)."""
+        return np.concatenate([Y[:, seen] for Y, seen in zip(self.data, self.read_at, strict=True)], axis=1)
 
-    def spectra(self) -> TurnedSpectra:
-        """What stands for all blocks."""
-        return self._of(range(len(self.sizes)))
+    @property
+    def energies(self) -> Array:
+        """Mean square of every reading (m,)."""
+        return np.asarray(np.sum(np.abs(self.data[0]) ** 2, axis=0) / self.data.shape[1])
 
-    def halves(self) -> tuple[TurnedSpectra, TurnedSpectra] | None:
-        """What stands for the first blocks and for the last, about half of them each; None of one block."""
-        if len(self.sizes) < 2:
-            return None
-        ends = np.cumsum(self.sizes)
-        first = 1 + int(np.argmin(np.abs(ends[:-1] - 0.5 * ends[-1])))
-        return self._of(range(first)), self._of(range(first, len(self.sizes)))
+    @property
+    def independent(self) -> Array:
+        """As how many bins each reading counts (m,), (Σ P)² / Σ P²."""
+        power = np.abs(self.data[0]) ** 2
+        return np.asarray(power.sum(axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300))
 
-    def _of(self, groups: Sequence[int]) -> TurnedSpectra:
-        """What stands for some groups: columns of Z with Z Zᴴ = Σ v vᴴ, where v was one column."""
-        Z = factored(np.sum([self.powers[i] for i in groups], axis=0))
-        m = len(self.support)
-        data, first = {}, 0
-        for k, seen in zip(HARMONICS, _seen(self.support), strict=True):
-            data[k] = np.zeros((len(Z), m, Z.shape[2]), dtype=np.complex128)
-            data[k][:, seen] = Z[:, first : first + len(seen)]
-            first += len(seen)
-        blocks = sum(self.counts[i] for i in groups)
-        return self.last._replace(data=data, blocks=blocks, recent=self.last.data, gusts=self.gusts)
-
-    def stored(self) -> dict[str, Any]:
-        """All of it in arrays by name."""
-        last = self.last
-        numbers = np.array([last.rotor_hz, last.duration, last.overlap])
-        found: dict[str, Any] = {f"last_{k}": last.data[k] for k in HARMONICS}
-        return found | {
-            "powers": np.array(self.powers), "counts": np.array(self.counts), "sizes": np.array(self.sizes),
-            "support": self.support, "numbers": numbers, "taper": last.taper, "energies": self.energies,
-            "independent": self.independent,
-        }  # fmt: skip
-
-    @classmethod
-    def restored(cls, arrays: Mapping[str, Any]) -> "TurnedSums":
-        """What `stored` gave."""
-        hz, duration, overlap = arrays["numbers"].tolist()
-        data = {k: arrays[f"last_{k}"] for k in HARMONICS}
-        return cls(
-            tuple(arrays["powers"]), tuple(arrays["counts"].tolist()), tuple(arrays["sizes"].tolist()),
-            arrays["support"].astype(np.bool_), TurnedSpectra(data, hz, duration, overlap, arrays["taper"]),
-            arrays["energies"], arrays["independent"],
-        )  # fmt: skip
+    def averaged(self, before: "TurnedBlock", share: float) -> "TurnedBlock":
+        """The block at the mean speed: that of earlier blocks, moved by a share towards its own."""
+        return self._replace(rotor_hz=before.rotor_hz + share * (self.rotor_hz - before.rotor_hz))
 
 
-def _seen(support: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Which readings are kept at every harmonic."""
-    return [np.flatnonzero(support | (k == 0)) for k in HARMONICS]
+def turned_spectra(readings: Array, azimuth: Array, rate: float, reach: int) -> TurnedSpectra:
+    """Y_k, |k| ≤ `reach`, of readings (T, m) without gaps at `rate` [Hz] and azimuths (T,) [rad, unwrapped], harmonics
+    of the rotor taken out."""
+    samples = len(azimuth)
+    duration = samples / rate
+    turned = abs(float(azimuth[-1] - azimuth[0])) / (2.0 * math.pi) * samples / (samples - 1)
+    rotor_hz = turned / duration
+    h = taper(samples)
+    quiet = without_rotor_harmonics(readings, azimuth, h, count_harmonics(rotor_hz, rate)) * h[:, None]
+    scale = math.sqrt(1.0 / rate / float(h @ h))
+    bins = np.arange((samples + 1) // 2)
+    data: dict[int, Complex] = {0: (scale * np.fft.rfft(quiet, axis=0)[bins])[:, :, None]}
+    for k in range(1, reach + 1):  # readings are real: Y_{−k}(f) is the complex conjugate of Y_k(−f)
+        whole = (scale * np.fft.fft(quiet * np.exp(-1j * k * azimuth)[:, None], axis=0))[:, :, None]
+        data |= {k: whole[bins], -k: whole[-bins].conj()}
+    return TurnedSpectra(data, rotor_hz, duration, taper_factor(samples), h)
 
 
-def _products(block: TurnedSpectra, support: NDArray[np.bool_]) -> Complex:
-    """v vᴴ (B, E, E)."""
-    parts = [block.data[k][:, seen, 0] for k, seen in zip(HARMONICS, _seen(support), strict=True)]
-    v = np.concatenate(parts, axis=1)
-    return np.asarray(v[:, :, None] * v[:, None, :].conj())
+def turned_block(spectra: TurnedSpectra, support: NDArray[np.bool_], highest: int | None = None) -> TurnedBlock:
+    """The transforms of one block up to the bin `highest`, of readings of which some are of the `support` (m,)."""
+    last = None if highest is None else highest + 1
+    data = np.array([spectra.data[k][:last, :, 0] for k in HARMONICS])
+    return TurnedBlock(data, support, spectra.rotor_hz, spectra.duration, spectra.overlap, spectra.taper)
 
 
-def _energies(block: TurnedSpectra) -> tuple[Array, Array]:
-    """Mean square of every reading (m,), and as how many bins it counts, (Σ P)² / Σ P²."""
-    power = np.abs(block.data[0][:, :, 0]) ** 2
-    total = power.sum(axis=0)
-    return total / len(power), total**2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
-
-
-def _paired(values: list[T]) -> list[T]:
-    """Sums of two neighbours each; what is over stays."""
-    return [a + b for a, b in zip(values[::2], values[1::2], strict=False)] + values[len(values) // 2 * 2 :]
+def combine_groups(sums: BlockSums[TurnedBlock], groups: Sequence[int] | None = None) -> TurnedSpectra:
+    """Transforms with the products of the blocks of some groups, or of all: columns of Z with Z Zᴴ = Σ v vᴴ."""
+    chosen = range(len(sums.sizes)) if groups is None else groups
+    Z, last = factored(np.sum([sums.powers[i] for i in chosen], axis=0)), sums.last
+    data, first = {}, 0
+    for k, seen in zip(HARMONICS, last.read_at, strict=True):
+        data[k] = np.zeros((len(Z), len(last.support), Z.shape[2]), dtype=np.complex128)
+        data[k][:, seen] = Z[:, first : first + len(seen)]
+        first += len(seen)
+    recent = {k: Y[:, :, None] for k, Y in zip(HARMONICS, last.data, strict=True)}
+    blocks = sum(sums.counts[i] for i in chosen)
+    return TurnedSpectra(
+        data, last.rotor_hz, last.duration, last.overlap, last.taper, blocks, recent, sums.gusts
+    )  # fmt: skip

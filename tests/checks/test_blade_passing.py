@@ -25,7 +25,7 @@ def shaken(seed: int, zeta: float, line: float = 0.0, passing: float = F, wander
 
 def seen(zeta: float, *, seed: int = 1, line: float = 0.0, passing: float = F, wander: float = 0.0) -> bool:
     values, azimuth = shaken(seed, zeta, line, passing, wander)
-    return find_passing(values, azimuth, rate=RATE, modes=[(F, zeta)], blades=3) is not None
+    return find_passing([("", F, zeta)], 3, readings=(values, azimuth, RATE)) is not None
 
 
 def test_a_steady_line_in_a_damped_mode_is_seen_and_no_line_is_not():
@@ -54,7 +54,7 @@ def swinging(swing: float):
 @pytest.mark.parametrize(("sigmas", "steady"), [(0.9, True), (1.1, False)])
 def test_blades_pass_steadily_if_their_frequency_scatters_by_less_than_the_half_width(sigmas: float, steady: bool):
     values, azimuth = swinging(sigmas * 0.06 * np.sqrt(2.0))  # of a sine, the amplitude over the standard deviation
-    found = find_passing(values, azimuth, rate=RATE, modes=[(F, 0.06)], blades=3)
+    found = find_passing([("", F, 0.06)], 3, readings=(values, azimuth, RATE))
     assert (found is not None) is steady
 
 
@@ -76,8 +76,17 @@ def test_the_blades_are_said_to_pass_on_a_mode_only_where_they_are_near_it(
 
 def test_what_is_said_of_passing_blades_is_what_was_measured():
     values, azimuth = shaken(1, 0.4, 0.3, 0.44)
-    found = find_passing(values, azimuth, rate=RATE, modes=[(F, 0.4)], blades=3)
+    found = find_passing([("", F, 0.4)], 3, readings=(values, azimuth, RATE))
     assert found is not None
-    assert found == pytest.approx((0.44, F, 0.128, 2.0 * RATE / SAMPLES), abs=1e-4)
+    assert found[:4] == pytest.approx((0.44, F, 0.128, 2.0 * RATE / SAMPLES), abs=1e-4)
     assert found.finding(3).code == "blade_passing_in_mode"
     assert found.finding(3).data["damping"] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(("passing", "near"), [(0.26, False), (0.27, True), (0.38, True), (0.39, False), (0.0, False)])
+def test_a_load_that_is_not_modelled_is_told_within_a_factor_of_a_natural_frequency(passing: float, near: bool):
+    found = find_passing([("pitch", 5.0, 0.01), ("fore_aft", F, 0.01)], 3, passing / 3.0)
+    assert (found is not None) is near
+    if found is not None:
+        assert found.finding(3).code == "blade_passing_near_mode"
+        assert found.finding(3).data["coordinate"] == "fore_aft"

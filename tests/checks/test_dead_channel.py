@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from tests.findings import only, reasons
-from windsysid.checks.dead_channel import find_still
+from windsysid.checks.dead_channel import find_still, is_constant
 from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
 from windsysid.records.record import Record
@@ -93,3 +93,16 @@ def test_sensors_without_power_are_never_trusted(
     dead_channels = only(reasons(found), "dead_channel").channels
     assert len(dead_channels) > 1
     assert dead_channels[0] == f"{'blade_1_lag' if dead else 'tower_x'}_acceleration"
+
+
+@pytest.mark.parametrize(
+    ("values", "constant"),
+    [
+        ([0.0, 0.0, 0.0], True),
+        ([9.81, 9.81, 9.81 * (1.0 + 5e-16)], True),  # rounding of a unit's conversion
+        ([9.81, 9.81, 9.81 * (1.0 + 1e-11)], False),
+        ([-1.0, 1.0], False),
+    ],
+)
+def test_a_channel_of_one_value_is_constant_but_for_rounding(values: list[float], constant: bool):
+    assert is_constant(np.array(values)) is constant
