@@ -389,9 +389,9 @@ _LIKELIHOOD = (
         "the derivative of the innovation is that of something else",
     ),
     Mutant(
-        "pull of the prior", "estimate/scoring.py",
-        "pull = here.found.gradient - information @ (theta - prior_mean)",
-        "pull = here.found.gradient",
+        "pull of the prior", "windsysid/scoring.py",
+        "weight * self.gradient + pull",
+        "weight * self.gradient",
         "the search goes to the mode of the likelihood",
     ),
     Mutant(

@@ -18,7 +18,7 @@ import numpy as np
 from windsysid._types import Array
 from windsysid.errors import ConfigurationError
 from windsysid.identification.condition.readings import usable_sensors
-from windsysid.identification.estimate.scoring import Posterior, posterior_mode
+from windsysid.identification.estimate.scoring import FilteredMode, posterior_mode
 from windsysid.identification.identify import identify
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import TurbineProblem, pose
@@ -151,13 +151,7 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
     start_cov = prior_cov.copy()
     start_cov[:n, :n] = found.cov
     mode = posterior_mode(
-        problem.build,
-        problem.inputs,
-        problem.readings,
-        prior_mean=prior_mean,
-        prior_cov=prior_cov,
-        start=start,
-        start_cov=start_cov,
+        problem.build, problem.inputs, problem.readings, prior=problem.prior, start=(start, start_cov)
     )
     centre, sigma = mode.mean[k], math.sqrt(mode.cov[k, k])
     height = _log_posterior(mode.mean, mode.log_likelihood, prior_mean, prior_cov)
@@ -183,16 +177,18 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
     return Profile(q.name, e.unit, values, -depth, estimate, low, high, (e.low, e.high))
 
 
-def _held(problem: TurbineProblem, k: int, value: float, mode: Posterior) -> float:
+def _held(problem: TurbineProblem, k: int, value: float, mode: FilteredMode) -> float:
     """The greatest log posterior with unknown k held at `value`."""
     prior_mean, prior_cov = problem.prior
     others = np.arange(len(prior_mean)) != k
     slope = mode.cov[others, k] / mode.cov[k, k]
     free = posterior_mode(
         lambda values: problem.build(np.insert(values, k, value)), problem.inputs, problem.readings,
-        prior_mean=prior_mean[others], prior_cov=prior_cov[np.ix_(others, others)],
-        start=mode.mean[others] + slope * (value - mode.mean[k]),
-        start_cov=mode.cov[np.ix_(others, others)] - np.outer(slope, mode.cov[k, others]),
+        prior=(prior_mean[others], prior_cov[np.ix_(others, others)]),
+        start=(
+            mode.mean[others] + slope * (value - mode.mean[k]),
+            mode.cov[np.ix_(others, others)] - np.outer(slope, mode.cov[k, others]),
+        ),
     )  # fmt: skip
     return _log_posterior(np.insert(free.mean, k, value), free.log_likelihood, prior_mean, prior_cov)
 

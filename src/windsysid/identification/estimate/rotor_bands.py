@@ -12,9 +12,9 @@ from windsysid._types import Array
 from windsysid.errors import ConfigurationError, WindsysidError
 from windsysid.identification.effects.prior_conflict import find_held, one_by_one
 from windsysid.loads.statistics import Statistic
+from windsysid.scoring import covariance
 from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import Question
-from windsysid.spectral.rotor.scoring import covariance
 from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
 from windsysid.spectral.rotor_bands.check import doubts_of_bands
 
@@ -74,7 +74,7 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
             "check units and the turbine file"
         ) from None
-    settled = fit.mode.settled and found.settled
+    converged = fit.mode.converged and found.converged
     mean, spread = wide.model.prior
     off = (found.unknowns - mean) / spread
     return ReadInBands(
@@ -82,7 +82,7 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
         cov,
         -(found.value - 0.5 * float(off @ off)),
         posed.model.statistics,
-        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(settled=settled)))),
+        tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(converged=converged)))),
         _notes(posed, found.unknowns, cov, len(question.parameters)),
         find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
     )

@@ -26,7 +26,7 @@ from windsysid.identification.condition.samples import Samples, split_evenly
 from windsysid.identification.effects.clock_lag import Lateness, add_clocks, shifted
 from windsysid.identification.effects.outlier import Outliers, find_spikes
 from windsysid.identification.estimate.online import History, Online, advance, finish, join_histories
-from windsysid.identification.estimate.scoring import Mode, find_mode
+from windsysid.identification.estimate.scoring import InnovationMode, find_innovation_mode
 from windsysid.identification.model.fit import check_finite, diverged
 from windsysid.output.progress import expect
 from windsysid.results.load_history import Loads
@@ -223,7 +223,7 @@ def _take_in(problem: Problem, samples: Samples, online: Online) -> tuple[Online
 
 def _search(
     problem: Problem, samples: Samples, start: tuple[Array, Array], rate: float, spikes: Outliers
-) -> "tuple[Mode, Outliers, _Seen]":
+) -> "tuple[InnovationMode, Outliers, _Seen]":
     """The mode of the posterior without the readings that are outliers there, those, and what the filter says at the
     mode. The first search leaves the spikes out."""
     outliers, clocks, kept = spikes, np.zeros(len(problem.clocks)), spikes.left_out_of(samples)
@@ -243,7 +243,7 @@ def _search(
     return mode, outliers, seen
 
 
-def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clocks: Array) -> Mode:
+def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clocks: Array) -> InnovationMode:
     """The mode of the posterior of all unknowns; of its `look`, the clocks are no part."""
     prior = problem.wide_prior
     n, known = len(prior[0]), len(start[0])
@@ -252,8 +252,8 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
     for _ in range(MAX_SHIFTS):
         moved = shifted(problem, samples, clocks)
         for _ in range(MAX_CLIMBS):
-            mode = find_mode(
-                problem.build, moved, prior_mean=prior[0], prior_cov=prior[1], start=mean, start_cov=cov,
+            mode = find_innovation_mode(
+                problem.build, moved, prior=prior, start=(mean, cov),
                 changes=Lateness(moved, problem.clocks) if problem.clocks else None,
             )  # fmt: skip
             mean, cov = mode.mean, mode.cov
@@ -273,7 +273,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
     return mode
 
 
-def _constancy(problem: Problem, mode: Mode) -> Constancy:
+def _constancy(problem: Problem, mode: InnovationMode) -> Constancy:
     """What parts of the samples say where a search has ended."""
     theta = mode.look.theta
     return judge_constancy(mode.look.found.parts, problem.wide_prior[1], mode.mean[: len(theta)] - theta)

@@ -17,7 +17,7 @@ from windsysid.errors import RecordError
 from windsysid.spectral.rotor.check import Part, parts_of, unexplained, unsteady
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import Question
-from windsysid.spectral.rotor.scoring import Mode
+from windsysid.spectral.rotor.scoring import SpectralMode
 from windsysid.spectral.rotor_bands.build import PosedBands, pose_bands
 from windsysid.spectral.rotor_bands.model import BandFit
 
@@ -42,7 +42,7 @@ def doubts_of_bands(question: Question, posed: PosedBands, fit: BandFit) -> list
     """What speaks against a result, in words."""
     posed, found = posed._replace(model=fit.model), fit.mode
     doubts = [*posed.doubts, *_short(posed)]
-    if not found.settled:
+    if not found.converged:
         doubts.append(
             f"the likelihood still rose after {found.steps} steps: choose a longer or steadier section, or priors "
             f"nearer to the structure"
@@ -75,7 +75,7 @@ def _halves(question: Question, posed: PosedBands) -> list[PosedBands]:
 
 
 def _disagreements(
-    question: Question, posed: PosedBands, found: Mode, halves: Sequence[PosedBands], narrow: PosedBands
+    question: Question, posed: PosedBands, found: SpectralMode, halves: Sequence[PosedBands], narrow: PosedBands
 ) -> list[str]:
     """Whether the halves and the narrower bands say another stiffness than the record."""
     which = [i for i, q in enumerate(question.parameters) if q.logarithmic]
@@ -111,7 +111,7 @@ def _short(posed: PosedBands) -> list[str]:
     return doubts
 
 
-def _again(whole: PosedBands, found: Mode, other: PosedBands) -> Mode:
+def _again(whole: PosedBands, found: SpectralMode, other: PosedBands) -> SpectralMode:
     """The mode of a part of the record, looked for from that of the whole."""
     return other.model.fit(other.model.start_from(found.unknowns, whole.model), rough=True).mode
 

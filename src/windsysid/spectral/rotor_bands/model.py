@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic
 from windsysid.spectral.rotor.model import Inexact, LiftedModel
-from windsysid.spectral.rotor.scoring import SETTLED, Mode, find_mode, reach_mode
+from windsysid.spectral.rotor.scoring import FINE_TOLERANCE, SpectralMode, find_in_stages, find_nearby
 from windsysid.spectral.rotor_bands.channels import Row
 
 __all__ = ["Band", "BandFit", "BandModel"]
@@ -47,7 +47,7 @@ class BandFit(NamedTuple):
     """The mode of a posterior, and the model that has it."""
 
     model: "BandModel"
-    mode: Mode
+    mode: SpectralMode
 
 
 class BandModel(NamedTuple):
@@ -113,12 +113,11 @@ class BandModel(NamedTuple):
         (n,)."""
         wide = BandModel(tuple(b._replace(model=b.model._replace(inexact=inexact)) for b in self.bands))
         start = np.insert(at, self.shared, np.zeros(len(inexact.late)))
-        return BandFit(wide, reach_mode(wide.likelihood, start, *wide.prior))
+        return BandFit(wide, find_nearby(wide.likelihood, start, wide.prior))
 
     def near(self, start: Array) -> Array:
         """Unknowns (n,) roughly at the mode of the posterior, looked for from afar."""
-        mean, spread = self.prior
-        return find_mode(self.likelihood, start, mean, spread, ROUGH).unknowns
+        return find_in_stages(self.likelihood, start, self.prior, ROUGH).unknowns
 
     def fit(self, start: Array, *, rough: bool = False) -> BandFit:
         """The mode of the posterior, looked for from `start` (n,).
@@ -127,8 +126,7 @@ class BandModel(NamedTuple):
         at the mode without them, and the mode found anew. A `rough` search ends with a step that is short beside the
         bands: for comparing results.
         """
-        mean, spread = self.prior
-        mode = find_mode(self.likelihood, start, mean, spread, WHOLE, enough=COMPARED)
+        mode = find_in_stages(self.likelihood, start, self.prior, WHOLE, tolerance=COMPARED)
         bands = []
         for band, place in zip(self.bands, self.places(), strict=True):
             if band.smoothed is not None:
@@ -137,8 +135,8 @@ class BandModel(NamedTuple):
                 band = band._replace(model=band.model._replace(smear=smear))
             bands.append(band)
         whole = BandModel(tuple(bands))._with_gusts(mode.unknowns)
-        enough = COMPARED if rough else SETTLED
-        return BandFit(whole, find_mode(whole.likelihood, mode.unknowns, mean, spread, WHOLE, enough=enough))
+        tolerance = COMPARED if rough else FINE_TOLERANCE
+        return BandFit(whole, find_in_stages(whole.likelihood, mode.unknowns, self.prior, WHOLE, tolerance=tolerance))
 
     def _with_gusts(self, unknowns: Array) -> "BandModel":
         """The same with c_h as the record has it: that of the taper, or more. Bands have few bins, so all have one."""
