@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 import scipy.optimize
+from scipy.stats import multivariate_normal
 
-from windsysid.scoring import Evaluation, SearchLimits, covariance, find_mode
+from windsysid.scoring import Evaluation, SearchLimits, covariance, find_mode, laplace_evidence
 
 LIMITS = SearchLimits(1e-10, max_steps=100)
 FREE = np.full(2, np.inf)
@@ -105,3 +106,14 @@ def test_covariance_is_the_inverse_and_wide_where_rounding_hides_information():
     values = np.linalg.eigvalsh(covariance(singular))
     assert values.min() > 0.0
     assert values.max() > 1e12
+
+
+def test_the_evidence_of_a_linear_model_is_the_density_of_its_readings():
+    rng = np.random.default_rng(1)
+    rows, readings = rng.standard_normal((6, 2)), rng.standard_normal(6)
+    prior = np.array([[2.0, 0.5], [0.5, 1.0]])
+    information = prior + rows.T @ rows
+    mode = np.linalg.solve(information, rows.T @ readings)
+    log_posterior = float(multivariate_normal(rows @ mode, np.eye(6)).logpdf(readings)) - 0.5 * mode @ prior @ mode
+    whole = multivariate_normal(np.zeros(6), np.eye(6) + rows @ np.linalg.inv(prior) @ rows.T)
+    assert laplace_evidence(log_posterior, prior, information) == pytest.approx(float(whole.logpdf(readings)))

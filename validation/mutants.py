@@ -37,6 +37,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "kernels.py": ("test_filter.py",),
     "raoblackwell.py": ("test_filter.py",),
     "estimate/scoring.py": ("test_quadratic.py", "test_posterior_mode.py", "test_bank.py"),
+    "windsysid/scoring.py": ("test_scoring.py", "test_quadratic.py", "test_load_choice.py"),
     "estimate/online.py": ("test_quadratic.py", "test_recursive.py"),
     "model/turbine_problem.py": ("test_problem.py",),
     "compose.py": ("test_compose.py", "test_problem.py", "test_drift.py"),
@@ -584,7 +585,7 @@ _LOADS = (
         "a band that says two standard deviations is one",
     ),
     Mutant(
-        "Occam's factor", "estimate/load_selection.py",
+        "Occam's factor", "windsysid/scoring.py",
         "+ 0.5 * (sizes[0] - sizes[1])",
         "+ 0.5 * (sizes[1] - sizes[0])",
         "a load model is rewarded for what it leaves open",

@@ -19,7 +19,7 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["Evaluation", "FoundMode", "LocalModel", "SearchLimits", "covariance", "find_mode"]
+__all__ = ["Evaluation", "FoundMode", "LocalModel", "SearchLimits", "covariance", "find_mode", "laplace_evidence"]
 
 SLACK = 1e-9
 """Increase of J, over its size, that is rounding."""
@@ -252,3 +252,17 @@ def covariance(information: Array) -> Array:
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
     narrow = vectors / np.sqrt(np.maximum(values, MIN_SCALED_INFORMATION * values[-1]))
     return np.asarray(narrow @ narrow.T / np.outer(size, size))
+
+
+def laplace_evidence(log_posterior: float, prior_information: Array, information: Array) -> float:
+    """ln ∫ p(y | u) p(u) du by Laplace's approximation at the mode û of the posterior.
+
+    Parameters
+    ----------
+    log_posterior
+        ln p(y | û) − ½ (û − m)ᵀ Λ₀ (û − m).
+    prior_information, information
+        Λ₀ and Λ (n, n), of a Gaussian prior and of the posterior: ½ ln det Λ₀ − ½ ln det Λ is added.
+    """
+    sizes = [float(np.linalg.slogdet(of)[1]) for of in (prior_information, information)]
+    return log_posterior + 0.5 * (sizes[0] - sizes[1])

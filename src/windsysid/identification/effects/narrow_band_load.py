@@ -4,7 +4,7 @@ A machine nearby, waves or a neighbour's mode push at frequencies of their own. 
 narrower peak of the two: a search that knows broad loads only takes it for the mode, and the mode for a hump of the
 loads. All that is left over is white then. So a narrow-band load on the support is let into the spectral likelihood
 (`windsysid.loads.narrow_band`), and the evidence p(y | loads) with it and without is compared, by Laplace's
-approximation (`windsysid.identification.estimate.load_selection`).
+approximation (`windsysid.identification.estimate.evidence`).
 
 The likelihood has several summits: the load may be the peak beside a mode, or the peak that passed for the mode. Places
 to begin at come from the channels that see most of the support, one by one: for many frequencies, widths and strengths
@@ -17,11 +17,13 @@ Source: Whittle, J. R. Statist. Soc. B 15, 1953, https://doi.org/10.1111/j.2517-
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from windsysid._types import Array
+from windsysid.identification.estimate.evidence import rank
 from windsysid.loads.narrow_band import FREQUENCY, LEVEL, WIDTH, NarrowBand, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
 from windsysid.spectral.rotor.build import pose_lifted
@@ -69,6 +71,9 @@ WIDTHS, OVER = (0.001, 0.004, 0.02), (3.0, 30.0, 300.0)
 
 EVERYWHERE = 3.0
 """Damping ratio of a load that is hardly narrow: it tells how the support answers at any frequency."""
+
+LOG_EVIDENCE = attrgetter("log_evidence")
+"""Of a fit."""
 
 NOTHING, LITTLE = -8.0, -1.0
 """Coordinates of the level of a load that does not push, and of one that hardly does."""
@@ -135,9 +140,8 @@ def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: b
     gain = ends[0].log_evidence - plain
     near = [
         end
-        for end in ends
-        if end.log_evidence > ends[0].log_evidence - CLOSE
-        and (thorough or end.log_evidence > plain or _may_matter(question, found, end, end.log_evidence - plain))
+        for end in rank(ends, LOG_EVIDENCE).within(CLOSE)
+        if (thorough or end.log_evidence > plain or _may_matter(question, found, end, end.log_evidence - plain))
     ]
     if not near:
         return NarrowBandFit(posed, ends[0], gain, _off(question, found, ends[0])[1], "")
@@ -194,7 +198,7 @@ def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: b
                 else fit(posed.model, start, WHOLE, posed.smoothed, enough=ENOUGH)
             )
     ends = list[Fit]()
-    for end in sorted(found, key=lambda end: -end.log_evidence):
+    for end in sorted(found, key=LOG_EVIDENCE, reverse=True):
         if not any(_off(question, other, end)[1] < SAME for other in ends):
             ends.append(end)
     return ends

@@ -8,7 +8,7 @@ It is not for what is not stationary: a free decay, a start, a stop, or a speed 
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from windsysid.identification.effects.narrow_band_load import (
     note_narrow_band,
 )
 from windsysid.identification.effects.prior_conflict import find_held, one_by_one
+from windsysid.identification.estimate.evidence import Ranking, rank
 from windsysid.identification.estimate.rotor_bands import read_in_bands
 from windsysid.identification.model.fit import Outcome, known_inputs, known_loads, no_innovations
 from windsysid.identification.model.prior import Prior, identifiable
@@ -283,15 +284,7 @@ def _fitted(poses: dict[str, Posed]) -> _Found:
             return _Found(name, _fit_alone(posed), "")
         if any(posed.model.blocks > 1.0 for posed in poses.values()):
             return _after_all(poses)
-        tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
-        rivals = _rivals(tried)
-        later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
-        why = f" (log evidence over {_margins(tried)}, of a fifth of the record)"
-        if len(rivals) > 1:
-            tried = {name: fit(poses[name].model, tried[name].unknowns, COARSE[-1:], rough=True) for name in rivals}
-            later, why = WHOLE, f" (log evidence over {_margins(tried)})"
-        name = _rivals(tried)[0]
-        return _Found(name, fit(poses[name].model, tried[name].unknowns, later, poses[name].smoothed), why)
+        return _after_stages(poses)
     except np.linalg.LinAlgError:
         raise WindsysidError(
             "no spectrum of this model is positive: expected loads, noise and priors of the size of the record's; "
@@ -306,23 +299,33 @@ def _fit_alone(posed: Posed) -> Fit:
     return fit(posed.model, posed.start, stages, posed.smoothed)
 
 
+def _after_stages(poses: dict[str, Posed]) -> _Found:
+    """The load model of the greatest evidence: after the first stages where it is clear there, on half of the bins
+    elsewhere; fitted to the end."""
+    tried = {name: fit(posed.model, posed.start, COARSE[:-1], rough=True) for name, posed in poses.items()}
+    ranking = _ranked(tried)
+    rivals = ranking.within(CLEAR)
+    later: Sequence[tuple[float, int]] = (*COARSE[-1:], *WHOLE)
+    why = f" (log evidence over {ranking.describe()}, of a fifth of the record)"
+    if len(rivals) > 1:
+        tried = {name: fit(poses[name].model, tried[name].unknowns, COARSE[-1:], rough=True) for name in rivals}
+        ranking, later = _ranked(tried), WHOLE
+        why = f" (log evidence over {ranking.describe()})"
+    name = ranking.best
+    return _Found(name, fit(poses[name].model, tried[name].unknowns, later, poses[name].smoothed), why)
+
+
 def _after_all(poses: dict[str, Posed]) -> _Found:
     """The load model of the greatest evidence where all have been fitted to the end: what the taper of a short block
     does to spectra can look like another load."""
     tried = {name: _fit_alone(posed) for name, posed in poses.items()}
     overlap = max(found.model.overlap for found in tried.values())
-    tried = {name: found._replace(log_evidence=found.evidence_at(overlap)) for name, found in tried.items()}
-    name = _rivals(tried)[0]
-    return _Found(name, tried[name], f" (log evidence over {_margins(tried)})")
+    ranking = rank(tried, lambda name: tried[name].evidence_at(overlap))
+    best = tried[ranking.best]
+    best = best._replace(log_evidence=best.evidence_at(overlap))
+    return _Found(ranking.best, best, f" (log evidence over {ranking.describe()})")
 
 
-def _rivals(tried: dict[str, Fit]) -> list[str]:
-    """The load models that may still win, the best first."""
-    order = sorted(tried, key=lambda name: -tried[name].log_evidence)
-    return [name for name in order if tried[order[0]].log_evidence - tried[name].log_evidence < CLEAR]
-
-
-def _margins(tried: dict[str, Fit]) -> str:
-    """By how much the best load model explains the record better than each of the others."""
-    best, *others = sorted(tried, key=lambda name: -tried[name].log_evidence)
-    return ", ".join(f"{name} by {tried[best].log_evidence - tried[name].log_evidence:.0f}" for name in others)
+def _ranked(tried: Mapping[str, Fit]) -> Ranking[str]:
+    """Load models by the evidence of their fits."""
+    return rank(tried, lambda name: tried[name].log_evidence)

@@ -6,15 +6,7 @@ noise would not show in one record of a thousand (`windsysid.checks.verdict`). O
 fit can take in loads of another colour and leave no peak: under a rigid rotor, where others are cheap, they are
 compared all the same, on as many samples as are held. None is tried where the loads hardly matter, as in a free decay:
 what the simplest model's loads can do by themselves is then small beside the motion. Of those that are tried, the one
-with the greatest evidence p(y | model) = ∫ p(y | θ) p(θ) dθ is chosen, by Laplace's approximation at the mode of the
-posterior,
-
-    log p(y | model) ≈ log p(y | θ̂) − ½ (θ̂ − θ₀)ᵀ Λ₀ (θ̂ − θ₀) + ½ log det Λ₀ − ½ log det Λ,
-
-with Λ₀ the information of the prior and Λ that of the posterior, which the search for the mode leaves behind. Unlike
-Schwarz's criterion, which is its limit for long records, it does not pretend that each statistic was informed by every
-sample: that of a slow load never is. Source: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995,
-https://doi.org/10.1080/01621459.1995.10476572.
+with the greatest evidence is chosen (`windsysid.identification.estimate.evidence`).
 """
 
 import math
@@ -30,6 +22,7 @@ from windsysid.checks.whiteness import Whiteness, examine
 from windsysid.errors import WindsysidError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
+from windsysid.identification.estimate.evidence import Ranking, rank
 from windsysid.identification.estimate.online import MEMORY, History, Online, advance, begin, finish, join_histories
 from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import FIRST_WIDTH, TurbineProblem, pose
@@ -38,6 +31,7 @@ from windsysid.loads.statistics import coordinates_of, values_of
 from windsysid.mechanics.rotor import as_rotor
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
+from windsysid.scoring import laplace_evidence
 from windsysid.statespace.compose import StateSpace
 from windsysid.turbine.turbine import Turbine
 
@@ -119,9 +113,8 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
         problem = pose(*question, name)
         warm(problem)
         warming += time.perf_counter() - begun
-        candidate = _start_candidate(problem, first)
         try:
-            candidate = _take_in(candidate, length, rate, _start(problem, tried))
+            candidate = _take_in(_start_candidate(problem, first), length, rate, _start(problem, tried))
             if candidate.white and not tried:
                 later = _take_in(candidate, MEMORY * first, rate, problem.start)
                 candidate = later if cheap else later._replace(log_evidence=candidate.log_evidence)
@@ -131,12 +124,20 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
                 raise
             continue
         tried.append(candidate)
-        if len(tried) == 1 and ((candidate.white and not cheap) or not candidate.driven):
+        if _is_enough(tried, cheap=cheap):
             break
     if not tried:
         raise WindsysidError("no load model fits this record: check units, the turbine file and the priors")
-    best = max(tried, key=lambda candidate: candidate.log_evidence)
-    return Choice(best, _describe_choice(best, tried, min(length, question.record.samples) / rate), warming)
+    ranking = rank(tried, lambda candidate: candidate.log_evidence)
+    seconds = min(length, question.record.samples) / rate
+    return Choice(ranking.best, _describe_choice(ranking, seconds), warming)
+
+
+def _is_enough(tried: Sequence[Candidate], *, cheap: bool) -> bool:
+    """Whether the simplest model needs no rival: it explains the record, and others are dear, or loads hardly
+    matter."""
+    simplest = tried[0]
+    return len(tried) == 1 and ((simplest.white and not cheap) or not simplest.driven)
 
 
 def warm(problem: TurbineProblem) -> None:
@@ -169,11 +170,10 @@ def _take_in(candidate: Candidate, until: int, rate: float, start: Start) -> Can
 
 
 def _log_evidence(log_likelihood: float, known: Online) -> float:
-    """Laplace's approximation."""
+    """Laplace's approximation to the log evidence of the samples that a recursion has seen."""
     prior = np.linalg.inv(known.prior_cov)
     off = known.theta - known.prior_mean
-    sizes = [float(np.linalg.slogdet(information)[1]) for information in (prior, known.precision)]
-    return log_likelihood - 0.5 * float(off @ prior @ off) + 0.5 * (sizes[0] - sizes[1])
+    return laplace_evidence(log_likelihood - 0.5 * float(off @ prior @ off), prior, known.precision)
 
 
 def _explains(problem: TurbineProblem, info: Info, rate: float) -> bool:
@@ -233,17 +233,18 @@ def _compare_levels(simplest: Candidate) -> dict[str, float]:
     return {name: level(values, name) / level(given, name) for name in given if name.startswith("load_rms")}
 
 
-def _describe_choice(best: Candidate, tried: Sequence[Candidate], seconds: float) -> str:
-    """What was chosen, and by how much."""
-    name = best.problem.loads.name
-    if len(tried) == 1:
+def _describe_choice(ranking: Ranking[Candidate], seconds: float) -> str:
+    """The chosen model with its margins."""
+    best, name = ranking.best, _name(ranking.best)
+    if len(ranking.order) == 1:
         return f"load model {name}" + (
             ": it explains the record" if best.white else "" if best.driven else ": loads hardly matter in this record"
         )
-    others = ", ".join(
-        f"{other.problem.loads.name} by {best.log_evidence - other.log_evidence:.0f}"
-        for other in tried
-        if other is not best
-    )
     doubt = "" if best.white else ", though it does not explain all of it"
+    others = ranking.describe(_name)
     return f"load model {name}: its log evidence beats {others} on the first {seconds:.3g} s{doubt}"
+
+
+def _name(candidate: Candidate) -> str:
+    """The name of a candidate's load model."""
+    return candidate.problem.loads.name

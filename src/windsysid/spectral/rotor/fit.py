@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.scoring import covariance
+from windsysid.scoring import covariance, laplace_evidence
 from windsysid.spectral.rotor.model import Inexact, LiftedModel
 from windsysid.spectral.rotor.scoring import FINE_TOLERANCE, SpectralMode, find_in_stages, find_nearby
 
@@ -97,7 +97,7 @@ def _described(model: LiftedModel, mode: SpectralMode) -> Fit:
     mean, spread = model.prior
     off = (mode.unknowns - mean) / spread
     log_likelihood = -(mode.value - 0.5 * float(off @ off))
-    evidence = -mode.value - float(np.sum(np.log(spread))) - 0.5 * float(np.linalg.slogdet(mode.information)[1])
+    evidence = laplace_evidence(-mode.value, np.diag(spread**-2.0), mode.information)
     cov = covariance(mode.information)
     return Fit(mode.unknowns, cov, log_likelihood, evidence, mode.steps, mode.converged, model)
 
