@@ -31,9 +31,6 @@ same are curved more than the Fisher information says, and undamped steps oversh
 MIN_DAMPING_FACTOR = 0.1
 """Least factor on the damping after a step that was taken."""
 
-REFUSED_DAMPING, REFUSED_FACTOR = 1.0, 10.0
-"""Least damping after a step that was refused, which about halves the next, and the factor on what was more."""
-
 MIN_SCALED_INFORMATION = 1e-14
 """Least eigenvalue of scaled information, over the greatest: less is rounding and has no sign."""
 
@@ -62,6 +59,8 @@ class SearchLimits(NamedTuple):
         rest.
     damping
         At the start; with 0, for a search that begins near the mode, a step is damped only after one was refused.
+    refused_damping
+        Least damping after a step that was refused: 1 about halves the next, less turns it a little.
     """
 
     tolerance: float
@@ -71,6 +70,7 @@ class SearchLimits(NamedTuple):
     unseen_remainder: float = 0.0
     stalled: float = 0.0
     damping: float = 1e-3
+    refused_damping: float = 1.0
 
 
 class LocalModel(Protocol):
@@ -240,7 +240,7 @@ class _Search(Generic[Point, Evaluated]):
         self.refusals += 1
         if self.refusals == 1:
             self.decrement = decrement  # of the least damped step from here
-        self.damping = max(REFUSED_FACTOR * self.damping, REFUSED_DAMPING)
+        self.damping = max(2.0**self.refusals * self.damping, self.limits.refused_damping)
         self.converged = decrement < self.limits.tolerance
         if self.refusals > self.limits.max_refusals:
             self.converged, self.stopped = self.converged or self.decrement < self.limits.stalled, True

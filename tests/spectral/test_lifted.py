@@ -20,7 +20,7 @@ from windsysid.spectral.rotor.load_spectra import STATIONS, WindLoads
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import Posed, Question
 from windsysid.spectral.transforms.dft import taper
-from windsysid.spectral.transforms.lifted import _without_lines, lift, turn_lines
+from windsysid.spectral.transforms.lifted import lift, turn_lines, without_lines
 from windsysid.statespace.parameter import Parameter
 from windsysid.turbine.file import load_turbine
 
@@ -47,7 +47,7 @@ def test_lines_are_those_of_least_squares_under_the_taper() -> None:
     rng = np.random.default_rng(2)
     psi = 0.3 + 0.1 * np.arange(900) + 0.02 * np.cumsum(rng.normal(size=900)) / 30.0
     y, h = rng.normal(size=(900, 2)) + np.cos(3.0 * psi)[:, None], taper(900)
-    left = _without_lines(y, psi, h, 5)
+    left = without_lines(y, psi, h, 5)
     basis = np.column_stack([np.ones(900), *(f(k * psi) for k in range(1, 6) for f in (np.cos, np.sin))])
     fitted = np.linalg.lstsq(basis * h[:, None], y * h[:, None], rcond=None)[0]
     assert left == pytest.approx(y - basis @ fitted, abs=1e-11)
@@ -63,7 +63,7 @@ def test_the_lifted_vector_is_what_its_definition_says() -> None:
     h, samples = lifted.taper, len(lifted.taper)
     assert round(lifted.rotor_hz * lifted.duration) == 10
     y, psi, at = y[:samples], psi[:samples], at[:samples]
-    quiet = _without_lines(y, psi, h, turn_lines(lifted.rotor_hz, 10.0))[:, 0]
+    quiet = without_lines(y, psi, h, turn_lines(lifted.rotor_hz, 10.0))[:, 0]
     for row, b in zip(lifted.data[:, :, 0], np.round(lifted.base * lifted.duration), strict=True):
         for k, found in zip(lifted.harmonics, row, strict=True):
             expected = np.sum(h * quiet * np.exp(-2j * np.pi * b * at / samples - 1j * k * psi)) / np.sqrt(10.0 * h @ h)

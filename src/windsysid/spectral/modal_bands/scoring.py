@@ -31,9 +31,9 @@ FINE_TOLERANCE, HALF_TOLERANCE, COARSE_TOLERANCE = 1e-3, 0.02, 0.1
 """Newton's decrement of the last step: 0.03 standard deviations of a result, 0.14 of halves that are compared with it,
 0.3 where only the evidence of numbers of modes is compared."""
 
-SEARCH = SearchLimits(FINE_TOLERANCE, max_steps=40, stalled=0.2, damping=1e-2)
-"""Of a search: where J cannot decrease any more, a decrease of 0.1 may be left. Starts are rough, so damping is
-strong."""
+SEARCH = SearchLimits(FINE_TOLERANCE, max_steps=40, stalled=0.2, damping=1e-2, refused_damping=1e-3)
+"""Of a search: where J cannot decrease any more, a decrease of 0.1 may be left. Starts are rough, so damping is strong;
+of the many optima the near one is meant, so a refused step is turned little by little."""
 
 HOPELESS = 40.0
 """How many steps like the last a search may be from where it must come."""

@@ -21,7 +21,7 @@ from windsysid.mechanics.model import MechanicalModel
 from windsysid.spectral.transforms.lifted import Complex
 from windsysid.statespace.gauss_markov import GaussMarkov
 
-__all__ = ["BandLoads", "BroadbandLoads", "SourceSpectra", "Sources", "WindLoads"]
+__all__ = ["BandLoads", "BroadbandLoads", "SourceSpectra", "Sources", "WindLoads", "coherence_table"]
 
 
 class SourceSpectra(NamedTuple):
@@ -205,7 +205,7 @@ class WindLoads:
         along = r**power
         outer = along * (r - self._hinge)
         weights = np.stack([along / along.sum(), outer / outer.sum()])
-        grid, table = _coherence_table(tuple(r.tolist()))
+        grid, table = coherence_table(tuple(r.tolist()))
         pairs = np.einsum("cr,cs->crs", weights[[0, 0, 1]], weights[[0, 1, 1]])
         return grid, np.ascontiguousarray(np.einsum("crs,grsn->gcn", pairs, table, optimize=True))
 
@@ -234,7 +234,7 @@ def _sum_classes(level: Any, place: Any, terms: Any, out: Any) -> None:
 
 
 @lru_cache(maxsize=8)
-def _coherence_table(radii: tuple[float, ...]) -> tuple[Array, Array]:
+def coherence_table(radii: tuple[float, ...]) -> tuple[Array, Array]:
     """ln κ (g,), and ⟨e^{−κ d(θ)} cos nθ⟩ for every two radii (g, r, r, `SERIES` + 1)."""
     r = np.array(radii)
     angle = 2.0 * np.pi * np.arange(RING) / RING

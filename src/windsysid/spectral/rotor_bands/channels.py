@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.mechanics.sensors import Sensor
 from windsysid.spectral.transforms.dft import taper, taper_factor
-from windsysid.spectral.transforms.lifted import Complex, _without_lines, turn_lines
+from windsysid.spectral.transforms.lifted import Complex, turn_lines, without_lines
 
 __all__ = [
     "ABOUT_BLADES",
@@ -132,7 +132,7 @@ def turned_spectra(readings: Array, azimuth: Array, rate: float, reach: int) -> 
     turned = abs(float(azimuth[-1] - azimuth[0])) / (2.0 * math.pi) * samples / (samples - 1)
     rotor_hz = turned / duration
     h = taper(samples)
-    quiet = _without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
+    quiet = without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
     scale = math.sqrt(1.0 / rate / float(h @ h))
     bins = np.arange((samples + 1) // 2)
     data: dict[int, Complex] = {0: (scale * np.fft.rfft(quiet, axis=0)[bins])[:, :, None]}

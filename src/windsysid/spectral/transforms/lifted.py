@@ -28,7 +28,7 @@ from windsysid._types import Array
 from windsysid.kernels.jit import compiled
 from windsysid.spectral.transforms.dft import taper, taper_factor
 
-__all__ = ["FIRST_BIN", "Complex", "Lifted", "lift", "turn_lines"]
+__all__ = ["FIRST_BIN", "Complex", "Lifted", "lift", "turn_lines", "without_lines"]
 
 Complex = NDArray[np.complex128]
 
@@ -105,7 +105,7 @@ def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted
     duration = samples / rate
     rotor_hz = turns / duration if harmonics else abs(turned) / duration
     h = taper(samples)
-    quiet = _without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
+    quiet = without_lines(readings, azimuth, h, turn_lines(rotor_hz, rate)) * h[:, None]
     last = (turns - 1) // 2 if harmonics else int(0.5 * NYQUIST_SHARE * samples)
     bins = np.arange(FIRST_BIN, last + 1)
     orders = np.arange(-harmonics, harmonics + 1)
@@ -122,7 +122,7 @@ def lift(readings: Array, azimuth: Array, rate: float, harmonics: int) -> Lifted
     return Lifted(data, bins / duration, orders, rotor_hz, taper_factor(samples), h, duration, rate)
 
 
-def _without_lines(readings: Array, azimuth: Array, taper: Array, lines: int) -> Array:
+def without_lines(readings: Array, azimuth: Array, taper: Array, lines: int) -> Array:
     """The readings without their mean and what repeats in every turn, fitted under the taper.
 
     Σ_k c_k e^{ikψ} is fitted: the normal equations hold the sums of h² e^{−ijψ} only, j = 0 … 2 `lines`.
@@ -146,7 +146,7 @@ def _without_lines(readings: Array, azimuth: Array, taper: Array, lines: int) ->
 
 @lru_cache(maxsize=1)
 def _kernels() -> tuple[Any, Any]:
-    """The compiled loops of `_without_lines`."""
+    """The compiled loops of `without_lines`."""
     vector, matrix = types.float64[::1], types.float64[:, ::1]
     complex_vector, complex_matrix = types.complex128[::1], types.complex128[:, ::1]
     return (
