@@ -241,9 +241,8 @@ class _Search(Generic[Point, Evaluated]):
         if self.refusals == 1:
             self.decrement = decrement  # of the least damped step from here
         self.damping = max(2.0**self.refusals * self.damping, self.limits.refused_damping)
-        self.converged = decrement < self.limits.tolerance
-        if self.refusals > self.limits.max_refusals:
-            self.converged, self.stopped = self.converged or self.decrement < self.limits.stalled, True
+        self.stopped = self.refusals > self.limits.max_refusals or decrement < self.limits.tolerance
+        self.converged = self.stopped and self.decrement < max(self.limits.tolerance, self.limits.stalled)
 
 
 def covariance(information: Array) -> Array:
