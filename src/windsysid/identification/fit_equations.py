@@ -25,7 +25,7 @@ from windsysid.errors import ConfigurationError, RecordError
 from windsysid.filters import EKF, Info
 from windsysid.filters.bank import bank_of, run_bank
 from windsysid.identification.condition.samples import Samples, SamplesOnDisk
-from windsysid.identification.estimate.equations_spectra import fit_by_spectra
+from windsysid.identification.estimate.equations_spectra import EquationsQuestion, fit_by_spectra
 from windsysid.identification.estimate.online import begin, spread_over_samples
 from windsysid.identification.estimate.search import Solution, solve
 from windsysid.identification.model.fit import no_innovations
@@ -182,17 +182,9 @@ def fit(
     if not parameters:
         raise ConfigurationError("parameters: expected at least one to identify, got none")
     if formulation == "spectral":
-        return _fit_by_spectra(
-            model,
-            record,
-            parameters,
-            sensors,
-            mean,
-            dict(values or {}),
-            loads,
-            channels or {},
-            learn_levels=learn_levels,
-        )
+        levels = np.full((len(sensors) + len(loads)) * learn_levels, LEVEL_SPREAD)
+        question = EquationsQuestion(model, parameters, sensors, mean, values or {}, loads, channels or {}, levels)
+        return _fit_by_spectra(question, record)
     if formulation != "joint":
         raise ConfigurationError(f"formulation: expected joint or spectral, got '{formulation}'")
     if cov is None:
@@ -252,15 +244,11 @@ def fit(
     )
 
 
-def _fit_by_spectra(
-    model: Model, record: Record | Iterable[Record], parameters: Sequence[Parameter], sensors: Sequence[Any],
-    mean: ArrayLike | None, known: dict[str, float], loads: Sequence[LoadModel], channels: Mapping[str, str], *,
-    learn_levels: bool,
-) -> Fit:  # fmt: skip
+def _fit_by_spectra(question: EquationsQuestion, record: Record | Iterable[Record]) -> Fit:
     """The result of spectra."""
     started = time.perf_counter()
-    levels = np.full((len(sensors) + len(loads)) * learn_levels, LEVEL_SPREAD)
-    found = fit_by_spectra(model, record, parameters, sensors, mean, known, loads, channels, levels)
+    found = fit_by_spectra(question, record)
+    parameters, sensors, loads = question.parameters, question.sensors, question.loads
     n, part = len(parameters), found.last
     at, cov = found.fit.unknowns, found.fit.cov
     spread, names = np.sqrt(np.diag(cov)), tuple(sensor.channel for sensor in sensors)

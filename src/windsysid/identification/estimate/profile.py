@@ -154,16 +154,7 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
         problem.build, problem.inputs, problem.readings, prior=problem.prior, start=(start, start_cov)
     )
     centre, sigma = mode.mean[k], math.sqrt(mode.cov[k, k])
-    height = _log_posterior(mode.mean, mode.log_likelihood, prior_mean, prior_cov)
-    drops = {0.0: 0.0}
-    for side in (-1.0, 1.0):
-        steps = list(STEPS)
-        while steps:
-            at = side * steps.pop(0)
-            progress(f"{q.name} held {at:+g} σ from its estimate", None)
-            drops[at] = height - _held(problem, k, centre + at * sigma, mode)
-            if not steps and drops[at] < 0.5 * SIGMAS**2 and abs(at) < FARTHEST:
-                steps = [2.0 * abs(at)]
+    drops = _drops(problem, k, mode, progress)
     shifts = np.array(sorted(drops))
     depth = np.array([drops[shift] for shift in shifts])
     shifts, depth = shifts + 0.0, depth - depth.min()  # should a held fit have found a higher place than the mode
@@ -175,6 +166,21 @@ def _profile(problem: TurbineProblem, k: int, found: Identification, progress: P
     estimate, low, high = (float(q.physical(centre + shift * sigma)) for shift in (0.0, low, high))
     e, values = found[q.name], q.physical(centre + shifts * sigma)
     return Profile(q.name, e.unit, values, -depth, estimate, low, high, (e.low, e.high))
+
+
+def _drops(problem: TurbineProblem, k: int, mode: FilteredMode, progress: Progress) -> dict[float, float]:
+    """How far the log posterior drops, by the distance of unknown k from the mode in its standard deviations."""
+    height = _log_posterior(mode.mean, mode.log_likelihood, *problem.prior)
+    drops = {0.0: 0.0}
+    for side in (-1.0, 1.0):
+        steps = list(STEPS)
+        while steps:
+            at = side * steps.pop(0)
+            progress(f"{problem.parameters[k].name} held {at:+g} σ from its estimate", None)
+            drops[at] = height - _held(problem, k, mode.mean[k] + at * math.sqrt(mode.cov[k, k]), mode)
+            if not steps and drops[at] < 0.5 * SIGMAS**2 and abs(at) < FARTHEST:
+                steps = [2.0 * abs(at)]
+    return drops
 
 
 def _held(problem: TurbineProblem, k: int, value: float, mode: FilteredMode) -> float:

@@ -53,12 +53,8 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
     peaks = _peaks(question, lifted, lines)
     bands = tuple(given_bands) or _bands(list(peaks.values()), lifted)
     used = _in_bands(lifted.base, bands) & ~lines
-    if used.sum() < LEAST_BINS * len(bands) and not given_bands:
-        needed = lifted.duration * LEAST_BINS * len(bands) / max(int(used.sum()), 1)
-        raise RecordError(
-            f"expected {needed:.3g} s or more for the bands around the modes, got {lifted.duration:.3g} s: choose a "
-            f"longer record"
-        )
+    if not given_bands:
+        _check_length(int(used.sum()), LEAST_BINS * len(bands), lifted.duration)
     width = question.narrowest * lifted.duration
     base, window, alike = _grid(lifted, used, width)
     data = single = _grouped(lifted.data[used, 0], alike).swapaxes(1, 2)
@@ -100,6 +96,15 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
         "any smooth spectrum in the bands around the modes" + narrow * ", and a narrow-band process on the support",
         2.0 * math.pi * width * blocks / lifted.overlap,
     )
+
+
+def _check_length(bins: int, least: int, duration: float) -> None:
+    """Refuse a record of too few bins."""
+    if bins < least:
+        raise RecordError(
+            f"expected {duration * least / max(bins, 1):.3g} s or more for the bands around the modes, got "
+            f"{duration:.3g} s: choose a longer record"
+        )
 
 
 def _in_bands(frequency: Array, bands: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:

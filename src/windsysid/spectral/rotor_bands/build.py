@@ -264,32 +264,44 @@ class _Builder:
 
     def blades(self, of_blades: Sequence[Place], places: Sequence[Place]) -> Band:
         """The band of all modes of the blades."""
-        reach = {place.shape: self._reach(place.frequency, BLADES_REACH) for place in of_blades}
-        span = {place.shape: (place.frequency - reach[place.shape], place.frequency + reach[place.shape])
-                for place in of_blades}  # fmt: skip
-        low, high = min(a for a, _ in span.values()), max(b for _, b in span.values())
-        rows, loads = [], []
-        kappa = self.question.turbine.values.get("kappa", 0.0)
-        for i, c in enumerate(self.combined):
-            if c.turns and (c.shape is None or c.shape in span):
-                rows.append(Row(i, 0, *(span[c.shape] if c.shape is not None else (low, high))))
-        for p, (a, b) in span.items():
-            row = next((r for r in rows if self.combined[r.combination].shape == p), rows[0])
-            push = blade_class(self.freedoms, p or 0, len(WHIRLS), self.lever, self.hinge, kappa)
-            loads.append(_Load(f"blades_{_WAY[p or 0]}", "N*m/√Hz", push, row._replace(low=a, high=b), p or 0))
+        span = {}
         for place in of_blades:
-            side = -(place.shape or 0)
-            if not side:
-                continue
-            a, b = self._apart(place, places, *span[place.shape])
-            support = [Row(i, side, a, b) for i, c in enumerate(self.combined) if not c.turns]
-            rows += support
-            for freedom in self.freedoms if support else ():
-                if not freedom.blade and freedom.name != "roll":
-                    push = one_force(self.freedoms, freedom.name, ABOUT_BLADES, side)
-                    loads.append(_Load(f"{freedom.name}_{_WAY[-side]}", "N/√Hz", push, support[0], None))
+            reach = self._reach(place.frequency, BLADES_REACH)
+            span[place.shape] = (place.frequency - reach, place.frequency + reach)
+        ends = np.array(list(span.values()))
+        low, high = float(ends.min()), float(ends.max())
+        whole: dict[int | None, tuple[float, float]] = {None: (low, high), **span}
+        rows = [Row(i, 0, *whole[c.shape]) for i, c in enumerate(self.combined) if c.turns and c.shape in whole]
+        loads = [self._on_blades(p or 0, limits, rows) for p, limits in span.items()]
+        for place in of_blades:
+            if place.shape:  # only whirls shake the hub
+                more = self._hub_rows(place, places, span[place.shape])
+                rows += more
+                loads += self._on_hub(-place.shape, more)
         wide = min(place.ratio * place.frequency for place in of_blades) * self.duration > WIDE
         return self._band("blades", bins_between(self.spectra, low, high), ABOUT_BLADES, rows, loads, wide=wide)
+
+    def _on_blades(self, p: int, ends: tuple[float, float], rows: Sequence[Row]) -> _Load:
+        """The load on the blades in class p, between two frequencies."""
+        row = next((r for r in rows if self.combined[r.combination].shape == p), rows[0])
+        kappa = self.question.turbine.values.get("kappa", 0.0)
+        push = blade_class(self.freedoms, p, len(WHIRLS), self.lever, self.hinge, kappa)
+        return _Load(f"blades_{_WAY[p]}", "N*m/√Hz", push, row._replace(low=ends[0], high=ends[1]), p)
+
+    def _hub_rows(self, place: Place, places: Sequence[Place], ends: tuple[float, float]) -> list[Row]:
+        """The rows in which the support shows a whirl of the blades."""
+        low, high = self._apart(place, places, *ends)
+        return [Row(i, -(place.shape or 0), low, high) for i, c in enumerate(self.combined) if not c.turns]
+
+    def _on_hub(self, side: int, rows: Sequence[Row]) -> list[_Load]:
+        """The loads on the support at the frequencies of a whirl, if it is read there."""
+        if not rows:
+            return []
+        pushed = [f.name for f in self.freedoms if not f.blade and f.name != "roll"]
+        return [
+            _Load(f"{name}_{_WAY[-side]}", "N/√Hz", one_force(self.freedoms, name, ABOUT_BLADES, side), rows[0], None)
+            for name in pushed
+        ]
 
     def support(self, group: Sequence[Place], places: Sequence[Place]) -> Band:
         """The band of modes of the support that are near each other."""
