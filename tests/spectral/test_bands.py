@@ -379,4 +379,4 @@ def test_a_mode_that_no_spring_of_its_group_shows_leaves_the_rotor_to_be_read_wh
         return {"lag backward": 0.9, "tower side-side": 0.3} if dict(of) == values else {"lag backward": 0.9}
 
     ratios = {"lag backward": 0.01, "tower side-side": 0.01}
-    assert find_places(frequencies, ratios, asked.parameters, spectra, combined, 3) is None
+    assert find_places(frequencies, ratios, asked.parameters, spectra, combined, ("beta_1", "beta_2", "beta_3")) is None

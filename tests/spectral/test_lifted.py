@@ -292,8 +292,7 @@ def test_spectra_of_the_wind_are_those_of_the_simulated_field() -> None:
 
     base = np.array([0.15, 0.3, 0.5])
     orders = np.arange(-2, 3)
-    names = ("load_x", "load_y", "load_beta_1", "load_beta_2", "load_beta_3")
-    model = WindLoads(names, 3, hinge, lever, ROTOR_HZ, base, orders, wind.std, 4.0)
+    model = WindLoads(RotorModel().freedoms, 3, hinge, lever, ROTOR_HZ, base, orders, wind.std, 4.0)
     values = {s.name: s.given for s in model.statistics}
     values |= {
         "load_wind_time": wind.length_scale / wind.speed,

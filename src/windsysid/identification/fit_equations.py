@@ -14,6 +14,7 @@ all noise 10 and 100 times as loud, and the end that the state-only filter likes
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -181,6 +182,7 @@ def fit(
     """
     if not parameters:
         raise ConfigurationError("parameters: expected at least one to identify, got none")
+    parameters = tuple(map(partial(_with_role, model), parameters))
     if formulation == "spectral":
         return _fit_by_spectra(
             model,
@@ -250,6 +252,14 @@ def fit(
         state_mean=found.info.mean,
         state_std=found.info.std,
     )
+
+
+def _with_role(model: Model, q: Parameter) -> Parameter:
+    """A parameter with its kind and part as the model has them, where the caller does not say."""
+    if q.kind:
+        return q
+    kind, part = model.role(q.name)
+    return replace(q, kind=kind, part=part)
 
 
 def _fit_by_spectra(
@@ -383,12 +393,13 @@ def _describe_levels(
 ) -> tuple[Statistic, ...]:
     """Noise of every sensor and rms of every load, from η and its standard deviations (n_η,); none where they are as
     given."""
-    given = [(f"noise_{sensor.channel}", part.unit(sensor.channel), sensor.noise) for sensor in sensors]
-    given += [(f"rms_{load.states[0]}", "", float(np.sqrt(load.cov[0, 0]))) for load in loads]
-    return tuple(
-        Statistic(*one, *(one[2] * np.exp(middle + k * std) for k in (0.0, -SIGMAS, SIGMAS)))
-        for one, middle, std in zip(given, eta, spread, strict=False)
-    )
+    given = [Statistic(f"noise_{s.channel}", part.unit(s.channel), s.noise, kind="noise") for s in sensors]
+    given += [Statistic(f"rms_{load.states[0]}", "", float(np.sqrt(load.cov[0, 0])), kind="level") for load in loads]
+    found = []
+    for one, middle, std in zip(given, eta, spread, strict=False):
+        value, low, high = (one.given * np.exp(middle + k * std) for k in (0.0, -SIGMAS, SIGMAS))
+        found.append(replace(one, estimate=value, low=low, high=high))
+    return tuple(found)
 
 
 def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:

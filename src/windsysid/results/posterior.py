@@ -13,6 +13,7 @@ from windsysid.checks.conditioning import hold
 from windsysid.configuration import parse_json
 from windsysid.errors import ConfigurationError, RecordError
 from windsysid.loads.statistics import Statistic, coordinates_of, learned_statistics
+from windsysid.mechanics.sensors import noise_source
 from windsysid.output.folders import result_file
 from windsysid.records.formats.netcdf import check_seal, open_hdf5
 from windsysid.results.tolerance import Group, Tolerance
@@ -58,6 +59,9 @@ NOT_RECORDED = Conditions()
 
 PRIORS = {"prior_centre": "centre", "prior_spread": "spread", "logarithmic": "logarithmic", "coordinate_scale": "scale"}
 """What ``identification.nc`` holds of a `Parameter`, and under which names."""
+
+ROLES = {"parameter_kind": "kind", "parameter_part": "part"}
+"""The same of its words, which files of older versions lack."""
 
 
 class Posterior(NamedTuple):
@@ -205,9 +209,10 @@ def opened(folder: str | Path) -> "Iterator[h5netcdf.File]":
 def read_parameters(file: "h5netcdf.File") -> tuple[Parameter, ...]:
     """The identified parameters with their priors."""
     names, *columns = (file[key][...].tolist() for key in ("parameter", *PRIORS))
+    kinds, parts = (file[key][...].tolist() if key in file else [""] * len(names) for key in ROLES)
     return tuple(
-        Parameter(name, centre, spread, bool(logarithmic), scale)
-        for name, centre, spread, logarithmic, scale in zip(names, *columns, strict=True)
+        Parameter(name, centre, spread, bool(logarithmic), scale, kind, part)
+        for name, centre, spread, logarithmic, scale, kind, part in zip(names, *columns, kinds, parts, strict=True)
     )
 
 
@@ -221,8 +226,16 @@ def read_statistics(file: "h5netcdf.File") -> tuple[Statistic, ...]:
     found = []
     for row in parse_json(file.attrs.get("statistics", "[]")):
         known: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
-        found.append(Statistic(**known))
+        found.append(Statistic(**known if "kind" in known else {**known, **_described_by_name(known["name"])}))
     return tuple(found)
+
+
+def _described_by_name(name: str) -> dict[str, str]:
+    """What files of older versions left to the name of a statistic."""
+    if noise_source(name):
+        return {"kind": "noise"}
+    harmonic = f"_{name.rpartition('_')[2]}" if name.endswith("P") else ""
+    return {"kind": "level", "time_constant": f"load_time_constant{harmonic}"} if name.startswith("load_rms") else {}
 
 
 def section_name(record: str, start: float, end: float) -> str:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.loads.narrow_band import FREQUENCY, LEVEL, WIDTH, NarrowBand, narrow_band_statistics
+from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
 from windsysid.spectral.rotor.build import pose_lifted
 from windsysid.spectral.rotor.fit import WHOLE, Fit, fit
@@ -173,9 +173,9 @@ def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[s
 
 def note_narrow_band(found: NarrowBandFit) -> str:
     """What a reader should know of a narrow-band load that a result takes into account."""
-    levels = {one.name: one.unit for one in found.statistics if one.name.startswith(LEVEL)}
-    loudest = max(levels, key=lambda name: found.values[name])
-    load, pushed = f"{found.values[loudest]:.2g} {levels[loudest]} rms", loudest.removeprefix(LEVEL)
+    levels = [one for one in found.statistics if one.kind == "narrow-band level"]
+    loudest = max(levels, key=lambda one: found.values[one.name])
+    load, pushed = f"{found.values[loudest.name]:.2g} {loudest.unit} rms", loudest.of
     return (
         f"a narrow-band load of {load} pushes {pushed} at {found.values[FREQUENCY]:.4g} Hz "
         f"({100.0 * found.values[WIDTH]:.2g} % damped): likely a machine or waves; the estimates know it"
@@ -203,8 +203,8 @@ def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: b
 def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
     """Where to begin: beside the modes as they were found, damped as the prior has them, and damped more than that."""
     damped, more = found.unknowns.copy(), found.unknowns.copy()
-    supports = {f"c_{one.name}" for one in question.turbine.model.freedoms if not one.blade}
-    of_support = [i for i, q in enumerate(question.parameters) if q.name in supports]
+    supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
+    of_support = [i for i, q in enumerate(question.parameters) if q.kind == "damping" and q.part in supports]
     damped[of_support] = model.prior[0][of_support]
     more[of_support] = damped[of_support] + model.prior[1][of_support]
     tried = [one for known in (damped, found.unknowns) for one in _places(question, model, known)]
@@ -221,7 +221,7 @@ def _swapped(question: Question, place: "_Place") -> Array:
     """The mode where the load was, and the load where the mode was."""
     start = place.start.copy()
     for i, q in enumerate(question.parameters):
-        if q.name == f"k_{place.name}":
+        if q.kind == "stiffness" and q.part == place.name:
             start[i] = q.coordinate(float(q.physical(start[i])) * (place.frequency / place.mode) ** 2)
     start[place.at] += math.log(place.mode / place.frequency)
     return start
@@ -262,7 +262,7 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
     levels, at = narrow[2:], len(known) - len(model.noise)
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, known, strict=False)}
     turbine = question.turbine.with_values(values)
-    modes = [turbine.natural_frequency(one.name.removeprefix(LEVEL)) / (2.0 * math.pi) for one in levels]
+    modes = [turbine.natural_frequency(one.of) / (2.0 * math.pi) for one in levels]
     places = np.exp(np.linspace(math.log(min(modes)) - ASIDE, math.log(max(modes)) + ASIDE, PLACES))
     order = model.place.orders[model.place.entries // len(model.combine)]
     frequency = model.base[:, None] + model.place.rotor_hz * order
@@ -297,7 +297,7 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
                 best = int(np.argmin(costs))
                 there = {FREQUENCY: float(places[best]), WIDTH: width, level.name: float(rms[best])}
                 yield _Place(
-                    there[FREQUENCY], level.name.removeprefix(LEVEL), modes[i], known, float(cost - costs[best]),
+                    there[FREQUENCY], level.of, modes[i], known, float(cost - costs[best]),
                     with_load(alone(i, there, LITTLE)), at,
                 )  # fmt: skip
 
@@ -311,7 +311,7 @@ def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
     turbine = question.turbine.with_values(found)
     beside = [
         turbine.damping(name) / turbine.critical_damping(name)
-        for name in (one.name.removeprefix(LEVEL) for one in narrow[2:])
+        for name in (one.of for one in narrow[2:])
         if abs(math.log(turbine.natural_frequency(name) / (2.0 * math.pi * values[FREQUENCY]))) < ASIDE
     ]
     return values[WIDTH] < NARROWER * max(beside, default=0.0)

@@ -41,7 +41,7 @@ from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.loads.statistics import Statistic, learned_statistics
 from windsysid.mechanics.compile import compile_model
-from windsysid.mechanics.rotor import MEAN_LAG, as_rotor
+from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.tolerance import Tolerance
@@ -94,7 +94,7 @@ def identify_by_spectrum(
     started = time.perf_counter()
     questions = {"broadband": ask(record, turbine, sensors, prior, chosen, inputs, readings, "broadband", sums)}
     coupled = turns_couple(questions["broadband"])
-    speeds = inputs[:, 1] if speeds is None else speeds
+    speeds = questions["broadband"].speed if speeds is None else speeds
     if coupled and belongs_in_bands(questions["broadband"]):
         in_bands = _in_bands(questions["broadband"], loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
         if in_bands is not None:
@@ -201,6 +201,7 @@ def _outcome(
         hypothesis=hypothesis,
         tolerances=learned,
         held=held,
+        sensors=question.sensors,
     )
 
 
@@ -240,7 +241,7 @@ def ask(
     supposed = hypothesis(loads, turbine, file_loads)
     own = (q for q in supposed.parameters if q.name != MEAN_LAG)  # which is an unknown of spectra under any loads
     parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *own)
-    rotor = as_rotor(supposed.turbine.model)
+    rotor = supposed.turbine.model.rotor
     if rotor is not None and rotor.leads and MEAN_LAG not in turbine.values:
         values = {name: value for name, value in supposed.turbine.values.items() if name != MEAN_LAG}
         turbine = replace(supposed.turbine, model=replace(rotor, leads=False), values=values)

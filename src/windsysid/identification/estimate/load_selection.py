@@ -35,7 +35,6 @@ from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import FIRST_WIDTH, TurbineProblem, pose
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, values_of
-from windsysid.mechanics.rotor import as_rotor
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.statespace.compose import StateSpace
@@ -113,7 +112,7 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
     """
     rate, warming = question.record.rate, 0.0
     tried: list[Candidate] = []
-    cheap, length = as_rotor(question.turbine.model) is None, TRIAL_LENGTH * first
+    cheap, length = question.turbine.model.rotor is None, TRIAL_LENGTH * first
     for name in names:
         begun = time.perf_counter()
         problem = pose(*question, name)
@@ -224,13 +223,14 @@ def _compare_levels(simplest: Candidate) -> dict[str, float]:
     """How much louder than in the file the loads are, by the level of their spectra: a factor for each statistic."""
     n = len(simplest.problem.parameters)
     statistics = simplest.problem.statistics
+    levels = [s.name for s in statistics if s.kind == "level"]
     values = values_of(statistics, simplest.online.theta[n:])
     given = {s.name: s.given for s in statistics}
 
     def level(of: dict[str, float], name: str) -> float:
         return of[name] / math.sqrt(of.get("load_time_constant", 1.0))
 
-    return {name: level(values, name) / level(given, name) for name in given if name.startswith("load_rms")}
+    return {name: level(values, name) / level(given, name) for name in levels}
 
 
 def _describe_choice(best: Candidate, tried: Sequence[Candidate], seconds: float) -> str:

@@ -179,7 +179,7 @@ def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Arra
 def _with_likeliest_noise(problem: TurbineProblem, mean: Array, cov: Array) -> tuple[Array, Array]:
     """A start of a search with the likeliest of some levels of noise: spectra take leakage for noise, too."""
     n = len(problem.parameters)
-    noise = [n + i for i, one in enumerate(problem.statistics) if one.name.startswith("noise_")]
+    noise = [n + i for i, one in enumerate(problem.statistics) if one.kind == "noise"]
     starts = [mean.copy() for _ in QUIETER]
     for start, share in zip(starts, QUIETER, strict=True):
         start[noise] += math.log(share)
@@ -253,6 +253,7 @@ def describe_solution(
         log_likelihood=solution.log_likelihood,
         hypothesis=problem.loads.name,
         tolerances=tolerances,
+        sensors=problem.sensors,
     )
 
 
@@ -274,7 +275,7 @@ def _list_doubts(solution: Solution, given: Turbine, used: Turbine, tolerances: 
             f"the likelihood still rose after {solution.iterations} steps: choose a longer or steadier section, or "
             f"priors nearer to the structure"
         )
-    if getattr(given.model, "lag", "") == "free" and getattr(used.model, "lag", "") == "locked":
+    if any(one.blade for one in given.model.freedoms) and not any(one.blade for one in used.model.freedoms):
         doubts.append(
             "no channel sees the blades, so they are locked: the support's stiffness may be off by more than its band; "
             "add a blade sensor (docs/tower.md)"

@@ -89,6 +89,8 @@ class Outcome(NamedTuple):
         The identified parameters with their priors as they were given, where some were made wider; else none.
     drifts
         How clocks drift by what the halves of the record say, much or little.
+    sensors
+        The sensors of `channels`, in the same order.
     """
 
     turbine: Turbine
@@ -117,6 +119,7 @@ class Outcome(NamedTuple):
     held: tuple[str, ...] = ()
     given_priors: tuple[Parameter, ...] = ()
     drifts: tuple[Drift, ...] = ()
+    sensors: tuple[Sensor, ...] = ()
 
     @property
     def priors(self) -> tuple[Parameter, ...]:

@@ -138,7 +138,7 @@ class TurbineProblem(NamedTuple):
         """The loads and the standard deviation of each reading's noise at the statistics."""
         compiled = _compiled(self.turbine.model, self.sensors)
         loads = discretise_loads(self.loads.blocks(values), compiled, self.model.blocks.step, continuous=True)
-        sensors = moved_sensors([s for s in self.statistics if s.name.startswith("noise_")], values, self.sensors)
+        sensors = moved_sensors([s for s in self.statistics if s.kind == "noise"], values, self.sensors)
         return loads, [sensor.noise for sensor in sensors]
 
     def start(self, inputs: Array, readings: Array) -> tuple[Array, Array]:

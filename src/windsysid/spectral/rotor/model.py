@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.loads.statistics import Statistic, to_logarithms, values_of
 from windsysid.mechanics.compile import CompiledModel
+from windsysid.mechanics.model import Coordinate
 from windsysid.mechanics.rotor import MEAN_LAG_SPREAD
 from windsysid.spectral.rotor.harmonic_transfer import (
     MatrixHarmonics,
@@ -107,7 +108,7 @@ class LiftedModel(NamedTuple):
         c_h.
     combine
         The readings' combinations (r, m) that are the entries of one harmonic.
-    compiled, coordinates, given
+    compiled, freedoms, given
         The model with its readings, its degrees of freedom, and all its parameters (n_p,).
     inputs
         Its inputs but for azimuth and speed (n_u,).
@@ -139,7 +140,7 @@ class LiftedModel(NamedTuple):
     overlap: float
     combine: Complex
     compiled: CompiledModel
-    coordinates: tuple[str, ...]
+    freedoms: tuple[Coordinate, ...]
     given: Array
     inputs: Array
     parameters: tuple[Parameter, ...]
@@ -336,7 +337,7 @@ class LiftedModel(NamedTuple):
             p[:, self.compiled.parameters.index(q.name)] = q.physical(points[:, i])
         if end > n + self.lag:
             p += points[:, n + self.lag :] @ self.inexact.parameters[: end - n - self.lag]
-        lag = equal_lag(self.coordinates, 1.0)
+        lag = equal_lag(self.freedoms, 1.0)
         deflections = points[:, n : n + 1] * lag if self.lag else np.zeros((len(points), len(lag)))
         found = matrix_harmonics(self.compiled, p, deflections, 2.0 * np.pi * self.place.rotor_hz, self.inputs)
         readings = self.combine @ found.readings

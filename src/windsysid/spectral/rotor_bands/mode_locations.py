@@ -95,7 +95,7 @@ class _Group(NamedTuple):
 
 def find_places(
     frequencies: Callable[[Mapping[str, float]], dict[str, float]], ratios: Mapping[str, float],
-    parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: int,
+    parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: Sequence[str],
 ) -> Places | None:  # fmt: skip
     """The modes and where they are; None where they come so near each other within the priors' reach that the model's
     change their names.
@@ -106,6 +106,8 @@ def find_places(
         Gives the fixed-frame frequency [Hz] of every mode for values of the parameters; others at the priors' centres.
     ratios
         The damping ratio of each in the turbine file.
+    blades
+        Names of the blades' lag angles.
     """
     values = {q.name: q.centre for q in parameters}
     there = frequencies(values)
@@ -114,7 +116,7 @@ def find_places(
     traces: dict[str, Trace] = {}
     found: dict[str, float] = {}
     doubts: list[str] = []
-    for group in _groups(frequencies, values, parameters, named, there):
+    for group in _groups(frequencies, values, _springs(parameters, blades), named, there):
         scales = np.linspace(-REACH * group.spread, REACH * group.spread, SUPPOSED)
         curves = _curves(frequencies, values, group, scales, spectra.rotor_hz)
         if len(curves) < len(group.modes):
@@ -123,7 +125,7 @@ def find_places(
         score = -0.5 * (fine / group.spread) ** 2
         for name in group.modes:
             low, high = float(np.exp(curves[name].min())), float(np.exp(curves[name].max()))
-            traces[name] = _trace(spectra, combined, name, blades, 0.97 * low, 1.03 * high)
+            traces[name] = _trace(spectra, combined, name, len(blades), 0.97 * low, 1.03 * high)
             score += traces[name].widened(NEAR).at(np.exp(np.interp(fine, scales, curves[name])))
         leading = np.interp(fine, scales, curves[group.modes[0]])
         best, rivals = best_of(score, fine, leading)
@@ -160,13 +162,9 @@ def _base(name: str, frequency: float, rotor_hz: float) -> float:
 
 def _groups(
     frequencies: Callable[[Mapping[str, float]], dict[str, float]], values: Mapping[str, float],
-    parameters: Sequence[Parameter], named: Sequence[str], there: Mapping[str, float],
+    springs: Mapping[str, list[Parameter]], named: Sequence[str], there: Mapping[str, float],
 ) -> list[_Group]:  # fmt: skip
     """The groups in the order in which they are searched, each with the modes that it moves most."""
-    springs: dict[str, list[Parameter]] = {}
-    for q in parameters:
-        if q.logarithmic and q.name.startswith("k_"):
-            springs.setdefault("beta" if q.name.startswith("k_beta_") else q.name.removeprefix("k_"), []).append(q)
     first: tuple[str, ...] = ("beta", "roll")
     order = [name for name in first if name in springs]
     order += [name for name in springs if name not in order]
@@ -184,6 +182,15 @@ def _groups(
         if choices:
             told[max(choices, key=lambda name: slope[name])].append(mode)
     return [_Group(tuple(springs[name]), tuple(told[name])) for name in order if told[name]]
+
+
+def _springs(parameters: Sequence[Parameter], blades: Sequence[str]) -> dict[str, list[Parameter]]:
+    """The springs that are identified by the degree of freedom that they hold, those of all blades together."""
+    springs: dict[str, list[Parameter]] = {}
+    for q in parameters:
+        if q.logarithmic and q.kind == "stiffness":
+            springs.setdefault("beta" if q.part in blades else q.part, []).append(q)
+    return springs
 
 
 def _curves(
