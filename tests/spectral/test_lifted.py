@@ -223,7 +223,7 @@ def test_a_late_logger_turns_the_phase_of_its_readings() -> None:
     model = _posed("broadband, inexact").model
     at = model.prior[0].copy()
     on_time = model.spectrum(at).spectrum
-    at[model.mechanical - 1] = 2.0  # the clock of the blades' logger comes last: 2 ms
+    at[model.unknowns.of("clocks")] = 2.0  # of the blades' logger: 2 ms
     m, place = len(model.combine), model.place
     frequency = place.base[:, None] + place.rotor_hz * place.orders[place.entries // m]
     phase = np.exp(-2j * np.pi * frequency * np.where(place.entries % m >= 2, 0.002, 0.0))

@@ -125,5 +125,5 @@ def _where_it_ended(near: Outcome, question: Question, posed: Posed) -> tuple[Ar
     known = {one.name: one.estimate for one in near.statistics}
     if not all(one.name in known for one in statistics):
         return start, AGAIN
-    start[posed.model.mechanical :] = coordinates_of(statistics, known)
+    start[posed.model.unknowns.of("statistics")] = coordinates_of(statistics, known)
     return start, WHOLE

@@ -109,8 +109,7 @@ class NarrowBandFit(NamedTuple):
     @property
     def values(self) -> dict[str, float]:
         """Of these, by name."""
-        first = self.posed.model.mechanical
-        return values_of(self.statistics, self.fit.unknowns[first : first + len(self.statistics)])
+        return values_of(self.statistics, self.fit.model.split_statistics(self.fit.unknowns)[0])
 
 
 def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: bool = False) -> NarrowBandFit | None:
@@ -259,7 +258,7 @@ class _Place(NamedTuple):
 def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_Place]:
     """The best frequency of a load on each degree of freedom of the support, for every width and strength."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
-    levels, at = narrow[2:], len(known) - len(model.noise)
+    levels, at = narrow[2:], model.unknowns.of("statistics").stop - len(model.noise) - len(narrow)
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, known, strict=False)}
     turbine = question.turbine.with_values(values)
     modes = [turbine.natural_frequency(one.of) / (2.0 * math.pi) for one in levels]
@@ -304,9 +303,8 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
 
 def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
     """Whether the load is narrower than a mode beside it: one as wide would take a part of any mode's peak."""
-    at = end.model.mechanical + len(posed.model.statistics) - len(posed.model.noise)
     narrow = narrow_band_statistics(question.turbine, question.loads)
-    values = values_of(narrow, end.unknowns[at - len(narrow) : at])
+    values = values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
     found = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, end.unknowns, strict=False)}
     turbine = question.turbine.with_values(found)
     beside = [
@@ -319,8 +317,8 @@ def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
 
 def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
     """Which coefficient is elsewhere most under another explanation, and by how many standard deviations."""
-    n = len(question.parameters)
-    off = np.abs(other.unknowns[:n] - best.unknowns[:n]) / np.sqrt(np.diag(best.cov)[:n])
+    theta = best.model.unknowns.of("parameters")
+    off = np.abs(other.unknowns[theta] - best.unknowns[theta]) / np.sqrt(np.diag(best.cov)[theta])
     i = int(np.argmax(off))
     return question.parameters[i].name, float(off[i])
 

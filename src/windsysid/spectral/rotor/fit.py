@@ -82,7 +82,7 @@ def fit(
 def admit(found: Fit, inexact: Inexact) -> Fit:
     """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without."""
     model = found.model._replace(inexact=inexact)
-    start = np.insert(found.unknowns, found.model.mechanical, np.zeros(len(inexact.late)))
+    start = model.unknowns.from_other(found.unknowns, found.model.unknowns)
     mode = reach_mode(_evaluator(model), start, *model.prior)
     return _described(model, mode._replace(settled=mode.settled and found.settled))
 

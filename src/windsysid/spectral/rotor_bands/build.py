@@ -166,7 +166,7 @@ def search_bands(question: Question) -> PosedBands | None:
         return None
     posed = pose_bands(question, found.places, spectra)
     start = posed.start.copy()
-    start[: len(found.start)] = found.start
+    start[posed.model.unknowns.of("parameters")] = found.start
     return posed._replace(start=start, doubts=found.doubts)
 
 
@@ -198,8 +198,9 @@ def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> Pose
     """The same with the bands around the modes of the unknowns (n,), so that they do not depend on how a peak was
     found; it starts there."""
     p = question.centres
-    for q, theta in zip(question.parameters, unknowns[: len(question.parameters)].tolist(), strict=True):
-        p[question.compiled.parameters.index(q.name)] = float(q.physical(theta))
+    theta = unknowns[posed.model.unknowns.of("parameters")].tolist()
+    for q, value in zip(question.parameters, theta, strict=True):
+        p[question.compiled.parameters.index(q.name)] = float(q.physical(value))
     there = _modes(question, p, posed.spectra)
     hz = posed.spectra.rotor_hz
     places = [
