@@ -216,7 +216,7 @@ def fit(
     times = taken.begun + np.arange(taken.number) / part.rate if isinstance(samples, SamplesOnDisk) else part.time
     elapsed = time.perf_counter() - started
 
-    n = len(parameters)
+    theta, eta = problem.unknowns.of("parameters"), problem.unknowns.of("statistics")
     spread = np.sqrt(np.diag(found.cov))
     steps = _list_step_doubts(problem.build(found.mean), found.info, found.inputs)
     return Fit(
@@ -229,13 +229,13 @@ def fit(
         rate=part.rate,
         samples=taken.number,
         elapsed=elapsed,
-        estimates=tuple(map(_describe_parameter, parameters, found.mean[:n], spread[:n])),
+        estimates=tuple(map(_describe_parameter, parameters, found.mean[theta], spread[theta])),
         modes=(),
         parameters=tuple(parameters),
         time=times,
-        mean=history[0][:, :n],
-        std=history[1][:, :n],
-        cov=found.cov[:n, :n],
+        mean=history[0][:, theta],
+        std=history[1][:, theta],
+        cov=found.cov[theta, theta],
         readings=joint.readings,
         innovation=found.info.innovation,
         whitened=found.info.whitened,
@@ -246,8 +246,8 @@ def fit(
             *noted(taken.faults),
             *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
         ),
-        statistics=_describe_levels(part, sensors, loads, found.mean[n:], spread[n:]),
-        diagnosis=_diagnose(found, joint, part.rate, (*doubted(taken.faults), *steps)),
+        statistics=_describe_levels(part, sensors, loads, found.mean[eta], spread[eta]),
+        diagnosis=_diagnose(found, theta, joint, part.rate, (*doubted(taken.faults), *steps)),
         states=plain.states,
         state_mean=found.info.mean,
         state_std=found.info.std,
@@ -271,7 +271,7 @@ def _fit_by_spectra(
     started = time.perf_counter()
     levels = np.full((len(sensors) + len(loads)) * learn_levels, LEVEL_SPREAD)
     found = fit_by_spectra(model, record, parameters, sensors, mean, known, loads, channels, levels)
-    n, part = len(parameters), found.last
+    part, theta, eta = found.last, found.unknowns.of("parameters"), found.unknowns.of("statistics")
     at, cov = found.fit.unknowns, found.fit.cov
     spread, names = np.sqrt(np.diag(cov)), tuple(sensor.channel for sensor in sensors)
     nothing = no_innovations(len(sensors), found.fit.log_likelihood)
@@ -285,22 +285,22 @@ def _fit_by_spectra(
         rate=part.rate,
         samples=found.samples,
         elapsed=time.perf_counter() - started,
-        estimates=tuple(map(_describe_parameter, parameters, at[:n], spread[:n])),
+        estimates=tuple(map(_describe_parameter, parameters, at[theta], spread[theta])),
         modes=(),
         parameters=tuple(parameters),
         time=part.time[-1:],
-        mean=at[None, :n],
-        std=spread[None, :n],
-        cov=cov[:n, :n],
+        mean=at[None, theta],
+        std=spread[None, theta],
+        cov=cov[theta, theta],
         readings=names,
         innovation=nothing.innovation,
         whitened=nothing.whitened,
         log_likelihood=found.fit.log_likelihood,
         notes=found.notes,
-        statistics=_describe_levels(part, sensors, loads, at[n:], spread[n:]),
+        statistics=_describe_levels(part, sensors, loads, at[eta], spread[eta]),
         diagnosis=diagnose(
-            nothing, readings=names, rate=part.rate, frequencies=(), parameters=tuple(parameters), theta=at[:n],
-            cov=cov[:n, :n], white=False, doubts=found.doubts,
+            nothing, readings=names, rate=part.rate, frequencies=(), parameters=tuple(parameters), theta=at[theta],
+            cov=cov[theta, theta], white=False, doubts=found.doubts,
         ),
         states=(),
         state_mean=nothing.mean,
@@ -431,15 +431,14 @@ def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str
     )
 
 
-def _diagnose(found: Solution, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
-    """What to think of the result."""
-    n = len(model.parameters)
+def _diagnose(found: Solution, theta: slice, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
+    """What to think of the result, whose parameters are the unknowns at `theta`."""
     if not found.settled:
         doubts += (
             "the likelihood still rose when the search ended: identify fewer parameters, or give narrower priors",
         )
     return diagnose(
         found.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
-        theta=found.mean[:n], cov=found.cov[:n, :n], whiteness=found.whiteness, doubts=doubts,
+        theta=found.mean[theta], cov=found.cov[theta, theta], whiteness=found.whiteness, doubts=doubts,
         constancy=found.constancy,
     )  # fmt: skip

@@ -18,6 +18,7 @@ from windsysid.output.folders import result_file
 from windsysid.records.formats.netcdf import check_seal, open_hdf5
 from windsysid.results.tolerance import Group, Tolerance
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.tables import parse_turbine
 from windsysid.turbine.turbine import Turbine
 
@@ -116,18 +117,26 @@ class Posterior(NamedTuple):
         """
         if self.joint_cov is None or not self.tolerances:
             return self
-        n, first = len(self.theta), len(self.joint_cov) - len(self.tolerances)
-        eta = coordinates_of(self.statistics, {s.name: s.estimate for s in self.statistics})
-        tau = [one.estimate / one.spread for one in self.tolerances]
+        names = (
+            [q.name for q in self.parameters],
+            [s.name for s in self.statistics],
+            [t.name for t in self.tolerances],
+        )
+        known = Unknowns(parameters=tuple(names[0]), statistics=tuple(names[1]), tolerances=tuple(names[2]))
+        theta, eta = known.of("parameters"), known.of("statistics")
+        levels = coordinates_of(self.statistics, {s.name: s.estimate for s in self.statistics})
+        off = [one.estimate / one.spread for one in self.tolerances]
         places = [at for at, one in enumerate(self.tolerances) if not groups or one.group in groups]
-        mean, cov = hold(np.concatenate([self.theta, eta, tau]), self.joint_cov, [first + at for at in places])
-        values = {q.name: float(q.physical(t)) for q, t in zip(self.parameters, mean, strict=False)}
-        keep = np.setdiff1d(np.arange(len(cov)), [first + at for at in places])
+        held = known.places("tolerances")[places]
+        at = known.vector(parameters=self.theta, statistics=levels, tolerances=off)
+        mean, cov = hold(at, self.joint_cov, held.tolist())
+        values = {q.name: float(q.physical(t)) for q, t in zip(self.parameters, mean[theta], strict=True)}
+        keep = np.setdiff1d(np.arange(len(cov)), held)
         return self._replace(
             turbine=self.turbine.with_values(values),
-            theta=mean[:n],
-            cov=cov[:n, :n],
-            statistics=learned_statistics(self.statistics, mean[n:first], cov[n:first, n:first]),
+            theta=mean[theta],
+            cov=cov[theta, theta],
+            statistics=learned_statistics(self.statistics, mean[eta], cov[eta, eta]),
             joint_cov=cov[np.ix_(keep, keep)],
             tolerances=tuple(one for at, one in enumerate(self.tolerances) if at not in places),
         )

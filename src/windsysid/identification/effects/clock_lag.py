@@ -14,7 +14,7 @@ and ∂² log L / ∂κ ∂θ from how far the filters of a look go with the cha
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from windsysid._types import Array
 from windsysid.filters import EKF
 from windsysid.identification.condition.samples import Block, Samples
 from windsysid.identification.estimate.scoring import Look, Score
+from windsysid.identification.model.problem import Problem
 from windsysid.records.record import Record
 from windsysid.statespace.compose import StateSpace
 
@@ -122,25 +123,7 @@ class Lateness:
         return slopes[:, :, None] * late.T
 
 
-class Clocked(Protocol):
-    """What a problem (`windsysid.identification.estimate.search.Problem`) tells of its clocks."""
-
-    @property
-    def prior(self) -> tuple[Array, Array]:
-        """Mean and covariance of its unknowns."""
-
-    @property
-    def clocks(self) -> Sequence[Array]:
-        """For each clock, by how much readings (m,) are late [s] at one standard deviation of its tolerance."""
-
-    def build(self, unknowns: Array, /) -> StateSpace:
-        """The state-only model at the unknowns."""
-
-    def frequencies(self, unknowns: Array) -> Sequence[float]:
-        """Natural frequencies [Hz]."""
-
-
-def shifted(problem: Clocked, samples: Samples, clocks: Array) -> Shifted:
+def shifted(problem: Problem, samples: Samples, clocks: Array) -> Shifted:
     """The samples with what clocks (c,) [standard deviations] are late taken back."""
     late = np.zeros(1)
     for value, one in zip(clocks, problem.clocks, strict=True):

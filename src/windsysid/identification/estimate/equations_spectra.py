@@ -28,6 +28,7 @@ from windsysid.spectral.rotor.load_filters import load_shapes
 from windsysid.spectral.transforms.cross_spectra import CrossSpectra, cross_spectra
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["SpectralFit", "fit_by_spectra"]
 
@@ -52,8 +53,8 @@ class SpectralFit(NamedTuple):
     ----------
     model
         Name of the equations.
-    fit
-        Mode of the posterior of θ and η, and its covariance.
+    fit, unknowns
+        Mode of the posterior of θ and η, and its covariance; names of the unknowns.
     last
         The record, or the last piece.
     begun, samples
@@ -64,6 +65,7 @@ class SpectralFit(NamedTuple):
 
     model: str
     fit: LinearFit
+    unknowns: Unknowns
     last: Record
     begun: float
     samples: int
@@ -131,7 +133,7 @@ def fit_by_spectra(
         f"{total.frequency[-1]:.3g} Hz"
     )
     told, against = (*notes, *noted(faults)), (*doubted(faults), *doubts)
-    return SpectralFit(posed.compiled.name, found, last, begun, samples, told, against)
+    return SpectralFit(posed.compiled.name, found, posed.unknowns, last, begun, samples, told, against)
 
 
 def _pose(

@@ -207,11 +207,10 @@ def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
     the simplest found them."""
     if not tried and problem.loads.name == next(iter(HYPOTHESES)):
         return problem.start
-    n = len(problem.parameters)
     mean = problem.prior[0].copy()
     if tried:
         values = HYPOTHESES[problem.loads.name].start_from(_compare_levels(tried[0]), problem.loads.statistics)
-        mean[n:] = coordinates_of(problem.statistics, values)
+        mean[problem.unknowns.of("statistics")] = coordinates_of(problem.statistics, values)
 
     def start(inputs: Array, readings: Array) -> tuple[Array, Array]:
         return mean, np.diag(np.full(len(mean), FIRST_WIDTH**2))
@@ -221,10 +220,9 @@ def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
 
 def _compare_levels(simplest: Candidate) -> dict[str, float]:
     """How much louder than in the file the loads are, by the level of their spectra: a factor for each statistic."""
-    n = len(simplest.problem.parameters)
-    statistics = simplest.problem.statistics
+    statistics, eta = simplest.problem.statistics, simplest.problem.unknowns.of("statistics")
     levels = [s.name for s in statistics if s.kind == "level"]
-    values = values_of(statistics, simplest.online.theta[n:])
+    values = values_of(statistics, simplest.online.theta[eta])
     given = {s.name: s.given for s in statistics}
 
     def level(of: dict[str, float], name: str) -> float:

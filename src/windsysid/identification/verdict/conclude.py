@@ -259,13 +259,12 @@ def _budget(outcome: Outcome, modes: Sequence[Mode], slopes: Array, given_masses
     """What widens the bands of coefficients and of modes, these with the masses of the file."""
     if outcome.joint_cov is None:
         return Budget()
-    n, first = len(outcome.theta), len(outcome.joint_cov) - len(outcome.tolerances)
-    unit = np.eye(n, len(outcome.joint_cov))
+    unit = np.eye(len(outcome.theta), len(outcome.joint_cov))
     rows = [
         (q.name, unit[i] * (1.0 if q.logarithmic else q.scale), q.logarithmic)
         for i, q in enumerate(outcome.model.parameters)
     ]
-    statistics = slice(n, first)
+    statistics = outcome.unknowns.of("statistics")
     coefficients = budget_of(rows, outcome.joint_cov, statistics, outcome.tolerances)
     rows = [
         (f"{mode.name}: {what}", slope @ unit, False)
