@@ -13,11 +13,15 @@ import windsysid as ws
 from windsysid.checks.estimates import doubt_damping
 from windsysid.identification.effects.prior_conflict import find_held
 from windsysid.identification.model.prior import Prior, identifiable
+from windsysid.identification.verdict.conclude import Formulation
 from windsysid.loads.statistics import load_groups, to_logarithms
 from windsysid.mechanics.equations import lagrange
 from windsysid.results.identification import Identification
 from windsysid.spectral.rotor.problem import Question
 from windsysid.spectral.rotor.start import damped_start
+
+JOINT: Formulation = "joint"
+SPECTRAL: Formulation = "spectral"
 
 LATIN = {"q": "x", "m": "m_x", "k": "k_x", "c": "c_x"}
 GREEK = {"q": "ξ", "m": "μ_1", "k": "κ_1", "c": "δ_1"}
@@ -145,7 +149,7 @@ def test_greek_names_get_every_finding_that_latin_names_get():
         bent = record.with_channels({"top": (top + 0.4 * top**3 / np.std(top) ** 2, "m/s^2")})
         found[model.kind] = [
             ws.identify(one, mast(model), formulation=by)
-            for one, by in ((record, "joint"), (record, "spectral"), (bent, "joint"))
+            for one, by in ((record, JOINT), (record, SPECTRAL), (bent, JOINT))
         ]
     for latin, greek in zip(*found.values(), strict=True):
         assert [e.estimate for e in greek.estimates] == pytest.approx([e.estimate for e in latin.estimates], rel=1e-6)

@@ -173,7 +173,7 @@ def _outcome(
     doubts: Sequence[str], hypothesis: str, held: tuple[str, ...],
 ) -> Outcome:  # fmt: skip
     """What was found, from all unknowns (n,), whose `blocks` are told."""
-    theta, eta, tau = (blocks.of(*of) for of in (("parameters",), ("statistics",), ("tolerances", "clocks")))
+    theta, eta, tau = blocks.of("parameters"), blocks.of("statistics"), blocks.of("tolerances", "clocks")
     kept = blocks.but("lag")
     learned = learned_tolerances(tolerances, unknowns[tau], cov[tau, tau])
     return Outcome(

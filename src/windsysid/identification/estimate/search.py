@@ -240,7 +240,7 @@ def _climb(problem: Problem, samples: Samples, start: tuple[Array, Array], clock
         check_finite(mode.mean, mode.cov)
         if not problem.clocks:
             break
-        wide = add_clocks(problem.build, moved, mode.look, prior, problem.clocks, clocks)
+        wide = add_clocks(problem, moved, mode.look, clocks)
         check_finite(wide.mean, wide.cov)
         mode = mode._replace(mean=wide.mean, cov=wide.cov)
         mean, clocks = wide.mean[searched], wide.mean[late]

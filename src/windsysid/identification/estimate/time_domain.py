@@ -127,13 +127,13 @@ def forces_of(
 ) -> list[SineForce]:  # fmt: skip
     """How strongly sines push where a search has ended, on whatever record, with whatever priors."""
     problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
-    mean, theta, tau = _at_its_end(near, problem), *map(problem.unknowns.of, ("parameters", "tolerances"))
-    at = mean[tau]
+    mean, known, of = _at_its_end(near, problem), near.unknowns, problem.unknowns.of
+    at = mean[of("tolerances")]
     along = np.zeros((len(mean), len(at)))
-    along[tau] = np.eye(len(at))
+    along[of("tolerances")] = np.eye(len(at))
     if near.joint_cov is not None and len(at):
-        known, own = map(near.unknowns.of, ("parameters", "tolerances"))
-        along[theta] = near.joint_cov[known, own] @ np.linalg.inv(near.joint_cov[own, own])
+        own = known.of("tolerances")
+        along[of("parameters")] = near.joint_cov[known.of("parameters"), own] @ np.linalg.inv(near.joint_cov[own, own])
     return find_forces(problem, mean, record, sines, along=along, at=at)
 
 
@@ -220,8 +220,8 @@ def describe_solution(
     elapsed
         Seconds in the filter.
     """
-    theta, eta = map(problem.unknowns.of, ("parameters", "statistics"))
-    tau = problem.unknowns.of("tolerances", "clocks")
+    known = problem.unknowns
+    theta, eta, tau = known.of("parameters"), known.of("statistics"), known.of("tolerances", "clocks")
     tolerances = learned_tolerances(problem.tolerances, solution.mean[tau], solution.cov[tau, tau])
     return Outcome(
         turbine=problem.turbine,
