@@ -3,7 +3,8 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from types import SimpleNamespace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import windsysid as ws
 from windsysid.checks.estimates import doubt_damping
 from windsysid.identification.effects.prior_conflict import find_held
 from windsysid.identification.model.prior import Prior, identifiable
-from windsysid.identification.verdict.conclude import Formulation
+from windsysid.identification.verdict.conclude import Formulation, _late
 from windsysid.loads.statistics import load_groups, to_logarithms
 from windsysid.mechanics.equations import lagrange
 from windsysid.results.identification import Identification
@@ -22,6 +23,10 @@ from windsysid.spectral.rotor.start import damped_start
 
 JOINT: Formulation = "joint"
 SPECTRAL: Formulation = "spectral"
+
+PLACES: tuple[tuple[str, Literal["x", "y", "lag"]], ...] = (
+    ("tower", "x"), ("tower", "y"), ("blade_1", "lag"), ("blade_2", "lag"),
+)  # fmt: skip
 
 LATIN = {"q": "x", "m": "m_x", "k": "k_x", "c": "c_x"}
 GREEK = {"q": "ξ", "m": "μ_1", "k": "κ_1", "c": "δ_1"}
@@ -136,6 +141,27 @@ def test_level_and_time_constant_of_a_load_are_told_apart(turbine: ws.Turbine):
     statistics = load_groups(turbine.loads, turbine.model)
     assert [one.kind for one in statistics] == ["level", "shape"]
     assert to_logarithms(statistics).tolist() == [[1.0, 0.5], [0.0, 1.0]]
+
+
+def test_a_structure_without_a_rotor_does_not_turn(turbine: ws.Turbine):
+    """It has no azimuth and no speed among its inputs; spectra took the first two columns for these: IndexError."""
+    nothing = np.empty((0, 0))
+    question = Question(turbine, turbine.sensors, nothing, 10.0, np.empty((4, 0)), None, (), ())  # type: ignore[arg-type]
+    assert question.azimuth.tolist() == question.speed.tolist() == [0.0] * 4
+
+
+def test_a_late_logger_is_looked_for_whatever_channels_are_called(verne555: ws.Turbine):
+    record = ws.simulate(verne555, duration=20.0, rate=50.0, seed=1)
+    whitened = np.random.default_rng(1).standard_normal((record.samples, 4))
+    sensors = tuple(
+        ws.Accelerometer(channel=f"a{i}", point=point, axis=axis, noise=0.1)
+        for i, (point, axis) in enumerate(PLACES)
+    )  # fmt: skip
+    found: Any = SimpleNamespace(
+        final=SimpleNamespace(whitened=whitened), sensors=sensors, turbine=verne555, tolerances=(),
+    )  # fmt: skip
+    assert _late(found, record) is not None
+    assert _late(SimpleNamespace(**{**vars(found), "sensors": sensors[:2]}), record) is None  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
