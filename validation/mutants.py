@@ -574,8 +574,8 @@ _LOADS = (
     ),
     Mutant(
         "level of a load", "statistics.py",
-        "matrix[row, names.index(_TIME + line)] = 0.5",
-        "matrix[row, names.index(_TIME + line)] = -0.5",
+        "matrix[row, names.index(time)] = 0.5",
+        "matrix[row, names.index(time)] = -0.5",
         "the level of a spectrum is not what the coordinate holds",
     ),
     Mutant(

@@ -240,14 +240,14 @@ def test_the_shift_is_measured_in_what_was_to_be_expected():
 
 
 def test_what_the_prior_decided_is_remarked():
-    c = Parameter("c_x", 2.0, 1.0, False, 10.0)
+    c = Parameter("c_x", 2.0, 1.0, False, 10.0, "damping")
     found = diagnosed(white(), parameters=(c,), theta=np.array([0.2]), cov=np.array([[0.09**2]]))
     assert found.remarks == ("c_x: 19 % from the data, its band is mostly the prior's",)
     assert found.trusted
 
 
 def test_negative_damping_is_a_reason_not_to_trust():
-    c = Parameter("c_x", 2.0, 1.0, False, 10.0)
+    c = Parameter("c_x", 2.0, 1.0, False, 10.0, "damping")
     (reason,) = diagnosed(white(), parameters=(c,), theta=np.array([-0.1]), cov=np.array([[0.03**2]])).reasons
     assert reason.startswith("damping is not positive: c_x is -1 (negative over its whole band). If")
     (reason,) = diagnosed(white(), parameters=(c,), theta=np.array([-0.01]), cov=np.array([[0.03**2]])).reasons
@@ -259,7 +259,7 @@ def test_negative_damping_is_a_reason_not_to_trust():
 
 
 def test_damping_that_may_be_negative_within_its_band_is_remarked():
-    c = Parameter("c_x", 2.0, 1.0, False, 10.0)
+    c = Parameter("c_x", 2.0, 1.0, False, 10.0, "damping")
     found = diagnosed(
         white(),
         parameters=(c,),
@@ -274,7 +274,10 @@ def test_damping_that_may_be_negative_within_its_band_is_remarked():
 def test_what_cannot_be_negative_or_may_be_is_not_called_negative_damping():
     # A damper whose logarithm is identified is positive, below its prior's median or not; a coupling is centred on
     # zero.
-    logarithmic, coupling = Parameter("c_1", 0.25, 0.5), Parameter("c_hub_blade", 0.0, 1.0, False, 10.0)
+    logarithmic, coupling = (
+        Parameter("c_1", 0.25, 0.5, kind="damping"),
+        Parameter("c_hub_blade", 0.0, 1.0, False, 10.0, "damping"),
+    )
     found = diagnosed(
         white(), parameters=(logarithmic, coupling), theta=np.array([-0.2, -0.05]), cov=np.diag([0.02**2, 0.01**2])
     )

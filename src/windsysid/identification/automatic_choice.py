@@ -110,6 +110,6 @@ def _by_broad_loads(asked: Asked) -> Found | None:
 
 def _undamped(found: Outcome) -> list[str]:
     """Which damping is not positive: a spectrum says its size only, and a search may end at the mirror image."""
-    damping = {f"c_{name}" for name in found.turbine.model.coordinates}
     at = zip(found.model.parameters, found.theta.tolist(), strict=True)
-    return [f"{q.name} is not positive" for q, theta in at if q.name in damping and q.physical(theta) <= 0.0]
+    dampers = [(q, theta) for q, theta in at if q.kind == "damping" and q.part in found.turbine.model.coordinates]
+    return [f"{q.name} is not positive" for q, theta in dampers if q.physical(theta) <= 0.0]

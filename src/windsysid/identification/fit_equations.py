@@ -14,6 +14,7 @@ all noise 10 and 100 times as loud, and the end that the state-only filter likes
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -181,6 +182,7 @@ def fit(
     """
     if not parameters:
         raise ConfigurationError("parameters: expected at least one to identify, got none")
+    parameters = tuple(map(partial(_with_role, model), parameters))
     if formulation == "spectral":
         levels = np.full((len(sensors) + len(loads)) * learn_levels, LEVEL_SPREAD)
         question = EquationsQuestion(model, parameters, sensors, mean, values or {}, loads, channels or {}, levels)
@@ -206,7 +208,7 @@ def fit(
     times = taken.begun + np.arange(taken.number) / part.rate if isinstance(samples, SamplesOnDisk) else part.time
     elapsed = time.perf_counter() - started
 
-    n = len(parameters)
+    theta, eta = problem.unknowns.of("parameters"), problem.unknowns.of("statistics")
     spread = np.sqrt(np.diag(found.cov))
     steps = _list_step_doubts(problem.build(found.mean), found.info, found.inputs)
     return Fit(
@@ -219,13 +221,13 @@ def fit(
         rate=part.rate,
         samples=taken.number,
         elapsed=elapsed,
-        estimates=tuple(map(_describe_parameter, parameters, found.mean[:n], spread[:n])),
+        estimates=tuple(map(_describe_parameter, parameters, found.mean[theta], spread[theta])),
         modes=(),
         parameters=tuple(parameters),
         time=times,
-        mean=history[0][:, :n],
-        std=history[1][:, :n],
-        cov=found.cov[:n, :n],
+        mean=history[0][:, theta],
+        std=history[1][:, theta],
+        cov=found.cov[theta, theta],
         readings=joint.readings,
         innovation=found.info.innovation,
         whitened=found.info.whitened,
@@ -236,12 +238,20 @@ def fit(
             *noted(taken.faults),
             *(() if np.isfinite(history[0]).all() else ("there is no history: the search on line lost its way",)),
         ),
-        statistics=_describe_levels(part, sensors, loads, found.mean[n:], spread[n:]),
-        diagnosis=_diagnose(found, joint, part.rate, (*doubted(taken.faults), *steps)),
+        statistics=_describe_levels(part, sensors, loads, found.mean[eta], spread[eta]),
+        diagnosis=_diagnose(found, theta, joint, part.rate, (*doubted(taken.faults), *steps)),
         states=plain.states,
         state_mean=found.info.mean,
         state_std=found.info.std,
     )
+
+
+def _with_role(model: Model, q: Parameter) -> Parameter:
+    """A parameter with its kind and part as the model has them, where the caller does not say."""
+    if q.kind:
+        return q
+    kind, part = model.role(q.name)
+    return replace(q, kind=kind, part=part)
 
 
 def _fit_by_spectra(question: EquationsQuestion, record: Record | Iterable[Record]) -> Fit:
@@ -249,7 +259,7 @@ def _fit_by_spectra(question: EquationsQuestion, record: Record | Iterable[Recor
     started = time.perf_counter()
     found = fit_by_spectra(question, record)
     parameters, sensors, loads = question.parameters, question.sensors, question.loads
-    n, part = len(parameters), found.last
+    part, theta, eta = found.last, found.unknowns.of("parameters"), found.unknowns.of("statistics")
     at, cov = found.fit.unknowns, found.fit.cov
     spread, names = np.sqrt(np.diag(cov)), tuple(sensor.channel for sensor in sensors)
     nothing = no_innovations(len(sensors), found.fit.log_likelihood)
@@ -263,22 +273,22 @@ def _fit_by_spectra(question: EquationsQuestion, record: Record | Iterable[Recor
         rate=part.rate,
         samples=found.samples,
         elapsed=time.perf_counter() - started,
-        estimates=tuple(map(_describe_parameter, parameters, at[:n], spread[:n])),
+        estimates=tuple(map(_describe_parameter, parameters, at[theta], spread[theta])),
         modes=(),
         parameters=tuple(parameters),
         time=part.time[-1:],
-        mean=at[None, :n],
-        std=spread[None, :n],
-        cov=cov[:n, :n],
+        mean=at[None, theta],
+        std=spread[None, theta],
+        cov=cov[theta, theta],
         readings=names,
         innovation=nothing.innovation,
         whitened=nothing.whitened,
         log_likelihood=found.fit.log_likelihood,
         notes=found.notes,
-        statistics=_describe_levels(part, sensors, loads, at[n:], spread[n:]),
+        statistics=_describe_levels(part, sensors, loads, at[eta], spread[eta]),
         diagnosis=diagnose(
-            nothing, readings=names, rate=part.rate, frequencies=(), parameters=tuple(parameters), theta=at[:n],
-            cov=cov[:n, :n], white=False, doubts=found.doubts,
+            nothing, readings=names, rate=part.rate, frequencies=(), parameters=tuple(parameters), theta=at[theta],
+            cov=cov[theta, theta], white=False, doubts=found.doubts,
         ),
         states=(),
         state_mean=nothing.mean,
@@ -371,12 +381,13 @@ def _describe_levels(
 ) -> tuple[Statistic, ...]:
     """Noise of every sensor and rms of every load, from η and its standard deviations (n_η,); none where they are as
     given."""
-    given = [(f"noise_{sensor.channel}", part.unit(sensor.channel), sensor.noise) for sensor in sensors]
-    given += [(f"rms_{load.states[0]}", "", float(np.sqrt(load.cov[0, 0]))) for load in loads]
-    return tuple(
-        Statistic(*one, *(one[2] * np.exp(middle + k * std) for k in (0.0, -SIGMAS, SIGMAS)))
-        for one, middle, std in zip(given, eta, spread, strict=False)
-    )
+    given = [Statistic(f"noise_{s.channel}", part.unit(s.channel), s.noise, kind="noise") for s in sensors]
+    given += [Statistic(f"rms_{load.states[0]}", "", float(np.sqrt(load.cov[0, 0])), kind="level") for load in loads]
+    found = []
+    for one, middle, std in zip(given, eta, spread, strict=False):
+        value, low, high = (one.given * np.exp(middle + k * std) for k in (0.0, -SIGMAS, SIGMAS))
+        found.append(replace(one, estimate=value, low=low, high=high))
+    return tuple(found)
 
 
 def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str, ...]:
@@ -408,15 +419,14 @@ def _list_step_doubts(model: StateSpace, info: Info, inputs: Array) -> tuple[str
     )
 
 
-def _diagnose(found: Solution, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
-    """What to think of the result."""
-    n = len(model.parameters)
+def _diagnose(found: Solution, theta: slice, model: StateSpace, rate: float, doubts: tuple[str, ...]) -> Diagnosis:
+    """What to think of the result, whose parameters are the unknowns at `theta`."""
     if not found.settled:
         doubts += (
             "the likelihood still rose when the search ended: identify fewer parameters, or give narrower priors",
         )
     return diagnose(
         found.info, readings=model.readings, rate=rate, frequencies=(), parameters=model.parameters,
-        theta=found.mean[:n], cov=found.cov[:n, :n], whiteness=found.whiteness, doubts=doubts,
+        theta=found.mean[theta], cov=found.cov[theta, theta], whiteness=found.whiteness, doubts=doubts,
         constancy=found.constancy,
     )  # fmt: skip

@@ -24,7 +24,7 @@ import numpy as np
 
 from windsysid._types import Array
 from windsysid.identification.estimate.evidence import rank
-from windsysid.loads.narrow_band import FREQUENCY, LEVEL, WIDTH, NarrowBand, narrow_band_statistics
+from windsysid.loads.narrow_band import FREQUENCY, WIDTH, NarrowBand, narrow_band_statistics
 from windsysid.loads.statistics import Statistic, coordinates_of, values_of
 from windsysid.spectral.rotor.build import pose_lifted
 from windsysid.spectral.rotor.fit import WHOLE, Fit, fit
@@ -114,8 +114,7 @@ class NarrowBandFit(NamedTuple):
     @property
     def values(self) -> dict[str, float]:
         """Of these, by name."""
-        first = self.posed.model.mechanical
-        return values_of(self.statistics, self.fit.unknowns[first : first + len(self.statistics)])
+        return values_of(self.statistics, self.fit.model.split_statistics(self.fit.unknowns)[0])
 
 
 def fit_narrow_band(question: Question, broad: Posed, found: Fit, *, thorough: bool = False) -> NarrowBandFit | None:
@@ -177,9 +176,9 @@ def doubts_of_narrow_band(found: NarrowBandFit | None, *, asked: str) -> tuple[s
 
 def note_narrow_band(found: NarrowBandFit) -> str:
     """What a reader should know of a narrow-band load that a result takes into account."""
-    levels = {one.name: one.unit for one in found.statistics if one.name.startswith(LEVEL)}
-    loudest = max(levels, key=lambda name: found.values[name])
-    load, pushed = f"{found.values[loudest]:.2g} {levels[loudest]} rms", loudest.removeprefix(LEVEL)
+    levels = [one for one in found.statistics if one.kind == "narrow-band level"]
+    loudest = max(levels, key=lambda one: found.values[one.name])
+    load, pushed = f"{found.values[loudest.name]:.2g} {loudest.unit} rms", loudest.of
     return (
         f"a narrow-band load of {load} pushes {pushed} at {found.values[FREQUENCY]:.4g} Hz "
         f"({100.0 * found.values[WIDTH]:.2g} % damped): likely a machine or waves; the estimates know it"
@@ -207,8 +206,8 @@ def _ends(question: Question, posed: Posed, starts: Sequence[Array], *, rough: b
 def _starts(question: Question, found: Fit, model: LiftedModel) -> list[Array]:
     """Where to begin: beside the modes as they were found, damped as the prior has them, and damped more than that."""
     damped, more = found.unknowns.copy(), found.unknowns.copy()
-    supports = {f"c_{one.name}" for one in question.turbine.model.freedoms if not one.blade}
-    of_support = [i for i, q in enumerate(question.parameters) if q.name in supports]
+    supports = {one.name for one in question.turbine.model.freedoms if not one.blade}
+    of_support = [i for i, q in enumerate(question.parameters) if q.kind == "damping" and q.part in supports]
     damped[of_support] = model.prior[0][of_support]
     more[of_support] = damped[of_support] + model.prior[1][of_support]
     tried = [one for known in (damped, found.unknowns) for one in _places(question, model, known)]
@@ -225,7 +224,7 @@ def _swapped(question: Question, place: "_Place") -> Array:
     """The mode where the load was, and the load where the mode was."""
     start = place.start.copy()
     for i, q in enumerate(question.parameters):
-        if q.name == f"k_{place.name}":
+        if q.kind == "stiffness" and q.part == place.name:
             start[i] = q.coordinate(float(q.physical(start[i])) * (place.frequency / place.mode) ** 2)
     start[place.at] += math.log(place.mode / place.frequency)
     return start
@@ -263,10 +262,10 @@ class _Place(NamedTuple):
 def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_Place]:
     """The best frequency of a load on each degree of freedom of the support, for every width and strength."""
     narrow = narrow_band_statistics(question.turbine, question.loads)
-    levels, at = narrow[2:], len(known) - len(model.noise)
+    levels, at = narrow[2:], model.unknowns.of("statistics").stop - len(model.noise) - len(narrow)
     values = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, known, strict=False)}
     turbine = question.turbine.with_values(values)
-    modes = [turbine.natural_frequency(one.name.removeprefix(LEVEL)) / (2.0 * math.pi) for one in levels]
+    modes = [turbine.natural_frequency(one.of) / (2.0 * math.pi) for one in levels]
     places = np.exp(np.linspace(math.log(min(modes)) - ASIDE, math.log(max(modes)) + ASIDE, PLACES))
     order = model.place.orders[model.place.entries // len(model.combine)]
     frequency = model.base[:, None] + model.place.rotor_hz * order
@@ -301,21 +300,20 @@ def _places(question: Question, model: LiftedModel, known: Array) -> Iterator[_P
                 best = int(np.argmin(costs))
                 there = {FREQUENCY: float(places[best]), WIDTH: width, level.name: float(rms[best])}
                 yield _Place(
-                    there[FREQUENCY], level.name.removeprefix(LEVEL), modes[i], known, float(cost - costs[best]),
+                    there[FREQUENCY], level.of, modes[i], known, float(cost - costs[best]),
                     with_load(alone(i, there, LITTLE)), at,
                 )  # fmt: skip
 
 
 def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
     """Whether the load is narrower than a mode beside it: one as wide would take a part of any mode's peak."""
-    at = end.model.mechanical + len(posed.model.statistics) - len(posed.model.noise)
     narrow = narrow_band_statistics(question.turbine, question.loads)
-    values = values_of(narrow, end.unknowns[at - len(narrow) : at])
+    values = values_of(narrow, posed.model.split_statistics(end.unknowns)[0][-len(narrow) :])
     found = {q.name: float(q.physical(u)) for q, u in zip(question.parameters, end.unknowns, strict=False)}
     turbine = question.turbine.with_values(found)
     beside = [
         turbine.damping(name) / turbine.critical_damping(name)
-        for name in (one.name.removeprefix(LEVEL) for one in narrow[2:])
+        for name in (one.of for one in narrow[2:])
         if abs(math.log(turbine.natural_frequency(name) / (2.0 * math.pi * values[FREQUENCY]))) < ASIDE
     ]
     return values[WIDTH] < NARROWER * max(beside, default=0.0)
@@ -323,8 +321,8 @@ def _is_narrow(question: Question, posed: Posed, end: Fit) -> bool:
 
 def _off(question: Question, best: Fit, other: Fit) -> tuple[str, float]:
     """Which coefficient is elsewhere most under another explanation, and by how many standard deviations."""
-    n = len(question.parameters)
-    off = np.abs(other.unknowns[:n] - best.unknowns[:n]) / np.sqrt(np.diag(best.cov)[:n])
+    theta = best.model.unknowns.of("parameters")
+    off = np.abs(other.unknowns[theta] - best.unknowns[theta]) / np.sqrt(np.diag(best.cov)[theta])
     i = int(np.argmax(off))
     return question.parameters[i].name, float(off[i])
 

@@ -28,6 +28,7 @@ from windsysid.spectral.rotor.load_filters import load_shapes
 from windsysid.spectral.transforms.cross_spectra import CrossSpectra, cross_spectra
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["EquationsQuestion", "SpectralFit", "fit_by_spectra"]
 
@@ -52,8 +53,8 @@ class SpectralFit(NamedTuple):
     ----------
     model
         Name of the equations.
-    fit
-        Mode of the posterior of θ and η, and its covariance.
+    fit, unknowns
+        Mode of the posterior of θ and η, and its covariance; names of the unknowns.
     last
         The record, or the last piece.
     begun, samples
@@ -64,6 +65,7 @@ class SpectralFit(NamedTuple):
 
     model: str
     fit: LinearFit
+    unknowns: Unknowns
     last: Record
     begun: float
     samples: int
@@ -177,7 +179,9 @@ class _Sums:
             f"{total.frequency[0]:.3g} … {total.frequency[-1]:.3g} Hz"
         )
         told, against = (*self.notes, read, *noted(self.faults)), (*doubted(self.faults), *doubts)
-        return SpectralFit(linear.compiled.name, found, self.last, self.begun, self.samples, told, against)
+        return SpectralFit(
+            linear.compiled.name, found, linear.unknowns, self.last, self.begun, self.samples, told, against
+        )
 
 
 def _linear_model(question: EquationsQuestion, part: Record) -> LinearModel:

@@ -42,7 +42,7 @@ from windsysid.loads.narrow_band import NarrowBand
 from windsysid.loads.rotor_wind import RotorWind
 from windsysid.loads.statistics import Statistic, learned_statistics
 from windsysid.mechanics.compile import compile_model
-from windsysid.mechanics.rotor import MEAN_LAG, as_rotor
+from windsysid.mechanics.rotor import MEAN_LAG
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.tolerance import Tolerance
@@ -54,6 +54,7 @@ from windsysid.spectral.rotor_bands.build import belongs_in_bands
 from windsysid.spectral.transforms.lifted_blocks import LiftedSums
 from windsysid.spectral.transforms.rotating_frame import TurnedSums
 from windsysid.statespace.compose import compose
+from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.turbine import Turbine
 
 __all__ = ["ask", "identify_by_spectrum", "inexact_of", "tolerances_in"]
@@ -95,7 +96,7 @@ def identify_by_spectrum(
     started = time.perf_counter()
     questions = {"broadband": ask(record, turbine, sensors, prior, chosen, inputs, readings, "broadband", sums)}
     coupled = turns_couple(questions["broadband"])
-    speeds = inputs[:, 1] if speeds is None else speeds
+    speeds = questions["broadband"].speed if speeds is None else speeds
     if coupled and belongs_in_bands(questions["broadband"]):
         in_bands = _in_bands(questions["broadband"], loads, _speed(speeds, STEADY_IN_BANDS, VARYING_IN_BANDS), notes)
         if in_bands is not None:
@@ -132,9 +133,9 @@ def identify_by_spectrum(
     doubts += doubts_of_spectra(question, posed, best, name, halves)
     if not coupled:
         doubts += passed_by(question, best.unknowns, abs(float(speeds.mean())) / (2.0 * math.pi))
-    n, lag = len(question.parameters), model.lag
-    if lag:
-        angle, std = 1e3 * best.unknowns[n], 1e3 * math.sqrt(best.cov[n, n])
+    if model.lag:
+        lag = model.unknowns.of("lag").start
+        angle, std = 1e3 * best.unknowns[lag], 1e3 * math.sqrt(best.cov[lag, lag])
         notes.append(f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad")
 
     def log_likelihood(unknowns: Array) -> float:
@@ -147,7 +148,7 @@ def identify_by_spectrum(
         f"read at {where}; what repeats in every turn was taken out",
     ]
     return _outcome(
-        question, best.unknowns, best.cov, lag, tolerances, log_likelihood=best.log_likelihood,
+        question, best.unknowns, best.cov, best.model.unknowns, tolerances, log_likelihood=best.log_likelihood,
         statistics=model.statistics, elapsed=time.perf_counter() - started, notes=notes, doubts=doubts, hypothesis=name,
         held=find_held(one_by_one(log_likelihood), best.unknowns, best.cov, model.parameters),
     )._replace(turns=coupled, drifts=drifts_of(question, halves, best.unknowns, tolerances))  # fmt: skip
@@ -161,23 +162,21 @@ def _in_bands(question: Question, loads: str, doubts: list[str], notes: list[str
     if found is None:
         return None
     return _outcome(
-        question, found.unknowns, found.cov, 1, tolerances, log_likelihood=found.log_likelihood,
+        question, found.unknowns, found.cov, found.blocks, tolerances, log_likelihood=found.log_likelihood,
         statistics=found.statistics, elapsed=time.perf_counter() - started, notes=(*notes, *found.notes),
         doubts=(*doubts, *found.doubts), hypothesis=RotorWind.name, held=found.held,
     )._replace(in_bands=True)  # fmt: skip
 
 
 def _outcome(
-    question: Question, unknowns: Array, cov: Array, lag: int, tolerances: Sequence[Tolerance], *,
+    question: Question, unknowns: Array, cov: Array, blocks: Unknowns, tolerances: Sequence[Tolerance], *,
     log_likelihood: float, statistics: Sequence[Statistic], elapsed: float, notes: Sequence[str],
     doubts: Sequence[str], hypothesis: str, held: tuple[str, ...],
 ) -> Outcome:  # fmt: skip
-    """What was found, from all unknowns: θ, then the mean lag angle where `lag` is 1, then τ and η."""
-    n, end = len(question.parameters), len(question.parameters) + len(statistics)
-    first = n + lag + len(tolerances)
-    keep = np.r_[0:n, first : len(unknowns), n + lag : first]
-    mean, joint_cov = unknowns[keep], cov[np.ix_(keep, keep)]
-    learned = learned_tolerances(tolerances, mean[end:], joint_cov[end:, end:])
+    """What was found, from all unknowns (n,), whose `blocks` are told."""
+    theta, eta, tau = blocks.of("parameters"), blocks.of("statistics"), blocks.of("tolerances", "clocks")
+    kept = blocks.but("lag")
+    learned = learned_tolerances(tolerances, unknowns[tau], cov[tau, tau])
     return Outcome(
         turbine=question.turbine,
         model=compose(
@@ -187,21 +186,22 @@ def _outcome(
             parameters=question.parameters,
             sensors=question.sensors,
         ),
-        history_mean=unknowns[None, :n],
-        history_std=np.sqrt(np.diag(cov)[:n])[None],
+        history_mean=unknowns[None, theta],
+        history_std=np.sqrt(np.diag(cov)[theta])[None],
         final=no_innovations(len(question.sensors), log_likelihood),
-        theta=unknowns[:n],
-        cov=cov[:n, :n],
+        theta=unknowns[theta],
+        cov=cov[theta, theta],
         rotor=question.inputs,
         channels=tuple(sensor.channel for sensor in question.sensors),
         elapsed=elapsed,
         notes=(*notes, *note_tolerances(learned)),
-        statistics=learned_statistics(statistics, mean[n:end], joint_cov[n:end, n:end]),
+        statistics=learned_statistics(statistics, unknowns[eta], cov[eta, eta]),
         doubts=(*doubts, *doubt_tolerances(learned)),
-        joint_cov=joint_cov,
+        joint_cov=cov[np.ix_(kept, kept)],
         hypothesis=hypothesis,
         tolerances=learned,
         held=held,
+        sensors=question.sensors,
     )
 
 
@@ -241,7 +241,7 @@ def ask(
     supposed = hypothesis(loads, turbine, file_loads)
     own = (q for q in supposed.parameters if q.name != MEAN_LAG)  # which is an unknown of spectra under any loads
     parameters = (*prior.parameters(turbine, identifiable(turbine, chosen), linear=False), *own)
-    rotor = as_rotor(supposed.turbine.model)
+    rotor = supposed.turbine.model.rotor
     if rotor is not None and rotor.leads and MEAN_LAG not in turbine.values:
         values = {name: value for name, value in supposed.turbine.values.items() if name != MEAN_LAG}
         turbine = replace(supposed.turbine, model=replace(rotor, leads=False), values=values)

@@ -28,7 +28,6 @@ from windsysid.identification.model.prior import Prior
 from windsysid.identification.model.turbine_problem import FIRST_WIDTH, TurbineProblem, pose
 from windsysid.loads.hypothesis import HYPOTHESES
 from windsysid.loads.statistics import coordinates_of, values_of
-from windsysid.mechanics.rotor import as_rotor
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.scoring import laplace_evidence
@@ -107,7 +106,7 @@ def choose(question: Question, names: Sequence[str], first: int) -> Choice:
     """
     rate, warming = question.record.rate, 0.0
     tried: list[Candidate] = []
-    cheap, length = as_rotor(question.turbine.model) is None, TRIAL_LENGTH * first
+    cheap, length = question.turbine.model.rotor is None, TRIAL_LENGTH * first
     for name in names:
         begun = time.perf_counter()
         problem = pose(*question, name)
@@ -208,11 +207,10 @@ def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
     the simplest found them."""
     if not tried and problem.loads.name == next(iter(HYPOTHESES)):
         return problem.start
-    n = len(problem.parameters)
     mean = problem.prior[0].copy()
     if tried:
         values = HYPOTHESES[problem.loads.name].start_from(_compare_levels(tried[0]), problem.loads.statistics)
-        mean[n:] = coordinates_of(problem.statistics, values)
+        mean[problem.unknowns.of("statistics")] = coordinates_of(problem.statistics, values)
 
     def start(inputs: Array, readings: Array) -> tuple[Array, Array]:
         return mean, np.diag(np.full(len(mean), FIRST_WIDTH**2))
@@ -222,15 +220,15 @@ def _start(problem: TurbineProblem, tried: Sequence[Candidate]) -> Start:
 
 def _compare_levels(simplest: Candidate) -> dict[str, float]:
     """How much louder than in the file the loads are, by the level of their spectra: a factor for each statistic."""
-    n = len(simplest.problem.parameters)
-    statistics = simplest.problem.statistics
-    values = values_of(statistics, simplest.online.theta[n:])
+    statistics, eta = simplest.problem.statistics, simplest.problem.unknowns.of("statistics")
+    levels = [s.name for s in statistics if s.kind == "level"]
+    values = values_of(statistics, simplest.online.theta[eta])
     given = {s.name: s.given for s in statistics}
 
     def level(of: dict[str, float], name: str) -> float:
         return of[name] / math.sqrt(of.get("load_time_constant", 1.0))
 
-    return {name: level(values, name) / level(given, name) for name in given if name.startswith("load_rms")}
+    return {name: level(values, name) / level(given, name) for name in levels}
 
 
 def _describe_choice(ranking: Ranking[Candidate], seconds: float) -> str:

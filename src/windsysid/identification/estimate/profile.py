@@ -143,13 +143,12 @@ def profile_likelihood(
 
 
 def _profile(problem: TurbineProblem, k: int, found: Identification, progress: Progress) -> Profile:
-    prior_mean, prior_cov = problem.prior
-    n, q = len(problem.parameters), problem.parameters[k]
-    start = np.concatenate(
-        [[_coordinate(p, found[p.name].estimate) for p in problem.parameters], np.zeros(len(prior_mean) - n)]
-    )
+    prior_cov = problem.prior[1]
+    known, q = problem.unknowns.only("parameters", "statistics"), problem.parameters[k]
+    theta = known.of("parameters")
+    start = known.vector(parameters=[_coordinate(p, found[p.name].estimate) for p in problem.parameters])
     start_cov = prior_cov.copy()
-    start_cov[:n, :n] = found.cov
+    start_cov[theta, theta] = found.cov
     mode = posterior_mode(
         problem.build, problem.inputs, problem.readings, prior=problem.prior, start=(start, start_cov)
     )

@@ -17,6 +17,7 @@ from windsysid.spectral.rotor.model import Inexact
 from windsysid.spectral.rotor.problem import Question
 from windsysid.spectral.rotor_bands.build import PosedBands, centre_bands, search_bands
 from windsysid.spectral.rotor_bands.check import doubts_of_bands
+from windsysid.statespace.unknowns import Unknowns
 
 __all__ = ["ReadInBands", "read_in_bands"]
 
@@ -27,7 +28,9 @@ class ReadInBands(NamedTuple):
     Attributes
     ----------
     unknowns, cov
-        θ, the mean lag angle, τ and η at the mode of the posterior (n,), and their covariance (n, n).
+        Mode of the posterior (n,), and its covariance (n, n).
+    blocks
+        Names of the unknowns.
     log_likelihood
         There.
     statistics
@@ -40,6 +43,7 @@ class ReadInBands(NamedTuple):
 
     unknowns: Array
     cov: Array
+    blocks: Unknowns
     log_likelihood: float
     statistics: tuple[Statistic, ...]
     doubts: tuple[str, ...]
@@ -80,19 +84,20 @@ def read_in_bands(question: Question, loads: str, inexact: Inexact | None = None
     return ReadInBands(
         found.unknowns,
         cov,
+        wide.model.unknowns,
         -(found.value - 0.5 * float(off @ off)),
         posed.model.statistics,
         tuple(doubts_of_bands(question, posed, fit._replace(mode=fit.mode._replace(converged=converged)))),
-        _notes(posed, found.unknowns, cov, len(question.parameters)),
+        _notes(posed, found.unknowns, cov, wide.model.unknowns.of("lag").start),
         find_held(one_by_one(lambda u: -wide.model.likelihood(u)[0]), found.unknowns, cov, question.parameters),
     )
 
 
-def _notes(posed: PosedBands, unknowns: Array, cov: Array, n: int) -> tuple[str, ...]:
+def _notes(posed: PosedBands, unknowns: Array, cov: Array, lag: int) -> tuple[str, ...]:
     """Mean lag angle, loads, and where the modes were read."""
     hz = posed.spectra.rotor_hz
     places = [f"{p.name} near {p.frequency - (p.shape or 0) * hz:.3g} Hz" for p in posed.places]
-    angle, std = 1e3 * unknowns[n], 1e3 * math.sqrt(cov[n, n])
+    angle, std = 1e3 * unknowns[lag], 1e3 * math.sqrt(cov[lag, lag])
     return (
         f"the blades' mean lag angle is {angle:.1f} ± {2.0 * std:.1f} mrad",
         "loads: in each band humps at harmonics of the rotor and a level, learned from the record with the noise",

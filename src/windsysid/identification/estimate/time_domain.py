@@ -38,6 +38,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Tolerance
+from windsysid.statespace.unknowns import Block
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
@@ -113,8 +114,8 @@ def identify_jointly_from(
         return None
     if not solution.settled or (explained and not is_explained(solution.whiteness)):
         return None
-    n, elapsed = len(problem.parameters), time.perf_counter() - started
-    only = solution.mean[None, :n], np.sqrt(np.diag(solution.cov)[:n])[None]
+    theta, elapsed = problem.unknowns.of("parameters"), time.perf_counter() - started
+    only = solution.mean[None, theta], np.sqrt(np.diag(solution.cov)[theta])[None]
     why = f"load model {near.hypothesis}: {'it explains the record' if explained else 'as before'}"
     found = describe_solution(problem, solution, turbine, why, only, elapsed)
     return found._replace(smoothed_loads=_smoothed_loads(problem, solution), given_priors=near.given_priors)
@@ -126,15 +127,14 @@ def forces_of(
 ) -> list[SineForce]:  # fmt: skip
     """How strongly sines push where a search has ended, on whatever record, with whatever priors."""
     problem = pose(record, turbine, sensors, prior, chosen, near.hypothesis)
-    mean, first = _at_its_end(near, problem), len(problem.parameters) + len(problem.statistics)
-    count = len(mean) - first
-    along = np.zeros((len(mean), count))
-    along[first:] = np.eye(count)
-    if near.joint_cov is not None and count:
-        n, behind = len(near.theta), len(near.joint_cov) - len(near.tolerances)
-        own = slice(behind, behind + count)
-        along[:n] = near.joint_cov[:n, own] @ np.linalg.inv(near.joint_cov[own, own])
-    return find_forces(problem, mean, record, sines, along=along, at=mean[first:])
+    mean, known, of = _at_its_end(near, problem), near.unknowns, problem.unknowns.of
+    at = mean[of("tolerances")]
+    along = np.zeros((len(mean), len(at)))
+    along[of("tolerances")] = np.eye(len(at))
+    if near.joint_cov is not None and len(at):
+        own = known.of("tolerances")
+        along[of("parameters")] = near.joint_cov[known.of("parameters"), own] @ np.linalg.inv(near.joint_cov[own, own])
+    return find_forces(problem, mean, record, sines, along=along, at=at)
 
 
 def innovations_of(
@@ -151,11 +151,10 @@ def _at_its_end(near: Outcome, problem: TurbineProblem) -> Array:
     """Where a search ended, in a problem's unknowns but the clocks (n,)."""
     mean = problem.wide_prior[0].copy()
     found = {q.name: float(q.physical(t)) for q, t in zip(near.model.parameters, near.theta, strict=True)}
-    n = len(problem.parameters)
-    mean[:n] = [q.coordinate(found[q.name]) for q in problem.parameters]
-    first = n + len(problem.statistics)
-    mean[n:first] = coordinates_of(problem.statistics, {one.name: one.estimate for one in near.statistics})
-    mean[first:] = [one.estimate / one.spread for one in near.tolerances][: len(mean) - first]
+    of = problem.unknowns.of
+    mean[of("parameters")] = [q.coordinate(found[q.name]) for q in problem.parameters]
+    mean[of("statistics")] = coordinates_of(problem.statistics, {one.name: one.estimate for one in near.statistics})
+    mean[of("tolerances")] = [one.estimate / one.spread for one in near.tolerances if one.group != "clock"]
     return mean
 
 
@@ -165,21 +164,18 @@ def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Arra
     if near.joint_cov is None or [*near.model.parameters] != [*problem.parameters]:
         return None
     mean, cov = _at_its_end(near, problem), problem.wide_prior[1].copy()
-    n, ours, theirs = len(near.theta), [one.name for one in problem.statistics], [one.name for one in near.statistics]
-    first = n + len(ours)
-    if ours == theirs:
-        known = near.joint_cov[: len(mean), : len(mean)]
-        return mean, known
-    same = [*range(n), *range(n + len(theirs), n + len(theirs) + len(mean) - first)]
-    kept = [*range(n), *range(first, len(mean))]
+    ours, theirs = problem.unknowns, near.unknowns
+    blocks: tuple[Block, ...] = ("parameters", "tolerances")
+    if ours.statistics == theirs.statistics:
+        blocks = ("parameters", "statistics", "tolerances")
+    kept, same = ours.places(*blocks), theirs.places(*blocks)
     cov[np.ix_(kept, kept)] = near.joint_cov[np.ix_(same, same)]
     return mean, cov
 
 
 def _with_likeliest_noise(problem: TurbineProblem, mean: Array, cov: Array) -> tuple[Array, Array]:
     """A start of a search with the likeliest of some levels of noise: spectra take leakage for noise, too."""
-    n = len(problem.parameters)
-    noise = [n + i for i, one in enumerate(problem.statistics) if one.name.startswith("noise_")]
+    noise = problem.unknowns.places("statistics")[[one.kind == "noise" for one in problem.statistics]]
     starts = [mean.copy() for _ in QUIETER]
     for start, share in zip(starts, QUIETER, strict=True):
         start[noise] += math.log(share)
@@ -190,10 +186,10 @@ def _with_likeliest_noise(problem: TurbineProblem, mean: Array, cov: Array) -> t
 
 def _smoothed_loads(problem: TurbineProblem, solution: Solution) -> SmoothedLoads | None:
     """What smoothed loads say, of a record in one block."""
-    n = len(solution.mean) - len(problem.clocks)
-    ((inputs, readings),) = shifted(problem, [(problem.inputs, problem.readings)], solution.mean[n:])
+    late = solution.mean[problem.unknowns.of("clocks")]
+    ((inputs, readings),) = shifted(problem, [(problem.inputs, problem.readings)], late)
     return judge_smoothed_loads(
-        problem.build(solution.mean[:n]), inputs, readings, solution.info, freedoms=problem.turbine.model.freedoms
+        problem.build(solution.mean), inputs, readings, solution.info, freedoms=problem.turbine.model.freedoms
     )  # fmt: skip
 
 
@@ -224,17 +220,17 @@ def describe_solution(
     elapsed
         Seconds in the filter.
     """
-    n = len(problem.parameters)
-    end = n + len(problem.statistics)
-    tolerances = learned_tolerances(problem.tolerances, solution.mean[end:], solution.cov[end:, end:])
+    known = problem.unknowns
+    theta, eta, tau = known.of("parameters"), known.of("statistics"), known.of("tolerances", "clocks")
+    tolerances = learned_tolerances(problem.tolerances, solution.mean[tau], solution.cov[tau, tau])
     return Outcome(
         turbine=problem.turbine,
         model=problem.model,
-        history_mean=history[0][:, :n],
-        history_std=history[1][:, :n],
+        history_mean=history[0][:, theta],
+        history_std=history[1][:, theta],
         final=solution.info,
-        theta=solution.mean[:n],
-        cov=solution.cov[:n, :n],
+        theta=solution.mean[theta],
+        cov=solution.cov[theta, theta],
         rotor=solution.mean_inputs[None, : len(problem.model.compiled.inputs)],
         channels=tuple(sensor.channel for sensor in problem.sensors),
         elapsed=elapsed,
@@ -244,7 +240,7 @@ def describe_solution(
             *note_tolerances(tolerances),
             *solution.notes,
         ),
-        statistics=learned_statistics(problem.statistics, solution.mean[n:end], solution.cov[n:end, n:end]),
+        statistics=learned_statistics(problem.statistics, solution.mean[eta], solution.cov[eta, eta]),
         doubts=_list_doubts(solution, given, problem.turbine, tolerances),
         loads=solution.loads,
         joint_cov=solution.cov,
@@ -253,6 +249,7 @@ def describe_solution(
         log_likelihood=solution.log_likelihood,
         hypothesis=problem.loads.name,
         tolerances=tolerances,
+        sensors=problem.sensors,
     )
 
 
@@ -274,7 +271,7 @@ def _list_doubts(solution: Solution, given: Turbine, used: Turbine, tolerances: 
             f"the likelihood still rose after {solution.iterations} steps: choose a longer or steadier section, or "
             f"priors nearer to the structure"
         )
-    if getattr(given.model, "lag", "") == "free" and getattr(used.model, "lag", "") == "locked":
+    if any(one.blade for one in given.model.freedoms) and not any(one.blade for one in used.model.freedoms):
         doubts.append(
             "no channel sees the blades, so they are locked: the support's stiffness may be off by more than its band; "
             "add a blade sensor (docs/tower.md)"

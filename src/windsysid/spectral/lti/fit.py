@@ -120,11 +120,11 @@ def _evaluator(
 
 def _aligned(model: LinearModel, unknowns: Array) -> Array:
     """The most probable θ beforehand that has the natural frequencies of `unknowns`, η as they are."""
-    n = len(model.parameters)
-    mean, std = (values[:n] for values in model.prior)
+    at, n = model.unknowns.of("parameters"), len(model.parameters)
+    mean, std = (values[at] for values in model.prior)
     wanted = model.natural_frequencies(unknowns[None])[0]
     steps = 1e-4 * np.minimum(std, 1.0)
-    theta = unknowns[:n].copy()
+    theta = unknowns[at].copy()
     for _ in range(ALIGNED):
         points = np.concatenate([theta[None], theta + np.diag(steps), theta - np.diag(steps)])
         found = model.natural_frequencies(points)
@@ -134,15 +134,15 @@ def _aligned(model: LinearModel, unknowns: Array) -> Array:
         information = slopes @ slopes.T / CLOSE**2 + np.diag(std**-2.0)
         pull = slopes @ (wanted - found[0]) / CLOSE**2 - (theta - mean) / std**2
         theta = theta + np.clip(np.linalg.solve(information, pull), -std, std)
-    aligned = np.concatenate([theta, unknowns[n:]])
+    aligned = unknowns.copy()
+    aligned[at] = theta
     return aligned if model.stable(aligned) else unknowns
 
 
 def _stable_start(model: LinearModel) -> Array:
     """The centre of the prior; where a motion grows there, linear parameters as far above as it takes."""
     mean, std = model.prior
-    linear = np.zeros(len(mean))
-    linear[: len(model.parameters)] = [not q.logarithmic for q in model.parameters]
+    linear = model.unknowns.vector(parameters=[not q.logarithmic for q in model.parameters])
     for above in UNSTABLE:
         start = np.asarray(mean + above * linear * std)
         if model.stable(start):

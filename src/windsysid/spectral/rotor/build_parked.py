@@ -49,7 +49,7 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
     one on the support where that is asked."""
     sums, m = question.sums, len(question.sensors)
     lifted, blocks = question.lifted(0), 1.0 if sums is None else sums.blocks
-    lines = _on_lines(lifted, question.inputs[:, 1])
+    lines = _on_lines(lifted, question.speed)
     peaks = _peaks(question, lifted, lines)
     bands = tuple(given_bands) or _bands(list(peaks.values()), lifted)
     used = _in_bands(lifted.base, bands) & ~lines
@@ -63,7 +63,7 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
     place = Place(base, lifted.harmonics, lifted.rotor_hz, np.arange(m), np.zeros((len(base), m), dtype=np.bool_))
     ends = np.array(bands).ravel()
     given = {name: [_given_amplitude(question.loads, name, f) for f in ends] for name in question.compiled.loads}
-    broad = BandLoads(given, question.compiled.loads, bands, base[:, None])
+    broad = BandLoads(given, question.turbine.model.freedoms, bands, base[:, None])
     sources = question.with_narrow_band(broad, base[:, None]) if narrow else broad
     noise, levels = question.noise(base[:, None], place.entries)
     model = LiftedModel(
@@ -75,7 +75,7 @@ def pose_standing(question: Question, given_bands: Sequence[tuple[float, float]]
         lifted.overlap,
         np.eye(m, dtype=np.complex128),
         question.compiled,
-        question.turbine.model.coordinates,
+        question.turbine.model.freedoms,
         question.centres,
         question.inputs[0],
         question.parameters,
@@ -133,9 +133,8 @@ def _start(question: Question, model: LiftedModel, peaks: Mapping[str, float]) -
     """Where a search begins: with stiffnesses at which natural frequencies are those of the peaks."""
     start = damped_start(question.turbine, question.parameters, *model.prior)
     for i, q in enumerate(question.parameters):
-        name = q.name.removeprefix("k_")
-        if q.name.startswith("k_") and q.logarithmic and name in peaks:
-            start[i] = 2.0 * math.log(peaks[name] / question.frequency(name))
+        if q.kind == "stiffness" and q.logarithmic and q.part in peaks:
+            start[i] = 2.0 * math.log(peaks[q.part] / question.frequency(q.part))
     return start
 
 
@@ -145,10 +144,10 @@ def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict
         question.compiled,
         question.centres[None],
         np.zeros((1, question.size)),
-        float(question.inputs[:, 1].mean()),
+        float(question.speed.mean()),
         question.inputs[0],
     )
-    known = {q.name: q for q in question.parameters}
+    springs = {q.part: q for q in question.parameters if q.kind == "stiffness"}
     kernel = np.full(PEAK_BINS, 1.0 / PEAK_BINS)
     squares = np.abs(lifted.data[:, 0]) ** 2
     if question.sums is not None:
@@ -157,7 +156,7 @@ def _peaks(question: Question, lifted: Lifted, lines: NDArray[np.bool_]) -> dict
     peaks = {}
     for i, name in enumerate(question.turbine.model.coordinates):
         middle = question.frequency(name)
-        q = known.get(f"k_{name}")
+        q = springs.get(name)
         reach = SEARCHED * 0.5 * q.spread if q is not None and q.logarithmic else 0.0
         inside = np.flatnonzero(np.abs(np.log(lifted.base / middle)) <= max(reach, 1e-9))
         R = coupled(found.readings[:, 0], np.array([middle]), lifted.harmonics, lifted.rotor_hz)[0, 0, :, 0, i]

@@ -87,7 +87,7 @@ def fit(
 def admit(found: Fit, inexact: Inexact) -> Fit:
     """The mode of the posterior with instruments and masses as unknowns beside, looked for from that without."""
     model = found.model._replace(inexact=inexact)
-    start = np.insert(found.unknowns, found.model.mechanical, np.zeros(len(inexact.late)))
+    start = model.unknowns.from_other(found.unknowns, found.model.unknowns)
     mode = find_nearby(_evaluator(model), start, model.prior)
     return _described(model, mode._replace(converged=mode.converged and found.settled))
 

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from windsysid._types import Array
 from windsysid.errors import RecordError
 from windsysid.loads.statistics import Statistic
-from windsysid.mechanics.rotor import RotorModel
 from windsysid.modal.analysis import modes
 from windsysid.spectral.rotor.build import MOST_HARMONICS
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
@@ -115,12 +114,12 @@ def belongs_in_bands(question: Question) -> bool:
     """Whether a rotor whose turns couple its motion is to be read in bands: three blades with the modes of a real
     machine, lightly damped, many turns' harmonics apart or with sensors that read what the model has not."""
     turbine = question.turbine
-    rotor_hz = abs(float(question.inputs[:, 1].mean())) / (2.0 * math.pi)
-    model = turbine.model
-    if not isinstance(model, RotorModel) or model.blades != len(WHIRLS) or model.lag != "free":
+    rotor_hz = abs(float(question.speed.mean())) / (2.0 * math.pi)
+    rotor = turbine.model.rotor
+    if rotor is None or rotor.blades != len(WHIRLS) or rotor.lag != "free":
         return False
-    natural = {name: turbine.natural_frequency(name) for name in model.coordinates}
-    many = math.ceil(max(natural.values()) / (2.0 * math.pi * rotor_hz)) + 2 > MOST_HARMONICS
+    highest = max(turbine.natural_frequency(name) for name in rotor.coordinates)
+    many = math.ceil(highest / (2.0 * math.pi * rotor_hz)) + 2 > MOST_HARMONICS
     drifts = any(sensor.blade and sensor.drift > 0.0 for sensor in question.sensors)
     return many or drifts or is_lightly_damped(turbine)
 
@@ -136,7 +135,7 @@ def highest_in_bands(question: Question) -> float:
     p = question.centres
     for name, value in stiff.items():
         p[question.compiled.parameters.index(name)] = value
-    rotor_hz = abs(float(question.inputs[:, 1].mean())) / (2.0 * math.pi)
+    rotor_hz = abs(float(question.speed.mean())) / (2.0 * math.pi)
     there = modes(question.turbine.model, question.compiled, p, 2.0 * math.pi * rotor_hz)
     return SEARCHED * (max(frequency for _, frequency, _ in there) + 2.0 * rotor_hz)
 
@@ -161,12 +160,13 @@ def search_bands(question: Question) -> PosedBands | None:
 
     of_file = np.array([question.turbine.values.get(name, 0.0) for name in names])
     ratios = {name: ratio for name, (_, ratio) in _modes(question, of_file, spectra).items()}
-    found = find_places(frequencies, ratios, question.parameters, spectra, combined, len(WHIRLS))
+    blades = [freedom.name for freedom in question.turbine.model.freedoms if freedom.blade]
+    found = find_places(frequencies, ratios, question.parameters, spectra, combined, blades)
     if found is None:
         return None
     posed = pose_bands(question, found.places, spectra)
     start = posed.start.copy()
-    start[: len(found.start)] = found.start
+    start[posed.model.unknowns.of("parameters")] = found.start
     return posed._replace(start=start, doubts=found.doubts)
 
 
@@ -198,8 +198,9 @@ def centre_bands(question: Question, posed: PosedBands, unknowns: Array) -> Pose
     """The same with the bands around the modes of the unknowns (n,), so that they do not depend on how a peak was
     found; it starts there."""
     p = question.centres
-    for q, theta in zip(question.parameters, unknowns[: len(question.parameters)].tolist(), strict=True):
-        p[question.compiled.parameters.index(q.name)] = float(q.physical(theta))
+    theta = unknowns[posed.model.unknowns.of("parameters")].tolist()
+    for q, value in zip(question.parameters, theta, strict=True):
+        p[question.compiled.parameters.index(q.name)] = float(q.physical(value))
     there = _modes(question, p, posed.spectra)
     hz = posed.spectra.rotor_hz
     places = [
@@ -214,7 +215,7 @@ def _read(question: Question) -> tuple[TurnedSpectra, list[Combined]]:
     if question.turned is not None:
         spectra = question.turned.spectra()
     else:
-        spectra = turned_spectra(question.readings, question.inputs[:, 0], question.rate, 1)
+        spectra = turned_spectra(question.readings, question.azimuth, question.rate, 1)
     return spectra, combine(question.sensors, len(WHIRLS))
 
 
@@ -372,7 +373,7 @@ class _Builder:
                 self.spectra.overlap,
                 self.weights,
                 question.compiled,
-                question.turbine.model.coordinates,
+                self.freedoms,
                 self.given,
                 question.inputs[0],
                 question.parameters,
@@ -440,7 +441,9 @@ class _Builder:
                 density[:, i] = level * term
                 given.append(density)
                 amplitude = math.sqrt(level)
-                statistics.append(Statistic(f"noise_{where}_{place}_{end}", f"{sensor.unit}/√Hz", amplitude))
+                statistics.append(
+                    Statistic(f"noise_{where}_{place}_{end}", f"{sensor.unit}/√Hz", amplitude, kind="noise")
+                )
         return tuple(statistics), np.array(given)
 
 

@@ -95,7 +95,7 @@ class _Group(NamedTuple):
 
 def find_places(
     frequencies: Callable[[Mapping[str, float]], dict[str, float]], ratios: Mapping[str, float],
-    parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: int,
+    parameters: Sequence[Parameter], spectra: TurnedSpectra, combined: Sequence[Combined], blades: Sequence[str],
 ) -> Places | None:  # fmt: skip
     """The modes and where they are; None where they come so near each other within the priors' reach that the model's
     change their names.
@@ -106,6 +106,8 @@ def find_places(
         Gives the fixed-frame frequency [Hz] of every mode for values of the parameters; others at the priors' centres.
     ratios
         The damping ratio of each in the turbine file.
+    blades
+        Names of the blades' lag angles.
     """
     values = {q.name: q.centre for q in parameters}
     there = frequencies(values)
@@ -114,9 +116,9 @@ def find_places(
     doubts: list[str] = []
 
     def trace_of(name: str, low: float, high: float) -> Trace:
-        return _trace(spectra, combined, name, blades, low, high)
+        return _trace(spectra, combined, name, len(blades), low, high)
 
-    for group in _groups(frequencies, values, parameters, named, there):
+    for group in _groups(frequencies, values, _springs(parameters, blades), named, there):
         scales = np.linspace(-REACH * group.spread, REACH * group.spread, SUPPOSED)
         curves = _curves(frequencies, values, group, scales, spectra.rotor_hz)
         if len(curves) < len(group.modes):
@@ -174,13 +176,9 @@ def _base(name: str, frequency: float, rotor_hz: float) -> float:
 
 def _groups(
     frequencies: Callable[[Mapping[str, float]], dict[str, float]], values: Mapping[str, float],
-    parameters: Sequence[Parameter], named: Sequence[str], there: Mapping[str, float],
+    springs: Mapping[str, list[Parameter]], named: Sequence[str], there: Mapping[str, float],
 ) -> list[_Group]:  # fmt: skip
     """The groups in the order in which they are searched, each with the modes that it moves most."""
-    springs: dict[str, list[Parameter]] = {}
-    for q in parameters:
-        if q.logarithmic and q.name.startswith("k_"):
-            springs.setdefault("beta" if q.name.startswith("k_beta_") else q.name.removeprefix("k_"), []).append(q)
     first: tuple[str, ...] = ("beta", "roll")
     order = [name for name in first if name in springs]
     order += [name for name in springs if name not in order]
@@ -201,6 +199,15 @@ def _springs_of(mode: str, slope: Mapping[str, float]) -> list[str]:
     if mode in WHIRLS:
         return ["beta"]
     return [name for name in slope if name not in ("beta", "roll")]
+
+
+def _springs(parameters: Sequence[Parameter], blades: Sequence[str]) -> dict[str, list[Parameter]]:
+    """The springs that are identified by the degree of freedom that they hold, those of all blades together."""
+    springs: dict[str, list[Parameter]] = {}
+    for q in parameters:
+        if q.logarithmic and q.kind == "stiffness":
+            springs.setdefault("beta" if q.part in blades else q.part, []).append(q)
+    return springs
 
 
 def _curves(
