@@ -15,7 +15,8 @@ def band(name: str, given: float, count: int = 1) -> Any:
     statistics = tuple(Statistic(f"{name}_{i}", "N", given) for i in range(count))
     size = 2 + count
     model = SimpleNamespace(
-        unknowns=Unknowns(("k", "c"), (), tuple(s.name for s in statistics)), statistics=statistics, prior=(np.arange(size, dtype=float), np.full(size, 0.5)),
+        unknowns=Unknowns(("k", "c"), (), tuple(s.name for s in statistics)), statistics=statistics,
+        prior=(np.arange(size, dtype=float), np.full(size, 0.5)),
         matrices=lambda unknowns, slopes: None,
         likelihood=lambda u, every, matrices: Likelihood(float(u @ u), 2.0 * u, 2.0 * np.eye(size)),
     )  # fmt: skip
