@@ -16,7 +16,7 @@ from windsysid.spectral.rotor import likelihood as lifted_likelihood
 from windsysid.spectral.rotor import model as lifted_model
 from windsysid.spectral.rotor.build import pose_lifted
 from windsysid.spectral.rotor.harmonic_transfer import coupled, matrix_harmonics
-from windsysid.spectral.rotor.load_spectra import STATIONS, WindLoads
+from windsysid.spectral.rotor.load_spectra import STATIONS, WindLoads, WindRotor
 from windsysid.spectral.rotor.model import LiftedModel
 from windsysid.spectral.rotor.problem import Posed, Question
 from windsysid.spectral.transforms.dft import taper
@@ -292,7 +292,7 @@ def test_spectra_of_the_wind_are_those_of_the_simulated_field() -> None:
 
     base = np.array([0.15, 0.3, 0.5])
     orders = np.arange(-2, 3)
-    model = WindLoads(RotorModel().freedoms, 3, hinge, lever, ROTOR_HZ, base, orders, wind.std, 4.0)
+    model = WindLoads(RotorModel().freedoms, WindRotor(3, hinge, lever, ROTOR_HZ, wind.std, 4.0), base, orders)
     values = {s.name: s.given for s in model.statistics}
     values |= {
         "load_wind_time": wind.length_scale / wind.speed,

@@ -14,7 +14,7 @@ from windsysid.loads.narrow_band import NarrowBand
 from windsysid.spectral.rotor.build_parked import pose_standing
 from windsysid.spectral.rotor.harmonic_transfer import HIGHEST, matrix_harmonics
 from windsysid.spectral.rotor.likelihood import Place
-from windsysid.spectral.rotor.load_spectra import BroadbandLoads, Sources, WindLoads
+from windsysid.spectral.rotor.load_spectra import BroadbandLoads, Sources, WindLoads, WindRotor
 from windsysid.spectral.rotor.model import LiftedModel, finer_bins, taper_window
 from windsysid.spectral.rotor.problem import Posed, Question
 from windsysid.spectral.rotor.start import damped_start
@@ -172,6 +172,5 @@ def _turning_loads(question: Question, loads: str, base: Array, lifted: Lifted, 
         return question.with_narrow_band(broad, frequency) if loads == NarrowBand.name else broad
     moment = next(load.rms for load in question.loads if model.freedom(load.load).blade)
     lever = v["blade_inertia_1"] / v["blade_first_moment_1"]
-    return WindLoads(
-        model.freedoms, model.blades, v["hinge_offset"], lever, lifted.rotor_hz, base, lifted.harmonics, moment, fastest
-    )
+    rotor = WindRotor(model.blades, v["hinge_offset"], lever, lifted.rotor_hz, moment, fastest)
+    return WindLoads(model.freedoms, rotor, base, lifted.harmonics)

@@ -21,7 +21,7 @@ from windsysid.mechanics.model import Coordinate, MechanicalModel
 from windsysid.spectral.transforms.lifted import Complex
 from windsysid.statespace.gauss_markov import GaussMarkov
 
-__all__ = ["BandLoads", "BroadbandLoads", "SourceSpectra", "Sources", "WindLoads", "coherence_table"]
+__all__ = ["BandLoads", "BroadbandLoads", "SourceSpectra", "Sources", "WindLoads", "WindRotor", "coherence_table"]
 
 
 class SourceSpectra(NamedTuple):
@@ -116,6 +116,18 @@ EDDY_MOMENT = 1.2
 moment."""
 
 
+class WindRotor(NamedTuple):
+    """A rotor in the wind: how many blades, hinges [m] from the hub, wind loads at `lever` [m] from these and of
+    `moment` rms [N·m] on a blade, the rotor's frequency and the structure's highest [Hz]."""
+
+    blades: int
+    hinge: float
+    lever: float
+    rotor_hz: float
+    moment: float
+    fastest: float
+
+
 class WindLoads:
     """Wind on a turning rotor: turbulence frozen in space, with the coherence of IEC 61400-1, cut by the blades.
 
@@ -133,17 +145,9 @@ class WindLoads:
     push the hub by −Σ_i G_i sin θ_i sideways and Σ_i G_i cos θ_i up.
     """
 
-    def __init__(
-        self, freedoms: Sequence[Coordinate], blades: int, hinge: float, lever: float, rotor_hz: float, base: Array,
-        orders: NDArray[np.intp],
-        moment: float, fastest: float,
-    ) -> None:  # fmt: skip
-        """A rotor with its hinges `hinge` [m] from the hub, its wind loads at `lever` [m] from the hinges, `moment`
-        [N·m] rms on a blade.
-
-        `freedoms` are the model's (n,), `base` (B,) [Hz] and `orders` (2K+1,) the lifted frequencies, `fastest` the
-        highest natural frequency [Hz].
-        """
+    def __init__(self, freedoms: Sequence[Coordinate], rotor: WindRotor, base: Array, orders: NDArray[np.intp]) -> None:
+        """`freedoms` are the model's (n,), `base` (B,) [Hz] and `orders` (2K+1,) the lifted frequencies."""
+        blades, hinge, lever, rotor_hz, moment, fastest = rotor
         self._blades, self._rotor_hz = blades, rotor_hz
         reach = int(orders[-1]) + 1
         self._orders = np.arange(-reach, reach + 1)
