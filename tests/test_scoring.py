@@ -50,7 +50,8 @@ def test_no_step_is_longer_than_the_limit_and_its_direction_stays():
 
     def evaluate(x: np.ndarray) -> Evaluation:
         points.append(x)
-        return parabola(np.array([4.0, 2.0]), np.eye(2))(x)
+        off = x - np.array([4.0, 2.0])
+        return Evaluation(0.5 * float(off @ off), off, np.eye(2))
 
     find_mode(evaluate, np.zeros(2), LIMITS._replace(damping=0.0), max_step=np.array([1.0, 1.0]))
     np.testing.assert_allclose(points[:4], [[0.0, 0.0], [1.0, 0.5], [2.0, 1.0], [3.0, 1.5]])

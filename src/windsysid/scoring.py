@@ -19,7 +19,7 @@ import numpy as np
 
 from windsysid._types import Array
 
-__all__ = ["Evaluation", "FoundMode", "LocalModel", "SearchLimits", "covariance", "find_mode", "laplace_evidence"]
+__all__ = ["Evaluation", "LocalModel", "SearchLimits", "SearchResult", "covariance", "find_mode", "laplace_evidence"]
 
 SLACK = 1e-9
 """Increase of J, over its size, that is rounding."""
@@ -121,7 +121,7 @@ class Evaluation:
         )
 
 
-class FoundMode(NamedTuple, Generic[Point, Evaluated]):
+class SearchResult(NamedTuple, Generic[Point, Evaluated]):
     """Where a search ended.
 
     Attributes
@@ -152,7 +152,7 @@ def find_mode(
     evaluate: Callable[[Point], Evaluated], start: Point, limits: SearchLimits, *, max_step: Array,
     move: Callable[[Point, Array], Point] = operator.add, first: Evaluated | None = None,
     give_up: Callable[[Evaluated, float], bool] | None = None,
-) -> FoundMode[Point, Evaluated]:  # fmt: skip
+) -> SearchResult[Point, Evaluated]:  # fmt: skip
     """Minimise J.
 
     Parameters
@@ -183,7 +183,7 @@ def find_mode(
         search.steps += 1
         if search.may_stop_unseen(decrement):
             value = search.evaluation.value - 0.5 * decrement
-            return FoundMode(point, search.evaluation, value, decrement, search.steps, converged=True)
+            return SearchResult(point, search.evaluation, value, decrement, search.steps, converged=True)
         try:
             trial = evaluate(point)
         except np.linalg.LinAlgError:
@@ -196,7 +196,7 @@ def find_mode(
         search.accept(point, trial, decrement, decrease)
         if give_up is not None and give_up(trial, decrease):
             break
-    return FoundMode(
+    return SearchResult(
         search.point, search.evaluation, search.evaluation.value, search.decrement, search.steps, search.converged
     )
 

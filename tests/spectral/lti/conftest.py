@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.spectral.test_linear import LOAD, NOISE, PARAMETERS, RATE, SPRING, sensors
+from tests.identification.test_own_equations import NOISE, PARAMETERS, RATE, SPRING, sensors
+from tests.spectral.test_linear import LOAD
 from windsysid.mechanics.compile import compile_model
 from windsysid.spectral.lti.likelihood import LinearModel
 from windsysid.spectral.rotor.load_filters import load_shapes

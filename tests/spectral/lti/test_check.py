@@ -20,7 +20,7 @@ def test_ranges_cover_all_frequencies_without_a_gap():
 
 def test_energies_are_means_per_bin_and_block():
     power = np.array([np.diag([1.0, 2.0]), np.diag([3.0, 4.0])], dtype=complex)
-    spectra = CrossSpectra(4.0 * power, 1, 4.0, 10, 10.0)  # at 1 and 2 Hz
+    spectra = CrossSpectra(np.asarray(4.0 * power, dtype=np.complex128), 1, 4.0, 10, 10.0)  # at 1 and 2 Hz
     found = range_energies(spectra, [(0.5, 2.5), (3.0, 4.0)])
     np.testing.assert_allclose(found[0], [2.0, 3.0])
     assert np.isnan(found[1]).all()

@@ -11,7 +11,7 @@ from windsysid.spectral.transforms.dft import Band, plain_band
 def one_mode() -> Modes:
     """1 Hz, 1 % damped, in two channels, over white noise."""
     shape = np.array([[0.1], [0.05 + 0.01j]])
-    rest = 0.3 * np.eye(2, dtype=complex)
+    rest = np.asarray(0.3 * np.eye(2), dtype=np.complex128)
     return Modes(np.array([1.0]), np.array([0.01]), shape, np.eye(1, dtype=complex), 0.0, rest, 0.0)
 
 

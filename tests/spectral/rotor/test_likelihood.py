@@ -55,7 +55,7 @@ def test_loops_over_few_and_over_many_entries_are_products_of_matrices(ingredien
 def test_whitened_slopes_are_slopes_between_whiteners(ingredients: Ingredients):
     of, response = ingredients, module._respond(ingredients)
     assert of.slopes is not None
-    L_inv = np.linalg.inv(np.linalg.cholesky(response.spectrum))
+    L_inv = np.asarray(np.linalg.inv(np.linalg.cholesky(response.spectrum)), dtype=np.complex128)
     plain, whitened = (module._differentiate(of, of.slopes, response, by) for by in (None, L_inv))
     np.testing.assert_allclose(whitened, L_inv @ plain @ L_inv.conj().swapaxes(1, 2), atol=1e-9)
 

@@ -6,7 +6,7 @@ from windsysid.spectral.rotor_bands.channels import LINE_BINS, bins_between, tur
 
 
 def test_bins_lie_between_the_limits_and_off_the_harmonics_of_the_rotor():
-    psi = 2.0 * np.pi * 0.2 * np.arange(4000) / 10.0
+    psi = np.linspace(0.0, 160.0 * np.pi, 4000, endpoint=False)
     readings = np.random.default_rng(1).normal(size=(4000, 1))
     spectra = turned_spectra(readings, psi, 10.0, 0)
     bins = bins_between(spectra, 0.35, 0.45)

@@ -170,7 +170,7 @@ def _take_in(candidate: Candidate, until: int, rate: float, start: Start) -> Can
 
 def _log_evidence(log_likelihood: float, known: Online) -> float:
     """Laplace's approximation to the log evidence of the samples that a recursion has seen."""
-    prior = np.linalg.inv(known.prior_cov)
+    prior: Array = np.asarray(np.linalg.inv(known.prior_cov), dtype=np.float64)
     off = known.theta - known.prior_mean
     return laplace_evidence(log_likelihood - 0.5 * float(off @ prior @ off), prior, known.precision)
 

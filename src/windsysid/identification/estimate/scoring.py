@@ -222,7 +222,7 @@ def find_innovation_mode(
     WindsysidError
         If the likelihood can be computed neither at the start nor at the prior's mean.
     """
-    precision = np.linalg.inv(prior[1])
+    precision = np.asarray(np.linalg.inv(prior[1]), dtype=np.float64)
     curvature = np.linalg.inv(start[1]) + precision
     with ThreadPoolExecutor(THREADS) as pool:
 
@@ -242,9 +242,8 @@ def find_innovation_mode(
             evaluate, first.look.theta, limits, max_step=MAX_STEP_SIGMAS / np.sqrt(np.diag(precision)), first=first
         )
     here = mode.evaluation
-    return InnovationMode(
-        mode.point, np.linalg.inv(here.information), mode.steps, mode.converged, mode.decrement, here.look
-    )
+    cov = np.asarray(np.linalg.inv(here.information), dtype=np.float64)
+    return InnovationMode(mode.point, cov, mode.steps, mode.converged, mode.decrement, here.look)
 
 
 def _first_finite(evaluate: Callable[[Array], _BankEvaluation], points: Sequence[Array]) -> _BankEvaluation:

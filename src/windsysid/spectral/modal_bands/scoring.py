@@ -111,7 +111,7 @@ def score_together(
         found = [_posterior(*each) for each in zip(modes, bands, priors, strict=True)]
         return _JointEvaluation(tuple(scores for scores, _ in found), sum(cost for _, cost in found), len(shared[0]))
 
-    def move(modes: Sequence[Modes], step: Array) -> Sequence[Modes]:
+    def move(modes: list[Modes], step: Array) -> list[Modes]:
         return [advance(one, part) for one, part in zip(modes, np.split(step, ends), strict=True)]
 
     def is_hopeless(there: _JointEvaluation, decrease: float) -> bool:

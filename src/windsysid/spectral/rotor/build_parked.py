@@ -110,7 +110,7 @@ def _check_length(bins: int, least: int, duration: float) -> None:
 def _in_bands(frequency: Array, bands: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
     """Which frequencies (B,) are in a band."""
     low, high = np.array(bands).T
-    return np.any((frequency[:, None] >= low) & (frequency[:, None] <= high), axis=1)
+    return np.asarray(((frequency[:, None] >= low) & (frequency[:, None] <= high)).any(axis=1))
 
 
 def _grid(lifted: Lifted, used: NDArray[np.bool_], width: float) -> tuple[Array, Array | None, int]:

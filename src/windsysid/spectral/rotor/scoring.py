@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from windsysid._types import Array
-from windsysid.scoring import Evaluation, FoundMode, SearchLimits, find_mode
+from windsysid.scoring import Evaluation, SearchLimits, SearchResult, find_mode
 
 __all__ = ["FINE_TOLERANCE", "SpectralMode", "find_in_stages", "find_nearby"]
 
@@ -82,7 +82,7 @@ def find_nearby(likelihood: Likelihood, start: Array, prior: tuple[Array, Array]
 
 def _search(
     likelihood: Likelihood, start: Array, prior: tuple[Array, Array], stage: tuple[float, int], limits: SearchLimits
-) -> FoundMode[Array, Evaluation]:
+) -> SearchResult[Array, Evaluation]:
     mean, std = prior
     precision, (weight, every) = np.diag(std**-2.0), stage
 
@@ -95,5 +95,5 @@ def _search(
     return find_mode(evaluate, start, limits, max_step=np.minimum(std, MAX_STEP))
 
 
-def _described(found: FoundMode[Array, Evaluation]) -> SpectralMode:
+def _described(found: SearchResult[Array, Evaluation]) -> SpectralMode:
     return SpectralMode(found.point, found.evaluation.information, found.value, found.steps, found.converged)
