@@ -16,9 +16,8 @@ from windsysid.loads.statistics import Statistic, coordinates_of, learned_statis
 from windsysid.mechanics.sensors import noise_source
 from windsysid.output.folders import result_file
 from windsysid.records.formats.netcdf import check_seal, open_hdf5
-from windsysid.results.tolerance import Group, Tolerance
+from windsysid.results.tolerance import Group, Tolerance, unknowns_of
 from windsysid.statespace.parameter import Parameter
-from windsysid.statespace.unknowns import Unknowns
 from windsysid.turbine.tables import parse_turbine
 from windsysid.turbine.turbine import Turbine
 
@@ -117,18 +116,13 @@ class Posterior(NamedTuple):
         """
         if self.joint_cov is None or not self.tolerances:
             return self
-        names = (
-            [q.name for q in self.parameters],
-            [s.name for s in self.statistics],
-            [t.name for t in self.tolerances],
-        )
-        known = Unknowns(parameters=tuple(names[0]), statistics=tuple(names[1]), tolerances=tuple(names[2]))
+        known = unknowns_of(self.parameters, self.statistics, self.tolerances)
         theta, eta = known.of("parameters"), known.of("statistics")
         levels = coordinates_of(self.statistics, {s.name: s.estimate for s in self.statistics})
-        off = [one.estimate / one.spread for one in self.tolerances]
-        places = [at for at, one in enumerate(self.tolerances) if not groups or one.group in groups]
-        held = known.places("tolerances")[places]
-        at = known.vector(parameters=self.theta, statistics=levels, tolerances=off)
+        at = known.vector(parameters=self.theta, statistics=levels)
+        at[known.of("tolerances", "clocks")] = [one.estimate / one.spread for one in self.tolerances]
+        chosen = [not groups or one.group in groups for one in self.tolerances]
+        held = known.places("tolerances", "clocks")[chosen]
         mean, cov = hold(at, self.joint_cov, held.tolist())
         values = {q.name: float(q.physical(t)) for q, t in zip(self.parameters, mean[theta], strict=True)}
         keep = np.setdiff1d(np.arange(len(cov)), held)
@@ -138,7 +132,7 @@ class Posterior(NamedTuple):
             cov=cov[theta, theta],
             statistics=learned_statistics(self.statistics, mean[eta], cov[eta, eta]),
             joint_cov=cov[np.ix_(keep, keep)],
-            tolerances=tuple(one for at, one in enumerate(self.tolerances) if at not in places),
+            tolerances=tuple(one for one, known in zip(self.tolerances, chosen, strict=True) if not known),
         )
 
     def __repr__(self) -> str:

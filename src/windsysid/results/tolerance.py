@@ -1,10 +1,15 @@
 """What is known of instruments and masses only within tolerances: each an unknown beside the coefficients."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["INFORMED", "MOST", "Group", "Tolerance"]
+from windsysid.loads.statistics import Statistic
+from windsysid.statespace.parameter import Parameter
+from windsysid.statespace.unknowns import Unknowns
+
+__all__ = ["INFORMED", "MOST", "Group", "Tolerance", "unknowns_of"]
 
 Group = Literal["gain", "alignment", "clock", "masses"]
 
@@ -81,3 +86,15 @@ class Tolerance:
             return f"{self.of} is turned by {value:+.{digits}f} ± {std:.{digits}f}{unit}"
         what = f"the gain of {self.of}" if self.group == "gain" else f"the mass of {self.of}"
         return f"{what} is {size} {'larger' if value >= 0.0 else 'smaller'} than its file says"
+
+
+def unknowns_of(
+    parameters: Sequence[Parameter], statistics: Sequence[Statistic], tolerances: Sequence[Tolerance]
+) -> Unknowns:
+    """Names of the unknowns of a problem; its clocks are the last of the tolerances."""
+    return Unknowns(
+        parameters=tuple(q.name for q in parameters),
+        statistics=tuple(s.name for s in statistics),
+        tolerances=tuple(one.name for one in tolerances if one.group != "clock"),
+        clocks=tuple(one.name for one in tolerances if one.group == "clock"),
+    )

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from windsysid._types import Array
 
-__all__ = ["Block", "Unknowns"]
+__all__ = ["BlockName", "Unknowns"]
 
-Block = Literal["parameters", "lag", "statistics", "tolerances", "clocks", "effects"]
+BlockName = Literal["parameters", "lag", "statistics", "tolerances", "clocks", "effects"]
 
 
 class Unknowns(NamedTuple):
@@ -48,21 +48,21 @@ class Unknowns(NamedTuple):
         """Number of unknowns n."""
         return sum(map(len, self))
 
-    def of(self, first: Block, last: Block | None = None) -> slice:
+    def of(self, first: BlockName, last: BlockName | None = None) -> slice:
         """Places of a block, or of all blocks from the `first` to the `last`."""
         begin, end = self._fields.index(first), self._fields.index(last or first) + 1
         return slice(sum(map(len, self[:begin])), sum(map(len, self[:end])))
 
-    def places(self, *blocks: Block) -> NDArray[np.intp]:
+    def places(self, *blocks: BlockName) -> NDArray[np.intp]:
         """Places of several blocks, in the order in which they are named."""
         every = np.arange(self.size)
         return np.concatenate([every[self.of(block)] for block in blocks])
 
-    def but(self, *blocks: Block) -> NDArray[np.intp]:
+    def but(self, *blocks: BlockName) -> NDArray[np.intp]:
         """Places of all other blocks."""
         return np.setdiff1d(np.arange(self.size), self.places(*blocks))
 
-    def only(self, *blocks: Block) -> "Unknowns":
+    def only(self, *blocks: BlockName) -> "Unknowns":
         """The unknowns of these blocks alone."""
         return Unknowns(**{block: getattr(self, block) for block in blocks})
 

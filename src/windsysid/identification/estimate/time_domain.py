@@ -38,7 +38,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
 from windsysid.results.smoothed_loads import SmoothedLoads
 from windsysid.results.tolerance import Tolerance
-from windsysid.statespace.unknowns import Block
+from windsysid.statespace.unknowns import BlockName
 from windsysid.turbine.turbine import Turbine
 
 __all__ = [
@@ -165,7 +165,7 @@ def _where_it_ended(near: Outcome, problem: TurbineProblem) -> tuple[Array, Arra
         return None
     mean, cov = _at_its_end(near, problem), problem.wide_prior[1].copy()
     ours, theirs = problem.unknowns, near.unknowns
-    blocks: tuple[Block, ...] = ("parameters", "tolerances")
+    blocks: tuple[BlockName, ...] = ("parameters", "tolerances")
     if ours.statistics == theirs.statistics:
         blocks = ("parameters", "statistics", "tolerances")
     kept, same = ours.places(*blocks), theirs.places(*blocks)

@@ -19,7 +19,7 @@ from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import LOW_PASS, Record
 from windsysid.results.load_history import Loads
 from windsysid.results.smoothed_loads import SmoothedLoads
-from windsysid.results.tolerance import Group, Tolerance
+from windsysid.results.tolerance import Group, Tolerance, unknowns_of
 from windsysid.signals import resample
 from windsysid.signals.inputs import TURNING, read_inputs
 from windsysid.statespace.compose import StateSpace
@@ -131,13 +131,8 @@ class Outcome(NamedTuple):
     @property
     def unknowns(self) -> Unknowns:
         """Names of the unknowns of `joint_cov`, or of `cov` where it is None."""
-        theta = Unknowns(tuple(q.name for q in self.model.parameters))
-        if self.joint_cov is None:
-            return theta
-        late = tuple(one.name for one in self.tolerances if one.group == "clock")
-        names = tuple(one.name for one in self.tolerances if one.group != "clock")
-        statistics = tuple(s.name for s in self.statistics)
-        return theta._replace(statistics=statistics, tolerances=names, clocks=late)
+        known = unknowns_of(self.model.parameters, self.statistics, self.tolerances)
+        return known if self.joint_cov is not None else known.only("parameters")
 
     def given(self, *groups: Group, as_in: "Outcome | None" = None) -> tuple[Array, Array]:
         """θ (n_θ,), and the covariance of all unknowns, given that what these groups of tolerances hold is as the file

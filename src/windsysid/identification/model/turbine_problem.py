@@ -26,7 +26,7 @@ from windsysid.mechanics.compile import CompiledModel, compile_model
 from windsysid.mechanics.model import MechanicalModel
 from windsysid.mechanics.sensors import Sensor
 from windsysid.records.record import Record
-from windsysid.results.tolerance import Tolerance
+from windsysid.results.tolerance import Tolerance, unknowns_of
 from windsysid.statespace.compose import LoadBlocks, StateSpace, compose, discretise_loads, parameters_given
 from windsysid.statespace.load_model import LoadModel
 from windsysid.statespace.parameter import Parameter
@@ -93,12 +93,7 @@ class TurbineProblem(NamedTuple):
     @property
     def unknowns(self) -> Unknowns:
         """Names of all unknowns."""
-        return Unknowns(
-            parameters=tuple(q.name for q in self.parameters),
-            statistics=tuple(s.name for s in self.statistics),
-            tolerances=tuple(one.name for one in self.tolerances if one.group != "clock"),
-            clocks=tuple(one.name for one in self.tolerances if one.group == "clock"),
-        )
+        return unknowns_of(self.parameters, self.statistics, self.tolerances)
 
     @property
     def prior(self) -> tuple[Array, Array]:

@@ -33,11 +33,11 @@ from windsysid.spectral.rotor.likelihood import (
 from windsysid.spectral.rotor.load_spectra import Sources, SourceSpectra
 from windsysid.spectral.transforms.lifted import Complex
 from windsysid.statespace.parameter import Parameter
-from windsysid.statespace.unknowns import Block, Unknowns
+from windsysid.statespace.unknowns import BlockName, Unknowns
 
 __all__ = ["FINER", "Inexact", "LiftedModel", "finer_bins", "taper_window"]
 
-MECHANICAL: tuple[Block, ...] = ("parameters", "lag", "tolerances")
+MECHANICAL: tuple[BlockName, ...] = ("parameters", "lag", "tolerances")
 """Unknowns of the matrices."""
 
 STEP = 1e-4
